@@ -1,0 +1,43 @@
+# make run | test | lint | bench | clean. PYTHON=... chooses another interpreter, 3.11 or newer.
+# Paths are relative throughout, so that the path of the repository may hold spaces.
+PYTHON ?= $(shell command -v python3.11 || command -v python3 || echo python3)
+BIN := .venv/bin
+
+# Constraints reach the environments that packages are built in only through the environment
+# (pip 25.3 and newer read the second name there).
+export PIP_CONSTRAINT := constraints.txt
+export PIP_BUILD_CONSTRAINT := constraints.txt
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.DELETE_ON_ERROR:
+.PHONY: run test lint bench clean
+
+run: .venv/.dev
+	@$(BIN)/auv-fault reproduce --output runs/reproduce
+
+test: .venv/.dev
+	@$(BIN)/python -m pytest
+
+lint: .venv/.dev
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/lint-imports --no-logo
+
+bench: .venv/.bench
+	@$(BIN)/python -m training.benchmark_speed
+
+.venv/.dev: pyproject.toml constraints.txt
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
+		{ echo "auv-fault needs Python 3.11 or newer, and $(PYTHON) is not: set PYTHON=/path/to/python3.11" >&2; exit 1; }
+	@echo "Installing into .venv (about a minute) ..."
+	@"$(PYTHON)" -m venv --clear .venv
+	@$(BIN)/python -m pip install -qq -c constraints.txt -e ".[dev]"
+	@touch $@
+
+.venv/.bench: .venv/.dev
+	@$(BIN)/python -m pip install -qq -c constraints.txt -e ".[dev,bench]"
+	@touch $@
+
+clean:
+	rm -rf .venv runs dist .pytest_cache .ruff_cache .import_linter_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

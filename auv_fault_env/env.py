@@ -1,0 +1,287 @@
+"""Gymnasium environments over the fleet: spaces, reset, step, info. No equation and no fault name stands here."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+
+from auv_fault_env.channels import CHANNELS, COMMANDS
+from auv_fault_env.errors import known_name, refusal
+from auv_fault_env.fleet import Fleet
+from auv_fault_env.missions import Mission, mission_of
+from auv_fault_env.parameters import SAMPLE_RATE, Vehicle
+from auv_fault_env.schedules import Schedule, schedule_of
+from auv_fault_env.truth import FleetTruth, LaneTruth
+
+ACTIONS = COMMANDS[1:]
+
+
+def _box(names: Sequence[str]) -> gym.spaces.Box:
+    low, high = ([getattr(CHANNELS[name], side) for name in names] for side in ("low", "high"))
+    return gym.spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
+
+
+def _checked(actions, shape: tuple[int, ...]) -> np.ndarray:
+    actions = np.asarray(actions, np.float64)
+    if actions.shape != shape:
+        raise refusal("shape of the action", actions.shape, shape, f"give {', '.join(ACTIONS)}")
+    if not math.isfinite(actions.sum()):
+        place = tuple(np.argwhere(~np.isfinite(actions))[0])
+        raise refusal(f"action, {ACTIONS[place[-1]]}", float(actions[place]), "a finite number", "check the policy")
+    return actions
+
+
+def _checked_schedule(value, max_episode_steps: int | None) -> Schedule:
+    schedule = schedule_of(value)
+    end = (max_episode_steps or math.inf) / SAMPLE_RATE
+    for event in schedule:
+        if event.onset >= end:
+            remedy = "begin earlier or raise max_episode_steps"
+            raise refusal(f"onset of {event.fault}", event.onset, f"before the episode's end at {end:g} s", remedy)
+    return schedule
+
+
+def _need_reset(started: bool):
+    if not started:
+        raise gym.error.ResetNeeded("step: got no reset before; allowed is a step after a reset; call reset() first")
+
+
+class PropulsionEnv(gym.Env):
+    """The NPS AUV II under way: surge motion, two propeller shafts, their controllers and sensors, with injected faults.
+
+    ## Description
+    The vehicle keeps the speed of its mission while a fault may strike its hull, propellers, shaft seals, motors or
+    sensors. The agent commands speed, rudder and stern plane; a diagnoser, outside, reads the observations and names the
+    fault. The plant is that of the NPS thesis "Neural network based propulsion system fault diagnostics for the NPS AUV
+    II" (June 1992); a sample is 0.1 s. Every episode draws its own healthy vehicle, mission, faults and noise from the
+    seed. The same seed with an empty schedule is the exact fault-free twin.
+
+    ## Action Space
+    `Box(3)`, float32, in physical units; values outside are clipped, NaN and infinity are refused.
+
+    | Index | Action | Minimum | Maximum | Unit |
+    |---|---|---|---|---|
+    | 0 | commanded surge speed | 0 | 1 | m/s |
+    | 1 | rudder | -0.4 | 0.4 | rad |
+    | 2 | stern plane | -0.4 | 0.4 | rad |
+
+    ## Observation Space
+    `Box(12)`, float32, in the order of `auv_fault_env.CHANNELS`. A reading saturates at the full scale given here.
+
+    | Index | Channel | Minimum | Maximum | Unit | Noise (1 sigma) |
+    |---|---|---|---|---|---|
+    | 0 | mission_speed | 0 | 1 | m/s | |
+    | 1 | speed_command | 0 | 1 | m/s | |
+    | 2 | rudder | -0.4 | 0.4 | rad | |
+    | 3 | stern_plane | -0.4 | 0.4 | rad | |
+    | 4 | speed | -1 | 5 | m/s | 0.01 |
+    | 5 | acceleration | -2 | 2 | m/s^2 | 0.002 |
+    | 6, 9 | port_voltage, starboard_voltage | -5 | 30 | V | 0.025 |
+    | 7, 10 | port_current, starboard_current | -30 | 30 | A | 0.025 |
+    | 8, 11 | port_rpm, starboard_rpm | -500 | 6000 | rpm | 1 |
+
+    Readings are taken at the end of the sample, simultaneously, before the controllers act again; channels 1 to 3 are
+    the commands held during the sample that ended. A dropped-out reading is 0, as a pulled-down input gives, never NaN.
+    Faults show in the readings only: there is no fault-free channel, and the controllers too use the faulty readings.
+
+    ## Rewards
+    ``-(speed - mission_speed)^2 - 0.01 energy`` with the true speed [m/s] and the electrical energy [J] of the sample.
+    It pays for the mission, not for a diagnosis.
+
+    ## Starting State
+    In steady motion at the mission's first speed, or at rest (one sampled mission in five). The first command acts on
+    the first step.
+
+    ## Episode End
+    `terminated` stays False; the registration truncates after 600 steps (60 s).
+
+    ## Information
+    `mission_speed` [m/s], `energy` [J of the step], `cost` (squared deviation from the mission speed, m^2/s^2) and
+    `truth`: `label` (diagnosis class with the largest severity in force during the step, else `normal`), `severity` (by
+    class, in force), `onset` [s] of the first fault of the schedule (infinite if none), `parameters` (physical, by name,
+    in force), `state` (noise-free, by name). The truth tells a future onset: it is for scoring, never for an agent.
+
+    ## Arguments
+    ```python
+    gym.make("auv_fault_env/Propulsion-v0", preset="thesis1992", sensor_noise=1.0, disturbance=1.0, healthy_band=1.0)
+    ```
+    `preset`: `thesis1992`, `npsnet1995` or a `Vehicle`. `sensor_noise`, `disturbance`, `healthy_band`: factors on the
+    default noise, disturbing acceleration and spread of healthy vehicles; 0 switches off.
+
+    `reset(options={"schedule": ..., "mission": ...})`: the schedule is a sequence of `FaultEvent` or of mappings with
+    their fields, or the path of a JSON file; empty means healthy; without it one is sampled. The mission is a name
+    (`thesis`, `acceleration`, `cruise`), a speed [m/s], a list of legs (start [s], speed [m/s]) or a `Mission`.
+
+    >>> import gymnasium as gym
+    >>> import auv_fault_env
+    >>> env = gym.make("auv_fault_env/Propulsion-v0")
+    >>> fault = {"fault": "propeller_loss:port", "onset": 1.0, "severity": 1.0}
+    >>> observation, info = env.reset(seed=1, options={"schedule": [fault], "mission": "thesis"})
+    >>> for _ in range(11):
+    ...     observation, reward, terminated, truncated, info = env.step([observation[0], 0.0, 0.0])
+    >>> print(info["truth"]["label"], info["truth"]["parameters"]["port_beta"])
+    propeller_loss:port 0.0
+
+    ## Version History
+    * v0: first version
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
+
+    def __init__(
+        self,
+        render_mode: str | None = None,
+        preset: str | Vehicle = "thesis1992",
+        sensor_noise: float = 1.0,
+        disturbance: float = 1.0,
+        healthy_band: float = 1.0,
+    ):
+        if render_mode is not None:
+            known_name("render_mode", render_mode, self.metadata["render_modes"])
+        self.render_mode = render_mode
+        self.fleet = Fleet(1, preset, sensor_noise, disturbance, healthy_band)
+        self.action_space = _box(ACTIONS)
+        self.observation_space = _box(tuple(CHANNELS))
+        self._truth = LaneTruth(self.fleet)
+        self._observation: np.ndarray | None = None
+        self._renderer = None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Start an episode: of the given seed, or the next one of the last seed."""
+        options = _known_options(options, ("schedule", "mission"))
+        schedules = missions = None
+        if options.get("schedule") is not None:
+            limit = self.spec.max_episode_steps if self.spec else None
+            schedules = [_checked_schedule(options["schedule"], limit)]
+        if options.get("mission") is not None:
+            missions = [mission_of(options["mission"])]
+        super().reset(seed=seed)
+        fresh = seed is not None or self._observation is None
+        seeds = [self.np_random_seed] if fresh else None
+        self._observation = self.fleet.reset(seeds, schedules=schedules, missions=missions)[0]
+        if self._renderer is not None:
+            self._renderer.clear()
+        return self._after(0.0, 0.0, float(self._observation[0]))
+
+    def step(self, action):
+        """Hold the action for one sample of 0.1 s."""
+        _need_reset(self._observation is not None)
+        self._observation = self.fleet.step(_checked(action, (3,))[None])[0]
+        reward, energy, cost, mission_speed = self.fleet.outcomes[0].tolist()
+        observation, info = self._after(energy, cost, mission_speed)
+        return observation, reward, False, False, info
+
+    def _after(self, energy: float, cost: float, mission_speed: float):
+        info = {"mission_speed": mission_speed, "energy": energy, "cost": cost, "truth": self._truth.read()}
+        if self.render_mode is not None:
+            self._record(info)
+        return self._observation, info
+
+    def _record(self, info: dict[str, Any]):
+        if self._renderer is None:
+            from auv_fault_env.rendering import Renderer
+
+            self._renderer = Renderer(self.render_mode, self.metadata["render_fps"])
+        self._renderer.record(float(self.fleet.time[0]), self._observation, info["truth"])
+        if self.render_mode == "human":
+            self._renderer.show()
+
+    def render(self) -> np.ndarray | None:
+        """The frame (height, width, 3) uint8 in mode `rgb_array`; in mode `human` the window is kept up to date."""
+        _need_reset(self._observation is not None)
+        return self._renderer.frame() if self.render_mode == "rgb_array" else None
+
+    def close(self):
+        """Close the window, if there is one."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+
+class PropulsionVectorEnv(gym.vector.VectorEnv):
+    """`PropulsionEnv` for many vehicles at once, in compiled code: see there for spaces, rewards and information.
+
+    Lane k of ``reset(seed=s)`` is the single environment with seed s + k, bit for bit. A finished lane resets itself on
+    the next step, whose action it ignores (`AutoresetMode.NEXT_STEP`). Values in `info` are arrays (num_envs,); `truth`
+    is a mapping of arrays that is valid until the next step.
+
+    `reset(options=...)` takes `schedule` and `mission` for all lanes, or `schedules` and `missions` with one per lane.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        max_episode_steps: int = 600,
+        preset: str | Vehicle = "thesis1992",
+        sensor_noise: float = 1.0,
+        disturbance: float = 1.0,
+        healthy_band: float = 1.0,
+        parallel: bool | None = None,
+    ):
+        self.fleet = Fleet(num_envs, preset, sensor_noise, disturbance, healthy_band, parallel)
+        self.num_envs = num_envs
+        self.max_episode_steps = max_episode_steps
+        self.single_action_space = _box(ACTIONS)
+        self.single_observation_space = _box(tuple(CHANNELS))
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self._terminated = np.zeros(num_envs, bool)
+        self._done: np.ndarray | None = None
+
+    def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
+        """Start an episode on every lane."""
+        options = _known_options(options, ("schedule", "mission", "schedules", "missions"))
+        schedules = self._per_lane(options, "schedule", lambda value: _checked_schedule(value, self.max_episode_steps))
+        missions = self._per_lane(options, "mission", mission_of)
+        super().reset(seed=seed if isinstance(seed, int) else None)
+        observations = self.fleet.reset(self._seeds(seed), schedules=schedules, missions=missions)
+        self._done = np.zeros(self.num_envs, bool)
+        zero = np.zeros(self.num_envs)
+        return observations, self._info(zero, zero.copy(), observations[:, 0].astype(float))
+
+    def step(self, actions):
+        """Hold the actions (num_envs, 3) for one sample of 0.1 s; lanes that had finished start their next episode."""
+        _need_reset(self._done is not None)
+        observations = self.fleet.step(_checked(actions, (self.num_envs, 3)))
+        outcomes = self.fleet.outcomes
+        if self._done.any():
+            finished = np.flatnonzero(self._done)
+            self.fleet.reset(lanes=finished, observations=observations)
+            outcomes[finished, :3] = 0.0
+            outcomes[finished, 3] = observations[finished, 0]
+        self._done = self.fleet.time * SAMPLE_RATE >= self.max_episode_steps
+        rewards, energy, cost, mission_speed = outcomes.T.copy()
+        return observations, rewards, self._terminated.copy(), self._done.copy(), self._info(energy, cost, mission_speed)
+
+    def _info(self, energy: np.ndarray, cost: np.ndarray, mission_speed: np.ndarray) -> dict[str, Any]:
+        return {"mission_speed": mission_speed, "energy": energy, "cost": cost, "truth": FleetTruth(self.fleet)}
+
+    def _seeds(self, seed) -> list[int] | None:
+        if seed is None and self._done is not None:
+            return None
+        if seed is None or isinstance(seed, int | np.integer):
+            first = int(self.np_random_seed if seed is None else seed)
+            return [first + lane for lane in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise refusal("number of seeds", len(seed), f"{self.num_envs}, one per lane", "give one int for all")
+        return [int(self.np_random.integers(2**63)) if one is None else int(one) for one in seed]
+
+    def _per_lane(self, options: dict[str, Any], name: str, read) -> list[Schedule | Mission] | None:
+        if options.get(name) is not None:
+            return [read(options[name])] * self.num_envs
+        values = options.get(f"{name}s")
+        if values is not None and len(values) != self.num_envs:
+            raise refusal(f"number of {name}s", len(values), f"{self.num_envs}, one per lane", f"or give one {name!r}")
+        return None if values is None else [read(value) for value in values]
+
+
+def _known_options(options: dict[str, Any] | None, names: Sequence[str]) -> dict[str, Any]:
+    for name in options or {}:
+        known_name("reset option", name, names)
+    return options or {}

@@ -1,0 +1,153 @@
+"""What happens to a lane besides physics: faults coming and going, mission legs, the start of an episode."""
+
+import math
+
+import numpy as np
+
+from auv_fault_env.compiling import kernel, scalar
+from auv_fault_env.lanes import draw_normals, lane_motor, prepare, publish, sense_all, shaft_of
+from auv_fault_env.layout import (
+    ALPHA,
+    DISTURBANCE,
+    DISTURBANCE_NORMAL,
+    INTEGRAL,
+    LANES,
+    MISSION_SPEED,
+    N_PARAMETERS,
+    N_SCRATCH,
+    PARAMETER,
+    PORT_SHAFT,
+    PORT_STATE,
+    SPEED,
+    SPEED_COMMAND,
+    SPIN,
+    STARBOARD_SHAFT,
+    STARBOARD_STATE,
+    VOLTAGE,
+)
+from auv_fault_env.parameters import SAMPLE_RATE
+from auv_fault_env.physics import RPM
+
+NEVER = np.int64(1 << 60)
+FAR = 1e15  # steps: an instant so late that it never comes
+
+
+@scalar
+def severity_at(time, onset, severity, ramp, end, period, duty):
+    """Severity in force at `time`: abrupt or ramped from the onset, until the end, in the on-part of each period."""
+    since = time - onset
+    turns = since / period + 1e-9 if period > 0.0 else 0.0
+    on = since >= 0.0 and time < end and turns - math.floor(turns) <= duty
+    grown = severity if since >= ramp else severity * since / ramp
+    return grown if on else 0.0
+
+
+@scalar
+def step_at(time, step):
+    """The step of an instant to come, at least the next."""
+    return max(step + 1, np.int64(min(time * SAMPLE_RATE, FAR)))
+
+
+@scalar
+def next_change(step, time, onset, ramp, end, period):
+    """The step at which an event next changes the severity in force, at the earliest."""
+    if time >= end:
+        return NEVER
+    if time < onset:
+        return step_at(onset, step)
+    if period > 0.0 or time < onset + ramp:
+        return step + 1
+    return step_at(end, step)
+
+
+@kernel
+def apply_events(lane, step, plan):
+    """Write the lane's severities in force; returns the step of the next change."""
+    time, due, severity = step / SAMPLE_RATE, NEVER, plan.severity[lane]
+    for e in range(severity.size):
+        onset, full, ramp, end, period, duty = plan.profile[lane, e]
+        severity[e] = severity_at(time, onset, full, ramp, end, period, duty)
+        due = min(due, next_change(step, time, onset, ramp, end, period))
+    return due
+
+
+@kernel
+def apply_faults(block, k, lane, plan, catalogue):
+    """Write the lane's parameters: healthy * prod(1 + s (scale - 1)) + sum(s offset)."""
+    for p in range(N_PARAMETERS):
+        factor, shift = 1.0, 0.0
+        for e in range(plan.severity.shape[1]):
+            fault, severity = plan.fault[lane, e], plan.severity[lane, e]
+            if fault >= 0:
+                factor *= 1.0 + severity * (catalogue.scale[fault, p] - 1.0)
+                shift += severity * catalogue.offset[fault, p]
+        block[(PARAMETER + p) * LANES + k] = plan.healthy[lane, p] * factor + shift
+
+
+@kernel
+def apply_mission(block, k, lane, step, legs):
+    """Write the lane's mission speed; returns the step of the next leg."""
+    for g in range(legs.shape[1]):
+        if step / SAMPLE_RATE < legs[lane, g, 0]:
+            return step_at(legs[lane, g, 0], step)
+        block[MISSION_SPEED * LANES + k] = legs[lane, g, 1]
+    return NEVER
+
+
+@kernel
+def refresh_lane(lanes, lane, plan, catalogue):
+    """Bring one lane's severities, parameters and mission speed to the sample ahead."""
+    block, k, step = lanes.memory[lane // LANES], lane % LANES, lanes.step[lane]
+    change = apply_events(lane, step, plan)
+    apply_faults(block, k, lane, plan, catalogue)
+    lanes.due[lane] = min(change, apply_mission(block, k, lane, step, plan.legs))
+
+
+@kernel
+def refresh(lanes, plan, catalogue):
+    """Bring every lane that is due up to date."""
+    for lane in range(lanes.key.size):
+        if lanes.step[lane] >= lanes.due[lane]:
+            refresh_lane(lanes, lane, plan, catalogue)
+
+
+@scalar
+def steady_spin(block, k, speed):
+    """Shaft speed [rad/s] at which thrust and drag balance; zero where there is no thrust."""
+    thrust = block[PORT_SHAFT * LANES + k] + block[STARBOARD_SHAFT * LANES + k]
+    return math.sqrt(-block[ALPHA * LANES + k] / thrust) * speed / RPM if thrust > 0.0 else 0.0
+
+
+@scalar
+def settle_side(block, k, shaft, state, spin, speed, constants):
+    """Put one shaft at a steady speed: the voltage that balances friction and propeller, held by the integral."""
+    parameters, still = shaft_of(block, shaft, k), lane_motor(block, shaft, state, k, constants)
+    torque = parameters.inertia * ((still.damping - still.coupling * speed + still.load * spin) * spin - still.drive)
+    voltage = torque * parameters.resistance / parameters.torque_constant if spin > 0.0 else 0.0
+    block[(state + SPIN) * LANES + k] = spin
+    block[(state + INTEGRAL) * LANES + k] = voltage
+    block[(state + VOLTAGE) * LANES + k] = voltage
+
+
+@kernel
+def begin(lanes, chosen, start_speed, plan, catalogue, limits, constants, observations):
+    """Start an episode on the chosen lanes (m,), at rest or steady at start_speed (m,), and read the sensors once."""
+    scratch, outcomes = np.empty(N_SCRATCH * LANES), np.empty((1, 4))
+    for i in range(chosen.size):
+        lane, speed = chosen[i], start_speed[i]
+        block, k = lanes.memory[lane // LANES], lane % LANES
+        for row in range(PARAMETER):
+            block[row * LANES + k] = 0.0
+        lanes.step[lane] = 0
+        refresh_lane(lanes, lane, plan, catalogue)
+        spin = steady_spin(block, k, speed)
+        settle_side(block, k, PORT_SHAFT, PORT_STATE, spin, speed, constants)
+        settle_side(block, k, STARBOARD_SHAFT, STARBOARD_STATE, spin, speed, constants)
+        block[SPEED * LANES + k] = speed
+        block[SPEED_COMMAND * LANES + k] = block[MISSION_SPEED * LANES + k]
+        one = block[k:]
+        draw_normals(scratch, 1, lanes.key[lane:], lanes.step[lane:])
+        prepare(one, scratch, 1, constants)
+        block[DISTURBANCE * LANES + k] = constants.disturbance_std * scratch[DISTURBANCE_NORMAL * LANES]
+        sense_all(one, scratch, 1, lanes.key[lane:], lanes.step[lane:], limits)
+        publish(one, 1, observations[lane:], outcomes)

@@ -1,0 +1,207 @@
+"""The catalogue: a fault is data, and everything else (classes, tables, matrices, tests) follows from it.
+
+At severity s a parameter becomes ``healthy * prod(1 + s (scale - 1)) + sum(s offset)`` over the active faults, so severity
+0 is healthy and faults compose. To add a fault, add an entry to `CATALOGUE`; nothing else needs an edit::
+
+    CATALOGUE["ice_on_hull"] = Fault(
+        "ice_on_hull",
+        component="hull",
+        scale={"alpha": 1.4, "gamma": 1.2},
+        about="Ice roughens the hull and the rudders.",
+        source="estimate",
+    )
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from auv_fault_env.channels import CHANNELS, READINGS
+from auv_fault_env.errors import known_name
+from auv_fault_env.layout import Catalogue
+from auv_fault_env.parameters import PARAMETERS, SIDES
+
+NORMAL = "normal"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What a fault does at severity 1, and where it stands in the thesis' tables of operating modes.
+
+    Attributes:
+        name: Unique name, ``kind`` or ``kind:place``.
+        component: The part that fails: ``hull``, ``propeller:port``, ``sensor:speed``, ...
+        scale: Factor by parameter at severity 1.
+        offset: Shift by parameter at severity 1, in the parameter's unit.
+        about: One sentence.
+        source: Where the magnitude comes from.
+        table_5_1: Mode of the thesis' Table 5.1, if it knows the fault.
+        table_5_2: Mode of the thesis' Table 5.2, if it knows the fault.
+    """
+
+    name: str
+    component: str
+    scale: Mapping[str, float] = field(default_factory=dict)
+    offset: Mapping[str, float] = field(default_factory=dict)
+    about: str = ""
+    source: str = ""
+    table_5_1: str | None = None
+    table_5_2: str | None = None
+
+    def __post_init__(self):
+        for parameter in (*self.scale, *self.offset):
+            known_name(f"parameter of fault {self.name}", parameter, PARAMETERS)
+
+    @property
+    def diagnosis(self) -> str:
+        """Diagnosis class: the kinds of sensor fault share one class per channel, any other fault is its own."""
+        return self.component if self.component.startswith("sensor:") else self.name
+
+
+def _hull_faults() -> list[Fault]:
+    return [
+        Fault(
+            "increased_drag",
+            "hull",
+            scale={"alpha": 2.0},
+            about="Entanglement: severity is the relative increase of drag.",
+            source="thesis V.B; its +35 % is severity 0.35",
+            table_5_1="increased drag",
+            table_5_2="increased drag",
+        ),
+        Fault(
+            "decreased_drag",
+            "hull",
+            scale={"alpha": 0.5, "gamma": 0.5},
+            about="A control surface is lost, with its drag.",
+            source="thesis V.B; magnitude estimated",
+            table_5_2="decreased drag",
+        ),
+    ]
+
+
+def _side_faults(side: str) -> list[Fault]:
+    return [
+        Fault(
+            f"propeller_damage:{side}",
+            f"propeller:{side}",
+            scale={f"{side}_beta": 0.5, f"{side}_c1": 0.6, f"{side}_c2": 0.6},
+            about="Bent or chipped blades: less thrust, and less torque.",
+            source="thesis V.B; magnitude estimated",
+            table_5_1="degraded propeller",
+            table_5_2="decreased propulsion",
+        ),
+        Fault(
+            f"propeller_loss:{side}",
+            f"propeller:{side}",
+            scale={f"{side}_beta": 0.0, f"{side}_c1": 0.0, f"{side}_c2": 0.0},
+            about="The propeller is gone: the shaft turns freely.",
+            source="thesis V.D: beta of one propeller to zero",
+            table_5_1="degraded propeller",
+            table_5_2="severe propulsion failure",
+        ),
+        Fault(
+            f"seal_friction:{side}",
+            f"shaft:{side}",
+            scale={f"{side}_coulomb_friction": 3.0},
+            offset={f"{side}_viscous_friction": 2e-4},
+            about="The shaft seal binds.",
+            source="thesis V.C; magnitude estimated: twice the motor's friction more",
+            table_5_1="increased seal friction",
+        ),
+        Fault(
+            f"motor_overheating:{side}",
+            f"motor:{side}",
+            scale={f"{side}_resistance": 1.4, f"{side}_torque_constant": 0.8},
+            about="The motor is 100 K too hot: copper resists more, magnets weaken.",
+            source="copper +0.39 %/K, ferrite magnets -0.2 %/K",
+        ),
+    ]
+
+
+# Shifts at severity 1: about what a supply, a shunt or a counter loses when it fails outright.
+BIAS = {"m/s": 0.15, "m/s^2": 0.03, "V": 1.0, "A": 0.4, "rpm": 60.0}
+
+
+def _sensor_faults(channel: str) -> list[Fault]:
+    unit, noise = CHANNELS[channel].unit, CHANNELS[channel].noise
+    component = f"sensor:{channel}"
+    return [
+        Fault(f"sensor_bias:{channel}", component, {}, {f"{channel}_bias": BIAS[unit]}, "The zero shifts.", "estimate"),
+        Fault(
+            f"sensor_scale:{channel}",
+            component,
+            {f"{channel}_gain": 0.6},
+            {},
+            "Calibration lost; on the paddle wheel, fouling.",
+            "thesis II.A; magnitude estimated",
+        ),
+        Fault(
+            f"sensor_stuck:{channel}",
+            component,
+            {},
+            {f"{channel}_stuck": 1.0},
+            "Severity is the share of the samples that repeat the last reading.",
+            "de Benito 1990, as cited by the thesis",
+        ),
+        Fault(
+            f"sensor_dropout:{channel}",
+            component,
+            {},
+            {f"{channel}_dropout": 1.0},
+            "Disconnected: severity is the share of the samples that read zero.",
+            "de Benito 1990, as cited by the thesis",
+        ),
+        Fault(
+            f"sensor_noise:{channel}",
+            component,
+            {},
+            {f"{channel}_noise": 9.0 * noise},
+            "The noise grows to ten times its default.",
+            "de Benito 1990, as cited by the thesis",
+        ),
+    ]
+
+
+CATALOGUE: dict[str, Fault] = {
+    fault.name: fault
+    for family in (
+        _hull_faults(),
+        *(_side_faults(side) for side in SIDES),
+        *(_sensor_faults(channel) for channel in READINGS),
+    )
+    for fault in family
+}
+
+
+def fault_of(name: str) -> Fault:
+    """The fault of that name; an unknown name is refused with the nearest one and the list."""
+    return CATALOGUE[known_name("fault", name, CATALOGUE)]
+
+
+def classes() -> tuple[str, ...]:
+    """Diagnosis classes, `normal` first, then in the order of the catalogue."""
+    return tuple(dict.fromkeys((NORMAL, *(fault.diagnosis for fault in CATALOGUE.values()))))
+
+
+def labels() -> dict[str, tuple[str | None, str | None]]:
+    """For every class its mode in Table 5.1 (raw network) and in Table 5.2 (Kalman network), None where unknown there.
+
+    >>> labels()["propeller_loss:port"]
+    ('degraded propeller', 'severe propulsion failure')
+    """
+    modes = {fault.diagnosis: (fault.table_5_1, fault.table_5_2) for fault in CATALOGUE.values()}
+    return {NORMAL: (NORMAL, NORMAL), **modes}
+
+
+def matrices() -> Catalogue:
+    """The catalogue as the kernel reads it, in the catalogue's order."""
+    names = list(PARAMETERS)
+    scale, offset = np.ones((len(CATALOGUE), len(names))), np.zeros((len(CATALOGUE), len(names)))
+    for row, fault in enumerate(CATALOGUE.values()):
+        for parameter, value in fault.scale.items():
+            scale[row, names.index(parameter)] = value
+        for parameter, value in fault.offset.items():
+            offset[row, names.index(parameter)] = value
+    return Catalogue(scale, offset)

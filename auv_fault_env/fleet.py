@@ -1,0 +1,195 @@
+"""A fleet: n vehicles as arrays, stepped together. The only mutable object of the package."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numba import get_num_threads
+
+from auv_fault_env import episodes, lanes, layout
+from auv_fault_env.channels import CHANNELS
+from auv_fault_env.errors import finite_in_range, refusal
+from auv_fault_env.faults import matrices
+from auv_fault_env.missions import Mission, MissionSampler
+from auv_fault_env.noise import episode_keys, uniforms
+from auv_fault_env.parameters import ENERGY_WEIGHT, PARAMETERS, SAMPLE_RATE, Vehicle, nominal, vehicle_of
+from auv_fault_env.physics import Constants
+from auv_fault_env.schedules import Events, Schedule, ScheduleSampler, events_of, no_events
+
+PARALLEL_LANES = 512  # below, waking the threads costs more than they save
+
+
+class Fleet:
+    """n vehicles, each with its own healthy parameters, faults, mission and noise; arrays throughout.
+
+    Lane k with seed s is the same vehicle, bit for bit, in any fleet of any size, serial or parallel. The noise depends
+    on (seed, episode, step, channel) alone, so the same seed with an empty schedule is the exact fault-free twin.
+
+    Args:
+        n_lanes: Number of vehicles, at least 1.
+        preset: Name in `PRESETS`, or a `Vehicle`.
+        sensor_noise: Factor on the readings' standard deviations; 0 for none.
+        disturbance: Factor on the disturbing acceleration; 0 for none.
+        healthy_band: Factor on the spread of healthy vehicles; 0 for the nominal one.
+        parallel: Share the blocks among numba's threads. By default in fleets of at least 512 lanes. A process that has
+            stepped in parallel must not fork (use spawn or forkserver).
+        schedules: Distribution of the schedules of lanes that are reset without one.
+        missions: Distribution of the missions of lanes that are reset without one.
+
+    Attributes:
+        outcomes: (n_lanes, 4) of the last step: reward, energy [J], cost [m^2/s^2], mission speed [m/s].
+        changes: Grows whenever a lane's faults, parameters or mission may have changed.
+    """
+
+    def __init__(
+        self,
+        n_lanes: int,
+        preset: str | Vehicle = "thesis1992",
+        sensor_noise: float = 1.0,
+        disturbance: float = 1.0,
+        healthy_band: float = 1.0,
+        parallel: bool | None = None,
+        schedules: ScheduleSampler | None = None,
+        missions: MissionSampler | None = None,
+    ):
+        if isinstance(n_lanes, bool) or not isinstance(n_lanes, int | np.integer) or n_lanes < 1:
+            raise refusal("number of lanes", n_lanes, "a whole number from 1", "ask for at least one vehicle")
+        self.n_lanes = int(n_lanes)
+        self.vehicle = vehicle_of(preset)
+        self.schedules = schedules or ScheduleSampler()
+        self.missions = missions or MissionSampler()
+        scale = dict(sensor_noise=sensor_noise, disturbance=disturbance, healthy_band=healthy_band)
+        for name, value in scale.items():
+            finite_in_range(name, value, 0.0, 10.0)
+        many = self.n_lanes >= PARALLEL_LANES and get_num_threads() > 1
+        self._kernel = lanes.step_parallel if (many if parallel is None else parallel) else lanes.step_serial
+        self._nominal = np.array(list(nominal(self.vehicle, sensor_noise).values()))
+        self._band = healthy_band * np.array([spec.band for spec in PARAMETERS.values()])
+        self._constants = _constants(self.vehicle, disturbance)
+        self._limits = np.array([(channel.low, channel.high) for channel in CHANNELS.values()])
+        self._catalogue = matrices()
+        self._allocate(self.schedules.EVENTS, self.missions.n_legs)
+
+    def _allocate(self, n_events: int, n_legs: int):
+        n, blocks = self.n_lanes, -(-self.n_lanes // layout.LANES)
+        self._lanes = layout.Lanes(
+            np.zeros((blocks, layout.N_ROWS * layout.LANES)),
+            np.zeros(n, np.uint64),
+            np.zeros(n, np.int64),
+            np.zeros(n, np.int64),
+        )
+        self._plan = layout.Plan(
+            np.tile(self._nominal, (n, 1)),
+            *no_events(n, n_events),
+            np.zeros((n, n_events)),
+            np.full((n, n_legs, 2), np.inf),
+        )
+        self._seed, self._episode = np.zeros(n, np.uint64), np.zeros(n, np.uint64)
+        self._due = self.changes = 0
+        self.outcomes = np.zeros((n, 4))
+
+    def reset(
+        self,
+        seeds: np.ndarray | Sequence[int] | None = None,
+        lanes: np.ndarray | None = None,
+        schedules: Sequence[Schedule] | None = None,
+        missions: Sequence[Mission] | None = None,
+        observations: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Start an episode on some lanes.
+
+        Args:
+            seeds: One per chosen lane: start that seed's first episode. None: go on to the next episode of the old one.
+            lanes: Indices (m,) of the lanes; None for all.
+            schedules: One per chosen lane; None: drawn from the sampler.
+            missions: One per chosen lane; None: drawn from the sampler.
+            observations: (n_lanes, n_channels) float32 to write the chosen rows of.
+
+        Returns:
+            The observations, (n_lanes, n_channels) float32; rows of lanes not chosen are as they were, or zero.
+        """
+        chosen = np.arange(self.n_lanes) if lanes is None else np.asarray(lanes)
+        if seeds is None:
+            self._episode[chosen] += np.uint64(1)
+        else:
+            self._seed[chosen] = np.array([int(seed) % 2**64 for seed in seeds], np.uint64)
+            self._episode[chosen] = 0
+        key = self._lanes.key[chosen] = episode_keys(self._seed[chosen], self._episode[chosen])
+        spread = 2.0 * uniforms(key, 0, len(PARAMETERS)) - 1.0
+        self._plan.healthy[chosen] = self._nominal * (1.0 + self._band * spread)
+        self._set_events(chosen, self.schedules.draw(key) if schedules is None else events_of(schedules))
+        speeds = self._set_missions(chosen, *(self.missions.draw(key) if missions is None else _legs_of(missions)))
+        if observations is None:
+            observations = np.zeros((self.n_lanes, len(CHANNELS)), np.float32)
+        arrays = (self._plan, self._catalogue, self._limits, self._constants, observations)
+        episodes.begin(self._lanes, chosen, speeds, *arrays)
+        self._due = self.n_lanes
+        self.changes += 1
+        return observations
+
+    def _set_events(self, chosen: np.ndarray, events: Events):
+        more = events.fault.shape[1] - self._plan.fault.shape[1]
+        if more > 0:
+            empty = no_events(self.n_lanes, more)
+            self._plan = self._plan._replace(
+                fault=np.hstack([self._plan.fault, empty.fault]),
+                profile=np.hstack([self._plan.profile, empty.profile]),
+                severity=np.hstack([self._plan.severity, np.zeros((self.n_lanes, more))]),
+            )
+        width = events.fault.shape[1]
+        empty = no_events(chosen.size, self._plan.fault.shape[1])
+        self._plan.fault[chosen], self._plan.profile[chosen] = empty
+        self._plan.fault[chosen, :width], self._plan.profile[chosen, :width] = events
+
+    def _set_missions(self, chosen: np.ndarray, legs: np.ndarray, start_speed: np.ndarray) -> np.ndarray:
+        more = legs.shape[1] - self._plan.legs.shape[1]
+        if more > 0:
+            filler = np.full((self.n_lanes, more, 2), np.inf)
+            self._plan = self._plan._replace(legs=np.hstack([self._plan.legs, filler]))
+        self._plan.legs[chosen] = np.inf
+        self._plan.legs[chosen, : legs.shape[1]] = legs
+        return start_speed
+
+    def step(self, actions: np.ndarray) -> np.ndarray:
+        """Advance every lane by one sample of 0.1 s.
+
+        Args:
+            actions: (n_lanes, 3): speed command [m/s], rudder and stern plane [rad]; clipped to the channels' limits.
+
+        Returns:
+            New observations, (n_lanes, n_channels) float32; rewards and costs stand in `outcomes`.
+        """
+        if self._due:
+            episodes.refresh(self._lanes, self._plan, self._catalogue)
+            self.changes += 1
+        observations = np.empty((self.n_lanes, len(CHANNELS)), np.float32)
+        self.outcomes = np.empty((self.n_lanes, 4))
+        self._due = self._kernel(self._lanes, actions, self._limits, self._constants, observations, self.outcomes)
+        return observations
+
+    @property
+    def table(self) -> np.ndarray:
+        """The memory as a view, (n_blocks, N_ROWS, LANES); see `layout`."""
+        return self._lanes.memory.reshape(-1, layout.N_ROWS, layout.LANES)
+
+    @property
+    def plan(self) -> layout.Plan:
+        """Healthy parameters, fault events, severities in force and mission legs of every lane."""
+        return self._plan
+
+    @property
+    def time(self) -> np.ndarray:
+        """Time since the episode's start [s], (n_lanes,)."""
+        return self._lanes.step / SAMPLE_RATE
+
+
+def _constants(vehicle: Vehicle, disturbance: float) -> Constants:
+    values = {name: getattr(vehicle, name) for name in Constants._fields if hasattr(vehicle, name)}
+    values["disturbance_std"] *= disturbance
+    return Constants(**values, energy_weight=ENERGY_WEIGHT)
+
+
+def _legs_of(missions: Sequence[Mission]) -> tuple[np.ndarray, np.ndarray]:
+    legs = np.full((len(missions), max(len(mission.legs) for mission in missions), 2), np.inf)
+    for lane, mission in enumerate(missions):
+        legs[lane, : len(mission.legs)] = mission.legs
+    return legs, np.array([mission.start_speed for mission in missions])

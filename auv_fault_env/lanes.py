@@ -1,0 +1,339 @@
+"""One sample of many lanes: the loops around `physics`, in blocks, serial or shared among threads."""
+
+import math
+
+import numpy as np
+from numba import prange
+
+from auv_fault_env.compiling import kernel, scalar
+from auv_fault_env.layout import (
+    ACCELERATION,
+    ACCELERATION_READING,
+    ALPHA,
+    ANGLE,
+    COST,
+    CURRENT,
+    DISTURBANCE,
+    DISTURBANCE_NORMAL,
+    DRAG,
+    ENERGY,
+    GAMMA,
+    INTEGRAL,
+    LANES,
+    MISSION_SPEED,
+    N_CHANNELS,
+    N_SCRATCH,
+    N_SENSOR_PARAMETERS,
+    NORMAL,
+    PORT_CURRENT_READING,
+    PORT_MOTOR,
+    PORT_RPM_READING,
+    PORT_SHAFT,
+    PORT_STATE,
+    PORT_VOLTAGE_READING,
+    READING,
+    REWARD,
+    RUDDER,
+    SENSORS,
+    SPEED,
+    SPEED_COMMAND,
+    SPEED_READING,
+    SPIN,
+    STARBOARD_CURRENT_READING,
+    STARBOARD_MOTOR,
+    STARBOARD_RPM_READING,
+    STARBOARD_SHAFT,
+    STARBOARD_STATE,
+    STARBOARD_VOLTAGE_READING,
+    STERN_PLANE,
+    VOLTAGE,
+)
+from auv_fault_env.noise import GATE, draw, gate, normal_pair
+from auv_fault_env.parameters import SAMPLE_TIME
+from auv_fault_env.physics import (
+    RPM,
+    SUBSTEP,
+    SUBSTEPS,
+    Motion,
+    Motor,
+    Shaft,
+    limited,
+    motor,
+    reading,
+    rpm_command,
+    substep,
+    surge_acceleration,
+    voltage_command,
+)
+
+
+@scalar
+def shaft_of(block, side, k):
+    """The `Shaft` of lane k; `side` is the first row of its parameters."""
+    at = side * LANES + k
+    return Shaft(
+        block[at],
+        block[at + LANES],
+        block[at + 2 * LANES],
+        block[at + 3 * LANES],
+        block[at + 4 * LANES],
+        block[at + 5 * LANES],
+        block[at + 6 * LANES],
+        block[at + 7 * LANES],
+    )
+
+
+@scalar
+def motor_of(scratch, side, k):
+    """The `Motor` of lane k, as `prepare` left it in the scratch rows."""
+    at = side * LANES + k
+    return Motor(
+        scratch[at],
+        scratch[at + LANES],
+        scratch[at + 2 * LANES],
+        scratch[at + 3 * LANES],
+        scratch[at + 4 * LANES],
+    )
+
+
+@scalar
+def delta_squared(block, k):
+    """Rudder and stern plane of lane k, squared and summed [rad^2]."""
+    rudder, plane = block[RUDDER * LANES + k], block[STERN_PLANE * LANES + k]
+    return rudder * rudder + plane * plane
+
+
+@kernel
+def take_actions(block, width, actions, limits):
+    """Clip the actions (n_lanes, 3) into the command rows."""
+    for k in range(width):
+        for c in range(3):
+            command = SPEED_COMMAND + c
+            block[command * LANES + k] = limited(actions[k, c], limits[command, 0], limits[command, 1])
+
+
+@scalar
+def control_side(block, k, constants, command, rpm_row, state):
+    """Let one shaft's controller set its voltage."""
+    voltage, integral = voltage_command(
+        constants, command - block[rpm_row * LANES + k], block[(state + INTEGRAL) * LANES + k]
+    )
+    block[(state + VOLTAGE) * LANES + k] = voltage
+    block[(state + INTEGRAL) * LANES + k] = integral
+
+
+@kernel
+def control(block, width, constants):
+    """Let the controllers set both voltages, from the commands and the latest readings."""
+    for k in range(width):
+        wanted, speed = block[SPEED_COMMAND * LANES + k], block[SPEED_READING * LANES + k]
+        command = rpm_command(constants, wanted, speed, delta_squared(block, k))
+        control_side(block, k, constants, command, PORT_RPM_READING, PORT_STATE)
+        control_side(block, k, constants, command, STARBOARD_RPM_READING, STARBOARD_STATE)
+
+
+@kernel
+def draw_normals(scratch, width, key, step):
+    """Ten standard normals per lane, for the readings and the disturbance of this step."""
+    for pair in range(5):
+        row = (NORMAL + 2 * pair) * LANES
+        for k in range(width):
+            one, two = normal_pair(draw(key[k], step[k], np.uint64(pair)))
+            scratch[row + k] = one
+            scratch[row + LANES + k] = two
+
+
+@scalar
+def lane_motor(block, shaft, state, k, constants):
+    """Coefficients of one of lane k's shafts at its present voltage."""
+    return motor(shaft_of(block, shaft, k), constants, block[(state + VOLTAGE) * LANES + k])
+
+
+@scalar
+def store_motor(scratch, side, k, values):
+    """Keep a `Motor` in the scratch rows."""
+    at = side * LANES + k
+    scratch[at] = values.drive
+    scratch[at + LANES] = values.damping
+    scratch[at + 2 * LANES] = values.coupling
+    scratch[at + 3 * LANES] = values.load
+    scratch[at + 4 * LANES] = values.thrust
+
+
+@kernel
+def prepare(block, scratch, width, constants):
+    """Coefficients of the sample ahead, and the disturbance's next value (exact Ornstein-Uhlenbeck step)."""
+    memory = math.exp(-SAMPLE_TIME / constants.disturbance_time)
+    kick = constants.disturbance_std * math.sqrt(1.0 - memory * memory)
+    for k in range(width):
+        store_motor(scratch, PORT_MOTOR, k, lane_motor(block, PORT_SHAFT, PORT_STATE, k, constants))
+        store_motor(scratch, STARBOARD_MOTOR, k, lane_motor(block, STARBOARD_SHAFT, STARBOARD_STATE, k, constants))
+        scratch[DRAG * LANES + k] = block[ALPHA * LANES + k] + block[GAMMA * LANES + k] * delta_squared(block, k)
+        pushed = memory * block[DISTURBANCE * LANES + k] + kick * scratch[DISTURBANCE_NORMAL * LANES + k]
+        block[DISTURBANCE * LANES + k] = pushed
+        block[(PORT_STATE + ANGLE) * LANES + k] = 0.0
+        block[(STARBOARD_STATE + ANGLE) * LANES + k] = 0.0
+
+
+@kernel
+def move(block, scratch, width):
+    """Advance all lanes by one sample, substep after substep."""
+    for s in range(SUBSTEPS):
+        time = SUBSTEP[s]
+        for k in range(width):
+            motion = substep(
+                Motion(
+                    block[SPEED * LANES + k],
+                    block[(PORT_STATE + SPIN) * LANES + k],
+                    block[(STARBOARD_STATE + SPIN) * LANES + k],
+                    block[(PORT_STATE + ANGLE) * LANES + k],
+                    block[(STARBOARD_STATE + ANGLE) * LANES + k],
+                ),
+                scratch[DRAG * LANES + k],
+                block[DISTURBANCE * LANES + k],
+                motor_of(scratch, PORT_MOTOR, k),
+                motor_of(scratch, STARBOARD_MOTOR, k),
+                time,
+            )
+            block[SPEED * LANES + k] = motion.speed
+            block[(PORT_STATE + SPIN) * LANES + k] = motion.port_spin
+            block[(STARBOARD_STATE + SPIN) * LANES + k] = motion.starboard_spin
+            block[(PORT_STATE + ANGLE) * LANES + k] = motion.port_angle
+            block[(STARBOARD_STATE + ANGLE) * LANES + k] = motion.starboard_angle
+
+
+@scalar
+def lane_current(block, shaft, state, k):
+    """Armature current [A], inductance neglected as in the thesis."""
+    parameters = shaft_of(block, shaft, k)
+    back_emf = parameters.torque_constant * block[(state + SPIN) * LANES + k]
+    return (block[(state + VOLTAGE) * LANES + k] - back_emf) / parameters.resistance
+
+
+@kernel
+def derive(block, scratch, width):
+    """The true values that follow from the state: surge acceleration and both currents."""
+    for k in range(width):
+        block[ACCELERATION * LANES + k] = surge_acceleration(
+            block[SPEED * LANES + k],
+            block[(PORT_STATE + SPIN) * LANES + k],
+            block[(STARBOARD_STATE + SPIN) * LANES + k],
+            scratch[DRAG * LANES + k],
+            block[DISTURBANCE * LANES + k],
+            motor_of(scratch, PORT_MOTOR, k),
+            motor_of(scratch, STARBOARD_MOTOR, k),
+        )
+        block[(PORT_STATE + CURRENT) * LANES + k] = lane_current(block, PORT_SHAFT, PORT_STATE, k)
+        block[(STARBOARD_STATE + CURRENT) * LANES + k] = lane_current(block, STARBOARD_SHAFT, STARBOARD_STATE, k)
+
+
+@scalar
+def sense(block, scratch, width, gates, held, truth, factor, limits):
+    """Read one channel on all lanes: `factor` times the true value, through the sensor, into the row `held`."""
+    channel = held - READING
+    sensor, normal = (SENSORS + N_SENSOR_PARAMETERS * channel) * LANES, (NORMAL + channel) * LANES
+    low, high = limits[held, 0], limits[held, 1]
+    for k in range(width):
+        got = reading(
+            factor * block[truth * LANES + k],
+            block[sensor + k],
+            block[sensor + LANES + k],
+            block[sensor + 2 * LANES + k],
+            block[sensor + 3 * LANES + k],
+            block[sensor + 4 * LANES + k],
+            scratch[normal + k],
+            gate(gates[k], channel),
+            block[held * LANES + k],
+        )
+        block[held * LANES + k] = limited(got, low, high)
+
+
+@kernel
+def sense_all(block, scratch, width, key, step, limits):
+    """Read every sensor of every lane."""
+    derive(block, scratch, width)
+    gates = np.empty((2, LANES), np.uint64)
+    for k in range(width):
+        gates[0, k] = draw(key[k], step[k], GATE)
+        gates[1, k] = draw(key[k], step[k], GATE + np.uint64(1))
+    one, two = gates[0], gates[1]
+    sense(block, scratch, width, one, SPEED_READING, SPEED, 1.0, limits)
+    sense(block, scratch, width, one, ACCELERATION_READING, ACCELERATION, 1.0, limits)
+    sense(block, scratch, width, one, PORT_VOLTAGE_READING, PORT_STATE + VOLTAGE, 1.0, limits)
+    sense(block, scratch, width, one, PORT_CURRENT_READING, PORT_STATE + CURRENT, 1.0, limits)
+    sense(block, scratch, width, two, PORT_RPM_READING, PORT_STATE + SPIN, RPM, limits)
+    sense(block, scratch, width, two, STARBOARD_VOLTAGE_READING, STARBOARD_STATE + VOLTAGE, 1.0, limits)
+    sense(block, scratch, width, two, STARBOARD_CURRENT_READING, STARBOARD_STATE + CURRENT, 1.0, limits)
+    sense(block, scratch, width, two, STARBOARD_RPM_READING, STARBOARD_STATE + SPIN, RPM, limits)
+
+
+@scalar
+def lane_energy(block, shaft, state, k):
+    """Integral of voltage times current over the sample [J]; negative while the motor brakes."""
+    parameters, voltage = shaft_of(block, shaft, k), block[(state + VOLTAGE) * LANES + k]
+    back_emf = parameters.torque_constant * block[(state + ANGLE) * LANES + k]
+    return voltage * (voltage * SAMPLE_TIME - back_emf) / parameters.resistance
+
+
+@kernel
+def account(block, width, constants):
+    """The step's electrical energy [J], cost (squared speed deviation) [m^2/s^2] and reward."""
+    for k in range(width):
+        energy = lane_energy(block, PORT_SHAFT, PORT_STATE, k)
+        energy += lane_energy(block, STARBOARD_SHAFT, STARBOARD_STATE, k)
+        deviation = block[SPEED * LANES + k] - block[MISSION_SPEED * LANES + k]
+        block[ENERGY * LANES + k] = energy
+        block[COST * LANES + k] = deviation * deviation
+        block[REWARD * LANES + k] = -(deviation * deviation) - constants.energy_weight * energy
+
+
+@kernel
+def publish(block, width, observations, outcomes):
+    """Copy the observation rows to (n_lanes, N_CHANNELS); reward, energy, cost, mission speed to (n_lanes, 4)."""
+    for k in range(width):
+        for row in range(N_CHANNELS):
+            observations[k, row] = block[row * LANES + k]
+        outcomes[k, 0] = block[REWARD * LANES + k]
+        outcomes[k, 1] = block[ENERGY * LANES + k]
+        outcomes[k, 2] = block[COST * LANES + k]
+        outcomes[k, 3] = block[MISSION_SPEED * LANES + k]
+
+
+@kernel
+def step_block(b, lanes, actions, limits, constants, observations, outcomes):
+    """One sample of block b; returns how many of its lanes are due for a refresh before their next step."""
+    first = b * LANES
+    width = min(LANES, lanes.key.size - first)
+    block, key, step, due = lanes.memory[b], lanes.key[first:], lanes.step[first:], lanes.due[first:]
+    scratch = np.empty(N_SCRATCH * LANES)
+    count = 0
+    for k in range(width):
+        step[k] += 1
+        count += step[k] >= due[k]
+    take_actions(block, width, actions[first:], limits)
+    control(block, width, constants)
+    draw_normals(scratch, width, key, step)
+    prepare(block, scratch, width, constants)
+    move(block, scratch, width)
+    sense_all(block, scratch, width, key, step, limits)
+    account(block, width, constants)
+    publish(block, width, observations[first:], outcomes[first:])
+    return count
+
+
+@kernel
+def step_serial(lanes, actions, limits, constants, observations, outcomes):
+    """One sample of every lane on one thread; returns the number of lanes due for a refresh."""
+    count = 0
+    for b in range(lanes.memory.shape[0]):
+        count += step_block(b, lanes, actions, limits, constants, observations, outcomes)
+    return count
+
+
+@kernel(parallel=True)
+def step_parallel(lanes, actions, limits, constants, observations, outcomes):
+    """As `step_serial`, blocks shared among the threads. Do not fork a process that has called it."""
+    count = 0
+    for b in prange(lanes.memory.shape[0]):
+        count += step_block(b, lanes, actions, limits, constants, observations, outcomes)
+    return count

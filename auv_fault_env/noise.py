@@ -1,0 +1,102 @@
+"""Counter-based noise: a draw depends on nothing but (key, step, channel), so any lane of any batch can be replayed.
+
+The bits are SplitMix64's, read at a place instead of in sequence; normals come by Box and Muller with a logarithm and a
+sine of our own, because libm's do not vectorise over lanes.
+"""
+
+import math
+
+import numpy as np
+
+from auv_fault_env.compiling import kernel, scalar
+
+STREAM = np.uint64(16)  # draws per step: ten normals in five pairs, two words of gates
+GATE = np.uint64(8)
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+MIX_1, MIX_2 = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+U16, U27, U30, U31, U32, U52 = (np.uint64(k) for k in (16, 27, 30, 31, 32, 52))
+LOW_16, LOW_32, LOW_52 = (np.uint64((1 << k) - 1) for k in (16, 32, 52))
+TWO_52 = 4503599627370496.0
+BITS_OF_ONE, BITS_OF_TWO_52 = np.uint64(0x3FF0000000000000), np.uint64(0x4330000000000000)
+
+
+@scalar
+def mixed(word):
+    """SplitMix64's finaliser (Steele, Lea & Flood 2014, doi:10.1145/2714064.2660195)."""
+    word = (word ^ (word >> U30)) * MIX_1
+    word = (word ^ (word >> U27)) * MIX_2
+    return word ^ (word >> U31)
+
+
+@scalar
+def draw(key, step, channel):
+    """64 random bits that depend on nothing but (key, step, channel): SplitMix64's output at that place."""
+    return mixed(key + (np.uint64(step) * STREAM + channel) * GOLDEN)
+
+
+@scalar
+def small(word):
+    """An integer below 2^52 as a float, by its bits: the conversion that vectorises everywhere."""
+    return np.uint64(word | BITS_OF_TWO_52).view(np.float64) - TWO_52
+
+
+@scalar
+def logarithm(x):
+    """Natural logarithm of a normal positive number, to 1e-9: atanh series on the mantissa. libm's does not vectorise."""
+    bits = np.float64(x).view(np.uint64)
+    exponent = small(bits >> U52) - 1023.0
+    mantissa = np.uint64((bits & LOW_52) | BITS_OF_ONE).view(np.float64)
+    high = mantissa > 1.4142135623730951
+    mantissa = 0.5 * mantissa if high else mantissa
+    exponent = exponent + 1.0 if high else exponent
+    s = (mantissa - 1.0) / (mantissa + 1.0)
+    z = s * s
+    series = 1.0 + z * (1 / 3 + z * (1 / 5 + z * (1 / 7 + z * (1 / 9 + z * (1 / 11 + z * (1 / 13))))))
+    return 0.6931471805599453 * exponent + 2.0 * s * series
+
+
+@scalar
+def sine_of_turns(x):
+    """Sine of 2 pi x for x in [-1/4, 1/4], to 1e-11."""
+    y = 2.0 * math.pi * x
+    z = y * y
+    series = 1 / 39916800 + z * (-1 / 6227020800 + z * (1 / 1307674368000))
+    series = -1 / 6 + z * (1 / 120 + z * (-1 / 5040 + z * (1 / 362880 - z * series)))
+    return y + y * z * series
+
+
+@scalar
+def normal_pair(word):
+    """Two independent standard normals from 64 random bits (Box & Muller 1958), bounded by 6.8."""
+    radius = math.sqrt(-2.0 * logarithm((small(word >> U32) + 0.5) * 2.0**-32))
+    turn = small(word & LOW_32) * 2.0**-32
+    cosine = sine_of_turns(abs(turn - 0.5) - 0.25)
+    shifted = turn - 0.25 if turn >= 0.25 else turn + 0.75
+    sine = sine_of_turns(abs(shifted - 0.5) - 0.25)
+    return radius * cosine, radius * sine
+
+
+@scalar
+def gate(words, channel):
+    """A uniform number in [0, 1) from the channel's 16 bits of a word: decides about lost and repeated samples."""
+    return small((words >> np.uint64(16 * (channel % 4))) & LOW_16) * 2.0**-16
+
+
+@kernel
+def episode_keys(seed, episode):
+    """Noise keys (n_lanes,) of the given episodes of the given seeds, both uint64 (n_lanes,)."""
+    keys = np.empty_like(seed)
+    for k in range(seed.size):
+        keys[k] = mixed(mixed(seed[k] + GOLDEN) ^ (episode[k] * MIX_1))
+    return keys
+
+
+@kernel
+def uniforms(key, purpose, count):
+    """Uniform numbers in (0, 1), (n_lanes, count), from a stream of the lane's key kept for one purpose."""
+    out = np.empty((key.size, count))
+    for k in range(key.size):
+        stream = mixed(key[k] ^ ((np.uint64(purpose) + np.uint64(1)) * MIX_2))
+        for c in range(count):
+            out[k, c] = (small(mixed(stream + np.uint64(c + 1) * GOLDEN) >> np.uint64(12)) + 0.5) * 2.0**-52
+    return out

@@ -1,0 +1,223 @@
+"""The equations, once: surge and shaft dynamics, controllers, sensors; scalar functions that numba compiles.
+
+One source of physics: the scalar functions take and return floats and named tuples of floats; a single step, a serial
+batch and a parallel batch are loops around them. They create no arrays, raise nothing and never branch on a fault.
+
+Equations (u surge speed, w shaft speed in rad/s, n the same in rpm, V motor voltage)::
+
+    du/dt   = (alpha + gamma delta^2) u|u| + beta_p n_p^2 + beta_s n_s^2 + d
+    J dw/dt = K_T (V - K_b w)/R - Q - b w - tau_c sign(w),      w >= 0, with stiction at w = 0
+    Q       = rho D^5 (w/2 pi)^2 (C1 - C2 J_a),                 J_a = u (1 - wake) / ((w/2 pi) D)
+
+With the surge speed known, the shaft equation is a Riccati equation, solved in closed form by `spin`; see `advance`.
+"""
+
+import math
+from typing import NamedTuple
+
+from auv_fault_env.compiling import kernel, scalar
+from auv_fault_env.parameters import SAMPLE_TIME
+
+RPM = 30.0 / math.pi  # rpm per rad/s
+
+# Graded substeps: short where a new voltage shakes the shaft, long where it has settled. See training/integrators.py.
+SUBSTEPS = 8
+SUBSTEP = tuple(SAMPLE_TIME * (((k + 1) / SUBSTEPS) ** 1.5 - (k / SUBSTEPS) ** 1.5) for k in range(SUBSTEPS))
+NODE_1 = 0.5 - 0.1 * math.sqrt(5.0)  # Lobatto points and weights on [0, 1], order 6
+NODE_2 = 0.5 + 0.1 * math.sqrt(5.0)
+END_WEIGHT, INNER_WEIGHT, THIRD = 1.0 / 12.0, 5.0 / 12.0, 1.0 / 3.0
+
+
+class Constants(NamedTuple):
+    """What all lanes of a fleet share: water, nominal hull and gains of the controllers, disturbance, reward."""
+
+    density: float
+    diameter: float
+    wake_fraction: float
+    maximum_voltage: float
+    disturbance_std: float
+    disturbance_time: float
+    alpha: float
+    beta: float
+    gamma: float
+    reaching_rate: float
+    boundary_layer: float
+    maximum_rpm: float
+    proportional_gain: float
+    integral_gain: float
+    energy_weight: float
+
+
+class Shaft(NamedTuple):
+    """Parameters of one shaft, in SI but for beta in (m/s^2)/rpm^2."""
+
+    beta: float
+    c1: float
+    c2: float
+    resistance: float
+    torque_constant: float
+    coulomb_friction: float
+    viscous_friction: float
+    inertia: float
+
+
+class Motor(NamedTuple):
+    """Coefficients of dw/dt = drive - (damping - coupling u) w - load w^2 and of the thrust acceleration, thrust w^2."""
+
+    drive: float
+    damping: float
+    coupling: float
+    load: float
+    thrust: float
+
+
+class Motion(NamedTuple):
+    """Surge speed [m/s], shaft speeds [rad/s] and the angles [rad] that the shafts have turned."""
+
+    speed: float
+    port_spin: float
+    starboard_spin: float
+    port_angle: float
+    starboard_angle: float
+
+
+@scalar
+def motor(shaft, constants, voltage):
+    """The shaft equation's coefficients at a held voltage."""
+    flux, diameter = shaft.torque_constant, constants.diameter
+    blade = constants.density * diameter**4 / (2.0 * math.pi * shaft.inertia)
+    return Motor(
+        (flux * voltage / shaft.resistance - shaft.coulomb_friction) / shaft.inertia,
+        (flux * flux / shaft.resistance + shaft.viscous_friction) / shaft.inertia,
+        blade * shaft.c2 * (1.0 - constants.wake_fraction),
+        blade * diameter * shaft.c1 / (2.0 * math.pi),
+        shaft.beta * RPM * RPM,
+    )
+
+
+@scalar
+def surge_acceleration(speed, port_spin, starboard_spin, drag, disturbance, port, starboard):
+    """du/dt [m/s^2]; drag is alpha + gamma delta^2 [1/m]."""
+    thrust = port.thrust * port_spin * port_spin + starboard.thrust * starboard_spin * starboard_spin
+    return drag * speed * abs(speed) + thrust + disturbance
+
+
+@scalar
+def spin_rate(spin, speed, side):
+    """dw/dt [rad/s^2]; at standstill the Coulomb friction holds the shaft until the drive exceeds it."""
+    rate = side.drive - (side.damping - side.coupling * speed) * spin - side.load * spin * spin
+    return max(rate, 0.0) if spin <= 0.0 else rate
+
+
+@scalar
+def rates(motion, drag, disturbance, port, starboard):
+    """Time derivative of a `Motion`."""
+    u, port_spin, starboard_spin = motion.speed, motion.port_spin, motion.starboard_spin
+    return Motion(
+        surge_acceleration(u, port_spin, starboard_spin, drag, disturbance, port, starboard),
+        spin_rate(port_spin, u, port),
+        spin_rate(starboard_spin, u, starboard),
+        port_spin,
+        starboard_spin,
+    )
+
+
+@scalar
+def spin(start, side, mean_speed, slope, time):
+    """Shaft speed [rad/s] after `time` [s] under a surge speed of given mean and constant slope.
+
+    The Riccati equation is the projection of a linear system of order two with generator M = [[-b/2, a], [c, b/2]].
+    With a constant speed, w(t) = w0 + w'(0) T / (1 + (b/2 + c w0) T) with T = tanh(l t)/l, l^2 = b^2/4 + a c. A linear
+    speed turns b; the Magnus expansion, summed to first order in the slope, then scales a by (1 + k) and c by (1 - k),
+    k = coupling slope t^2 (y coth y - 1)/(4 y^2), y = l t. With x = y^2, one Pade approximant gives both functions,
+    tanh(y)/y = p/(p + x q) and (y coth y - 1)/y^2 = q/p, to all orders of k one division in all: no exponential, no
+    singularity at c = 0, and x < 0 is as good as x > 0.
+    """
+    damping = side.damping - side.coupling * mean_speed
+    x = (0.25 * damping * damping + side.drive * side.load) * time * time
+    p = 135135.0 + x * (17325.0 + x * (378.0 + x))
+    q = 45045.0 + x * (2772.0 + x * 27.0)
+    tilt = 0.25 * side.coupling * slope * time * time * q
+    load = side.load * start
+    change = time * ((side.drive - (damping + load) * start) * p + tilt * (side.drive + load * start))
+    change /= p + x * q + time * ((0.5 * damping + load) * p - tilt * load)
+    return max(start + change, 0.0)
+
+
+@scalar
+def node(motion, start, jerk, bend, drag, disturbance, port, starboard, time):
+    """Both shaft speeds, the surge acceleration and the bend at `time`, under u' = start + jerk t + bend t^2."""
+    speed = motion.speed + time * (start + time * (0.5 * jerk + time * (THIRD * bend)))
+    mean = motion.speed + time * (0.5 * start + time * (0.5 * THIRD * jerk + time * (0.25 * THIRD * bend)))
+    slope = start + time * (0.5 * jerk + time * (0.3 * bend))
+    port_spin = spin(motion.port_spin, port, mean, slope, time)
+    starboard_spin = spin(motion.starboard_spin, starboard, mean, slope, time)
+    force = surge_acceleration(speed, port_spin, starboard_spin, drag, disturbance, port, starboard)
+    return port_spin, starboard_spin, force, (force - start - jerk * time) * (1.0 / (time * time))
+
+
+@scalar
+def substep(motion, drag, disturbance, port, starboard, time):
+    """The motion after `time`: closed-form shafts at the Lobatto points, quadrature of order 6 for speed and angles."""
+    u, port_0, starboard_0 = motion.speed, motion.port_spin, motion.starboard_spin
+    first = surge_acceleration(u, port_0, starboard_0, drag, disturbance, port, starboard)
+    jerk = 2.0 * drag * abs(u) * first
+    jerk += 2.0 * port.thrust * port_0 * spin_rate(port_0, u, port)
+    jerk += 2.0 * starboard.thrust * starboard_0 * spin_rate(starboard_0, u, starboard)
+    port_1, starboard_1, second, bend = node(
+        motion, first, jerk, 0.0, drag, disturbance, port, starboard, NODE_1 * time
+    )
+    port_2, starboard_2, third, bend = node(
+        motion, first, jerk, bend, drag, disturbance, port, starboard, NODE_2 * time
+    )
+    port_3, starboard_3, last, bend = node(motion, first, jerk, bend, drag, disturbance, port, starboard, time)
+    end, inner = END_WEIGHT * time, INNER_WEIGHT * time
+    return Motion(
+        u + end * (first + last) + inner * (second + third),
+        port_3,
+        starboard_3,
+        motion.port_angle + end * (port_0 + port_3) + inner * (port_1 + port_2),
+        motion.starboard_angle + end * (starboard_0 + starboard_3) + inner * (starboard_1 + starboard_2),
+    )
+
+
+@kernel
+def advance(motion, drag, disturbance, port, starboard):
+    """The `Motion` one sample (0.1 s) later, voltages and disturbance held: within 1e-6 of the exact solution.
+
+    drag is alpha + gamma delta^2 [1/m], disturbance an acceleration [m/s^2], port and starboard are `Motor` s.
+    """
+    for k in range(SUBSTEPS):
+        motion = substep(motion, drag, disturbance, port, starboard, SUBSTEP[k])
+    return motion
+
+
+@scalar
+def limited(value, low, high):
+    """The value, kept within [low, high]."""
+    return min(max(value, low), high)
+
+
+@scalar
+def rpm_command(constants, speed_command, speed, delta_squared):
+    """Sliding mode speed control on the nominal hull (form of Healey & Lienard 1993): shaft speed command [rpm]."""
+    drag = (constants.alpha + constants.gamma * delta_squared) * speed * abs(speed)
+    reach = constants.reaching_rate * limited((speed - speed_command) / constants.boundary_layer, -1.0, 1.0)
+    return min(math.sqrt(max(-(drag + reach) / constants.beta, 0.0)), constants.maximum_rpm)
+
+
+@scalar
+def voltage_command(constants, error, integral):
+    """PI control of the shaft speed: voltage [V] and the new integral, which stops where the voltage saturates."""
+    proportional = constants.proportional_gain * error
+    wanted = proportional + integral + constants.integral_gain * SAMPLE_TIME * error
+    voltage = limited(wanted, 0.0, constants.maximum_voltage)
+    return voltage, voltage - proportional
+
+
+@scalar
+def reading(truth, bias, gain, noise, stuck, dropout, normal, chance, held):
+    """What the interface delivers: a lost sample reads zero, a stuck one repeats the last."""
+    fresh = gain * truth + bias + noise * normal
+    kept = held if chance < stuck else fresh
+    return 0.0 if chance < dropout else kept

@@ -1,0 +1,209 @@
+"""When faults come and go: events, their profiles, schedules as JSON, and samplers with declared distributions."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, asdict, dataclass, field, fields
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from auv_fault_env.errors import finite_in_range, known_name, refusal
+from auv_fault_env.faults import CATALOGUE, fault_of
+from auv_fault_env.noise import episode_keys, uniforms
+
+
+@dataclass(frozen=True)
+class FaultEvent:
+    """One fault in time: abrupt, incipient (ramp), intermittent (period, duty) or repaired (end).
+
+    Attributes:
+        fault: Name in the catalogue.
+        onset: Start [s] from the beginning of the episode.
+        severity: Full severity, 0 to 1.
+        ramp: Time [s] over which the severity grows from zero.
+        end: End [s]; infinite if never repaired.
+        period: Period [s] of an intermittent fault; 0 if permanent.
+        duty: Share of each period during which it is present.
+    """
+
+    fault: str
+    onset: float
+    severity: float
+    ramp: float = 0.0
+    end: float = math.inf
+    period: float = 0.0
+    duty: float = 1.0
+
+    def __post_init__(self):
+        fault_of(self.fault)
+        limits = {"severity": 1.0, "duty": 1.0, "onset": 1e12, "ramp": 1e12, "period": 1e12, "end": math.inf}
+        for name, high in limits.items():
+            value = finite_in_range(f"{name} of {self.fault}", getattr(self, name), 0.0, high)
+            object.__setattr__(self, name, value)
+        if self.end <= self.onset:
+            raise refusal(f"onset of {self.fault}", self.onset, f"before its end at {self.end:g} s", "mend one of them")
+
+
+Schedule = tuple[FaultEvent, ...]
+PROFILE = ("onset", "severity", "ramp", "end", "period", "duty")
+
+
+def event_of(value: FaultEvent | Mapping) -> FaultEvent:
+    """An event from itself or from a mapping of its fields; unknown and missing fields are refused."""
+    if isinstance(value, FaultEvent):
+        return value
+    if not isinstance(value, Mapping):
+        raise refusal("event of a schedule", value, "a mapping with fault, onset, severity", "write one")
+    names = [spec.name for spec in fields(FaultEvent)]
+    for name in value:
+        known_name("field of a fault event", name, names)
+    for spec in fields(FaultEvent):
+        if spec.default is MISSING and spec.name not in value:
+            raise refusal("fault event", dict(value), "fault, onset and severity given", f"add {spec.name!r}")
+    return FaultEvent(**value)
+
+
+def schedule_of(value: Sequence[FaultEvent | Mapping] | str | Path) -> Schedule:
+    """A schedule from events, mappings, or the path of a JSON file. An empty one is healthy."""
+    if isinstance(value, str | Path):
+        return load_schedule(value)
+    if isinstance(value, Mapping) or not isinstance(value, Sequence):
+        raise refusal("schedule", value, "a sequence of events or a path", "put the event into a list")
+    return tuple(event_of(item) for item in value)
+
+
+def to_json(schedule: Schedule) -> str:
+    """The schedule as JSON, fields at their default left out; `from_json` gives it back exactly."""
+    plain = [
+        {spec.name: row[spec.name] for spec in fields(FaultEvent) if row[spec.name] != spec.default}
+        for row in map(asdict, schedule)
+    ]
+    return json.dumps(plain, indent=2)
+
+
+def from_json(text: str, origin: str = "schedule") -> Schedule:
+    """The schedule of a JSON text; broken JSON is refused with line and column."""
+    try:
+        events = json.loads(text)
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno} column {error.colno}"
+        raise refusal(f"{origin}, {place}", error.msg, "a JSON list of fault events", "mend that place") from None
+    if not isinstance(events, list):
+        raise refusal(origin, type(events).__name__, "a JSON list of fault events", "put the event into a list")
+    return schedule_of(events)
+
+
+def load_schedule(path: str | Path) -> Schedule:
+    """The schedule of a JSON file."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not a text file"
+        raise refusal("schedule file", str(path), "a readable JSON file", reason) from None
+    return from_json(text, str(path))
+
+
+class Events(NamedTuple):
+    """Schedules of many lanes: catalogue rows (n_lanes, n_events), -1 for none, and profiles (n_lanes, n_events, 6)."""
+
+    fault: np.ndarray
+    profile: np.ndarray
+
+
+def no_events(n_lanes: int, n_events: int) -> Events:
+    """Healthy lanes."""
+    profile = np.zeros((n_lanes, n_events, len(PROFILE)))
+    profile[:, :, PROFILE.index("onset")] = math.inf
+    return Events(np.full((n_lanes, n_events), -1), profile)
+
+
+def events_of(schedules: Sequence[Schedule]) -> Events:
+    """The schedules (one per lane) as arrays."""
+    rows = {name: row for row, name in enumerate(CATALOGUE)}
+    events = no_events(len(schedules), max(map(len, schedules), default=0))
+    for lane, schedule in enumerate(schedules):
+        for slot, event in enumerate(schedule):
+            events.fault[lane, slot] = rows[event.fault]
+            events.profile[lane, slot] = [getattr(event, name) for name in PROFILE]
+    return events
+
+
+@dataclass(frozen=True)
+class ScheduleSampler:
+    """Schedules from declared distributions, all uniform within their range.
+
+    A lane is healthy with probability `healthy`; else it gets one fault, and a second one with probability `compound`.
+    Diagnosis classes are equally likely unless `prior` weighs them; the kinds within a class are equally likely.
+
+    Attributes:
+        prior: Relative weight by class; empty for equal weights.
+        healthy: Probability of a lane without a fault.
+        compound: Probability that a faulty lane has two faults.
+        severity: Range of the full severity.
+        onset: Range of the onset [s].
+        incipient: Probability of a ramp, and its range [s].
+        intermittent: Probability of an intermittent fault, and the ranges of period [s] and duty.
+        repaired: Probability that the fault ends, and the range of its life [s].
+    """
+
+    prior: Mapping[str, float] = field(default_factory=dict)
+    healthy: float = 0.2
+    compound: float = 0.1
+    severity: tuple[float, float] = (0.2, 1.0)
+    onset: tuple[float, float] = (5.0, 30.0)
+    incipient: float = 0.25
+    ramp: tuple[float, float] = (2.0, 15.0)
+    intermittent: float = 0.1
+    period: tuple[float, float] = (2.0, 8.0)
+    duty: tuple[float, float] = (0.3, 0.7)
+    repaired: float = 0.1
+    life: tuple[float, float] = (5.0, 20.0)
+
+    DRAWS = 10  # uniform numbers per event
+    EVENTS = 2  # events per lane at most
+
+    def __post_init__(self):
+        for name in ("healthy", "compound", "incipient", "intermittent", "repaired"):
+            finite_in_range(name, getattr(self, name), 0.0, 1.0)
+        for name in self.prior:
+            known_name("class of the prior", name, [fault.diagnosis for fault in CATALOGUE.values()])
+
+    def weights(self) -> np.ndarray:
+        """Probability of every fault of the catalogue, (n_faults,)."""
+        diagnoses = [fault.diagnosis for fault in CATALOGUE.values()]
+        weight = np.array([self.prior.get(name, 0.0 if self.prior else 1.0) for name in diagnoses])
+        weight /= [diagnoses.count(name) for name in diagnoses]
+        return weight / weight.sum()
+
+    def draw(self, key: np.ndarray) -> Events:
+        """Schedules for lanes with the given noise keys (n_lanes,)."""
+        u = uniforms(key, 1, self.EVENTS * self.DRAWS).reshape(-1, self.EVENTS, self.DRAWS)
+        within = lambda column, limits: limits[0] + (limits[1] - limits[0]) * u[:, :, column]  # noqa: E731
+        fault = np.searchsorted(np.cumsum(self.weights())[:-1], u[:, :, 0], side="right")
+        onset = within(1, self.onset)
+        intermittent = u[:, :, 5] < self.intermittent
+        columns = {
+            "onset": onset,
+            "severity": within(2, self.severity),
+            "ramp": np.where(u[:, :, 3] < self.incipient, within(4, self.ramp), 0.0),
+            "end": np.where(u[:, :, 8] < self.repaired, onset + within(9, self.life), math.inf),
+            "period": np.where(intermittent, within(6, self.period), 0.0),
+            "duty": np.where(intermittent, within(7, self.duty), 1.0),
+        }
+        profile = np.stack([columns[name] for name in PROFILE], axis=-1)
+        chance = uniforms(key, 2, 2)
+        present = np.stack([chance[:, 0] >= self.healthy, (chance > [self.healthy, 1 - self.compound]).all(axis=1)], 1)
+        empty = no_events(*fault.shape)
+        return Events(np.where(present, fault, empty.fault), np.where(present[..., None], profile, empty.profile))
+
+    def sample(self, seed: int) -> Schedule:
+        """The schedule that the first episode of an environment with this seed draws."""
+        key = episode_keys(np.array([seed], np.uint64), np.zeros(1, np.uint64))
+        names, events = list(CATALOGUE), self.draw(key)
+        return tuple(
+            FaultEvent(names[row], **dict(zip(PROFILE, map(float, profile), strict=True)))
+            for row, profile in zip(events.fault[0], events.profile[0], strict=True)
+            if row >= 0
+        )

@@ -1,0 +1,123 @@
+"""What is true behind the readings: label, severities, onset, parameters, noise-free state. For scoring, never to observe."""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from auv_fault_env import layout
+from auv_fault_env.errors import known_name
+from auv_fault_env.faults import CATALOGUE, NORMAL, classes
+from auv_fault_env.fleet import Fleet
+from auv_fault_env.parameters import PARAMETERS
+from auv_fault_env.physics import RPM
+
+# Noise-free state by memory row and unit factor.
+STATE: dict[str, tuple[int, float]] = {
+    "speed": (layout.SPEED, 1.0),
+    "acceleration": (layout.ACCELERATION, 1.0),
+    "disturbance": (layout.DISTURBANCE, 1.0),
+    "port_voltage": (layout.PORT_STATE + layout.VOLTAGE, 1.0),
+    "port_current": (layout.PORT_STATE + layout.CURRENT, 1.0),
+    "port_rpm": (layout.PORT_STATE + layout.SPIN, RPM),
+    "starboard_voltage": (layout.STARBOARD_STATE + layout.VOLTAGE, 1.0),
+    "starboard_current": (layout.STARBOARD_STATE + layout.CURRENT, 1.0),
+    "starboard_rpm": (layout.STARBOARD_STATE + layout.SPIN, RPM),
+}
+_STATE_ROWS = [row for row, _ in STATE.values()]
+_STATE_FACTORS = [factor for _, factor in STATE.values()]
+
+
+class FleetTruth(Mapping):
+    """The truth of a step as arrays (n_lanes,), each read afresh when asked for: reading all costs more than a step.
+
+    It speaks for one step only; keep ``dict(info["truth"])`` where it is to outlive the step.
+    """
+
+    def __init__(self, fleet: Fleet):
+        self._fleet, self._outcomes = fleet, fleet.outcomes
+        self._diagnoses = np.array([fault.diagnosis for fault in CATALOGUE.values()])
+        self._readers: dict[str, Callable[[], Any]] = {
+            "label": self._label,
+            "severity": self._severity,
+            "onset": self._onset,
+            "parameters": self._parameters,
+            "state": self._state,
+        }
+
+    def __getitem__(self, key: str):
+        if self._fleet.outcomes is not self._outcomes:
+            raise RuntimeError(f"truth[{key!r}]: got a later step; allowed is its own step; keep dict(info['truth'])")
+        return self._readers[known_name("truth", key, self._readers)]()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._readers)
+
+    def __len__(self) -> int:
+        return len(self._readers)
+
+    def _row(self, index: int) -> np.ndarray:
+        return self._fleet.table[:, index].flatten()[: self._fleet.n_lanes]
+
+    def _parameters(self) -> dict[str, np.ndarray]:
+        return {name: self._row(layout.PARAMETER + p) for p, name in enumerate(PARAMETERS)}
+
+    def _state(self) -> dict[str, np.ndarray]:
+        return {name: factor * self._row(index) for name, (index, factor) in STATE.items()}
+
+    def _onset(self) -> np.ndarray:
+        plan = self._fleet.plan
+        return np.where(plan.fault >= 0, plan.profile[:, :, 0], np.inf).min(axis=1, initial=np.inf)
+
+    def _severity(self) -> dict[str, np.ndarray]:
+        plan, names = self._fleet.plan, classes()
+        of_fault = np.array([names.index(diagnosis) for diagnosis in self._diagnoses])
+        table, lanes = np.zeros((len(names), self._fleet.n_lanes)), np.arange(self._fleet.n_lanes)
+        for fault, severity in zip(plan.fault.T, plan.severity.T, strict=True):
+            np.maximum.at(table, (np.where(fault >= 0, of_fault[fault], 0), lanes), severity)
+        return dict(zip(names[1:], table[1:], strict=True))
+
+    def _label(self) -> np.ndarray:
+        plan, lanes = self._fleet.plan, np.arange(self._fleet.n_lanes)
+        if not plan.severity.size:
+            return np.full(lanes.size, NORMAL)
+        worst = plan.severity.argmax(axis=1)
+        active = plan.severity[lanes, worst] > 0.0
+        return np.where(active, self._diagnoses[plan.fault[lanes, worst]], NORMAL)
+
+
+class LaneTruth:
+    """The truth of one lane in plain numbers; what changes only with the faults is read anew only then."""
+
+    def __init__(self, fleet: Fleet, lane: int = 0):
+        self._fleet, self._lane, self._seen = fleet, lane, -1
+        self._diagnoses = [fault.diagnosis for fault in CATALOGUE.values()]
+        self._no_fault = dict.fromkeys(classes()[1:], 0.0)
+
+    def read(self) -> dict[str, Any]:
+        """A fresh dictionary: label, severity by class, onset [s], parameters and noise-free state by name."""
+        if self._seen != self._fleet.changes:
+            self._read_faults()
+        column = self._fleet.table[self._lane // layout.LANES, :, self._lane % layout.LANES]
+        state = (column[_STATE_ROWS] * _STATE_FACTORS).tolist()
+        return {
+            "label": self._label,
+            "severity": self._severity.copy(),
+            "onset": self._onset,
+            "parameters": self._parameters.copy(),
+            "state": dict(zip(STATE, state, strict=True)),
+        }
+
+    def _read_faults(self):
+        plan, self._seen = self._fleet.plan, self._fleet.changes
+        column = self._fleet.table[self._lane // layout.LANES, layout.PARAMETER :, self._lane % layout.LANES]
+        self._parameters = dict(zip(PARAMETERS, column.tolist(), strict=True))
+        self._severity, self._onset = self._no_fault.copy(), float("inf")
+        rows = plan.fault[self._lane].tolist(), plan.severity[self._lane].tolist(), plan.profile[self._lane].tolist()
+        for fault, severity, profile in zip(*rows, strict=True):
+            if fault >= 0:
+                name = self._diagnoses[fault]
+                self._severity[name] = max(self._severity[name], severity)
+                self._onset = min(self._onset, profile[0])
+        worst = max(self._severity, key=self._severity.__getitem__)
+        self._label = worst if self._severity[worst] > 0.0 else NORMAL

@@ -1,0 +1,1 @@
+"""Diagnosers of propulsion faults, and the filters that feed them."""

@@ -1,0 +1,1 @@
+"""Scripts around environment and diagnosers: reproduction, simulation, training, benchmark, command line."""
