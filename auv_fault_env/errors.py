@@ -5,13 +5,17 @@ import math
 from collections.abc import Iterable
 
 
-def refusal(thing: str, got, allowed: str, remedy: str) -> ValueError:
-    """A `ValueError` in one line.
+class InputError(ValueError):
+    """Input from outside that is refused; the command line prints it as one line and exits with code 2."""
+
+
+def refusal(thing: str, got, allowed: str, remedy: str) -> InputError:
+    """An `InputError` in one line.
 
     >>> str(refusal("severity", 1.5, "0 to 1", "give a fraction"))
     'severity: got 1.5; allowed is 0 to 1; give a fraction'
     """
-    return ValueError(f"{thing}: got {got!r}; allowed is {allowed}; {remedy}")
+    return InputError(f"{thing}: got {got!r}; allowed is {allowed}; {remedy}")
 
 
 def known_name(kind: str, name, names: Iterable[str]) -> str:
@@ -20,7 +24,7 @@ def known_name(kind: str, name, names: Iterable[str]) -> str:
     >>> known_name("preset", "thesis1993", ["thesis1992", "npsnet1995"])
     Traceback (most recent call last):
     ...
-    ValueError: preset: got 'thesis1993'; allowed is one of thesis1992, npsnet1995; did you mean 'thesis1992'?
+    auv_fault_env.errors.InputError: preset: got 'thesis1993'; allowed is one of thesis1992, npsnet1995; did you mean 'thesis1992'?
     """
     names = list(names)
     if name in names:
@@ -36,7 +40,7 @@ def finite_in_range(thing: str, value, low: float, high: float) -> float:
     >>> finite_in_range("severity", float("nan"), 0, 1)
     Traceback (most recent call last):
     ...
-    ValueError: severity: got nan; allowed is a number from 0 to 1; give one in that range
+    auv_fault_env.errors.InputError: severity: got nan; allowed is a number from 0 to 1; give one in that range
     """
     try:
         number = float(value)

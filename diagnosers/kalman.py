@@ -1,22 +1,14 @@
-"""Kalman filters of the surge equation, batched over lanes: the thesis' parameter filter and a state-and-parameter EKF.
+"""Kalman filters of the surge equation, batched over lanes: the thesis' parameter filter and an EKF with the speed.
 
-Both work on the surge equation ``du/dt = alpha u|u| + beta n|n| + gamma u|u| delta^2 + d``, where ``n|n|`` is the mean of
-the two shafts [rpm^2], ``delta^2 = rudder^2 + stern_plane^2`` and ``beta`` is that of both propellers together.
+Both rest on ``du/dt = alpha u|u| + beta n|n| + gamma u|u| delta^2 + d``; ``n|n|`` is the mean of both shafts [rpm^2],
+``delta^2 = rudder^2 + stern_plane^2``, ``beta`` that of both propellers together. `ParameterFilter` reads the
+accelerometer, each measured acceleration being an equation in the parameters; `SurgeFilter` does without it.
 
-* `ParameterFilter` reads the accelerometer: each measured acceleration is one equation in the three parameters.
-* `SurgeFilter` does without it: the paddle wheel corrects a speed that the equation predicts.
-
-A filter is a frozen configuration; an `Estimate` is an immutable tuple of arrays; ``update`` is a pure function of the
-two and of an observation, so a batch of lanes gives bit for bit what each lane gives alone.
-
-Units: a parameter's estimate is relative to its nominal value (1 = nominal), because ``beta`` is about 1e-7 and a
-covariance in SI units would be singular to working precision; `physical` converts. Speed is in m/s, d in m/s^2.
-
-Sources
--------
-Thesis (NPS, June 1992), IV.B: the parameter filter. Gelb (ed.), "Applied Optimal Estimation", MIT Press 1974, 4.2 and
-6.1: the Kalman filter, the Joseph form and the extended filter. Bar-Shalom, Li & Kirubarajan, "Estimation with
-Applications to Tracking and Navigation", Wiley 2001, 5.4: NEES and NIS.
+A filter is a frozen configuration, an `Estimate` an immutable tuple of arrays, ``update`` a pure function: a batch of
+lanes gives bit for bit what each lane gives alone. Parameters are estimated relative to nominal (1 = nominal): ``beta``
+is about 1e-7, and a covariance in SI units would be singular to working precision. `physical` converts.
+Sources: thesis (NPS, June 1992), IV.B; Gelb (ed.), "Applied Optimal Estimation", MIT Press 1974 (filters, Joseph form);
+Bar-Shalom, Li & Kirubarajan, "Estimation with Applications to Tracking and Navigation", Wiley 2001 (NEES, NIS).
 """
 
 from collections.abc import Callable
@@ -36,8 +28,11 @@ NOISE_FLOOR = 1e-3  # least scale of the sensor noise: keeps every variance posi
 DISTURBANCE_FLOOR = 1e-6  # m/s^2, least standard deviation of the disturbance, for the same reason
 START_SPEED_STD = 1.0  # m/s, what is known of the speed before the first reading
 BETWEEN_STD = 12**-0.5  # of a jump between two readings: standard deviation of a mean anywhere between them
+LIMIT = 10.0  # of a parameter from nominal, relative: keeps the integration stable whatever the readings say
 PARAMETERS = ("alpha", "beta", "gamma")
-COLUMNS = ("speed", "acceleration", "port_rpm", "starboard_rpm", "rudder", "stern_plane")
+READINGS = ("speed", "acceleration", "port_rpm", "starboard_rpm", "rudder", "stern_plane")
+COLUMNS = tuple(list(CHANNELS).index(name) for name in READINGS)
+compiled = njit(cache=True, error_model="numpy", forceinline=True)
 
 
 class Estimate(NamedTuple):
@@ -46,7 +41,7 @@ class Estimate(NamedTuple):
     mean (n_lanes, n_states) and covariance (n_lanes, n_states, n_states): parameters relative to nominal, speed m/s,
     disturbance m/s^2. innovation and innovation_variance (n_lanes,): last measurement minus its prediction, and its
     variance, in the measurement's unit. log_likelihood (n_lanes,): log density of the last measurement given those
-    before; a hypothesis' evidence is their sum. memory (n_lanes, n_memory): what the next update needs besides.
+    before; a hypothesis' evidence is their sum. memory (n_lanes,): the reading that the next update integrates from.
     """
 
     mean: np.ndarray
@@ -62,7 +57,6 @@ class Constants(NamedTuple):
 
     step: float
     opening: float
-    between: float
     alpha: float
     beta: float
     gamma: float
@@ -78,16 +72,16 @@ class Constants(NamedTuple):
 def opening_share(vehicle: Vehicle) -> float:
     """Share of a sample's first value in the mean over the sample, of a shaft that settles exponentially.
 
-    The voltage is held over the sample, so shaft speed (and with it thrust and acceleration) jumps towards a new value
-    with the motor's time constant ``tau = J R / (K_T^2 + R b)``; the mean over T is ``s`` first plus ``1 - s`` last
-    value, ``s = (tau/T)(1 - exp(-T/tau))``. 0.19 on the NPS AUV II; the trapezoid's 1/2 holds for tau far above T.
+    Voltage is held over the sample T, so thrust starts towards a new value at once, with the motor's time constant tau:
+    ``s = tau/T - 1/(exp(T/tau) - 1)``, 0.19 on the NPS AUV II (tau = 19 ms); 1/2, the trapezoid's, for a slow motor.
     """
     stiffness = vehicle.torque_constant**2 / vehicle.resistance + vehicle.viscous_friction
-    ratio = vehicle.inertia / (stiffness * SAMPLE_TIME)
-    return 0.5 if ratio > 1e3 else ratio * (1 - exp(-1 / ratio))
+    ratio = vehicle.inertia / stiffness / SAMPLE_TIME
+    decay = exp(-1 / ratio)
+    return 0.5 if ratio > 1e3 else ratio - decay / (1 - decay)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@compiled
 def _dot(size, left, right):
     """Scalar product."""
     total = 0.0
@@ -96,7 +90,7 @@ def _dot(size, left, right):
     return total
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@compiled
 def _condition(size, mean, covariance, row, innovation, variance, work):
     """Condition one lane on a scalar measurement ``z = row x + v``; returns the innovation's variance.
 
@@ -119,15 +113,15 @@ def _condition(size, mean, covariance, row, innovation, variance, work):
     return total
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
-def _walk(covariance, constants):
+@compiled
+def _walk(mean, covariance, constants):
     """Random walk of the parameters over one sample, slower the nearer a variance is to its ceiling."""
     for i in range(3):
-        used = covariance[i + 1, i + 1] / constants.ceiling[i]
-        covariance[i + 1, i + 1] += constants.walk[i] * max(0.0, 1.0 - used)
+        mean[i + 1] = min(max(mean[i + 1], 1.0 - LIMIT), 1.0 + LIMIT)
+        covariance[i + 1, i + 1] += constants.walk[i] * max(0.0, 1.0 - covariance[i + 1, i + 1] / constants.ceiling[i])
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@compiled
 def _inputs(readings):
     """Thrust input (mean ``n|n|`` of the shafts), the sum of the shafts' ``n^2`` and the squared deflection."""
     port, starboard, rudder, plane = readings[2], readings[3], readings[4], readings[5]
@@ -135,7 +129,7 @@ def _inputs(readings):
     return thrust, port * port + starboard * starboard, rudder * rudder + plane * plane
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@compiled
 def _condition_on_speed(size, mean, covariance, readings, constants, row, work):
     """Condition on the paddle wheel; returns innovation and its variance."""
     row[:] = 0.0
@@ -144,18 +138,17 @@ def _condition_on_speed(size, mean, covariance, readings, constants, row, work):
     return innovation, _condition(size, mean, covariance, row, innovation, constants.speed_variance, work)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
-def _predict_parameters(mean, covariance, memory, readings, constants):
+@compiled
+def _predict_parameters(mean, covariance, previous, readings, constants):
     """Let the parameters walk and the speed follow the measured acceleration."""
     c = constants
-    _walk(covariance, c)
-    jump = readings[1] - memory[0]
-    mean[0] += c.step * (memory[0] + (1.0 - c.opening) * jump)
-    covariance[0, 0] += c.step * c.step * (c.acceleration_variance + c.between * jump * jump)
-    memory[0] = readings[1]
+    _walk(mean, covariance, c)
+    jump = readings[1] - previous
+    mean[0] += c.step * (previous + (1.0 - c.opening) * jump)
+    covariance[0, 0] += c.step * c.step * (c.acceleration_variance + BETWEEN_STD**2 * jump * jump)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@compiled
 def _condition_on_acceleration(mean, covariance, readings, constants, row, work):
     """Condition speed and parameters on the measured acceleration; returns innovation and its variance."""
     c = constants
@@ -170,7 +163,7 @@ def _condition_on_acceleration(mean, covariance, readings, constants, row, work)
     return innovation, _condition(4, mean, covariance, row, innovation, variance, work)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@compiled
 def _integrate(mean, opening_thrust, thrust, deflection, constants, row):
     """Advance the mean speed over one sample by the midpoint rule; ``row`` becomes its gradient by the state."""
     c = constants
@@ -189,11 +182,11 @@ def _integrate(mean, opening_thrust, thrust, deflection, constants, row):
     mean[0] += c.step * (drag * square + push)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
-def _predict_surge(mean, covariance, memory, readings, constants, row, work):
+@compiled
+def _predict_surge(mean, covariance, previous, readings, constants, row, work):
     """Draw this sample's parameters and disturbance, then carry speed and covariance over the sample."""
     c = constants
-    _walk(covariance, c)
+    _walk(mean, covariance, c)
     mean[4] *= c.disturbance_memory
     for i in range(5):
         covariance[i, 4] *= c.disturbance_memory
@@ -201,10 +194,9 @@ def _predict_surge(mean, covariance, memory, readings, constants, row, work):
     covariance[4, 4] += (1.0 - c.disturbance_memory * c.disturbance_memory) * c.disturbance_variance
     thrust, squares, deflection = _inputs(readings)
     by_rpm = c.step * c.beta * mean[2]
-    jump = thrust - memory[0]
-    variance = by_rpm * by_rpm * (squares * c.rpm_variance + c.between * jump * jump)
-    _integrate(mean, memory[0], thrust, deflection, c, row)
-    memory[0] = thrust
+    jump = thrust - previous
+    variance = by_rpm * by_rpm * (squares * c.rpm_variance + BETWEEN_STD**2 * jump * jump)
+    _integrate(mean, previous, thrust, deflection, c, row)
     for i in range(5):
         work[0, i] = _dot(5, covariance[i], row)
     for i in range(5):
@@ -222,6 +214,7 @@ def _update_parameters(mean, covariance, innovation, variance, memory, observati
             readings[k] = observation[lane, columns[k]]
         x, p = mean[lane], covariance[lane]
         _predict_parameters(x, p, memory[lane], readings, constants)
+        memory[lane] = readings[1]
         _condition_on_speed(4, x, p, readings, constants, row, work)
         innovation[lane], variance[lane] = _condition_on_acceleration(x, p, readings, constants, row, work)
 
@@ -235,6 +228,7 @@ def _update_surge(mean, covariance, innovation, variance, memory, observation, c
             readings[k] = observation[lane, columns[k]]
         x, p = mean[lane], covariance[lane]
         _predict_surge(x, p, memory[lane], readings, constants, row, work)
+        memory[lane] = _inputs(readings)[0]
         innovation[lane], variance[lane] = _condition_on_speed(5, x, p, readings, constants, row, work)
 
 
@@ -247,7 +241,6 @@ class _Filter:
     disturbance: float = 1.0
     prior_std: tuple[float, float, float] = (0.3, 0.3, 0.5)
     walk_std: tuple[float, float, float] = (0.03, 0.03, 0.03)
-
     states: ClassVar[tuple[str, ...]]
     kernel: ClassVar[Callable]
 
@@ -261,148 +254,97 @@ class _Filter:
     @cached_property
     def constants(self) -> Constants:
         """What the compiled code gets: the nominal vehicle, noise variances, random walk and its ceiling."""
-        noise = max(self.sensor_noise, NOISE_FLOOR)
-        vehicle = self.vehicle
-        return Constants(
-            step=SAMPLE_TIME,
-            opening=opening_share(vehicle),
-            between=BETWEEN_STD**2,
-            alpha=vehicle.alpha,
-            beta=vehicle.beta,
-            gamma=vehicle.gamma,
-            speed_variance=(noise * CHANNELS["speed"].noise) ** 2,
-            acceleration_variance=(noise * CHANNELS["acceleration"].noise) ** 2,
-            rpm_variance=(noise * CHANNELS["port_rpm"].noise) ** 2,
-            disturbance_variance=max(self.disturbance * vehicle.disturbance_std, DISTURBANCE_FLOOR) ** 2,
-            disturbance_memory=exp(-SAMPLE_TIME / vehicle.disturbance_time),
-            walk=tuple(SAMPLE_TIME * std**2 for std in self.walk_std),
-            ceiling=tuple(std**2 for std in self.prior_std),
-        )
-
-    @cached_property
-    def scale(self) -> np.ndarray:
-        """Nominal value of every state, (n_states,): what `physical` multiplies by; 1 for speed and disturbance."""
-        nominal = {name: getattr(self.vehicle, name) for name in PARAMETERS}
-        return np.array([nominal.get(state, 1.0) for state in self.states])
+        vehicle, noise = self.vehicle, max(self.sensor_noise, NOISE_FLOOR)
+        variances = [(noise * CHANNELS[name].noise) ** 2 for name in ("speed", "acceleration", "port_rpm")]
+        disturbance = max(self.disturbance * vehicle.disturbance_std, DISTURBANCE_FLOOR)
+        memory = exp(-SAMPLE_TIME / vehicle.disturbance_time)
+        walk, ceiling = tuple(SAMPLE_TIME * std**2 for std in self.walk_std), tuple(std**2 for std in self.prior_std)
+        model = (SAMPLE_TIME, opening_share(vehicle), vehicle.alpha, vehicle.beta, vehicle.gamma)
+        return Constants(*model, *variances, disturbance**2, memory, walk, ceiling)
 
     def initial(self, n_lanes: int) -> Estimate:
-        """The estimate before any observation: nominal parameters with ``prior_std``, speed unknown."""
-        mean, variance, memory = (np.array(values, dtype=float) for values in self._start())
-        nothing = np.zeros(n_lanes)
-        covariance = np.tile(np.diag(variance), (n_lanes, 1, 1))
-        means, memories = np.tile(mean, (n_lanes, 1)), np.tile(memory, (n_lanes, 1))
-        return Estimate(means, covariance, nothing, np.ones(n_lanes), nothing, memories)
+        """Start n_lanes lanes before any observation: nominal parameters with ``prior_std``, speed unknown."""
+        n, c, zero = len(self.states), self.constants, np.zeros(n_lanes)
+        mean = np.array([0.0, 1.0, 1.0, 1.0, 0.0])[:n]
+        covariance = np.diag([START_SPEED_STD**2, *c.ceiling, c.disturbance_variance])[:n, :n]
+        tiled = np.tile(mean, (n_lanes, 1)), np.tile(covariance, (n_lanes, 1, 1))
+        return Estimate(*tiled, zero, np.ones(n_lanes), zero, zero)
 
     def update(self, estimate: Estimate, observation: np.ndarray) -> Estimate:
-        """The estimate after the next observation (n_lanes, n_channels), channels as in `CHANNELS`, 0.1 s later.
+        """Return the estimate after the next observation (n_lanes, n_channels), 0.1 s later, channels as in `CHANNELS`.
 
-        Raises `ValueError` if the shape is not that of the estimate. Readings are taken as they come: a silent channel's
-        zeros are measurements to the filter, so mask or diagnose the sensor elsewhere.
+        Raises `ValueError` if the shape is not the estimate's. A silent channel's zeros count as measurements.
         """
         observation = np.ascontiguousarray(observation, dtype=np.float64)
-        shape = (len(estimate.mean), len(CHANNELS))
-        if observation.shape != shape:
+        if observation.shape != (shape := (len(estimate.mean), len(CHANNELS))):
             raise refusal("observation's shape", observation.shape, f"{shape}", "give one row per lane of the estimate")
         mean, covariance, memory = estimate.mean.copy(), estimate.covariance.copy(), estimate.memory.copy()
         innovation, variance = np.empty(len(mean)), np.empty(len(mean))
-        self.kernel(mean, covariance, innovation, variance, memory, observation, _columns(), self.constants)
+        self.kernel(mean, covariance, innovation, variance, memory, observation, COLUMNS, self.constants)
         log_likelihood = -0.5 * (np.log(2 * pi * variance) + innovation * innovation / variance)
         return Estimate(mean, covariance, innovation, variance, log_likelihood, memory)
 
     def physical(self, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (n_lanes, n_states) and covariance (n_lanes, n_states, n_states) in SI units and rpm.
+        """Return mean (n_lanes, n_states) and covariance (n_lanes, n_states, n_states) in SI units and rpm.
 
-        alpha 1/m, beta (m/s^2)/rpm^2, gamma 1/(m rad^2), speed m/s, disturbance m/s^2. The SI covariance spans some
-        14 decades: read standard deviations off it, and invert the relative one.
+        Units as in `Vehicle`. Invert the relative covariance, not this one, which spans 14 decades.
         """
-        return estimate.mean * self.scale, estimate.covariance * np.outer(self.scale, self.scale)
+        scale = np.array([getattr(self.vehicle, state, 1.0) for state in self.states])
+        return estimate.mean * scale, estimate.covariance * np.outer(scale, scale)
 
 
 @dataclass(frozen=True)
 class ParameterFilter(_Filter):
     """The thesis' parameter filter (IV.B.2): each measured acceleration is an equation in (alpha, beta, gamma).
 
-    The parameters walk at random; ``du/dt = H theta + v`` with ``H = [u|u|, n|n|, u|u| delta^2]`` of the same instant.
-    The paddle wheel's noise, squared in H, would pull alpha towards zero by several percent, so the speed in H comes
-    from a kinematic stage: measured acceleration integrated, corrected by the paddle wheel (1.4 mm/s instead of 1 cm/s
-    at default noise). What noise is left in H is added, to first order, to the variance of v.
+    ``du/dt = H theta + v``, ``H = [u|u|, n|n|, u|u| delta^2]`` of one instant, theta a random walk. The paddle wheel's
+    noise, squared in H, would pull alpha towards zero by several percent; so the speed in H is a state too: measured
+    acceleration integrated, corrected by the paddle wheel (1.5 mm/s instead of 1 cm/s; the bias falls below 1 %). Its
+    uncertainty and that of the rpm counters enter the innovation's variance to first order.
 
-    Parameters
-    ----------
-    vehicle
-        Its nominal constants; the filter is not told the true ones.
-    sensor_noise
-        Scale of the standard deviations in `CHANNELS`; below `NOISE_FLOOR` it counts as `NOISE_FLOOR`.
-    disturbance
-        Scale of the vehicle's ``disturbance_std``.
-    prior_std
-        Relative standard deviation of (alpha, beta, gamma) at the start, and the ceiling of the random walk: it slows
-        as a variance nears ``prior_std**2`` and never carries it beyond, so nothing winds up while a parameter is
-        unobservable. 30 % covers the healthy band and makes a 50 % fault a 1.7 sigma event.
-    walk_std
-        Relative random walk of (alpha, beta, gamma) per square root of a second. 3 % follows a jump of 35 % within two
-        speed changes and adds a tenth to the scatter of a healthy estimate.
+    ``sensor_noise`` and ``disturbance`` scale the standard deviations of `CHANNELS` and vehicle, down to a floor.
+    ``prior_std``: of (alpha, beta, gamma), relative, at the start; also the ceiling of the random walk, which slows as
+    a variance nears it, so nothing winds up unobserved. 0.3 makes a fault of 50 % an event of 1.7 sigma.
+    ``walk_std``: random walk per square root of a second, relative. 0.03 follows a jump of 35 % within two speed
+    changes and hardly adds to the scatter of a healthy estimate.
 
-    When it misleads
-    ----------------
-    At constant speed only beta/alpha is observable: a drag fault moves both estimates until the speed changes. gamma
-    does not move without deflection. A bias of the accelerometer b is a force to it, and biases its speed stage by
-    about 5 s x b. A disturbance is coloured, the filter takes it as white with the same density at low frequency,
-    ``(1 + rho)/(1 - rho)`` times its variance: honest for slow changes, pessimistic for quick ones; its NIS is then far
-    below 1 (0.05 at default), so use `SurgeFilter` for likelihoods. After a jump of a parameter, the
-    covariance says nothing of the lag.
+    When it misleads: at constant speed only beta/alpha is observable, so a drag fault moves both until the speed
+    changes; gamma does not move without deflection; a bias b of the accelerometer is a force to it and shifts the speed
+    by about 5 s x b; after a jump of a parameter the covariance says nothing of the lag. The coloured disturbance is
+    taken as white of the same low-frequency density, (1 + rho)/(1 - rho) times its variance: honest for slow changes,
+    pessimistic for quick ones, and NIS falls to 0.05. Take likelihoods from `SurgeFilter`.
     """
 
     states: ClassVar[tuple[str, ...]] = ("speed", *PARAMETERS)
     kernel: ClassVar[Callable] = staticmethod(_update_parameters)
-
-    def _start(self):
-        return (0, 1, 1, 1), (START_SPEED_STD**2, *self.constants.ceiling), (0,)
 
 
 @dataclass(frozen=True)
 class SurgeFilter(_Filter):
     """Extended Kalman filter of (speed, alpha, beta, gamma, disturbance) from paddle wheel and shaft speeds alone.
 
-    Prediction integrates the surge equation over the sample with the midpoint rule; thrust is the mean of ``n|n|`` over
-    the sample, between the readings that bound it (`opening_share`), with an uncertainty of 0.29 of their difference
-    and the noise of the rpm counters. The disturbance is an Ornstein-Uhlenbeck process held over a sample,
-    ``d' = rho d + sqrt(1 - rho^2) std w``. The measurement is the paddle wheel. Parameters as in `ParameterFilter`.
+    The surge equation is integrated over the sample by the midpoint rule; thrust is the mean of ``n|n|`` between the
+    readings that bound the sample (`opening_share`), uncertain by 0.29 of their difference and by the counters' noise;
+    d is an Ornstein-Uhlenbeck process held over a sample, ``d' = rho d + sqrt(1 - rho^2) std w``. The measurement is
+    the paddle wheel. Configuration as in `ParameterFilter`.
 
-    When it misleads
-    ----------------
-    As the parameter filter does at constant speed and without deflection. A speed gain c reads as alpha/c and c beta.
-    It linearises about its own estimate: after a jump of a parameter, or with a prior far above 30 %, its covariance is
-    too small. It has no sensor fault in its model.
+    When it misleads: as the parameter filter at constant speed and without deflection. A paddle wheel's gain c reads
+    as alpha/c and c beta. After a jump of a parameter, or with a prior far above 0.3, its covariance is too small.
     """
 
     states: ClassVar[tuple[str, ...]] = ("speed", *PARAMETERS, "disturbance")
     kernel: ClassVar[Callable] = staticmethod(_update_surge)
 
-    def _start(self):
-        variance = (START_SPEED_STD**2, *self.constants.ceiling, self.constants.disturbance_variance)
-        return (0, 1, 1, 1, 0), variance, (0,)
-
-
-def _columns() -> tuple[int, ...]:
-    names = tuple(CHANNELS)
-    return tuple(names.index(name) for name in COLUMNS)
-
 
 def nees(estimate: Estimate, truth: np.ndarray) -> np.ndarray:
     """Normalised estimation error squared (n_lanes,), truth (n_lanes, n_states) in the units of ``estimate.mean``.
 
-    Chi-square with n_states degrees of freedom if the filter's model is true, so its mean over lanes is n_states; above
-    it the filter is overconfident. Misleads over time: successive values of one lane are correlated. Bar-Shalom 5.4.
+    Chi-square of n_states degrees if the model is true. Values of one lane are correlated: average over lanes.
     """
     error = truth - estimate.mean
     return np.einsum("li,li->l", error, np.linalg.solve(estimate.covariance, error[..., None])[..., 0])
 
 
 def nis(estimate: Estimate) -> np.ndarray:
-    """Normalised innovation squared (n_lanes,) of the last measurement: chi-square, one degree of freedom, mean 1.
-
-    Needs no truth, so it works at sea; but it weighs all directions alike, and hardly sees a wrong parameter at
-    constant speed. Bar-Shalom 5.4.
-    """
+    """Normalised innovation squared (n_lanes,), chi-square of one degree; blind to drag against thrust at cruise."""
     return estimate.innovation**2 / estimate.innovation_variance

@@ -1,7 +1,7 @@
 """The Kalman filters against closed forms, a noise-free thesis run, their own model's statistics and hostile inputs."""
 
 from dataclasses import replace
-from math import exp, pi
+from math import exp
 
 import numpy as np
 import pytest
@@ -114,6 +114,21 @@ def test_parameter_filter_without_walk_is_regularised_least_squares():
     np.testing.assert_allclose(estimate.mean[0, 1:], np.linalg.solve(precision, moment), rtol=1e-6)
 
 
+def test_innovation_variance_of_the_acceleration_counts_every_input_noise():
+    """One update from known, uncorrelated uncertainties, against the first-order sum by hand."""
+    kalman = ParameterFilter(VEHICLE, sensor_noise=10.0, disturbance=0.0, walk_std=(0.0, 0.0, 0.0))
+    u, rpm, rudder = 1.5, 400.0, 0.4
+    start = kalman.initial(1)._replace(mean=np.array([[u, 1.0, 1.0, 1.0]]))
+    after = kalman.update(start, observe(u, 0.0, rpm, rudder))
+    by_speed = 2 * u * (VEHICLE.alpha + VEHICLE.gamma * rudder**2)
+    by_rpm = 2 * VEHICLE.beta * rpm / 2 * np.array([1.0, 1.0])
+    by_theta = NOMINAL * [u * u, rpm * rpm, u * u * rudder**2] * kalman.prior_std
+    of_speed = by_speed**2 / (1 / START_SPEED_STD**2 + 1 / 0.1**2)
+    expected = (by_theta**2).sum() + of_speed + (by_rpm**2).sum() * 10.0**2 + 0.02**2
+    assert after.innovation_variance[0] == pytest.approx(expected, rel=1e-5)
+    assert of_speed > 0.1 * expected
+
+
 def test_surge_filter_at_rest_has_the_likelihood_of_a_linear_gaussian_model():
     """At u = 0 and n = 0 the speed is a random walk driven by d: the readings are jointly normal, in closed form."""
     readings = 1e-6 * np.random.default_rng(3).standard_normal(30)
@@ -184,10 +199,15 @@ def hostile(n_lanes, n_steps, seed=4):
     rng = np.random.default_rng(seed)
     low, high = np.array([(channel.low, channel.high) for channel in CHANNELS.values()]).T
     calm = observe(0.3, 0.0, 270.0, n_lanes=n_lanes)
+    least, full, empty = np.tile(low, (n_lanes, 1)), np.tile(high, (n_lanes, 1)), 0 * calm
     for k in range(n_steps):
-        wild = rng.uniform(low, high, (n_lanes, len(CHANNELS)))
-        silent = calm * (rng.random(calm.shape) < 0.7)
-        yield (calm, wild, silent, 0 * calm, np.tile(high, (n_lanes, 1)), np.tile(low, (n_lanes, 1)), calm)[k // 50 % 7]
+        phase = k // 50 % 7
+        if phase == 1:
+            yield rng.uniform(low, high, calm.shape)
+        elif phase == 2:
+            yield calm * (rng.random(calm.shape) < 0.7)
+        else:
+            yield {3: empty, 4: full, 5: least}.get(phase, calm)
 
 
 @pytest.mark.parametrize("scale", [0.0, 1.0], ids=["noise-nil", "noise-default"])
@@ -197,7 +217,7 @@ def test_covariance_stays_symmetric_positive_definite_and_bounded(kind, scale):
     estimate, ceiling = kalman.initial(2), 1.001 * np.array(kalman.prior_std) ** 2
     for k, observation in enumerate(hostile(2, 100_000)):
         estimate = kalman.update(estimate, observation)
-        if k % 7 == 0:
+        if k % 13 == 0:
             assert np.array_equal(estimate.covariance, estimate.covariance.swapaxes(1, 2))
             assert np.linalg.eigvalsh(estimate.covariance).min() > 0
             assert (np.einsum("lii->li", estimate.covariance)[:, 1:4] <= ceiling).all()

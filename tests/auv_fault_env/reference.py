@@ -1,0 +1,126 @@
+"""An independent solution of the plant's equations: written from the thesis, calls nothing of `physics`.
+
+Voltages, angles and disturbance are held over each sample; scipy's DOP853 goes from event to event, an event being a
+shaft that stops. A stopped shaft stays until the motor's torque exceeds the Coulomb friction.
+"""
+
+from collections.abc import Callable, Mapping
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from auv_fault_env.faults import CATALOGUE
+from auv_fault_env.parameters import PARAMETERS, SIDES, Vehicle
+
+SAMPLE = 0.1  # s
+FULL = 24.0  # V
+FLOOR = np.array([0.05, 1.0, 1.0, 0.1, 0.1])  # m/s, rad/s, rad: errors are relative to no less than this
+PLANT_FAULTS = [name for name, fault in CATALOGUE.items() if not fault.component.startswith("sensor")]
+
+
+class Inputs(NamedTuple):
+    """What acts on the vehicle during each sample, all (n_samples,)."""
+
+    port: np.ndarray  # V
+    starboard: np.ndarray  # V
+    rudder: np.ndarray  # rad
+    plane: np.ndarray  # rad
+    disturbance: np.ndarray  # m/s^2
+
+
+def held(rng: np.random.Generator, n_samples: int) -> np.ndarray:
+    """A voltage sequence of segments: nothing, everything, anything, or about what breaks the shaft away."""
+    levels = lambda: [0.0, FULL, rng.uniform(0, FULL), rng.uniform(0, 1.0)]  # noqa: E731
+    segments = [np.full(rng.integers(1, 12), levels()[rng.integers(4)]) for _ in range(n_samples)]
+    return np.concatenate(segments)[:n_samples]
+
+
+def random_inputs(seed: int, n_samples: int) -> Inputs:
+    """From rest to full speed, through jumps, and back to standing shafts."""
+    rng = np.random.default_rng(seed)
+    voltages = [held(rng, n_samples) for _ in SIDES]
+    for voltage in voltages:
+        voltage[: n_samples // 4], voltage[-n_samples // 8 :] = FULL, 0.0
+    angles = 0.4 * rng.uniform(-1, 1, (2, n_samples))
+    return Inputs(*voltages, *angles, 0.002 * rng.standard_normal(n_samples))
+
+
+def faulted(healthy: Mapping[str, float], severity: Mapping[str, float]) -> dict[str, float]:
+    """The parameters under faults of given severities."""
+    values = dict(healthy)
+    for name, s in severity.items():
+        for parameter, factor in CATALOGUE[name].scale.items():
+            values[parameter] *= 1 + s * (factor - 1)
+    for name, s in severity.items():
+        for parameter, shift in CATALOGUE[name].offset.items():
+            values[parameter] += s * shift
+    return values
+
+
+def within_band(healthy: Mapping[str, float], rng: np.random.Generator) -> dict[str, float]:
+    """A random healthy vehicle."""
+    return {name: value * (1 + PARAMETERS[name].band * rng.uniform(-1, 1)) for name, value in healthy.items()}
+
+
+def shaft(vehicle: Vehicle, parameters: Mapping[str, float], side: str) -> tuple[Callable, Callable, float]:
+    """Of one shaft: dw/dt of (u, w, V), whether V breaks it away, and its thrust per (rev/s)^2."""
+    beta, c1, c2, resistance, flux, coulomb, viscous, inertia = (
+        parameters[f"{side}_{name}"]
+        for name in "beta c1 c2 resistance torque_constant coulomb_friction viscous_friction inertia".split()
+    )
+    rho, diameter, wake = vehicle.density, vehicle.diameter, vehicle.wake_fraction
+
+    def rate(u, w, voltage):
+        n = w / (2 * pi)
+        current = (voltage - flux * w) / resistance
+        propeller = rho * diameter**5 * (c1 * n**2 - c2 * n * u * (1 - wake) / diameter)
+        return (flux * current - propeller - viscous * w - coulomb) / inertia
+
+    return rate, lambda voltage: flux * voltage / resistance > coulomb, beta * 60**2 / (2 * pi) ** 2
+
+
+def stop(index: int) -> Callable:
+    """The event of a shaft coming to rest."""
+    event = lambda t, y: y[index]  # noqa: E731
+    event.terminal, event.direction = True, -1
+    return event
+
+
+def sample(state: np.ndarray, hull: Callable, shafts: list, voltages: tuple, rtol: float) -> np.ndarray:
+    """The state (u, two w, two angles) one sample later."""
+    state, time = np.array(state), 0.0
+    while time < SAMPLE:
+        moving = [state[1 + k] > 0 or shafts[k][1](voltages[k]) for k in range(2)]
+
+        def rates(t, y, moving=moving):
+            u, *w = y[:3].tolist()
+            spins = [shafts[k][0](u, w[k], voltages[k]) if moving[k] else 0.0 for k in range(2)]
+            return [hull(u) + shafts[0][2] * w[0] ** 2 + shafts[1][2] * w[1] ** 2, *spins, *w]
+
+        events = [stop(1 + k) for k in range(2)]
+        span = (time, SAMPLE)
+        solution = solve_ivp(rates, span, state, "DOP853", rtol=rtol, atol=0.1 * rtol, events=events)
+        state, time = solution.y[:, -1], solution.t[-1]
+        for k, times in enumerate(solution.t_events):
+            state[1 + k] = 0.0 if len(times) or not moving[k] else state[1 + k]
+    return state
+
+
+def solve(vehicle: Vehicle, parameters: Mapping[str, float], inputs: Inputs, rtol: float = 1e-11) -> np.ndarray:
+    """Surge speed, shaft speeds and the angles turned in each sample, (n_samples, 5), from rest."""
+    shafts = [shaft(vehicle, parameters, side) for side in SIDES]
+    state, states = np.zeros(5), []
+    for port, starboard, rudder, plane, disturbance in zip(*(row.tolist() for row in inputs), strict=True):
+        drag = parameters["alpha"] + parameters["gamma"] * (rudder**2 + plane**2)
+        hull = lambda u, drag=drag, push=disturbance: drag * u * abs(u) + push  # noqa: E731
+        state[3:] = 0.0
+        state = sample(state, hull, shafts, (port, starboard), rtol)
+        states.append(state.copy())
+    return np.array(states)
+
+
+def error(got: np.ndarray, exact: np.ndarray) -> np.ndarray:
+    """The worst error of each state (5,), relative to max(|x|, 0.05 m/s, 1 rad/s, 0.1 rad)."""
+    return np.max(np.abs(got - exact) / np.maximum(np.abs(exact), FLOOR), axis=0)

@@ -1,0 +1,29 @@
+"""The command line ``auv-fault``: a subcommand per entry of `COMMANDS`, run by ``main`` of the module of that name."""
+
+import importlib
+import sys
+from collections.abc import Sequence
+
+from auv_fault_env.errors import InputError
+from training.arguments import COMMANDS
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; 0 on success, 2 on bad input with one line on the error stream."""
+    import tyro
+
+    command = tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="auv-fault", args=arguments)
+    name = next(name for name, kind in COMMANDS.items() if isinstance(command, kind))
+    try:
+        importlib.import_module(f"training.{name.replace('-', '_')}").main(command)
+    except InputError as error:
+        print(f"auv-fault {name}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"auv-fault {name}: stopped; nothing was left behind", file=sys.stderr)
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,101 @@
+"""Figures: functions that take data and return the figure."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+Series = Sequence[float]
+PORT, STARBOARD, SPEED, COMMAND, TRUTH = "#c0392b", "#1e8449", "#1f4e79", "#8a949e", "#111111"
+STYLE = {
+    "font.size": 9,
+    "axes.grid": True,
+    "grid.color": "#e3e8ec",
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "auv-fault",
+}
+
+
+def filter_response(
+    time: Series,
+    truth: Mapping[str, Series],
+    clean: Mapping[str, Series],
+    noisy_mean: Mapping[str, Series],
+    noisy_std: Mapping[str, Series],
+    units: Mapping[str, str],
+    speed_changes: Series,
+) -> Figure:
+    """Estimates of the parameter filter over time, one panel per parameter; scatter of the noisy runs as a band."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(9.6, 3.6), layout="constrained")
+        axes = figure.subplots(1, len(truth))
+        for axis, name in zip(axes, truth, strict=True):
+            mean, std = np.array(noisy_mean[name]), np.array(noisy_std[name])
+            axis.fill_between(time, mean - std, mean + std, color=SPEED, alpha=0.18, lw=0, label="noisy, ±1 std")
+            axis.plot(time, mean, color=SPEED, lw=1, label="noisy, mean")
+            axis.plot(time, clean[name], color=PORT, lw=1.4, label="noise-free")
+            axis.plot(time, truth[name], color=TRUTH, lw=1, ls="--", label="true")
+            for change in speed_changes:
+                axis.axvline(change, color=COMMAND, lw=0.6, ls=":")
+            axis.set(xlabel="time [s]", ylabel=f"{name} [{units[name]}]", xlim=(time[0], time[-1]))
+        _legend_above(figure, axes.flat)
+    return figure
+
+
+def transients(time: Series, panels: Mapping[str, Mapping[str, Series]], onset: float | None) -> Figure:
+    """Readings over time: panels by axis label, each with lines by name; a fault's onset as a vertical line."""
+    colours = {"port": PORT, "starboard": STARBOARD, "speed": SPEED, "commanded": COMMAND}
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(9.6, 5.0), layout="constrained")
+        axes = figure.subplots(2, 2, sharex=True)
+        for axis, (label, lines) in zip(axes.flat, panels.items(), strict=True):
+            for name, values in lines.items():
+                axis.plot(time, values, lw=1.2, label=name, color=colours[name], ls=_dash(name))
+            if onset is not None:
+                axis.axvline(onset, color=TRUTH, lw=0.8, ls=":", label="onset of the fault")
+            axis.set(ylabel=label, xlim=(time[0], time[-1]))
+        for axis in axes[1]:
+            axis.set_xlabel("time [s]")
+        _legend_above(figure, axes.flat)
+    return figure
+
+
+def _legend_above(figure: Figure, axes: Iterable[Axes]) -> None:
+    """One legend for all panels, above them, each name once."""
+    entries = {}
+    for axis in axes:
+        handles, names = axis.get_legend_handles_labels()
+        entries |= dict(zip(names, handles, strict=True))
+    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=len(entries), frameon=False)
+
+
+def _dash(name: str) -> str:
+    return "--" if name in ("starboard", "commanded") else "-"
+
+
+def starts(time: Series, modes: Mapping[str, Mapping[str, Series]]) -> Figure:
+    """One panel per reading, one line per operating mode: how the modes differ in the acceleration from rest."""
+    labels = list(next(iter(modes.values())))
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(9.6, 5.0), layout="constrained")
+        axes = figure.subplots(2, 2, sharex=True)
+        for axis, label in zip(axes.flat, labels, strict=True):
+            for mode, colour in zip(modes, (TRUTH, PORT, STARBOARD, SPEED), strict=True):
+                axis.plot(time, modes[mode][label], lw=1.2, label=mode, color=colour)
+            axis.set(ylabel=label, xlim=(time[0], time[-1]))
+        for axis in axes[1]:
+            axis.set_xlabel("time [s]")
+        _legend_above(figure, axes.flat)
+    return figure
+
+
+PLOTS: dict[str, Callable[..., Figure]] = {
+    "filter_response": filter_response,
+    "transients": transients,
+    "starts": starts,
+}

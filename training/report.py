@@ -1,0 +1,37 @@
+"""A report from results alone: sections of text, tables and figures become one self-contained ``index.html``."""
+
+import base64
+import io
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Template
+
+from training.plots import PLOTS
+
+
+def write_report(results: dict[str, Any], folder: Path) -> None:
+    """Draw the figures of `results` into ``figures/`` and write ``index.html`` with all of them inside.
+
+    Args:
+        results: title, intro and sections; a section has heading, text (list of paragraphs) and optionally table
+            (columns, rows) and figures (plot: name in `PLOTS`, data, name, caption).
+        folder: Where to write.
+    """
+    (folder / "figures").mkdir()
+    images = {
+        figure["name"]: _draw(figure, folder / "figures")
+        for section in results["sections"]
+        for figure in section.get("figures", ())
+    }
+    template = Template(files("training").joinpath("report.html.j2").read_text(encoding="utf-8"), autoescape=True)
+    (folder / "index.html").write_text(template.render(results=results, images=images), encoding="utf-8")
+
+
+def _draw(figure: dict[str, Any], folder: Path) -> str:
+    drawn = PLOTS[figure["plot"]](**figure["data"])
+    drawn.savefig(folder / f"{figure['name']}.png", dpi=110)
+    buffer = io.BytesIO()
+    drawn.savefig(buffer, format="svg")
+    return base64.b64encode(buffer.getvalue()).decode()

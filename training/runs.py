@@ -1,0 +1,103 @@
+"""The folder of a run: written aside and moved into place when complete, so that nothing half-written stays."""
+
+import json
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from auv_fault_env.errors import refusal
+
+PACKAGES = ("auv-fault", "gymnasium", "matplotlib", "numba", "numpy", "pyarrow", "scipy")
+MANIFEST = "manifest.json"
+
+
+@contextmanager
+def run_folder(output: Path, name: str, arguments: Any) -> Iterator[Path]:
+    """A folder to write into; on success it becomes `output` with a manifest, on any failure it disappears.
+
+    An earlier run at `output` is replaced; a folder that is not one, or a place that cannot be written, is refused.
+    """
+    output = Path(output).absolute()
+    remedy = "choose another --output"
+    if output.exists() and not (output / MANIFEST).is_file() and not _is_empty_folder(output):
+        raise refusal("output", str(output), "a new folder or that of an earlier run", remedy)
+    created = _missing_parents(output)
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        aside = Path(tempfile.mkdtemp(prefix=f".{output.name}-", dir=output.parent))
+    except OSError as error:
+        _remove_empty(created)
+        raise refusal("output", str(output), f"a place that can be written ({error.strerror})", remedy) from None
+    try:
+        yield aside
+        manifest = json.dumps(_manifest(name, arguments), indent=2, default=str)
+        (aside / MANIFEST).write_text(manifest, encoding="utf-8")
+        aside.chmod(0o755)
+        _replace(output, aside)
+    except BaseException:
+        shutil.rmtree(aside, ignore_errors=True)
+        _remove_empty(created)
+        raise
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write JSON that any reader takes: no NaN, no infinity."""
+    path.write_text(json.dumps(content, indent=1, allow_nan=False), encoding="utf-8")
+
+
+def _is_empty_folder(path: Path) -> bool:
+    return path.is_dir() and not any(path.iterdir())
+
+
+def _missing_parents(path: Path) -> list[Path]:
+    return [parent for parent in path.parents if not parent.exists()]
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    for folder in folders:
+        if _is_empty_folder(folder):
+            folder.rmdir()
+
+
+def _replace(output: Path, aside: Path) -> None:
+    old = aside.with_name(aside.name + "-old")
+    if output.exists():
+        output.rename(old)
+    aside.rename(output)
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _manifest(name: str, arguments: Any) -> dict[str, Any]:
+    return {
+        "command": f"auv-fault {name}",
+        "arguments": asdict(arguments),
+        "given": sys.argv[1:],
+        "versions": {"python": platform.python_version()} | {package: _version(package) for package in PACKAGES},
+        "revision": _revision(),
+    }
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _revision() -> str | None:
+    """Git revision of the code, `+` behind it if files were changed; None outside a checkout."""
+    git = ["git", "-C", str(Path(__file__).parent)]
+    try:
+        head = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, check=True).stdout.strip()
+        changed = subprocess.run([*git, "status", "--porcelain"], capture_output=True, text=True, check=True).stdout
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return head + ("+" if changed else "")

@@ -1,0 +1,147 @@
+"""``auv-fault simulate``: episodes of faulty vehicles as tables, one row per sample: time, channels, truth."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+from tqdm import tqdm
+
+from auv_fault_env.channels import CHANNELS
+from auv_fault_env.errors import finite_in_range, refusal
+from auv_fault_env.faults import CATALOGUE
+from auv_fault_env.fleet import Fleet
+from auv_fault_env.missions import MISSIONS, Mission, mission_of
+from auv_fault_env.parameters import SAMPLE_RATE
+from auv_fault_env.schedules import PROFILE, FaultEvent, Schedule, load_schedule, to_json
+from auv_fault_env.truth import STATE, FleetTruth
+from training.arguments import Simulate
+from training.runs import run_folder, write_json
+
+VEHICLES_AT_ONCE = 256  # of which every sample is held in memory
+WRITERS = {"csv": pyarrow.csv.CSVWriter, "parquet": pyarrow.parquet.ParquetWriter}
+
+
+def main(arguments: Simulate) -> None:
+    """Simulate and write; the output holds the tables, every vehicle's schedule, and a manifest."""
+    steps = _checked_steps(arguments)
+    schedule = None if arguments.schedule is None else _checked_schedule(arguments)
+    mission = None if arguments.mission is None else _mission(arguments.mission)
+    with run_folder(arguments.output, "simulate", arguments) as folder:
+        summary = write_tables(folder, arguments, steps, schedule, mission)
+        write_json(folder / "results.json", summary)
+    print(f"{summary['rows']} rows of {arguments.vehicles} vehicles in {arguments.output}")
+
+
+def _checked_steps(arguments: Simulate) -> int:
+    if arguments.vehicles < 1:
+        raise refusal("vehicles", arguments.vehicles, "a whole number from 1", "ask for at least one vehicle")
+    if not arguments.formats:
+        raise refusal("formats", arguments.formats, "csv, parquet or both", "name one")
+    finite_in_range("seed", arguments.seed, 0, 2**62)
+    _fleet(1, arguments)
+    return round(finite_in_range("duration", arguments.duration, 1 / SAMPLE_RATE, 1e6) * SAMPLE_RATE)
+
+
+def _fleet(n_lanes: int, arguments: Simulate) -> Fleet:
+    return Fleet(n_lanes, arguments.preset, arguments.sensor_noise, arguments.disturbance, arguments.healthy_band)
+
+
+def _checked_schedule(arguments: Simulate) -> Schedule:
+    schedule = load_schedule(arguments.schedule)
+    for event in schedule:
+        if event.onset >= arguments.duration:
+            allowed = f"before the episode's end at {arguments.duration:g} s"
+            raise refusal(f"onset of {event.fault}", event.onset, allowed, "begin earlier or raise --duration")
+    return schedule
+
+
+def _mission(text: str) -> Mission:
+    return mission_of(text if text in MISSIONS or not _is_number(text) else float(text))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def write_tables(
+    folder: Path, arguments: Simulate, steps: int, schedule: Schedule | None, mission: Mission | None
+) -> dict[str, Any]:
+    """Write the tables chunk by chunk, and schedules.json; returns counts."""
+    writers, schedules, rows = {}, {}, 0
+    with tqdm(total=arguments.vehicles * steps, unit="sample", unit_scale=True) as bar:
+        for table, chunk in _chunks(arguments, steps, schedule, mission, bar):
+            for kind in arguments.formats:
+                if kind not in writers:
+                    writers[kind] = WRITERS[kind](str(folder / f"episodes.{kind}"), table.schema)
+                writers[kind].write_table(table)
+            schedules |= chunk
+            rows += table.num_rows
+    for writer in writers.values():
+        writer.close()
+    plain = {vehicle: json.loads(to_json(events)) for vehicle, events in schedules.items()}
+    write_json(folder / "schedules.json", plain)
+    return {"rows": rows, "columns": table.schema.names, "vehicles": arguments.vehicles}
+
+
+def _chunks(
+    arguments: Simulate, steps: int, schedule: Schedule | None, mission: Mission | None, bar: tqdm
+) -> Iterator[tuple[pa.Table, dict[int, Schedule]]]:
+    for first in range(0, arguments.vehicles, VEHICLES_AT_ONCE):
+        vehicles = np.arange(first, min(first + VEHICLES_AT_ONCE, arguments.vehicles))
+        fleet = _fleet(vehicles.size, arguments)
+        observation = fleet.reset(
+            (arguments.seed + vehicles).tolist(),
+            schedules=None if schedule is None else [schedule] * vehicles.size,
+            missions=None if mission is None else [mission] * vehicles.size,
+        )
+        table = _table(vehicles, arguments.seed, roll_out(fleet, observation, steps, bar))
+        yield table, dict(zip(vehicles.tolist(), planned(fleet), strict=True))
+
+
+def roll_out(fleet: Fleet, observation: np.ndarray, steps: int, bar: tqdm) -> dict[str, np.ndarray]:
+    """Let every lane follow its mission; columns (steps, n_lanes) of channels and truth, at the end of each sample."""
+    samples: list[dict[str, np.ndarray]] = []
+    actions = np.zeros((fleet.n_lanes, 3))
+    for _ in range(steps):
+        actions[:, 0] = observation[:, 0]
+        observation = fleet.step(actions)
+        samples.append(_sample(fleet, observation))
+        bar.update(fleet.n_lanes)
+    return {name: np.stack([sample[name] for sample in samples]) for name in samples[0]}
+
+
+def _sample(fleet: Fleet, observation: np.ndarray) -> dict[str, np.ndarray]:
+    truth = FleetTruth(fleet)
+    severity = np.stack(list(truth["severity"].values()))
+    plant = {name: value for name, value in truth["parameters"].items() if not name.startswith(tuple(CHANNELS))}
+    columns = {"time": fleet.time} | dict(zip(CHANNELS, observation.T, strict=True))
+    columns |= {"truth_label": truth["label"], "truth_severity": severity.max(axis=0), "truth_onset": truth["onset"]}
+    return columns | {f"truth_{name}": value for name, value in (truth["state"] | plant).items()}
+
+
+def _table(vehicles: np.ndarray, seed: int, columns: dict[str, np.ndarray]) -> pa.Table:
+    steps = len(columns["time"])
+    keys = {"vehicle": np.repeat(vehicles, steps), "seed": np.repeat(vehicles + seed, steps)}
+    return pa.table(keys | {name: values.T.ravel() for name, values in columns.items()})
+
+
+def planned(fleet: Fleet) -> list[Schedule]:
+    """The schedule of every lane, drawn or given."""
+    names = list(CATALOGUE)
+    return [
+        tuple(
+            FaultEvent(names[row], **dict(zip(PROFILE, profile.tolist(), strict=True)))
+            for row, profile in zip(faults, profiles, strict=True)
+            if row >= 0
+        )
+        for faults, profiles in zip(fleet.plan.fault, fleet.plan.profile, strict=True)
+    ]
