@@ -51,14 +51,14 @@ def _need_reset(started: bool):
 
 
 class PropulsionEnv(gym.Env):
-    """The NPS AUV II under way: surge motion, two propeller shafts, their controllers and sensors, with injected faults.
+    """The NPS AUV II under way: surge motion, two propeller shafts, controllers and sensors, with injected faults.
 
     ## Description
     The vehicle keeps the speed of its mission while a fault may strike its hull, propellers, shaft seals, motors or
-    sensors. The agent commands speed, rudder and stern plane; a diagnoser, outside, reads the observations and names the
-    fault. The plant is that of the NPS thesis "Neural network based propulsion system fault diagnostics for the NPS AUV
-    II" (June 1992); a sample is 0.1 s. Every episode draws its own healthy vehicle, mission, faults and noise from the
-    seed. The same seed with an empty schedule is the exact fault-free twin.
+    sensors. The agent commands speed, rudder and stern plane; a diagnoser, outside, reads the observations and names
+    the fault. The plant is that of the NPS thesis "Neural network based propulsion system fault diagnostics for the
+    NPS AUV II" (June 1992); a sample is 0.1 s. Every episode draws its own healthy vehicle, mission, faults and noise
+    from the seed. The same seed with an empty schedule is the exact fault-free twin.
 
     ## Action Space
     `Box(3)`, float32, in physical units; values outside are clipped, NaN and infinity are refused.
@@ -101,9 +101,9 @@ class PropulsionEnv(gym.Env):
 
     ## Information
     `mission_speed` [m/s], `energy` [J of the step], `cost` (squared deviation from the mission speed, m^2/s^2) and
-    `truth`: `label` (diagnosis class with the largest severity in force during the step, else `normal`), `severity` (by
-    class, in force), `onset` [s] of the first fault of the schedule (infinite if none), `parameters` (physical, by name,
-    in force), `state` (noise-free, by name). The truth tells a future onset: it is for scoring, never for an agent.
+    `truth`: `label` (diagnosis class with the largest severity in force during the step, else `normal`), `severity`
+    (by class, in force), `onset` [s] of the first fault of the schedule (infinite if none), `parameters` (physical, by
+    name, in force), `state` (noise-free, by name). The truth tells a future onset: it is for scoring, not for agents.
 
     ## Arguments
     ```python
@@ -257,7 +257,8 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
             outcomes[finished, 3] = observations[finished, 0]
         self._done = self.fleet.time * SAMPLE_RATE >= self.max_episode_steps
         rewards, energy, cost, mission_speed = outcomes.T.copy()
-        return observations, rewards, self._terminated.copy(), self._done.copy(), self._info(energy, cost, mission_speed)
+        info = self._info(energy, cost, mission_speed)
+        return observations, rewards, self._terminated.copy(), self._done.copy(), info
 
     def _info(self, energy: np.ndarray, cost: np.ndarray, mission_speed: np.ndarray) -> dict[str, Any]:
         return {"mission_speed": mission_speed, "energy": energy, "cost": cost, "truth": FleetTruth(self.fleet)}

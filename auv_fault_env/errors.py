@@ -21,10 +21,10 @@ def refusal(thing: str, got, allowed: str, remedy: str) -> InputError:
 def known_name(kind: str, name, names: Iterable[str]) -> str:
     """The name if it is registered, else a refusal with the nearest name and the whole list.
 
-    >>> known_name("preset", "thesis1993", ["thesis1992", "npsnet1995"])
+    >>> known_name("side", "prot", ["port", "starboard"])
     Traceback (most recent call last):
     ...
-    auv_fault_env.errors.InputError: preset: got 'thesis1993'; allowed is one of thesis1992, npsnet1995; did you mean 'thesis1992'?
+    auv_fault_env.errors.InputError: side: got 'prot'; allowed is one of port, starboard; did you mean 'port'?
     """
     names = list(names)
     if name in names:

@@ -1,7 +1,7 @@
 """The catalogue: a fault is data, and everything else (classes, tables, matrices, tests) follows from it.
 
-At severity s a parameter becomes ``healthy * prod(1 + s (scale - 1)) + sum(s offset)`` over the active faults, so severity
-0 is healthy and faults compose. To add a fault, add an entry to `CATALOGUE`; nothing else needs an edit::
+At severity s a parameter becomes ``healthy * prod(1 + s (scale - 1)) + sum(s offset)`` over the active faults, so
+severity 0 is healthy and faults compose. To add a fault, add an entry to `CATALOGUE`; nothing else needs an edit::
 
     CATALOGUE["ice_on_hull"] = Fault(
         "ice_on_hull",
@@ -29,15 +29,24 @@ NORMAL = "normal"
 class Fault:
     """What a fault does at severity 1, and where it stands in the thesis' tables of operating modes.
 
-    Attributes:
-        name: Unique name, ``kind`` or ``kind:place``.
-        component: The part that fails: ``hull``, ``propeller:port``, ``sensor:speed``, ...
-        scale: Factor by parameter at severity 1.
-        offset: Shift by parameter at severity 1, in the parameter's unit.
-        about: One sentence.
-        source: Where the magnitude comes from.
-        table_5_1: Mode of the thesis' Table 5.1, if it knows the fault.
-        table_5_2: Mode of the thesis' Table 5.2, if it knows the fault.
+    Attributes
+    ----------
+    name
+        Unique name, ``kind`` or ``kind:place``.
+    component
+        The part that fails: ``hull``, ``propeller:port``, ``sensor:speed``, ...
+    scale
+        Factor by parameter at severity 1.
+    offset
+        Shift by parameter at severity 1, in the parameter's unit.
+    about
+        One sentence.
+    source
+        Where the magnitude comes from.
+    table_5_1
+        Mode of the thesis' Table 5.1, if it knows the fault.
+    table_5_2
+        Mode of the thesis' Table 5.2, if it knows the fault.
     """
 
     name: str

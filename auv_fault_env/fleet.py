@@ -24,20 +24,32 @@ class Fleet:
     Lane k with seed s is the same vehicle, bit for bit, in any fleet of any size, serial or parallel. The noise depends
     on (seed, episode, step, channel) alone, so the same seed with an empty schedule is the exact fault-free twin.
 
-    Args:
-        n_lanes: Number of vehicles, at least 1.
-        preset: Name in `PRESETS`, or a `Vehicle`.
-        sensor_noise: Factor on the readings' standard deviations; 0 for none.
-        disturbance: Factor on the disturbing acceleration; 0 for none.
-        healthy_band: Factor on the spread of healthy vehicles; 0 for the nominal one.
-        parallel: Share the blocks among numba's threads. By default in fleets of at least 512 lanes. A process that has
-            stepped in parallel must not fork (use spawn or forkserver).
-        schedules: Distribution of the schedules of lanes that are reset without one.
-        missions: Distribution of the missions of lanes that are reset without one.
+    Parameters
+    ----------
+    n_lanes
+        Number of vehicles, at least 1.
+    preset
+        Name in `PRESETS`, or a `Vehicle`.
+    sensor_noise
+        Factor on the readings' standard deviations; 0 for none.
+    disturbance
+        Factor on the disturbing acceleration; 0 for none.
+    healthy_band
+        Factor on the spread of healthy vehicles; 0 for the nominal one.
+    parallel
+        Share the blocks among numba's threads. By default in fleets of at least 512 lanes. A process that has
+        stepped in parallel must not fork (use spawn or forkserver).
+    schedules
+        Distribution of the schedules of lanes that are reset without one.
+    missions
+        Distribution of the missions of lanes that are reset without one.
 
-    Attributes:
-        outcomes: (n_lanes, 4) of the last step: reward, energy [J], cost [m^2/s^2], mission speed [m/s].
-        changes: Grows whenever a lane's faults, parameters or mission may have changed.
+    Attributes
+    ----------
+    outcomes
+        (n_lanes, 4) of the last step: reward, energy [J], cost [m^2/s^2], mission speed [m/s].
+    changes
+        Grows whenever a lane's faults, parameters or mission may have changed.
     """
 
     def __init__(
@@ -97,15 +109,22 @@ class Fleet:
     ) -> np.ndarray:
         """Start an episode on some lanes.
 
-        Args:
-            seeds: One per chosen lane: start that seed's first episode. None: go on to the next episode of the old one.
-            lanes: Indices (m,) of the lanes; None for all.
-            schedules: One per chosen lane; None: drawn from the sampler.
-            missions: One per chosen lane; None: drawn from the sampler.
-            observations: (n_lanes, n_channels) float32 to write the chosen rows of.
+        Parameters
+        ----------
+        seeds
+            One per chosen lane: start that seed's first episode. None: go on to the next episode of the old one.
+        lanes
+            Indices (m,) of the lanes; None for all.
+        schedules
+            One per chosen lane; None: drawn from the sampler.
+        missions
+            One per chosen lane; None: drawn from the sampler.
+        observations
+            (n_lanes, n_channels) float32 to write the chosen rows of.
 
-        Returns:
-            The observations, (n_lanes, n_channels) float32; rows of lanes not chosen are as they were, or zero.
+        Returns
+        -------
+        The observations, (n_lanes, n_channels) float32; rows of lanes not chosen are as they were, or zero.
         """
         chosen = np.arange(self.n_lanes) if lanes is None else np.asarray(lanes)
         if seeds is None:
@@ -152,11 +171,14 @@ class Fleet:
     def step(self, actions: np.ndarray) -> np.ndarray:
         """Advance every lane by one sample of 0.1 s.
 
-        Args:
-            actions: (n_lanes, 3): speed command [m/s], rudder and stern plane [rad]; clipped to the channels' limits.
+        Parameters
+        ----------
+        actions
+            (n_lanes, 3): speed command [m/s], rudder and stern plane [rad]; clipped to the channels' limits.
 
-        Returns:
-            New observations, (n_lanes, n_channels) float32; rewards and costs stand in `outcomes`.
+        Returns
+        -------
+        New observations, (n_lanes, n_channels) float32; rewards and costs stand in `outcomes`.
         """
         if self._due:
             episodes.refresh(self._lanes, self._plan, self._catalogue)
@@ -165,6 +187,12 @@ class Fleet:
         self.outcomes = np.empty((self.n_lanes, 4))
         self._due = self._kernel(self._lanes, actions, self._limits, self._constants, observations, self.outcomes)
         return observations
+
+    def set_healthy(self, values: np.ndarray) -> None:
+        """Replace the healthy parameters from the next step on: (n_lanes, n_parameters), ordered as `PARAMETERS`."""
+        self._plan.healthy[:] = values
+        self._lanes.due[:] = 0
+        self._due = self.n_lanes
 
     @property
     def table(self) -> np.ndarray:

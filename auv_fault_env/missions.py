@@ -15,9 +15,12 @@ from auv_fault_env.parameters import FOOT
 class Mission:
     """Mission speed in legs.
 
-    Attributes:
-        legs: Pairs (start [s], speed [m/s]), the first at 0 s, in ascending order.
-        start_speed: Speed [m/s] at which the vehicle starts in steady motion; None for that of the first leg, 0 for rest.
+    Attributes
+    ----------
+    legs
+        Pairs (start [s], speed [m/s]), the first at 0 s, in ascending order.
+    start_speed
+        Speed [m/s] at which the vehicle starts in steady motion; None for that of the first leg, 0 for rest.
     """
 
     legs: tuple[tuple[float, float], ...]
@@ -45,7 +48,7 @@ MISSIONS: dict[str, Mission] = {
 
 
 def mission_of(value: "Mission | str | float | Sequence | Mapping") -> Mission:
-    """A mission from itself, a name of `MISSIONS`, a constant speed [m/s], a list of legs, or a mapping of its fields."""
+    """A mission from itself, a name of `MISSIONS`, a constant speed [m/s], a list of legs, or a mapping of fields."""
     if isinstance(value, Mission):
         return value
     if isinstance(value, str):
@@ -62,11 +65,16 @@ def mission_of(value: "Mission | str | float | Sequence | Mapping") -> Mission:
 class MissionSampler:
     """Missions of `n_legs` legs; a share of them starts at rest, the others in steady motion.
 
-    Attributes:
-        speed: Range of the legs' speeds [m/s].
-        duration: Range of the legs' durations [s].
-        n_legs: Number of legs; the last one has no end.
-        from_rest: Probability of a start at rest.
+    Attributes
+    ----------
+    speed
+        Range of the legs' speeds [m/s].
+    duration
+        Range of the legs' durations [s].
+    n_legs
+        Number of legs; the last one has no end.
+    from_rest
+        Probability of a start at rest.
     """
 
     speed: tuple[float, float] = (0.15, 0.6)

@@ -42,7 +42,7 @@ def small(word):
 
 @scalar
 def logarithm(x):
-    """Natural logarithm of a normal positive number, to 1e-9: atanh series on the mantissa. libm's does not vectorise."""
+    """Natural logarithm of a normal positive number, to 1e-9: atanh series on the mantissa."""
     bits = np.float64(x).view(np.uint64)
     exponent = small(bits >> U52) - 1023.0
     mantissa = np.uint64((bits & LOW_52) | BITS_OF_ONE).view(np.float64)

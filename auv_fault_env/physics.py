@@ -62,7 +62,7 @@ class Shaft(NamedTuple):
 
 
 class Motor(NamedTuple):
-    """Coefficients of dw/dt = drive - (damping - coupling u) w - load w^2 and of the thrust acceleration, thrust w^2."""
+    """Coefficients of dw/dt = drive - (damping - coupling u) w - load w^2, and of the acceleration thrust w^2."""
 
     drive: float
     damping: float

@@ -9,28 +9,38 @@ import os
 import warnings
 from collections import deque
 from collections.abc import Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS, MAXIMUM_COMMAND, READINGS
+from auv_fault_env.channels import CHANNELS, MAXIMUM_COMMAND
 from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import SAMPLE_RATE, SIDES
-
-Colour = tuple[int, int, int]
-Point = Sequence[float]
+from auv_fault_env.silhouette import (
+    BLUE,
+    FAINT,
+    GRID,
+    INK,
+    PANEL,
+    PAPER,
+    SIDE_COLOURS,
+    STEEL,
+    VIEWS,
+    VIOLET,
+    WARNING,
+    Colour,
+    Point,
+    draw_ruler,
+    draw_vehicle,
+    vehicle_parts,
+)
 
 SIZE = (960, 640)  # px
+SMALL, MEDIUM, LARGE = 16, 18, 24  # sizes of the text
 WINDOW = 60.0  # s, length of the strip charts
 SLOW_MOTION = 20.0  # propellers turn on the screen this much slower, or ten frames a second would show them stand still
-
-PAPER, PANEL, INK, FAINT, GRID = (250, 251, 252), (255, 255, 255), (33, 41, 52), (112, 121, 133), (226, 231, 236)
-HULL, STEEL, FIN = (236, 214, 120), (150, 160, 172), (206, 176, 70)
-PORT, STARBOARD = (200, 32, 48), (0, 132, 72)  # the nautical side lights
-BLUE, VIOLET = (30, 104, 196), (142, 68, 190)
-WARNING, WARNING_EDGE = (255, 152, 20), (196, 84, 0)
-SIDE_COLOURS = dict(zip(SIDES, (PORT, STARBOARD), strict=True))
 
 
 class Trace(NamedTuple):
@@ -42,145 +52,31 @@ class Trace(NamedTuple):
     width: int = 1
 
 
-class Chart(NamedTuple):
-    """One strip chart: traces in one unit."""
-
-    title: str
-    unit: str
-    traces: tuple[Trace, ...]
-
-
-def _pair(title: str, quantity: str) -> Chart:
-    traces = tuple(Trace(f"{side}_{quantity}", side, SIDE_COLOURS[side]) for side in SIDES)
-    return Chart(title, CHANNELS[traces[0].channel].unit, traces)
+def _pair(quantity: str) -> tuple[Trace, ...]:
+    return tuple(Trace(f"{side}_{quantity}", side, SIDE_COLOURS[side]) for side in SIDES)
 
 
 TRUE_SPEED = "true_speed"
 COLUMNS = {name: column for column, name in enumerate(("time", *CHANNELS, TRUE_SPEED))}
-CHARTS = (
-    Chart(
-        "speed",
-        "m/s",
-        (
-            Trace("speed", "measured", INK),
-            Trace("mission_speed", "mission", STEEL, 2),
-            Trace("speed_command", "command", BLUE, 2),
-            Trace(TRUE_SPEED, "true", VIOLET),
-        ),
-    ),
-    _pair("shaft speed", "rpm"),
-    Chart("acceleration", "m/s²", (Trace("acceleration", "measured", INK),)),
-    _pair("motor voltage", "voltage"),
-    Chart("deflection", "rad", (Trace("rudder", "rudder", BLUE, 2), Trace("stern_plane", "stern plane", VIOLET, 2))),
-    _pair("motor current", "current"),
+SPEEDS = (
+    Trace("speed", "measured", INK),
+    Trace("mission_speed", "mission", STEEL, 4),
+    Trace("speed_command", "command", BLUE, 2),
+    Trace(TRUE_SPEED, "true", VIOLET),
 )
-
-
-class Part(NamedTuple):
-    """A part of the vehicle: corners (n, 3) in m, forward, to starboard and down from amidships; drawn as their hull."""
-
-    component: str
-    corners: np.ndarray
-    colour: Colour
-
-
-class View(NamedTuple):
-    """A projection: title, middle [px], scale [px/m], and the body axes that run to the right and down the screen."""
-
-    title: str
-    middle: Point
-    scale: float
-    axes: tuple[int, int]
-
-    def project(self, corners: np.ndarray) -> np.ndarray:
-        """Screen positions (n, 2) of points (n, 3)."""
-        return corners[:, self.axes] * self.scale + self.middle
-
-
-ABOVE = View("from above", (212.0, 66.0), 162.0, (0, 1))
-BESIDE = View("from starboard", (212.0, 167.0), 162.0, (0, 2))
-ASTERN = View("from astern", (542.0, 104.0), 300.0, (1, 2))
-
-SHAFT_OFFSET = dict(zip(SIDES, (-0.11, 0.11), strict=True))  # m, to starboard
-PROPELLER_RADIUS, PROPELLER_PLACE = 0.0508, -1.18  # m
-SENSOR_PLACES = {
-    "speed": (0.92, 0.0, 0.1),
-    "acceleration": (0.2, 0.0, 0.0),
-    **{f"{side}_voltage": (-0.56, y, 0.0) for side, y in SHAFT_OFFSET.items()},
-    **{f"{side}_current": (-0.46, y, 0.0) for side, y in SHAFT_OFFSET.items()},
-    **{f"{side}_rpm": (-0.95, y, 0.0) for side, y in SHAFT_OFFSET.items()},
+DEFLECTIONS = (Trace("rudder", "rudder", BLUE, 4), Trace("stern_plane", "stern plane", VIOLET, 2))
+CHARTS = {
+    "speed": SPEEDS,
+    "shaft speed": _pair("rpm"),
+    "acceleration": (Trace("acceleration", "measured", INK),),
+    "motor voltage": _pair("voltage"),
+    "deflection": DEFLECTIONS,
+    "motor current": _pair("current"),
 }
-AMIDSHIPS = (0.0, 0.0, 0.0)
-
-
-def _box(low: Point, high: Point) -> np.ndarray:
-    return np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
-
-
-def _turned(corners: np.ndarray, axis: int, pivot: Point, angle: float) -> np.ndarray:
-    """The points turned by the right-hand rule about a body axis through the pivot."""
-    first, second = (axis + 1) % 3, (axis + 2) % 3
-    moved = corners - pivot
-    a, b = moved[:, first].copy(), moved[:, second].copy()
-    moved[:, first] = a * math.cos(angle) - b * math.sin(angle)
-    moved[:, second] = a * math.sin(angle) + b * math.cos(angle)
-    return moved + pivot
-
-
-def _hull() -> np.ndarray:
-    """The box of the NPS AUV II, 2.2 m long: stations along the hull with half breadth and half height."""
-    stations = ((-1.1, 0.2, 0.045), (-0.72, 0.21, 0.127), (0.72, 0.21, 0.127), (0.9, 0.19, 0.115))
-    nose = ((1.0, 0.155, 0.095), (1.07, 0.1, 0.062), (1.1, 0.04, 0.025))
-    return np.concatenate([_box((x, -y, -z), (x, y, z)) for x, y, z in stations + nose])
-
-
-def _fins(rudder: float, plane: float) -> list[np.ndarray]:
-    """Stern rudders and planes, and those of the bow, which the vehicle deflects by as much the other way."""
-    fins = []
-    for x, sign in ((-0.93, 1.0), (0.62, -1.0)):
-        for end in (-1.0, 1.0):
-            upright = _box((x - 0.11, -0.007, end * 0.085), (x + 0.05, 0.007, end * 0.25))
-            level = _box((x - 0.11, end * 0.2, -0.007), (x + 0.05, end * 0.33, 0.007))
-            fins += [_turned(upright, 2, (x, 0, 0), sign * rudder), _turned(level, 1, (x, 0, 0), sign * plane)]
-    return fins
-
-
-def _drive(side: str, angle: float, share: float) -> list[Part]:
-    """Motor, shaft with its seal, and the propeller: its swept disc and two blades as long as its share of thrust."""
-    y, x, radius = SHAFT_OFFSET[side], PROPELLER_PLACE, PROPELLER_RADIUS
-    turns = np.arange(0.0, 2.0 * math.pi, math.pi / 12)
-    disc = np.stack([np.full(turns.size, x), y + radius * np.cos(turns), radius * np.sin(turns)], axis=1)
-    blades = _box((x - 0.006, y - 0.004, -radius * share), (x + 0.006, y + 0.004, radius * share))
-    middle = _box((x - 0.012, y - 0.011, -0.6 * radius * share), (x + 0.012, y + 0.011, 0.6 * radius * share))
-    propeller = _turned(np.concatenate([blades, middle]), 0, (x, y, 0), angle)
-    parts = [
-        Part(f"motor:{side}", _box((-0.84, y - 0.035, -0.035), (-0.62, y + 0.035, 0.035)), STEEL),
-        Part(f"shaft:{side}", _box((x - 0.015, y - 0.008, -0.008), (-0.84, y + 0.008, 0.008)), FAINT),
-        Part(f"shaft:{side}", _box((-1.13, y - 0.018, -0.018), (-1.08, y + 0.018, 0.018)), FAINT),
-        Part(f"propeller:{side}", disc, PANEL),
-    ]
-    return parts + [Part(f"propeller:{side}", propeller, SIDE_COLOURS[side])] * (share > 0.02)
-
-
-def _outline(points: np.ndarray) -> list[Point]:
-    """Convex hull of screen points (n, 2), by Andrew's monotone chain."""
-    chain: list[Point] = []
-    ordered = sorted(set(map(tuple, points.tolist())))
-    for run in (ordered, ordered[::-1]):
-        start = len(chain)
-        for x, y in run:
-            while len(chain) >= start + 2:
-                (ax, ay), (bx, by) = chain[-2:]
-                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0:
-                    break
-                chain.pop()
-            chain.append((x, y))
-        chain.pop()
-    return chain
 
 
 def ticks(low: float, high: float, intervals: int = 4) -> np.ndarray:
-    """Multiples of 1, 2 or 5 times a power of ten that enclose the range in at most `intervals` + 1 steps.
+    """Multiples of 1, 2 or 5 times a power of ten that enclose the range, but for 2 % of a step.
 
     >>> ticks(0.12, 0.87)
     array([0. , 0.2, 0.4, 0.6, 0.8, 1. ])
@@ -188,7 +84,7 @@ def ticks(low: float, high: float, intervals: int = 4) -> np.ndarray:
     wanted = (high - low) / intervals
     power = 10.0 ** math.floor(math.log10(wanted))
     step = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= 0.999 * wanted)
-    return np.arange(math.floor(low / step + 1e-9), math.ceil(high / step - 1e-9) + 1) * step
+    return np.arange(math.floor(low / step + 0.02), math.ceil(high / step - 0.02) + 1) * step
 
 
 def _pygame():
@@ -206,52 +102,244 @@ def _pygame():
 class Canvas:
     """A surface off screen with the few strokes that a frame needs. It opens no display."""
 
-    def __init__(self, size: tuple[int, int]):
-        self._pygame = _pygame()
-        self.surface = self._pygame.Surface(size, depth=32)
+    def __init__(self):
+        self.pygame = _pygame()
+        self.surface = self.pygame.Surface(SIZE, depth=32)
         self._fonts: dict[int, Any] = {}
         self._texts: dict[tuple, Any] = {}
 
+    @contextmanager
+    def fresh(self):
+        """A new sheet. Fonts live no longer than it: an older one crashes after another user's `pygame.quit()`."""
+        self.pygame.font.init()
+        self._fonts = {size: self.pygame.font.Font(None, size) for size in (SMALL, MEDIUM, LARGE)}
+        self.surface.fill(PAPER)
+        try:
+            yield
+        finally:
+            self._fonts.clear()
+
     def polygon(self, points: Sequence[Point], fill: Colour, edge: Colour):
         """A filled polygon with a smooth edge."""
-        self._pygame.draw.polygon(self.surface, fill, points)
-        self._pygame.draw.aalines(self.surface, edge, True, points)
+        self.pygame.draw.polygon(self.surface, fill, points)
+        self.pygame.draw.aalines(self.surface, edge, True, points)
 
     def line(self, points: Sequence[Point], colour: Colour, width: int = 1):
-        """A line through at least two points, smooth if it is thin."""
+        """A line through two points or more, smooth if thin."""
         if width == 1:
-            self._pygame.draw.aalines(self.surface, colour, False, points)
+            self.pygame.draw.aalines(self.surface, colour, False, points)
         else:
-            self._pygame.draw.lines(self.surface, colour, False, points, width)
+            self.pygame.draw.lines(self.surface, colour, False, points, width)
 
     def circle(self, middle: Point, radius: float, colour: Colour, width: int = 0):
         """A disc, or a ring of that width."""
-        self._pygame.draw.circle(self.surface, colour, middle, radius, width)
+        self.pygame.draw.circle(self.surface, colour, middle, radius, width)
 
     def box(self, left: float, top: float, width: float, height: float, fill: Colour, radius: int = 0):
         """A filled rectangle with rounded corners."""
-        self._pygame.draw.rect(self.surface, fill, (left, top, width, height), border_radius=radius)
+        self.pygame.draw.rect(self.surface, fill, (left, top, width, height), border_radius=radius)
 
-    def text(self, words: str, place: Point, colour: Colour = INK, align: float = 0.0, size: int = 17) -> float:
-        """Words whose middle height is at `place`, left (0), centred (0.5) or right (1) of it; their right edge."""
+    def width(self, words: str) -> int:
+        """Width of words of medium size [px]."""
+        return self._text(words, INK, MEDIUM).get_width()
+
+    def text(self, words: str, place: Point, colour: Colour = INK, align: float = 0.0, size: int = MEDIUM):
+        """Words whose middle height is at `place`, to the right of it (align 0), centred (0.5) or to the left (1)."""
+        text = self._text(words, colour, size)
+        self.surface.blit(text, (round(place[0] - align * text.get_width()), round(place[1] - text.get_height() / 2)))
+
+    def _text(self, words: str, colour: Colour, size: int):
+        if len(self._texts) > 1000:
+            self._texts.clear()
         if (words, colour, size) not in self._texts:
-            if len(self._texts) > 1000:
-                self._texts.clear()
-            self._texts[words, colour, size] = self._drawn(words, colour, size)
-        text = self._texts[words, colour, size]
-        left = place[0] - align * text.get_width()
-        self.surface.blit(text, (round(left), round(place[1] - text.get_height() / 2)))
-        return left + text.get_width()
+            self._texts[words, colour, size] = self._fonts[size].render(words, True, colour)
+        return self._texts[words, colour, size]
 
-    def _drawn(self, words: str, colour: Colour, size: int):
-        try:
-            return self._fonts[size].render(words, True, colour)
-        except (KeyError, self._pygame.error):  # a new size, or another user of pygame has quit its fonts
-            self._pygame.font.init()
-            self._fonts[size] = self._pygame.font.Font(None, size)
-            return self._fonts[size].render(words, True, colour)
 
-    def pixels(self) -> np.ndarray:
-        """A copy of the surface, (height, width, 3) uint8."""
-        pixels = self._pygame.image.tobytes(self.surface, "RGB")
-        return np.frombuffer(bytearray(pixels), np.uint8).reshape(*self.surface.get_size()[::-1], 3)
+def _draw_gauge(canvas: Canvas, row: Mapping[str, float]):
+    """The scale of speed: the true one as a bar, the reading as a line, mission and command as marks at its edges."""
+    left, width, top = 678.0, 258.0, 74.0
+    marks = ticks(0.0, max(MAXIMUM_COMMAND, row[TRUE_SPEED]))
+    places = {
+        name: left + width * min(max(row[name] / marks[-1], 0.0), 1.0) for name in (trace.channel for trace in SPEEDS)
+    }
+    canvas.text(f"{row['speed']:.2f} m/s measured", (left, 52), size=LARGE)
+    canvas.box(left, top, width, 12, GRID)
+    canvas.box(left, top, places[TRUE_SPEED] - left, 12, VIOLET)
+    canvas.box(places["speed"] - 1, top - 2, 2, 16, INK)
+    for name, colour, y, tip in (
+        ("speed_command", BLUE, top - 5, top + 3),
+        ("mission_speed", STEEL, top + 17, top + 9),
+    ):
+        canvas.polygon([(places[name] - 4, y), (places[name] + 4, y), (places[name], tip)], colour, INK)
+    for mark in marks:
+        canvas.text(f"{mark:.1f}", (left + width * mark / marks[-1], top + 24), FAINT, 0.5, SMALL)
+
+
+def _draw_caption(canvas: Canvas, time: float, faults: Sequence[tuple[str, float, float]]):
+    """Time, and a table of the faults in force: class, severity, since when."""
+    for side, x in zip(SIDES, (513, 579), strict=True):
+        canvas.text(side, (x, 204), SIDE_COLOURS[side], 0.5)
+    canvas.text("NPS AUV II", (674, 18), size=LARGE)
+    canvas.text(f"{time:.1f} s", (946, 18), size=LARGE, align=1.0)
+    for words, x, align in (("fault" if faults else "no fault", 674, 0), ("severity", 896, 1), ("since", 946, 1)):
+        canvas.text(words if faults or x == 674 else "", (x, 122), FAINT, align)
+    shown = 5 if len(faults) <= 5 else 4
+    for line, (name, severity, since) in enumerate(faults[:shown]):
+        y = 142 + 20 * line
+        canvas.box(668, y - 9, 282, 18, WARNING, 4)
+        for words, x, align in ((name, 674, 0), (f"{severity:.2f}", 896, 1), (f"{since:.1f} s", 946, 1)):
+            canvas.text(words, (x, y), align=align)
+    if len(faults) > shown:
+        canvas.text(f"and {len(faults) - shown} more", (674, 142 + 20 * shown), FAINT)
+
+
+def _bounds(traces: Sequence[Trace], values: np.ndarray) -> np.ndarray:
+    """Ticks around the values, never over less than twenty times the noise, which would be blown up."""
+    channel = CHANNELS[traces[0].channel]
+    least = 20.0 * channel.noise or (channel.high - channel.low) / 2
+    margin = max(least - np.ptp(values), 0.0) / 2
+    return ticks(values.min() - margin, values.max() + margin)
+
+
+def _number(value: float, step: float) -> str:
+    """The value with as many decimals as a step of that size needs."""
+    decimals = max(0, math.ceil(-math.log10(step) - 1e-9))
+    return f"{round(value, decimals) + 0.0:.{decimals}f}"
+
+
+def _round_times(start: float) -> np.ndarray:
+    return np.arange(math.ceil(start / 10.0) * 10.0, start + WINDOW + 0.01, 10.0)
+
+
+def _draw_times(canvas: Canvas, corner: Point, now: float):
+    start = max(0.0, now - WINDOW)
+    for time in _round_times(start):
+        canvas.text(
+            f"{time:.0f} s", (corner[0] + 46 + (time - start) / WINDOW * 400, corner[1] + 10), FAINT, 0.5, SMALL
+        )
+
+
+def _draw_chart(canvas: Canvas, traces: Sequence[Trace], corner: Point, rows: np.ndarray, onsets: Sequence[float]):
+    left, top, width, height = corner[0] + 46, corner[1] + 24, 400, 88
+    start = max(0.0, rows[-1, 0] - WINDOW)
+    values = rows[:, [COLUMNS[trace.channel] for trace in traces]]
+    marks = _bounds(traces, values)
+    x = lambda time: left + (time - start) / WINDOW * width  # noqa: E731
+    y = lambda value: top + (marks[-1] - value) / (marks[-1] - marks[0]) * height  # noqa: E731
+    canvas.box(left, top, width, height, PANEL)
+    for mark in marks:
+        canvas.box(left, round(y(mark)), width, 1, GRID)
+        canvas.text(_number(mark, marks[1] - marks[0]), (left - 6, y(mark)), FAINT, 1.0, SMALL)
+    for time in _round_times(start):
+        canvas.box(round(x(time)), top, 1, height, GRID)
+    for onset in onsets:
+        canvas.box(round(x(onset)), top, 2, height, WARNING)
+    for trace, series in zip(traces, values.T, strict=True):
+        points = np.stack([x(rows[:, 0]), y(series)], axis=1).tolist()
+        if len(points) > 1:
+            canvas.line(points, trace.colour, trace.width)
+        canvas.circle(points[-1], 2.5, trace.colour)
+
+
+def _draw_legend(
+    canvas: Canvas, title: str, traces: Sequence[Trace], corner: Point, row: Mapping[str, float], faulty: set[str]
+):
+    unit = CHANNELS[traces[0].channel].unit.replace("^2", "²")
+    canvas.text(f"{title} [{unit}]", (corner[0], corner[1] + 9))
+    right, y = corner[0] + 446, corner[1] + 9
+    for trace in reversed(traces):
+        noise = CHANNELS[trace.channel].noise if trace.channel in CHANNELS else 0.01
+        words = f"{trace.name} {_number(row[trace.channel], noise or 0.01)}"
+        broken = f"sensor:{trace.channel}" in faulty
+        if broken:
+            canvas.box(right - canvas.width(words) - 4, y - 9, canvas.width(words) + 8, 17, WARNING, 4)
+        canvas.text(words, (right, y), INK if broken else trace.colour, 1.0)
+        right -= canvas.width(words) + 16
+
+
+class Renderer:
+    """Keeps the last minute of an episode and draws it. Without pygame: `gymnasium.error.DependencyNotInstalled`.
+
+    Args:
+        mode: ``rgb_array`` (draws off screen; needs no display) or ``human`` (a window).
+        fps: Frames per second of the window.
+    """
+
+    def __init__(self, mode: str, fps: float):
+        self._mode, self._fps, self._canvas = mode, fps, Canvas()
+        self._components = {fault.diagnosis: fault.component for fault in CATALOGUE.values()}
+        self._clock = self._canvas.pygame.time.Clock()
+        self._dismissed = False
+        self.clear()
+
+    def clear(self):
+        """Forget the episode."""
+        self._rows: deque[tuple[float, ...]] = deque(maxlen=round(WINDOW * SAMPLE_RATE) + 1)
+        self._onsets: dict[str, float] = {}
+        self._severity: dict[str, float] = {}
+        self._angles, self._thrust = dict.fromkeys(SIDES, 0.0), dict.fromkeys(SIDES, 0.0)
+        self._travelled = self._full_thrust = 0.0
+
+    def record(self, time: float, observation: np.ndarray, truth: Mapping[str, Any]):
+        """Take in a sample: its time [s], the observation (n_channels,) and ``info["truth"]``."""
+        previous = self._rows[-1][0] if self._rows else time
+        state = truth["state"]
+        self._rows.append((time, *map(float, observation), state["speed"]))
+        self._severity = {name: severity for name, severity in truth["severity"].items() if severity > 0.0}
+        for name in self._severity:
+            self._onsets.setdefault(name, previous)
+        self._travelled += state["speed"] * (time - previous)
+        for side in SIDES:
+            self._angles[side] += state[f"{side}_rpm"] * 2.0 * math.pi / 60.0 / SLOW_MOTION * (time - previous)
+            self._thrust[side] = truth["parameters"][f"{side}_beta"]
+        self._full_thrust = max(self._full_thrust, *self._thrust.values())
+
+    def frame(self) -> np.ndarray:
+        """The picture, (height, width, 3) uint8."""
+        self._draw()
+        pixels = self._canvas.pygame.image.tobytes(self._canvas.surface, "RGB")
+        return np.frombuffer(bytearray(pixels), np.uint8).reshape(*SIZE[::-1], 3)
+
+    def show(self):
+        """Bring the window up to date; once the user has closed it, do nothing."""
+        if self._dismissed:
+            return
+        self._draw()
+        display = self._canvas.pygame.display
+        if display.get_surface() is None:
+            display.init()
+            display.set_caption("NPS AUV II")
+            display.set_mode(SIZE)
+        display.get_surface().blit(self._canvas.surface, (0, 0))
+        display.flip()
+        self._clock.tick(self._fps)
+        if any(event.type == self._canvas.pygame.QUIT for event in self._canvas.pygame.event.get()):
+            self.close()
+
+    def close(self):
+        """Close the window, if there is one."""
+        if self._mode == "human" and not self._dismissed:
+            self._canvas.pygame.display.quit()
+        self._dismissed = True
+
+    def _draw(self):
+        canvas, rows = self._canvas, np.array(self._rows)
+        row = dict(zip(COLUMNS, self._rows[-1], strict=True))
+        faulty = {self._components.get(name, name) for name in self._severity}
+        onsets = [onset for onset in self._onsets.values() if onset >= row["time"] - WINDOW]
+        shares = {side: thrust / (self._full_thrust or 1.0) for side, thrust in self._thrust.items()}
+        parts = vehicle_parts(row["rudder"], row["stern_plane"], self._angles, shares)
+        faults = [(name, severity, self._onsets[name]) for name, severity in self._severity.items()]
+        with canvas.fresh():
+            for view in VIEWS:
+                draw_vehicle(canvas, view, parts, faulty)
+            draw_ruler(canvas, self._travelled)
+            _draw_gauge(canvas, row)
+            _draw_caption(canvas, row["time"], sorted(faults, key=lambda fault: fault[2]))
+            for place, (title, traces) in enumerate(CHARTS.items()):
+                corner = (14 + place % 2 * 486, 244 + place // 2 * 124)
+                _draw_chart(canvas, traces, corner, rows, onsets)
+                _draw_legend(canvas, title, traces, corner, row, faulty)
+            for place in (14, 500):
+                _draw_times(canvas, (place, 606), rows[-1, 0])

@@ -18,14 +18,22 @@ from auv_fault_env.noise import episode_keys, uniforms
 class FaultEvent:
     """One fault in time: abrupt, incipient (ramp), intermittent (period, duty) or repaired (end).
 
-    Attributes:
-        fault: Name in the catalogue.
-        onset: Start [s] from the beginning of the episode.
-        severity: Full severity, 0 to 1.
-        ramp: Time [s] over which the severity grows from zero.
-        end: End [s]; infinite if never repaired.
-        period: Period [s] of an intermittent fault; 0 if permanent.
-        duty: Share of each period during which it is present.
+    Attributes
+    ----------
+    fault
+        Name in the catalogue.
+    onset
+        Start [s] from the beginning of the episode.
+    severity
+        Full severity, 0 to 1.
+    ramp
+        Time [s] over which the severity grows from zero.
+    end
+        End [s]; infinite if never repaired.
+    period
+        Period [s] of an intermittent fault; 0 if permanent.
+    duty
+        Share of each period during which it is present.
     """
 
     fault: str
@@ -137,15 +145,24 @@ class ScheduleSampler:
     A lane is healthy with probability `healthy`; else it gets one fault, and a second one with probability `compound`.
     Diagnosis classes are equally likely unless `prior` weighs them; the kinds within a class are equally likely.
 
-    Attributes:
-        prior: Relative weight by class; empty for equal weights.
-        healthy: Probability of a lane without a fault.
-        compound: Probability that a faulty lane has two faults.
-        severity: Range of the full severity.
-        onset: Range of the onset [s].
-        incipient: Probability of a ramp, and its range [s].
-        intermittent: Probability of an intermittent fault, and the ranges of period [s] and duty.
-        repaired: Probability that the fault ends, and the range of its life [s].
+    Attributes
+    ----------
+    prior
+        Relative weight by class; empty for equal weights.
+    healthy
+        Probability of a lane without a fault.
+    compound
+        Probability that a faulty lane has two faults.
+    severity
+        Range of the full severity.
+    onset
+        Range of the onset [s].
+    incipient
+        Probability of a ramp, and its range [s].
+    intermittent
+        Probability of an intermittent fault, and the ranges of period [s] and duty.
+    repaired
+        Probability that the fault ends, and the range of its life [s].
     """
 
     prior: Mapping[str, float] = field(default_factory=dict)

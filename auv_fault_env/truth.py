@@ -1,4 +1,4 @@
-"""What is true behind the readings: label, severities, onset, parameters, noise-free state. For scoring, never to observe."""
+"""What is true behind the readings: label, severities, onset, parameters, noise-free state. For scoring only."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any

@@ -30,6 +30,7 @@ START_SPEED_STD = 1.0  # m/s, what is known of the speed before the first readin
 BETWEEN_STD = 12**-0.5  # of a jump between two readings: standard deviation of a mean anywhere between them
 LIMIT = 10.0  # of a parameter from nominal, relative: keeps the integration stable whatever the readings say
 PARAMETERS = ("alpha", "beta", "gamma")
+N_STATES = 5  # speed, the three parameters, and one of each filter's own
 READINGS = ("speed", "acceleration", "port_rpm", "starboard_rpm", "rudder", "stern_plane")
 COLUMNS = tuple(list(CHANNELS).index(name) for name in READINGS)
 compiled = njit(cache=True, error_model="numpy", forceinline=True)
@@ -82,27 +83,27 @@ def opening_share(vehicle: Vehicle) -> float:
 
 
 @compiled
-def _dot(size, left, right):
+def _dot(left, right):
     """Scalar product."""
     total = 0.0
-    for i in range(size):
+    for i in range(N_STATES):
         total += left[i] * right[i]
     return total
 
 
 @compiled
-def _condition(size, mean, covariance, row, innovation, variance, work):
+def _condition(mean, covariance, row, innovation, variance, work):
     """Condition one lane on a scalar measurement ``z = row x + v``; returns the innovation's variance.
 
     Joseph form ``(I - K h) P (I - K h)^T + K r K^T``, multiplied out: ``P + S K K^T - K (P h)^T - (P h) K^T``, which
     rounding of the gain K changes in second order only; one triangle is computed and mirrored.
     """
     total = variance
-    for i in range(size):
-        work[0, i] = _dot(size, covariance[i], row)
+    for i in range(N_STATES):
+        work[0, i] = _dot(covariance[i], row)
         total += row[i] * work[0, i]
     inverse = 1.0 / total
-    for i in range(size):
+    for i in range(N_STATES):
         crossed = work[0, i]
         gain = crossed * inverse
         mean[i] += gain * innovation
@@ -130,37 +131,46 @@ def _inputs(readings):
 
 
 @compiled
-def _condition_on_speed(size, mean, covariance, readings, constants, row, work):
+def _condition_on_speed(mean, covariance, readings, constants, row, work):
     """Condition on the paddle wheel; returns innovation and its variance."""
     row[:] = 0.0
     row[0] = 1.0
     innovation = readings[0] - mean[0]
-    return innovation, _condition(size, mean, covariance, row, innovation, constants.speed_variance, work)
+    return innovation, _condition(mean, covariance, row, innovation, constants.speed_variance, work)
 
 
 @compiled
 def _predict_parameters(mean, covariance, previous, readings, constants):
-    """Let the parameters walk and the speed follow the measured acceleration."""
+    """Let parameters walk, the speed follow the measured accelerations less their errors; draw the new error."""
     c = constants
     _walk(mean, covariance, c)
+    opening, closing = c.step * c.opening, c.step * (1.0 - c.opening)
+    mean[0] += opening * (previous - mean[4]) + closing * readings[1]
+    mean[4] = 0.0
+    variance = covariance[0, 0] - 2.0 * opening * covariance[0, 4] + opening * opening * covariance[4, 4]
     jump = readings[1] - previous
-    mean[0] += c.step * (previous + (1.0 - c.opening) * jump)
-    covariance[0, 0] += c.step * c.step * (c.acceleration_variance + BETWEEN_STD**2 * jump * jump)
+    unexplained = max(0.0, jump * jump - 9.0 * c.acceleration_variance)  # noise alone jumps by sqrt(2) sigma
+    variance += closing * closing * c.acceleration_variance + c.step * c.step * BETWEEN_STD**2 * unexplained
+    for i in range(1, 4):
+        covariance[0, i] = covariance[i, 0] = covariance[i, 0] - opening * covariance[i, 4]
+        covariance[4, i] = covariance[i, 4] = 0.0
+    covariance[0, 0], covariance[4, 4] = variance, c.acceleration_variance
+    covariance[0, 4] = covariance[4, 0] = -closing * c.acceleration_variance
 
 
 @compiled
 def _condition_on_acceleration(mean, covariance, readings, constants, row, work):
-    """Condition speed and parameters on the measured acceleration; returns innovation and its variance."""
+    """Condition on the measured acceleration; returns innovation and its variance."""
     c = constants
     thrust, squares, deflection = _inputs(readings)
     drag = mean[0] * abs(mean[0])
     by_rpm = c.beta * mean[2]
     row[0] = 2.0 * abs(mean[0]) * (c.alpha * mean[1] + c.gamma * deflection * mean[3])
-    row[1], row[2], row[3] = c.alpha * drag, c.beta * thrust, c.gamma * drag * deflection
-    variance = c.acceleration_variance + by_rpm * by_rpm * squares * c.rpm_variance
+    row[1], row[2], row[3], row[4] = c.alpha * drag, c.beta * thrust, c.gamma * drag * deflection, 1.0
+    variance = by_rpm * by_rpm * squares * c.rpm_variance
     variance += c.disturbance_variance * (1.0 + c.disturbance_memory) / (1.0 - c.disturbance_memory)
-    innovation = readings[1] - row[1] * mean[1] - row[2] * mean[2] - row[3] * mean[3]
-    return innovation, _condition(4, mean, covariance, row, innovation, variance, work)
+    innovation = readings[1] - row[1] * mean[1] - row[2] * mean[2] - row[3] * mean[3] - mean[4]
+    return innovation, _condition(mean, covariance, row, innovation, variance, work)
 
 
 @compiled
@@ -188,7 +198,7 @@ def _predict_surge(mean, covariance, previous, readings, constants, row, work):
     c = constants
     _walk(mean, covariance, c)
     mean[4] *= c.disturbance_memory
-    for i in range(5):
+    for i in range(N_STATES):
         covariance[i, 4] *= c.disturbance_memory
         covariance[4, i] *= c.disturbance_memory
     covariance[4, 4] += (1.0 - c.disturbance_memory * c.disturbance_memory) * c.disturbance_variance
@@ -197,9 +207,9 @@ def _predict_surge(mean, covariance, previous, readings, constants, row, work):
     jump = thrust - previous
     variance = by_rpm * by_rpm * (squares * c.rpm_variance + BETWEEN_STD**2 * jump * jump)
     _integrate(mean, previous, thrust, deflection, c, row)
-    for i in range(5):
-        work[0, i] = _dot(5, covariance[i], row)
-    for i in range(5):
+    for i in range(N_STATES):
+        work[0, i] = _dot(covariance[i], row)
+    for i in range(N_STATES):
         variance += row[i] * work[0, i]
         covariance[0, i] = covariance[i, 0] = work[0, i]
     covariance[0, 0] = variance
@@ -208,14 +218,14 @@ def _predict_surge(mean, covariance, previous, readings, constants, row, work):
 @njit(cache=True, error_model="numpy")
 def _update_parameters(mean, covariance, innovation, variance, memory, observation, columns, constants):
     """Update every lane of the parameter filter in place."""
-    row, work, readings = np.empty(4), np.empty((3, 4)), np.empty(6)
+    row, work, readings = np.empty(5), np.empty((3, 5)), np.empty(6)
     for lane in range(len(mean)):
         for k in range(6):
             readings[k] = observation[lane, columns[k]]
         x, p = mean[lane], covariance[lane]
         _predict_parameters(x, p, memory[lane], readings, constants)
         memory[lane] = readings[1]
-        _condition_on_speed(4, x, p, readings, constants, row, work)
+        _condition_on_speed(x, p, readings, constants, row, work)
         innovation[lane], variance[lane] = _condition_on_acceleration(x, p, readings, constants, row, work)
 
 
@@ -229,7 +239,7 @@ def _update_surge(mean, covariance, innovation, variance, memory, observation, c
         x, p = mean[lane], covariance[lane]
         _predict_surge(x, p, memory[lane], readings, constants, row, work)
         memory[lane] = _inputs(readings)[0]
-        innovation[lane], variance[lane] = _condition_on_speed(5, x, p, readings, constants, row, work)
+        innovation[lane], variance[lane] = _condition_on_speed(x, p, readings, constants, row, work)
 
 
 @dataclass(frozen=True)
@@ -264,9 +274,8 @@ class _Filter:
 
     def initial(self, n_lanes: int) -> Estimate:
         """Start n_lanes lanes before any observation: nominal parameters with ``prior_std``, speed unknown."""
-        n, c, zero = len(self.states), self.constants, np.zeros(n_lanes)
-        mean = np.array([0.0, 1.0, 1.0, 1.0, 0.0])[:n]
-        covariance = np.diag([START_SPEED_STD**2, *c.ceiling, c.disturbance_variance])[:n, :n]
+        c, zero, mean = self.constants, np.zeros(n_lanes), np.array([0.0, 1.0, 1.0, 1.0, 0.0])
+        covariance = np.diag([START_SPEED_STD**2, *c.ceiling, c.disturbance_variance])
         tiled = np.tile(mean, (n_lanes, 1)), np.tile(covariance, (n_lanes, 1, 1))
         return Estimate(*tiled, zero, np.ones(n_lanes), zero, zero)
 
@@ -299,8 +308,9 @@ class ParameterFilter(_Filter):
 
     ``du/dt = H theta + v``, ``H = [u|u|, n|n|, u|u| delta^2]`` of one instant, theta a random walk. The paddle wheel's
     noise, squared in H, would pull alpha towards zero by several percent; so the speed in H is a state too: measured
-    acceleration integrated, corrected by the paddle wheel (1.5 mm/s instead of 1 cm/s; the bias falls below 1 %). Its
-    uncertainty and that of the rpm counters enter the innovation's variance to first order.
+    acceleration integrated, corrected by the paddle wheel (1.5 mm/s instead of 1 cm/s; the bias falls below 1 %). The
+    accelerometer's error enters both the integral and the equation, so it is the fifth state, drawn anew every sample.
+    The rpm counters' noise enters the innovation's variance to first order.
 
     ``sensor_noise`` and ``disturbance`` scale the standard deviations of `CHANNELS` and vehicle, down to a floor.
     ``prior_std``: of (alpha, beta, gamma), relative, at the start; also the ceiling of the random walk, which slows as
@@ -315,7 +325,7 @@ class ParameterFilter(_Filter):
     pessimistic for quick ones, and NIS falls to 0.05. Take likelihoods from `SurgeFilter`.
     """
 
-    states: ClassVar[tuple[str, ...]] = ("speed", *PARAMETERS)
+    states: ClassVar[tuple[str, ...]] = ("speed", *PARAMETERS, "acceleration_error")
     kernel: ClassVar[Callable] = staticmethod(_update_parameters)
 
 
@@ -334,17 +344,3 @@ class SurgeFilter(_Filter):
 
     states: ClassVar[tuple[str, ...]] = ("speed", *PARAMETERS, "disturbance")
     kernel: ClassVar[Callable] = staticmethod(_update_surge)
-
-
-def nees(estimate: Estimate, truth: np.ndarray) -> np.ndarray:
-    """Normalised estimation error squared (n_lanes,), truth (n_lanes, n_states) in the units of ``estimate.mean``.
-
-    Chi-square of n_states degrees if the model is true. Values of one lane are correlated: average over lanes.
-    """
-    error = truth - estimate.mean
-    return np.einsum("li,li->l", error, np.linalg.solve(estimate.covariance, error[..., None])[..., 0])
-
-
-def nis(estimate: Estimate) -> np.ndarray:
-    """Normalised innovation squared (n_lanes,), chi-square of one degree; blind to drag against thrust at cruise."""
-    return estimate.innovation**2 / estimate.innovation_variance

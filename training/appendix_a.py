@@ -1,9 +1,9 @@
-"""Appendix A of the thesis, the motor's data sheet, and the contradiction in it."""
+"""Appendix A of the thesis, the motor's data sheet, its contradiction, and every constant of the vehicle beside it."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from auv_fault_env.parameters import OUNCE_INCH
+from auv_fault_env.parameters import OUNCE_INCH, Vehicle, describe
 
 
 class MotorData(NamedTuple):
@@ -38,4 +38,66 @@ def derived(data: MotorData) -> dict[str, float]:
         "inductance": data.electrical_time_constant * data.resistance,  # mH
         "resistance_for_time_constant": 1e-3 * data.mechanical_time_constant * flux * data.back_emf_constant / inertia,
         "resistance_for_motor_constant": (data.torque_constant / data.motor_constant) ** 2,
+    }
+
+
+def appendix_section(columns: list[str], command: str) -> dict[str, Any]:
+    """Appendix A against itself."""
+    data = MotorData()
+    ours = derived(data)
+    entries = [
+        ("stall current", "V/R", data.stall_current, ours["stall_current"], "A"),
+        ("no-load current", "friction/K_T", data.no_load_current, ours["no_load_current"], "A"),
+        ("back-EMF constant", "K_T in SI", data.back_emf_constant, ours["back_emf_constant"], "V s/rad"),
+        (
+            "mechanical time constant",
+            "J R/(K_T K_b)",
+            data.mechanical_time_constant,
+            ours["mechanical_time_constant"],
+            "ms",
+        ),
+        ("motor constant", "K_T/sqrt(R)", data.motor_constant, ours["motor_constant"], "oz-in/sqrt(W)"),
+    ]
+    why = {
+        "no-load current": "Printed to three digits; friction alone gives this.",
+        "back-EMF constant": "Printed to two digits. Energy is only conserved with K_b = K_T, so the more precise "
+        "one serves.",
+        "mechanical time constant": f"Would need R = {ours['resistance_for_time_constant']:.2f} ohm.",
+        "motor constant": f"Would need R = {ours['resistance_for_motor_constant']:.2f} ohm.",
+    }
+    rows = [
+        [
+            "App. A",
+            f"{name} [{unit}], {formula}",
+            f"{printed:g}",
+            f"{value:.4g}",
+            "-",
+            "agrees" if abs(value / printed - 1) < 0.02 else "differs",
+            why.get(name, ""),
+            command,
+        ]
+        for name, formula, printed, value, unit in entries
+    ]
+    return {
+        "heading": "Appendix A: the motor's data contradict themselves",
+        "text": [
+            "Torque constant, back-EMF constant, resistance, inertia and friction imply the other entries. Stall and "
+            "no-load "
+            "current agree; mechanical time constant and motor constant do not, and each would need another "
+            "resistance, "
+            "about twice the printed one, which the stall current excludes. The plant uses K_T, R, J and the "
+            "friction. Its "
+            f"inductance would be {ours['inductance']:.2f} mH; it is neglected, as in the thesis."
+        ],
+        "table": {"columns": columns, "rows": rows},
+    }
+
+
+def constants_section(vehicle: Vehicle) -> dict[str, Any]:
+    """Every constant of the vehicle with its source."""
+    rows = [[row["name"], f"{row['value']:.5g}", row["unit"], row["about"], row["source"]] for row in describe(vehicle)]
+    return {
+        "heading": "Constants of the vehicle",
+        "text": ["T: the thesis. N: NPSNET hydrodynamic file, 1995. H: Healey & Lienard 1993. E: estimate or default."],
+        "table": {"columns": ["name", "value", "unit", "meaning", "source"], "rows": rows},
     }

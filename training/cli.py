@@ -4,15 +4,16 @@ import importlib
 import sys
 from collections.abc import Sequence
 
-from auv_fault_env.errors import InputError
+import tyro
+
 from training.arguments import COMMANDS
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; 0 on success, 2 on bad input with one line on the error stream."""
-    import tyro
-
     command = tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="auv-fault", args=arguments)
+    from auv_fault_env.errors import InputError  # after the parser, so that --help does not wait for numba
+
     name = next(name for name, kind in COMMANDS.items() if isinstance(command, kind))
     try:
         importlib.import_module(f"training.{name.replace('-', '_')}").main(command)

@@ -94,8 +94,28 @@ def starts(time: Series, modes: Mapping[str, Mapping[str, Series]]) -> Figure:
     return figure
 
 
+def consistency(time: Series, summaries: Sequence[Mapping]) -> Figure:
+    """NEES and NIS over time, a row per filter, with the 95 % band of one instant."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(9.6, 4.6), layout="constrained")
+        grid = figure.subplots(len(summaries), 2, sharex=True, squeeze=False)
+        for axes, summary in zip(grid, summaries, strict=True):
+            for axis, key in zip(axes, ("NEES", "NIS"), strict=True):
+                part = summary[key]
+                axis.axhspan(part["low"], part["high"], color=STARBOARD, alpha=0.15, lw=0, label="95 % band")
+                axis.plot(time, part["series"], lw=0.8, color=SPEED, label="mean over seeds")
+                reach = 2.5 * (part["high"] - part["low"])
+                axis.set(xlim=(0, time[-1]), ylim=(part["freedom"] - reach / 2, part["freedom"] + reach / 2))
+                axis.set_ylabel(f"{key}, {summary['name']}")
+        for axis in grid[-1]:
+            axis.set_xlabel("time [s]")
+        _legend_above(figure, grid.flat)
+    return figure
+
+
 PLOTS: dict[str, Callable[..., Figure]] = {
     "filter_response": filter_response,
     "transients": transients,
     "starts": starts,
+    "consistency": consistency,
 }

@@ -14,10 +14,13 @@ from training.plots import PLOTS
 def write_report(results: dict[str, Any], folder: Path) -> None:
     """Draw the figures of `results` into ``figures/`` and write ``index.html`` with all of them inside.
 
-    Args:
-        results: title, intro and sections; a section has heading, text (list of paragraphs) and optionally table
-            (columns, rows) and figures (plot: name in `PLOTS`, data, name, caption).
-        folder: Where to write.
+    Parameters
+    ----------
+    results
+        title, intro and sections; a section has heading, text (list of paragraphs) and optionally table
+        (columns, rows) and figures (plot: name in `PLOTS`, data, name, caption).
+    folder
+        Where to write.
     """
     (folder / "figures").mkdir()
     images = {

@@ -10,12 +10,14 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
 from auv_fault_env.schedules import FaultEvent, Schedule
 from diagnosers.kalman import PARAMETERS, Estimate, ParameterFilter
+from training import filter_consistency
 from training.arguments import Reproduce
 from training.report import write_report
 from training.reproduce_page import page
 from training.runs import run_folder, write_json
 
 STEPS = 600  # 60 s, the length of the thesis' runs
+CONSISTENCY_SEEDS = 200
 LEAST_NOISE = 0.1  # of the default, which the filter assumes in noise-free runs: with less it chases every mismatch
 
 
@@ -45,7 +47,7 @@ TEST_RUNS: dict[str, TestRun] = {
 
 
 class Recording(NamedTuple):
-    """One batch of runs: readings (STEPS + 1, n_runs, n_seeds, n_channels), estimates and deviations of alpha, beta, gamma.
+    """One batch of runs: readings (STEPS + 1, n_runs, n_seeds, n_channels) and estimates of alpha, beta, gamma.
 
     mean and std (STEPS + 1, n_runs, n_seeds, 3) are relative to nominal, nis (STEPS + 1, n_runs, n_seeds) is the
     normalised innovation squared of the filter.
@@ -75,7 +77,9 @@ def reproduce(arguments: Reproduce) -> dict[str, Any]:
         clean = record(0.0, [arguments.seed], bar)
         noisy = record(1.0, list(range(arguments.seed, arguments.seed + arguments.seeds)), bar)
     command = f"auv-fault reproduce --seed {arguments.seed} --seeds {arguments.seeds}"
-    return page(clean, noisy, list(TEST_RUNS), command)
+    results = page(clean, noisy, list(TEST_RUNS), command)
+    results["sections"].insert(-2, filter_consistency.section(CONSISTENCY_SEEDS, arguments.seed))
+    return results
 
 
 def record(sensor_noise: float, seeds: list[int], bar: tqdm) -> Recording:
@@ -118,9 +122,9 @@ def print_table(results: dict[str, Any]) -> None:
         table = section.get("table")
         if table is None:
             continue
-        rows = [table["columns"][:-1], *(row[:-1] for row in table["rows"])]
-        widths = [min(44, max(len(str(row[c])) for row in rows)) for c in range(len(rows[0]))]
+        rows = [row[:6] for row in (table["columns"], *table["rows"])]
+        widths = [max(len(row[c]) for row in rows) for c in range(len(rows[0]))]
         print(f"\n{section['heading']}")
         for row in rows:
-            cells = (str(cell).ljust(width) for cell, width in zip(row, widths, strict=True))
+            cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
             print("  " + "  ".join(cells).rstrip())

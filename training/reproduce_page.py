@@ -6,13 +6,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from auv_fault_env.channels import CHANNELS
-from auv_fault_env.parameters import FOOT, PRESETS, SAMPLE_RATE, describe
-from training.appendix_a import MotorData, derived
+from auv_fault_env.parameters import FOOT, PRESETS, SAMPLE_RATE
+from training.appendix_a import appendix_section, constants_section
 
 if TYPE_CHECKING:
     from training.reproduce import Recording
 
-COLUMNS = ["where", "quantity", "thesis", "ours, noise-free", "ours, default noise", "verdict (noise-free)", "why", "command"]
+COLUMNS = [
+    "where",
+    "quantity",
+    "thesis",
+    "ours, noise-free",
+    "ours, default noise",
+    "verdict (noise-free)",
+    "why",
+    "command",
+]
 ALPHA, BETA = 0, 1
 VEHICLE = PRESETS["thesis1992"]
 ALPHA_FT, BETA_FT = VEHICLE.alpha * FOOT, VEHICLE.beta / FOOT  # 1/ft, (ft/s^2)/rpm^2
@@ -59,12 +68,16 @@ def page(clean: "Recording", noisy: "Recording", runs: Sequence[str], command: s
         "title": "Test runs of the thesis, chapters III to V: ours beside theirs",
         "command": command,
         "intro": [
-            "Neural network based propulsion system fault diagnostics for the NPS AUV II, Naval Postgraduate School, June "
+            "Neural network based propulsion system fault diagnostics for the NPS AUV II, Naval Postgraduate School, "
+            "June "
             "1992. The plant, both controllers and the parameter filter run the thesis' test runs anew: noise-free, as "
-            "the thesis must have run them, and again with this project's default sensor noise, mean ± standard deviation "
-            f"over {noisy.mean.shape[2]} seeds. The vehicle is the nominal one in still water. In the noise-free runs the filter "
+            "the thesis must have run them, and again with this project's default sensor noise, mean ± standard "
+            "deviation "
+            f"over {noisy.mean.shape[2]} seeds. The vehicle is the nominal one in still water. In the noise-free "
+            f"runs the filter "
             "assumes a tenth of the default noise, else it knows the noise.",
-            "Controller gains, the size of the faults of V.C, the propellers' inertia and the noise are not in the thesis; "
+            "Controller gains, the size of the faults of V.C, the propellers' inertia and the noise are not in the "
+            "thesis; "
             "ours are documented defaults, so transients agree in kind, not point by point.",
         ],
         "sections": [
@@ -72,8 +85,8 @@ def page(clean: "Recording", noisy: "Recording", runs: Sequence[str], command: s
             responses(view),
             transient_sections(view),
             start_section(view),
-            appendix_section(view),
-            constants_section(),
+            appendix_section(COLUMNS, command),
+            constants_section(VEHICLE),
         ],
     }
 
@@ -98,10 +111,14 @@ def identification(view: Page) -> dict[str, Any]:
     return {
         "heading": "IV.C: parameter identification",
         "text": [
-            "Normal for ten seconds, then one parameter changes; the speed command alternates between 0.5 and 1.0 ft/s every "
-            "ten seconds from 10 s on. Errors are relative to the true value after the change. The thesis reports no noise, "
-            "and errors as small as its lie far below what a paddle wheel of 1 cm/s and an accelerometer of 2 mm/s² allow "
-            "(last but one column): its figures are read as noise-free. While the vehicle coasts, shafts stopped, beta is not "
+            "Normal for ten seconds, then one parameter changes; the speed command alternates between 0.5 and 1.0 "
+            "ft/s every "
+            "ten seconds from 10 s on. Errors are relative to the true value after the change. The thesis reports no "
+            "noise, "
+            "and errors as small as its lie far below what a paddle wheel of 1 cm/s and an accelerometer of 2 mm/s² "
+            "allow "
+            "(last but one column): its figures are read as noise-free. While the vehicle coasts, shafts stopped, "
+            "beta is not "
             "observable, and what the filter expects of it grows."
         ],
         "table": {"columns": COLUMNS, "rows": rows},
@@ -181,13 +198,16 @@ def responses(view: Page) -> dict[str, Any]:
     return {
         "heading": "V.D: responses of the parameter filter",
         "text": [
-            "The same stimulus, sixty seconds. The text at Fig. 5.17 swaps the normalised values: normal is alpha 0.5 and "
+            "The same stimulus, sixty seconds. The text at Fig. 5.17 swaps the normalised values: normal is alpha "
+            "0.5 and "
             "beta 0.9 (V.B), as used here."
         ],
         "table": {"columns": COLUMNS, "rows": rows},
         "figures": [
             response_figure(view, "normal", "fig-5-14", "Fig. 5.14: response of the filter to a normal run."),
-            response_figure(view, "drag", "fig-5-15", "Fig. 5.15: increased drag (+35 % at 10 s), normalised as in V.B."),
+            response_figure(
+                view, "drag", "fig-5-15", "Fig. 5.15: increased drag (+35 % at 10 s), normalised as in V.B."
+            ),
             response_figure(view, "loss", "fig-5-19", "Fig. 5.19: port propeller lost at 10 s, normalised as in V.B."),
         ],
     }
@@ -251,7 +271,8 @@ def transient_sections(view: Page) -> dict[str, Any]:
     return {
         "heading": "V.D: transients of the propulsion model",
         "text": [
-            "The text gives no numbers for these figures. The steady shaft speeds follow from its alpha and beta: u/n = "
+            "The text gives no numbers for these figures. The steady shaft speeds follow from its alpha and beta: "
+            "u/n = "
             "sqrt(beta/-alpha) = 3.696e-3 ft/s per rpm."
         ],
         "table": {"columns": COLUMNS, "rows": rows},
@@ -296,8 +317,10 @@ def start_section(view: Page) -> dict[str, Any]:
     return {
         "heading": "V.C: transients that trained the raw-data network",
         "text": [
-            "From rest to 1.5 ft/s, the fault present from the start, 400 points each. The thesis gives neither numbers nor "
-            "the size of the faults. Ours: seal friction at severity 0.5 (Coulomb friction doubled, viscous friction added), "
+            "From rest to 1.5 ft/s, the fault present from the start, 400 points each. The thesis gives neither "
+            "numbers nor "
+            "the size of the faults. Ours: seal friction at severity 0.5 (Coulomb friction doubled, viscous friction "
+            "added), "
             "port propeller damaged at severity 1 (half of its thrust, 40 % less torque), drag +35 %."
         ],
         "table": {"columns": columns, "rows": rows},
@@ -305,66 +328,9 @@ def start_section(view: Page) -> dict[str, Any]:
             {
                 "plot": "starts",
                 "name": "fig-5-3-to-5-6",
-                "caption": "Figs 5.3 to 5.6: acceleration from rest in the four operating modes of Table 5.1, noise-free.",
+                "caption": "Figs 5.3 to 5.6: acceleration from rest in the four operating modes of Table 5.1, "
+                "noise-free.",
                 "data": {"time": (np.arange(400) / SAMPLE_RATE).tolist(), "modes": data},
             }
         ],
-    }
-
-
-def appendix_section(view: Page) -> dict[str, Any]:
-    """Appendix A against itself."""
-    data = MotorData()
-    ours = derived(data)
-    entries = [
-        ("stall current", "V/R", data.stall_current, ours["stall_current"], "A"),
-        ("no-load current", "friction/K_T", data.no_load_current, ours["no_load_current"], "A"),
-        ("back-EMF constant", "K_T in SI", data.back_emf_constant, ours["back_emf_constant"], "V s/rad"),
-        (
-            "mechanical time constant",
-            "J R/(K_T K_b)",
-            data.mechanical_time_constant,
-            ours["mechanical_time_constant"],
-            "ms",
-        ),
-        ("motor constant", "K_T/sqrt(R)", data.motor_constant, ours["motor_constant"], "oz-in/sqrt(W)"),
-    ]
-    why = {
-        "no-load current": "Printed to three digits; friction alone gives this.",
-        "back-EMF constant": "Printed to two digits. Energy is only conserved with K_b = K_T, so the more precise one serves.",
-        "mechanical time constant": f"Would need R = {ours['resistance_for_time_constant']:.2f} ohm.",
-        "motor constant": f"Would need R = {ours['resistance_for_motor_constant']:.2f} ohm.",
-    }
-    rows = [
-        [
-            "App. A",
-            f"{name} [{unit}], {formula}",
-            f"{printed:g}",
-            f"{value:.4g}",
-            "-",
-            "agrees" if abs(value / printed - 1) < 0.02 else "differs",
-            why.get(name, ""),
-            view.command,
-        ]
-        for name, formula, printed, value, unit in entries
-    ]
-    return {
-        "heading": "Appendix A: the motor's data contradict themselves",
-        "text": [
-            "Torque constant, back-EMF constant, resistance, inertia and friction imply the other entries. Stall and no-load "
-            "current agree; mechanical time constant and motor constant do not, and each would need another resistance, "
-            "about twice the printed one, which the stall current excludes. The plant uses K_T, R, J and the friction. Its "
-            f"inductance would be {ours['inductance']:.2f} mH; it is neglected, as in the thesis."
-        ],
-        "table": {"columns": COLUMNS, "rows": rows},
-    }
-
-
-def constants_section() -> dict[str, Any]:
-    """Every constant of the vehicle with its source."""
-    rows = [[row["name"], f"{row['value']:.5g}", row["unit"], row["about"], row["source"]] for row in describe(VEHICLE)]
-    return {
-        "heading": "Constants of the vehicle",
-        "text": ["T: the thesis. N: NPSNET hydrodynamic file, 1995. H: Healey & Lienard 1993. E: estimate or default."],
-        "table": {"columns": ["name", "value", "unit", "meaning", "source"], "rows": rows},
     }

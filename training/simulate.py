@@ -18,7 +18,7 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS, Mission, mission_of
 from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.schedules import PROFILE, FaultEvent, Schedule, load_schedule, to_json
-from auv_fault_env.truth import STATE, FleetTruth
+from auv_fault_env.truth import FleetTruth
 from training.arguments import Simulate
 from training.runs import run_folder, write_json
 

@@ -99,12 +99,11 @@ def sample(state: np.ndarray, hull: Callable, shafts: list, voltages: tuple, rto
             spins = [shafts[k][0](u, w[k], voltages[k]) if moving[k] else 0.0 for k in range(2)]
             return [hull(u) + shafts[0][2] * w[0] ** 2 + shafts[1][2] * w[1] ** 2, *spins, *w]
 
-        events = [stop(1 + k) for k in range(2)]
-        span = (time, SAMPLE)
-        solution = solve_ivp(rates, span, state, "DOP853", rtol=rtol, atol=0.1 * rtol, events=events)
+        events = [stop(1 + k) for k in range(2) if moving[k]]
+        solution = solve_ivp(rates, (time, SAMPLE), state, "DOP853", rtol=rtol, atol=0.1 * rtol, events=events)
         state, time = solution.y[:, -1], solution.t[-1]
-        for k, times in enumerate(solution.t_events):
-            state[1 + k] = 0.0 if len(times) or not moving[k] else state[1 + k]
+        for index, times in zip(np.flatnonzero(moving), solution.t_events, strict=True):
+            state[1 + index] = 0.0 if len(times) else state[1 + index]
     return state
 
 

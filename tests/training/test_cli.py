@@ -1,0 +1,55 @@
+import subprocess
+import sys
+
+import pytest
+
+from training.arguments import COMMANDS
+
+PROBE = "import sys; {}; print(' '.join(sorted({{name.split('.')[0] for name in sys.modules}})))"
+HELP = """
+import contextlib, training.cli
+with contextlib.suppress(SystemExit):
+    training.cli.main(["--help"])
+"""
+
+
+def modules_after(statement):
+    run = subprocess.run([sys.executable, "-c", PROBE.format(statement)], capture_output=True, text=True, check=True)
+    return set(run.stdout.split("\n")[-2].split())
+
+
+@pytest.mark.parametrize(
+    "statement",
+    ["import auv_fault_env", HELP],
+    ids=["import", "help"],
+)
+def test_start_loads_nothing_heavy(statement):
+    code = statement if "\n" not in statement else f"exec({statement!r})"
+    assert not modules_after(code) & {"torch", "matplotlib", "stable_baselines3", "pandas", "pygame", "pyarrow"}
+
+
+def test_every_command_has_a_module_with_main():
+    import importlib
+
+    for name in COMMANDS:
+        assert callable(importlib.import_module(f"training.{name.replace('-', '_')}").main)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_explains_every_argument(name):
+    run = subprocess.run(
+        [sys.executable, "-m", "training.cli", name, "--help"], capture_output=True, text=True, check=True
+    )
+    for field in COMMANDS[name].__dataclass_fields__:
+        assert "--" + field.replace("_", "-") in run.stdout
+
+
+def test_bad_input_is_one_line_without_a_traceback(tmp_path):
+    run = subprocess.run(
+        [sys.executable, "-m", "training.cli", "simulate", "--preset", "x", "--output", str(tmp_path / "run")],
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 2
+    assert run.stderr.count("\n") == 1
+    assert run.stderr.startswith("auv-fault simulate: preset: got 'x'; allowed is one of thesis1992, npsnet1995;")

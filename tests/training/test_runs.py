@@ -1,0 +1,61 @@
+from dataclasses import dataclass
+
+import pytest
+
+from auv_fault_env.errors import InputError
+from training.runs import MANIFEST, run_folder, write_json
+
+
+@dataclass
+class Arguments:
+    seed: int = 1
+
+
+def test_run_appears_only_when_complete(tmp_path):
+    output = tmp_path / "deep" / "run"
+    with run_folder(output, "test", Arguments()) as folder:
+        (folder / "data.txt").write_text("x")
+        assert not output.exists()
+    assert sorted(path.name for path in output.iterdir()) == ["data.txt", MANIFEST]
+    assert list((tmp_path / "deep").iterdir()) == [output]
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_failed_run_leaves_nothing(tmp_path, error):
+    with pytest.raises(error), run_folder(tmp_path / "deep" / "run", "test", Arguments()) as folder:
+        (folder / "half.txt").write_text("x")
+        raise error
+    assert not list(tmp_path.iterdir())
+
+
+def test_failed_run_keeps_the_earlier_one(tmp_path):
+    output = tmp_path / "run"
+    with run_folder(output, "test", Arguments()) as folder:
+        (folder / "first.txt").write_text("x")
+    with pytest.raises(RuntimeError), run_folder(output, "test", Arguments()):
+        raise RuntimeError
+    assert (output / "first.txt").exists()
+    with run_folder(output, "test", Arguments()):
+        pass
+    assert not (output / "first.txt").exists()
+
+
+def test_foreign_folder_is_refused_and_untouched(tmp_path):
+    (tmp_path / "thesis.doc").write_text("precious")
+    with pytest.raises(InputError, match=r"output: got .* allowed is a new folder or that of an earlier run"):
+        with run_folder(tmp_path, "test", Arguments()):
+            raise AssertionError("must not start")
+    assert (tmp_path / "thesis.doc").read_text() == "precious"
+
+
+def test_unwritable_place_is_refused_and_nothing_is_left(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(InputError, match="a place that can be written"):
+        with run_folder(tmp_path / "file" / "deep" / "run", "test", Arguments()):
+            raise AssertionError("must not start")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_json_refuses_what_other_readers_cannot_take(tmp_path):
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        write_json(tmp_path / "x.json", {"value": float("inf")})
