@@ -10,6 +10,7 @@ from auv_fault_env.layout import (
     ALPHA,
     DISTURBANCE,
     DISTURBANCE_NORMAL,
+    FILTERED_SPEED,
     INTEGRAL,
     LANES,
     MISSION_SPEED,
@@ -144,6 +145,7 @@ def begin(lanes, chosen, start_speed, plan, catalogue, limits, constants, observ
         settle_side(block, k, PORT_SHAFT, PORT_STATE, spin, speed, constants)
         settle_side(block, k, STARBOARD_SHAFT, STARBOARD_STATE, spin, speed, constants)
         block[SPEED * LANES + k] = speed
+        block[FILTERED_SPEED * LANES + k] = speed
         block[SPEED_COMMAND * LANES + k] = block[MISSION_SPEED * LANES + k]
         one = block[k:]
         draw_normals(scratch, 1, lanes.key[lane:], lanes.step[lane:])

@@ -17,6 +17,7 @@ from auv_fault_env.layout import (
     DISTURBANCE_NORMAL,
     DRAG,
     ENERGY,
+    FILTERED_SPEED,
     GAMMA,
     INTEGRAL,
     LANES,
@@ -125,9 +126,12 @@ def control_side(block, k, constants, command, rpm_row, state):
 @kernel
 def control(block, width, constants):
     """Let the controllers set both voltages, from the commands and the latest readings."""
+    share = 1.0 - math.exp(-SAMPLE_TIME / constants.speed_filter_time)
     for k in range(width):
-        wanted, speed = block[SPEED_COMMAND * LANES + k], block[SPEED_READING * LANES + k]
-        command = rpm_command(constants, wanted, speed, delta_squared(block, k))
+        speed = block[FILTERED_SPEED * LANES + k]
+        speed += share * (block[SPEED_READING * LANES + k] - speed)
+        block[FILTERED_SPEED * LANES + k] = speed
+        command = rpm_command(constants, block[SPEED_COMMAND * LANES + k], speed, delta_squared(block, k))
         control_side(block, k, constants, command, PORT_RPM_READING, PORT_STATE)
         control_side(block, k, constants, command, STARBOARD_RPM_READING, STARBOARD_STATE)
 

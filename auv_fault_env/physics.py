@@ -40,6 +40,7 @@ class Constants(NamedTuple):
     alpha: float
     beta: float
     gamma: float
+    speed_filter_time: float
     reaching_rate: float
     boundary_layer: float
     maximum_rpm: float
