@@ -1,7 +1,8 @@
 """Gymnasium environments over the fleet: spaces, reset, step, info. No equation and no fault name stands here."""
 
 import math
-from collections.abc import Sequence
+import numbers
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -10,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from auv_fault_env.channels import CHANNELS, COMMANDS
-from auv_fault_env.errors import known_name, refusal
+from auv_fault_env.errors import known_name, one_per_lane, refusal, whole_number
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import Mission, mission_of
 from auv_fault_env.parameters import SAMPLE_RATE, Vehicle
@@ -26,10 +27,13 @@ def _box(names: Sequence[str]) -> gym.spaces.Box:
 
 
 def _checked(actions, shape: tuple[int, ...]) -> np.ndarray:
-    actions = np.asarray(actions, np.float64)
+    try:
+        actions = np.asarray(actions, np.float64)
+    except (TypeError, ValueError):
+        raise refusal("action", actions, f"numbers of shape {shape}", f"give {', '.join(ACTIONS)}") from None
     if actions.shape != shape:
         raise refusal("shape of the action", actions.shape, shape, f"give {', '.join(ACTIONS)}")
-    if not math.isfinite(actions.sum()):
+    if not np.isfinite(actions).all():
         place = tuple(np.argwhere(~np.isfinite(actions))[0])
         raise refusal(f"action, {ACTIONS[place[-1]]}", float(actions[place]), "a finite number", "check the policy")
     return actions
@@ -155,7 +159,8 @@ class PropulsionEnv(gym.Env):
         options = _known_options(options, ("schedule", "mission"))
         schedules = missions = None
         if options.get("schedule") is not None:
-            limit = self.spec.max_episode_steps if self.spec else None
+            registered = gym.registry.get(self.spec.id) if self.spec else None
+            limit = registered.max_episode_steps if registered else None
             schedules = [_checked_schedule(options["schedule"], limit)]
         if options.get("mission") is not None:
             missions = [mission_of(options["mission"])]
@@ -165,17 +170,17 @@ class PropulsionEnv(gym.Env):
         self._observation = self.fleet.reset(seeds, schedules=schedules, missions=missions)[0]
         if self._renderer is not None:
             self._renderer.clear()
-        return self._after(0.0, 0.0, float(self._observation[0]))
+        return self._after()
 
     def step(self, action):
         """Hold the action for one sample of 0.1 s."""
         _need_reset(self._observation is not None)
         self._observation = self.fleet.step(_checked(action, (3,))[None])[0]
-        reward, energy, cost, mission_speed = self.fleet.outcomes[0].tolist()
-        observation, info = self._after(energy, cost, mission_speed)
-        return observation, reward, False, False, info
+        observation, info = self._after()
+        return observation, float(self.fleet.outcomes[0, 0]), False, False, info
 
-    def _after(self, energy: float, cost: float, mission_speed: float):
+    def _after(self):
+        _, energy, cost, mission_speed = self.fleet.outcomes[0].tolist()
         info = {"mission_speed": mission_speed, "energy": energy, "cost": cost, "truth": self._truth.read()}
         if self.render_mode is not None:
             self._record(info)
@@ -225,13 +230,13 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
         parallel: bool | None = None,
     ):
         self.fleet = Fleet(num_envs, preset, sensor_noise, disturbance, healthy_band, parallel)
-        self.num_envs = num_envs
-        self.max_episode_steps = max_episode_steps
+        self.num_envs = self.fleet.n_lanes
+        self.max_episode_steps = whole_number("max_episode_steps", max_episode_steps)
         self.single_action_space = _box(ACTIONS)
         self.single_observation_space = _box(tuple(CHANNELS))
-        self.action_space = batch_space(self.single_action_space, num_envs)
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._terminated = np.zeros(num_envs, bool)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self._terminated = np.zeros(self.num_envs, bool)
         self._done: np.ndarray | None = None
 
     def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
@@ -239,29 +244,34 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
         options = _known_options(options, ("schedule", "mission", "schedules", "missions"))
         schedules = self._per_lane(options, "schedule", lambda value: _checked_schedule(value, self.max_episode_steps))
         missions = self._per_lane(options, "mission", mission_of)
+        self._check_seed(seed)
         super().reset(seed=seed if isinstance(seed, int) else None)
         observations = self.fleet.reset(self._seeds(seed), schedules=schedules, missions=missions)
         self._done = np.zeros(self.num_envs, bool)
-        zero = np.zeros(self.num_envs)
-        return observations, self._info(zero, zero.copy(), observations[:, 0].astype(float))
+        return observations, self._info()
 
     def step(self, actions):
         """Hold the actions (num_envs, 3) for one sample of 0.1 s; lanes that had finished start their next episode."""
         _need_reset(self._done is not None)
         observations = self.fleet.step(_checked(actions, (self.num_envs, 3)))
-        outcomes = self.fleet.outcomes
         if self._done.any():
-            finished = np.flatnonzero(self._done)
-            self.fleet.reset(lanes=finished, observations=observations)
-            outcomes[finished, :3] = 0.0
-            outcomes[finished, 3] = observations[finished, 0]
+            self.fleet.reset(lanes=np.flatnonzero(self._done), observations=observations)
         self._done = self.fleet.time * SAMPLE_RATE >= self.max_episode_steps
-        rewards, energy, cost, mission_speed = outcomes.T.copy()
-        info = self._info(energy, cost, mission_speed)
-        return observations, rewards, self._terminated.copy(), self._done.copy(), info
+        rewards = self.fleet.outcomes[:, 0].copy()
+        return observations, rewards, self._terminated.copy(), self._done.copy(), self._info()
 
-    def _info(self, energy: np.ndarray, cost: np.ndarray, mission_speed: np.ndarray) -> dict[str, Any]:
+    def _info(self) -> dict[str, Any]:
+        _, energy, cost, mission_speed = self.fleet.outcomes.T.copy()
         return {"mission_speed": mission_speed, "energy": energy, "cost": cost, "truth": FleetTruth(self.fleet)}
+
+    def _check_seed(self, seed):
+        if seed is None or isinstance(seed, numbers.Integral):
+            seeds = [] if seed is None else [seed]
+        else:
+            seeds = one_per_lane("seeds", seed, self.num_envs, "give one int for all")
+        for one in seeds:
+            if one is not None:
+                whole_number("seed", one, 0)
 
     def _seeds(self, seed) -> list[int] | None:
         if seed is None and self._done is not None:
@@ -269,20 +279,22 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
         if seed is None or isinstance(seed, int | np.integer):
             first = int(self.np_random_seed if seed is None else seed)
             return [first + lane for lane in range(self.num_envs)]
-        if len(seed) != self.num_envs:
-            raise refusal("number of seeds", len(seed), f"{self.num_envs}, one per lane", "give one int for all")
         return [int(self.np_random.integers(2**63)) if one is None else int(one) for one in seed]
 
     def _per_lane(self, options: dict[str, Any], name: str, read) -> list[Schedule | Mission] | None:
+        if options.get(name) is not None and options.get(f"{name}s") is not None:
+            raise refusal("reset option", [name, f"{name}s"], f"either {name} or {name}s", "leave one out")
         if options.get(name) is not None:
             return [read(options[name])] * self.num_envs
         values = options.get(f"{name}s")
-        if values is not None and len(values) != self.num_envs:
-            raise refusal(f"number of {name}s", len(values), f"{self.num_envs}, one per lane", f"or give one {name!r}")
-        return None if values is None else [read(value) for value in values]
+        if values is None:
+            return None
+        return [read(value) for value in one_per_lane(f"{name}s", values, self.num_envs, f"or give one {name!r}")]
 
 
 def _known_options(options: dict[str, Any] | None, names: Sequence[str]) -> dict[str, Any]:
+    if not isinstance(options, Mapping | None):
+        raise refusal("reset options", options, "a mapping", f"give some of {', '.join(names)}")
     for name in options or {}:
         known_name("reset option", name, names)
     return options or {}

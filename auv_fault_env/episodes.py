@@ -131,9 +131,9 @@ def settle_side(block, k, shaft, state, spin, speed, constants):
 
 
 @kernel
-def begin(lanes, chosen, start_speed, plan, catalogue, limits, constants, observations):
+def begin(lanes, chosen, start_speed, plan, catalogue, limits, constants, observations, outcomes):
     """Start an episode on the chosen lanes (m,), at rest or steady at start_speed (m,), and read the sensors once."""
-    scratch, outcomes = np.empty(N_SCRATCH * LANES), np.empty((1, 4))
+    scratch = np.empty(N_SCRATCH * LANES)
     for i in range(chosen.size):
         lane, speed = chosen[i], start_speed[i]
         block, k = lanes.memory[lane // LANES], lane % LANES
@@ -152,4 +152,4 @@ def begin(lanes, chosen, start_speed, plan, catalogue, limits, constants, observ
         prepare(one, scratch, 1, constants)
         block[DISTURBANCE * LANES + k] = constants.disturbance_std * scratch[DISTURBANCE_NORMAL * LANES]
         sense_all(one, scratch, 1, lanes.key[lane:], lanes.step[lane:], limits)
-        publish(one, 1, observations[lane:], outcomes)
+        publish(one, 1, observations[lane:], outcomes[lane:])

@@ -1,8 +1,10 @@
 """The project's one manner of refusing input: the thing, the value got, what is allowed, the remedy."""
 
+import contextlib
 import difflib
 import math
-from collections.abc import Iterable
+import numbers
+from collections.abc import Iterable, Mapping, Sequence
 
 
 class InputError(ValueError):
@@ -15,7 +17,9 @@ def refusal(thing: str, got, allowed: str, remedy: str) -> InputError:
     >>> str(refusal("severity", 1.5, "0 to 1", "give a fraction"))
     'severity: got 1.5; allowed is 0 to 1; give a fraction'
     """
-    return InputError(f"{thing}: got {got!r}; allowed is {allowed}; {remedy}")
+    shown = " ".join(repr(got).split())
+    shown = shown if len(shown) <= 200 else shown[:200] + " ..."
+    return InputError(f"{thing}: got {shown}; allowed is {allowed}; {remedy}")
 
 
 def known_name(kind: str, name, names: Iterable[str]) -> str:
@@ -27,7 +31,7 @@ def known_name(kind: str, name, names: Iterable[str]) -> str:
     auv_fault_env.errors.InputError: side: got 'prot'; allowed is one of port, starboard; did you mean 'port'?
     """
     names = list(names)
-    if name in names:
+    if isinstance(name, str) and name in names:
         return name
     near = difflib.get_close_matches(str(name), names, n=1)
     remedy = f"did you mean {near[0]!r}?" if near else "take a name of the list"
@@ -42,10 +46,46 @@ def finite_in_range(thing: str, value, low: float, high: float) -> float:
     ...
     auv_fault_env.errors.InputError: severity: got nan; allowed is a number from 0 to 1; give one in that range
     """
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = math.nan
+    number = math.nan
+    if isinstance(value, numbers.Real) and not isinstance(value, bool):
+        with contextlib.suppress(OverflowError):
+            number = float(value)
     if not low <= number <= high:
         raise refusal(thing, value, f"a number from {low:g} to {high:g}", "give one in that range")
     return number
+
+
+def whole_number(thing: str, value, low: int = 1) -> int:
+    """The value as an int if it is a whole number from `low`, else a refusal.
+
+    >>> whole_number("number of lanes", 2.5)
+    Traceback (most recent call last):
+    ...
+    auv_fault_env.errors.InputError: number of lanes: got 2.5; allowed is a whole number from 1; give one
+    """
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < low:
+        raise refusal(thing, value, f"a whole number from {low}", "give one")
+    return int(value)
+
+
+def pair_in_range(thing: str, value, low: float, high: float) -> tuple[float, float]:
+    """The pair (from, to) if both are finite numbers in [low, high] and in this order, else a refusal."""
+    if isinstance(value, str) or not isinstance(value, Sequence) or len(value) != 2:
+        raise refusal(thing, value, "a pair (from, to)", "give two numbers")
+    first, last = (finite_in_range(thing, end, low, high) for end in value)
+    if first > last:
+        raise refusal(thing, value, "a pair (from, to) in ascending order", "swap them")
+    return first, last
+
+
+def one_per_lane(thing: str, values, n_lanes: int, remedy: str = "give one each") -> Sequence:
+    """The values if there is one for each lane, else a refusal."""
+    if (
+        isinstance(values, str | bytes | Mapping)
+        or not hasattr(values, "__len__")
+        or not hasattr(values, "__getitem__")
+    ):
+        raise refusal(thing, values, f"a sequence of {n_lanes}, one per lane", remedy)
+    if len(values) != n_lanes:
+        raise refusal(f"number of {thing}", len(values), f"{n_lanes}, one per lane", remedy)
+    return values

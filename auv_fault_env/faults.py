@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from auv_fault_env.channels import CHANNELS, READINGS
-from auv_fault_env.errors import known_name
+from auv_fault_env.errors import finite_in_range, known_name
 from auv_fault_env.layout import Catalogue
 from auv_fault_env.parameters import PARAMETERS, SIDES
 
@@ -61,6 +61,10 @@ class Fault:
     def __post_init__(self):
         for parameter in (*self.scale, *self.offset):
             known_name(f"parameter of fault {self.name}", parameter, PARAMETERS)
+        for parameter, factor in self.scale.items():
+            finite_in_range(f"scale of {parameter} in fault {self.name}", factor, 0.0, 1e6)
+        for parameter, shift in self.offset.items():
+            finite_in_range(f"offset of {parameter} in fault {self.name}", shift, -1e6, 1e6)
 
     @property
     def diagnosis(self) -> str:

@@ -7,7 +7,7 @@ from numba import get_num_threads
 
 from auv_fault_env import episodes, lanes, layout
 from auv_fault_env.channels import CHANNELS
-from auv_fault_env.errors import finite_in_range, refusal
+from auv_fault_env.errors import finite_in_range, one_per_lane, refusal, whole_number
 from auv_fault_env.faults import matrices
 from auv_fault_env.missions import Mission, MissionSampler
 from auv_fault_env.noise import episode_keys, uniforms
@@ -63,9 +63,7 @@ class Fleet:
         schedules: ScheduleSampler | None = None,
         missions: MissionSampler | None = None,
     ):
-        if isinstance(n_lanes, bool) or not isinstance(n_lanes, int | np.integer) or n_lanes < 1:
-            raise refusal("number of lanes", n_lanes, "a whole number from 1", "ask for at least one vehicle")
-        self.n_lanes = int(n_lanes)
+        self.n_lanes = whole_number("number of lanes", n_lanes)
         self.vehicle = vehicle_of(preset)
         self.schedules = schedules or ScheduleSampler()
         self.missions = missions or MissionSampler()
@@ -126,24 +124,42 @@ class Fleet:
         -------
         The observations, (n_lanes, n_channels) float32; rows of lanes not chosen are as they were, or zero.
         """
-        chosen = np.arange(self.n_lanes) if lanes is None else np.asarray(lanes)
+        chosen = self._chosen(lanes)
+        shape = (self.n_lanes, len(CHANNELS))
+        if observations is None:
+            observations = np.zeros(shape, np.float32)
+        if observations.shape != shape or observations.dtype != np.float32:
+            got = f"{observations.dtype} {observations.shape}"
+            raise refusal("observations", got, f"float32 {shape}", "make them so")
+        for name, values in (("schedules", schedules), ("missions", missions)):
+            if values is not None:
+                one_per_lane(name, values, chosen.size)
+        self.outcomes = self.outcomes.copy()
         if seeds is None:
             self._episode[chosen] += np.uint64(1)
         else:
-            self._seed[chosen] = np.array([int(seed) % 2**64 for seed in seeds], np.uint64)
+            seeds = [whole_number("seed", seed, 0) for seed in one_per_lane("seeds", seeds, chosen.size)]
+            self._seed[chosen] = np.array([seed % 2**64 for seed in seeds], np.uint64)
             self._episode[chosen] = 0
         key = self._lanes.key[chosen] = episode_keys(self._seed[chosen], self._episode[chosen])
         spread = 2.0 * uniforms(key, 0, len(PARAMETERS)) - 1.0
         self._plan.healthy[chosen] = self._nominal * (1.0 + self._band * spread)
         self._set_events(chosen, self.schedules.draw(key) if schedules is None else events_of(schedules))
         speeds = self._set_missions(chosen, *(self.missions.draw(key) if missions is None else _legs_of(missions)))
-        if observations is None:
-            observations = np.zeros((self.n_lanes, len(CHANNELS)), np.float32)
-        arrays = (self._plan, self._catalogue, self._limits, self._constants, observations)
+        arrays = (self._plan, self._catalogue, self._limits, self._constants, observations, self.outcomes)
         episodes.begin(self._lanes, chosen, speeds, *arrays)
         self._due = self.n_lanes
         self.changes += 1
         return observations
+
+    def _chosen(self, lanes: np.ndarray | None) -> np.ndarray:
+        if lanes is None:
+            return np.arange(self.n_lanes)
+        chosen = np.asarray(lanes)
+        whole = chosen.ndim == 1 and chosen.dtype.kind in "iu" and np.unique(chosen).size == chosen.size
+        if not whole or (chosen.size and not 0 <= chosen.min() <= chosen.max() < self.n_lanes):
+            raise refusal("lanes", lanes, f"different whole numbers from 0 to {self.n_lanes - 1}", "give indices")
+        return chosen
 
     def _set_events(self, chosen: np.ndarray, events: Events):
         more = events.fault.shape[1] - self._plan.fault.shape[1]
@@ -180,6 +196,10 @@ class Fleet:
         -------
         New observations, (n_lanes, n_channels) float32; rewards and costs stand in `outcomes`.
         """
+        actions = np.asarray(actions, np.float64)
+        if actions.shape != (self.n_lanes, 3):
+            remedy = "give speed_command, rudder, stern_plane per lane"
+            raise refusal("shape of the action", actions.shape, f"{(self.n_lanes, 3)}", remedy)
         if self._due:
             episodes.refresh(self._lanes, self._plan, self._catalogue)
             self.changes += 1

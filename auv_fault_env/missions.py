@@ -1,14 +1,15 @@
 """The mission: which speed the vehicle is asked to keep, leg by leg."""
 
+import numbers
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from auv_fault_env.channels import MAXIMUM_COMMAND
-from auv_fault_env.errors import finite_in_range, known_name, refusal
+from auv_fault_env.errors import InputError, finite_in_range, known_name, pair_in_range, refusal, whole_number
 from auv_fault_env.noise import uniforms
-from auv_fault_env.parameters import FOOT
+from auv_fault_env.parameters import FOOT, SAMPLE_TIME
 
 
 @dataclass(frozen=True)
@@ -27,15 +28,20 @@ class Mission:
     start_speed: float | None = None
 
     def __post_init__(self):
-        legs = tuple((float(start), float(speed)) for start, speed in self.legs)
-        starts = [finite_in_range("start of a mission leg", start, 0.0, 1e12) for start, _ in legs]
+        legs = tuple(
+            (
+                finite_in_range("start of a mission leg", start, 0.0, 1e12),
+                finite_in_range("mission speed", speed, 0.0, MAXIMUM_COMMAND),
+            )
+            for start, speed in self.legs
+        )
+        starts = [start for start, _ in legs]
         if not legs or starts[0] != 0.0 or sorted(set(starts)) != starts:
             raise refusal("mission legs", starts, "start times that begin at 0 and ascend", "order the legs")
         start_speed = legs[0][1] if self.start_speed is None else self.start_speed
-        for speed in (start_speed, *(speed for _, speed in legs)):
-            finite_in_range("mission speed", speed, 0.0, MAXIMUM_COMMAND)
+        start_speed = finite_in_range("mission speed", start_speed, 0.0, MAXIMUM_COMMAND)
         object.__setattr__(self, "legs", legs)
-        object.__setattr__(self, "start_speed", float(start_speed))
+        object.__setattr__(self, "start_speed", start_speed)
 
 
 MISSIONS: dict[str, Mission] = {
@@ -56,8 +62,12 @@ def mission_of(value: "Mission | str | float | Sequence | Mapping") -> Mission:
     try:
         if isinstance(value, Mapping):
             return Mission(**value)
-        return Mission(((0.0, value),) if np.ndim(value) == 0 else tuple(value))
-    except TypeError:
+        if isinstance(value, numbers.Real):
+            return Mission(((0.0, value),))
+        return Mission(tuple((start, speed) for start, speed in value))
+    except InputError:
+        raise
+    except (TypeError, ValueError):
         raise refusal("mission", value, "a name, a speed or a list of (start, speed)", "write one of these") from None
 
 
@@ -81,6 +91,12 @@ class MissionSampler:
     duration: tuple[float, float] = (8.0, 20.0)
     n_legs: int = 5
     from_rest: float = 0.2
+
+    def __post_init__(self):
+        pair_in_range("speed of the legs", self.speed, 0.0, MAXIMUM_COMMAND)
+        pair_in_range("duration of the legs", self.duration, SAMPLE_TIME, 1e12)
+        whole_number("number of legs", self.n_legs)
+        finite_in_range("from_rest", self.from_rest, 0.0, 1.0)
 
     def draw(self, key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Legs (n_lanes, n_legs, 2) and start speeds (n_lanes,) for lanes with the given noise keys (n_lanes,)."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.errors import finite_in_range, known_name, refusal
+from auv_fault_env.errors import finite_in_range, known_name, pair_in_range, refusal, whole_number
 from auv_fault_env.faults import CATALOGUE, fault_of
 from auv_fault_env.noise import episode_keys, uniforms
 
@@ -77,7 +77,7 @@ def schedule_of(value: Sequence[FaultEvent | Mapping] | str | Path) -> Schedule:
     """A schedule from events, mappings, or the path of a JSON file. An empty one is healthy."""
     if isinstance(value, str | Path):
         return load_schedule(value)
-    if isinstance(value, Mapping) or not isinstance(value, Sequence):
+    if isinstance(value, Mapping | bytes | bytearray) or not isinstance(value, Sequence):
         raise refusal("schedule", value, "a sequence of events or a path", "put the event into a list")
     return tuple(event_of(item) for item in value)
 
@@ -98,6 +98,8 @@ def from_json(text: str, origin: str = "schedule") -> Schedule:
     except json.JSONDecodeError as error:
         place = f"line {error.lineno} column {error.colno}"
         raise refusal(f"{origin}, {place}", error.msg, "a JSON list of fault events", "mend that place") from None
+    except (RecursionError, ValueError) as error:
+        raise refusal(origin, str(error), "a JSON list of fault events", "write plain events") from None
     if not isinstance(events, list):
         raise refusal(origin, type(events).__name__, "a JSON list of fault events", "put the event into a list")
     return schedule_of(events)
@@ -107,9 +109,9 @@ def load_schedule(path: str | Path) -> Schedule:
     """The schedule of a JSON file."""
     try:
         text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
-        raise refusal("schedule file", str(path), "a readable JSON file", reason) from None
+        raise refusal("schedule file", str(path), "a readable JSON file", f"check the path ({reason})") from None
     return from_json(text, str(path))
 
 
@@ -184,8 +186,16 @@ class ScheduleSampler:
     def __post_init__(self):
         for name in ("healthy", "compound", "incipient", "intermittent", "repaired"):
             finite_in_range(name, getattr(self, name), 0.0, 1.0)
-        for name in self.prior:
+        limits = {"severity": 1.0, "duty": 1.0, "onset": 1e12, "ramp": 1e12, "period": 1e12, "life": 1e12}
+        for name, high in limits.items():
+            pair_in_range(name, getattr(self, name), 0.0, high)
+        if self.life[0] <= 0.0:
+            raise refusal("life", self.life, "a pair above 0", "let a fault last")
+        for name, weight in self.prior.items():
             known_name("class of the prior", name, [fault.diagnosis for fault in CATALOGUE.values()])
+            finite_in_range(f"prior of {name}", weight, 0.0, 1e12)
+        if self.prior and not any(self.prior.values()):
+            raise refusal("prior", dict(self.prior), "some weight above 0", "give a class weight")
 
     def weights(self) -> np.ndarray:
         """Probability of every fault of the catalogue, (n_faults,)."""
@@ -217,7 +227,8 @@ class ScheduleSampler:
 
     def sample(self, seed: int) -> Schedule:
         """The schedule that the first episode of an environment with this seed draws."""
-        key = episode_keys(np.array([seed], np.uint64), np.zeros(1, np.uint64))
+        whole_number("seed", seed, 0)
+        key = episode_keys(np.array([seed % 2**64], np.uint64), np.zeros(1, np.uint64))
         names, events = list(CATALOGUE), self.draw(key)
         return tuple(
             FaultEvent(names[row], **dict(zip(PROFILE, map(float, profile), strict=True)))

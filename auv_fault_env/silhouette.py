@@ -3,25 +3,27 @@
 import math
 from collections.abc import Mapping, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from auv_fault_env.canvas import (
+    FAINT,
+    INK,
+    PALE_WARNING,
+    PANEL,
+    SIDE_COLOURS,
+    STEEL,
+    WARNING,
+    WARNING_EDGE,
+    Canvas,
+    Colour,
+    Point,
+)
 from auv_fault_env.channels import READINGS
 from auv_fault_env.parameters import SIDES
 
-if TYPE_CHECKING:
-    from auv_fault_env.rendering import Canvas
-
-Colour = tuple[int, int, int]
-Point = Sequence[float]
-
-PAPER, PANEL, INK, FAINT, GRID = (250, 251, 252), (255, 255, 255), (33, 41, 52), (112, 121, 133), (226, 231, 236)
-HULL, STEEL, FIN = (236, 214, 120), (150, 160, 172), (206, 176, 70)
-PORT, STARBOARD = (200, 32, 48), (0, 132, 72)  # the nautical side lights
-BLUE, VIOLET = (30, 104, 196), (142, 68, 190)
-WARNING, PALE_WARNING, WARNING_EDGE = (255, 152, 20), (255, 206, 140), (196, 84, 0)
-SIDE_COLOURS = dict(zip(SIDES, (PORT, STARBOARD), strict=True))
+HULL, FIN = (236, 214, 120), (206, 176, 70)
 
 
 class Part(NamedTuple):
@@ -148,7 +150,7 @@ def _outline(points: np.ndarray) -> list[Point]:
     return ring
 
 
-def draw_vehicle(canvas: "Canvas", view: View, parts: Sequence[Part], faulty: set[str]):
+def draw_vehicle(canvas: Canvas, view: View, parts: Sequence[Part], faulty: set[str]):
     """The parts in one view, the hull first, those of faulty components last and in the warning colour."""
     canvas.text(view.title, view.label, FAINT)
     for part in (parts[0], *sorted(parts[1:], key=lambda part: part.component in faulty)):
@@ -160,7 +162,7 @@ def draw_vehicle(canvas: "Canvas", view: View, parts: Sequence[Part], faulty: se
             canvas.circle(points.mean(axis=0), max(1.5 * reach, 11), WARNING_EDGE, 2)
 
 
-def draw_ruler(canvas: "Canvas", travelled: float):
+def draw_ruler(canvas: Canvas, travelled: float):
     """Metres through the water, which pass below the vehicle as it moves."""
     (middle, _), scale, top = VIEWS[0].middle, VIEWS[0].scale, 216
     canvas.line([(16, top), (420, top)], FAINT)

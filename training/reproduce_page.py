@@ -1,16 +1,14 @@
 """What `auv-fault reproduce` reports: the rows thesis | ours | command, the figures' data, and why ours differs."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.parameters import FOOT, PRESETS, SAMPLE_RATE
 from training.appendix_a import appendix_section, constants_section
-
-if TYPE_CHECKING:
-    from training.reproduce import Recording
+from training.thesis_runs import Recording
 
 COLUMNS = [
     "where",
@@ -33,7 +31,7 @@ TRUE = {"normal": (1.0, 1.0), "drag": (1.35, 1.0), "thrust": (1.0, 0.65), "loss"
 class Page:
     """Reads the recordings by run, parameter and time."""
 
-    def __init__(self, clean: "Recording", noisy: "Recording", runs: Sequence[str], command: str):
+    def __init__(self, clean: Recording, noisy: Recording, runs: Sequence[str], command: str):
         self.clean, self.noisy, self.runs, self.command = clean, noisy, list(runs), command
 
     def estimate(self, run: str, parameter: int, time: float) -> tuple[float, np.ndarray]:
@@ -61,7 +59,7 @@ class Page:
         return self.clean.readings[:, self.runs.index(run), 0, list(CHANNELS).index(channel)]
 
 
-def page(clean: "Recording", noisy: "Recording", runs: Sequence[str], command: str) -> dict[str, Any]:
+def page(clean: Recording, noisy: Recording, runs: Sequence[str], command: str) -> dict[str, Any]:
     """The whole report as plain data."""
     view = Page(clean, noisy, runs, command)
     return {

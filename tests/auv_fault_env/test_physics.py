@@ -64,14 +64,15 @@ def check(vehicle, parameters, inputs, exact, record):
     errors = reference.error(got, exact)
     record("worst_error", f"speed {errors[0]:.1e}, shafts {max(errors[1:3]):.1e}")
     assert max(errors[:3]) < 1e-6
-    # A shaft that stops within a substep leaves a kink in its angle, which only the energy account reads.
-    assert np.abs(got[:, 3:] - exact[:, 3:]).max() < 2e-3
+    angles = np.abs(got[:, 3:] - exact[:, 3:])
+    stopped = (exact[:, 1:3] == 0.0) & (exact[:, 3:] > 0.0)  # within the sample, which leaves a kink: energy only
+    assert angles.max(where=~stopped, initial=0.0) < 1e-5 and angles.max() < 5e-3
 
 
 @EACH_PRESET
 def test_healthy_vehicle_follows_the_exact_solution(preset, record_property):
     vehicle, parameters, inputs, exact = healthy_case(preset)
-    assert exact[:, 0].max() > 1.0 and exact[-1, 1:3].max() == 0.0  # full speed reached, shafts stopped at the end
+    assert exact[:, 0].max() > 0.8 and exact[-1, 1:3].max() == 0.0  # fast, and the shafts stopped at the end
     check(vehicle, parameters, inputs, exact, record_property)
 
 
@@ -145,7 +146,7 @@ def test_terminal_speed_at_a_held_shaft_speed(preset):
     vehicle, spin = PRESETS[preset], 40.0
     held = Motor(0.0, 0.0, 0.0, 0.0, 0.5 * vehicle.beta * RPM**2)
     motion = REST._replace(port_spin=spin, starboard_spin=spin)
-    for _ in range(3000):
+    for _ in range(6000):
         motion = physics.advance(motion, vehicle.alpha, 0.0, held, held)
     assert motion.port_spin == spin
     assert motion.speed == pytest.approx(sqrt(vehicle.beta / -vehicle.alpha) * spin * RPM, rel=1e-10)
@@ -199,7 +200,7 @@ def test_operating_points(feet, ampere, volt):
         assert state[side + layout.VOLTAGE] == pytest.approx(volt, abs=0.05)
     fleet.step(np.array([[feet * FOOT, 0.0, 0.0]]))
     assert state[layout.SPEED] == pytest.approx(feet * FOOT, rel=1e-9)
-    power = sum(state[side + layout.VOLTAGE] * state[side + layout.CURRENT] for side in (25 * 0 + layout.PORT_STATE, layout.STARBOARD_STATE))
+    power = 2 * state[layout.PORT_STATE + layout.VOLTAGE] * state[layout.PORT_STATE + layout.CURRENT]
     assert fleet.outcomes[0, 1] == pytest.approx(0.1 * power, rel=1e-6)
 
 
@@ -255,10 +256,10 @@ def test_order_of_the_slope_correction():
     """Untold of the slope, the error is its first power and of order 3 in time; told, the second power and order 5."""
     order = lambda error, large, small: log2(error(large) / error(small))  # noqa: E731
     untold, told = partial(sloped_error, used=0.0), lambda slope, time: sloped_error(slope, time, slope)
-    assert order(lambda t: untold(50.0, t), 0.02, 0.01) == pytest.approx(3.0, abs=0.4)
-    assert order(lambda s: untold(s, 0.02), 50.0, 25.0) == pytest.approx(1.0, abs=0.2)
-    assert order(lambda t: told(50.0, t), 0.02, 0.01) == pytest.approx(5.0, abs=0.6)
-    assert order(lambda s: told(s, 0.02), 50.0, 25.0) == pytest.approx(2.0, abs=0.3)
+    assert order(lambda t: untold(50.0, t), 0.002, 0.001) == pytest.approx(3.0, abs=0.1)
+    assert order(lambda s: untold(s, 0.002), 50.0, 25.0) == pytest.approx(1.0, abs=0.02)
+    assert order(lambda t: told(2e4, t), 0.002, 0.001) == pytest.approx(5.0, abs=0.2)
+    assert order(lambda s: told(s, 0.002), 2e4, 1e4) == pytest.approx(2.0, abs=0.1)
 
 
 EXTREMES = {

@@ -12,8 +12,10 @@ from gymnasium.utils import env_checker
 
 import auv_fault_env
 from auv_fault_env import CATALOGUE, CHANNELS, Fault
-from auv_fault_env.rendering import SIZE, Renderer, ticks
-from auv_fault_env.silhouette import PALE_WARNING, WARNING, vehicle_parts
+from auv_fault_env.canvas import PALE_WARNING, SIZE, WARNING
+from auv_fault_env.charts import ticks
+from auv_fault_env.rendering import Renderer
+from auv_fault_env.silhouette import vehicle_parts
 
 ID = "auv_fault_env/Propulsion-v0"
 HEALTHY = {"port_beta": 1e-7, "starboard_beta": 1e-7}

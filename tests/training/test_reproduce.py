@@ -5,7 +5,7 @@ import pytest
 
 from auv_fault_env.parameters import FOOT, PRESETS
 from training import cli
-from training.reproduce import STEPS, TEST_RUNS, record
+from training.thesis_runs import STEPS, TEST_RUNS, record
 
 ALPHA, BETA = 0, 1
 

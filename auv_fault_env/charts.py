@@ -1,0 +1,135 @@
+"""Strip charts of the readings over the last minute of an episode."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from auv_fault_env.canvas import (
+    BLUE,
+    FAINT,
+    GRID,
+    INK,
+    PANEL,
+    SIDE_COLOURS,
+    SMALL,
+    STEEL,
+    VIOLET,
+    WARNING,
+    Canvas,
+    Colour,
+    Point,
+)
+from auv_fault_env.channels import CHANNELS
+from auv_fault_env.parameters import SIDES
+
+WINDOW = 60.0  # s, length of the strip charts
+
+
+class Trace(NamedTuple):
+    """One line of a strip chart."""
+
+    channel: str
+    name: str
+    colour: Colour
+    width: int = 1
+
+
+def _pair(quantity: str) -> tuple[Trace, ...]:
+    return tuple(Trace(f"{side}_{quantity}", side, SIDE_COLOURS[side]) for side in SIDES)
+
+
+TRUE_SPEED = "true_speed"
+COLUMNS = {name: column for column, name in enumerate(("time", *CHANNELS, TRUE_SPEED))}
+SPEEDS = (
+    Trace("speed", "measured", INK),
+    Trace("mission_speed", "mission", STEEL, 4),
+    Trace("speed_command", "command", BLUE, 2),
+    Trace(TRUE_SPEED, "true", VIOLET),
+)
+DEFLECTIONS = (Trace("rudder", "rudder", BLUE, 4), Trace("stern_plane", "stern plane", VIOLET, 2))
+CHARTS = {
+    "speed": SPEEDS,
+    "shaft speed": _pair("rpm"),
+    "acceleration": (Trace("acceleration", "measured", INK),),
+    "motor voltage": _pair("voltage"),
+    "deflection": DEFLECTIONS,
+    "motor current": _pair("current"),
+}
+
+
+def ticks(low: float, high: float, intervals: int = 4) -> np.ndarray:
+    """Multiples of 1, 2 or 5 times a power of ten that enclose the range, but for 2 % of a step.
+
+    >>> ticks(0.12, 0.87)
+    array([0. , 0.2, 0.4, 0.6, 0.8, 1. ])
+    """
+    wanted = (high - low) / intervals
+    power = 10.0 ** math.floor(math.log10(wanted))
+    step = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= 0.999 * wanted)
+    return np.arange(math.floor(low / step + 0.02), math.ceil(high / step - 0.02) + 1) * step
+
+
+def _bounds(traces: Sequence[Trace], values: np.ndarray) -> np.ndarray:
+    """Ticks around the values, never over less than twenty times the noise, which would be blown up."""
+    channel = CHANNELS[traces[0].channel]
+    least = 20.0 * channel.noise or (channel.high - channel.low) / 2
+    margin = max(least - np.ptp(values), 0.0) / 2
+    return ticks(values.min() - margin, values.max() + margin)
+
+
+def _number(value: float, step: float) -> str:
+    """The value with as many decimals as a step of that size needs."""
+    decimals = max(0, math.ceil(-math.log10(step) - 1e-9))
+    return f"{round(value, decimals) + 0.0:.{decimals}f}"
+
+
+def _round_times(start: float) -> np.ndarray:
+    return np.arange(math.ceil(start / 10.0) * 10.0, start + WINDOW + 0.01, 10.0)
+
+
+def draw_times(canvas: Canvas, corner: Point, now: float):
+    start = max(0.0, now - WINDOW)
+    for time in _round_times(start):
+        canvas.text(
+            f"{time:.0f} s", (corner[0] + 46 + (time - start) / WINDOW * 400, corner[1] + 10), FAINT, 0.5, SMALL
+        )
+
+
+def draw_chart(canvas: Canvas, traces: Sequence[Trace], corner: Point, rows: np.ndarray, onsets: Sequence[float]):
+    left, top, width, height = corner[0] + 46, corner[1] + 24, 400, 88
+    start = max(0.0, rows[-1, 0] - WINDOW)
+    values = rows[:, [COLUMNS[trace.channel] for trace in traces]]
+    marks = _bounds(traces, values)
+    x = lambda time: left + (time - start) / WINDOW * width  # noqa: E731
+    y = lambda value: top + (marks[-1] - value) / (marks[-1] - marks[0]) * height  # noqa: E731
+    canvas.box(left, top, width, height, PANEL)
+    for mark in marks:
+        canvas.box(left, round(y(mark)), width, 1, GRID)
+        canvas.text(_number(mark, marks[1] - marks[0]), (left - 6, y(mark)), FAINT, 1.0, SMALL)
+    for time in _round_times(start):
+        canvas.box(round(x(time)), top, 1, height, GRID)
+    for onset in onsets:
+        canvas.box(round(x(onset)), top, 2, height, WARNING)
+    for trace, series in zip(traces, values.T, strict=True):
+        points = np.stack([x(rows[:, 0]), y(series)], axis=1).tolist()
+        if len(points) > 1:
+            canvas.line(points, trace.colour, trace.width)
+        canvas.circle(points[-1], 2.5, trace.colour)
+
+
+def draw_legend(
+    canvas: Canvas, title: str, traces: Sequence[Trace], corner: Point, row: Mapping[str, float], faulty: set[str]
+):
+    unit = CHANNELS[traces[0].channel].unit.replace("^2", "²")
+    canvas.text(f"{title} [{unit}]", (corner[0], corner[1] + 9))
+    right, y = corner[0] + 446, corner[1] + 9
+    for trace in reversed(traces):
+        noise = CHANNELS[trace.channel].noise if trace.channel in CHANNELS else 0.01
+        words = f"{trace.name} {_number(row[trace.channel], noise or 0.01)}"
+        broken = f"sensor:{trace.channel}" in faulty
+        if broken:
+            canvas.box(right - canvas.width(words) - 4, y - 9, canvas.width(words) + 8, 17, WARNING, 4)
+        canvas.text(words, (right, y), INK if broken else trace.colour, 1.0)
+        right -= canvas.width(words) + 16
