@@ -90,6 +90,7 @@ def _round_times(start: float) -> np.ndarray:
 
 
 def draw_times(canvas: Canvas, corner: Point, now: float):
+    """The time scale below a column of charts."""
     start = max(0.0, now - WINDOW)
     for time in _round_times(start):
         canvas.text(
@@ -98,6 +99,7 @@ def draw_times(canvas: Canvas, corner: Point, now: float):
 
 
 def draw_chart(canvas: Canvas, traces: Sequence[Trace], corner: Point, rows: np.ndarray, onsets: Sequence[float]):
+    """One chart: grid, onsets of the faults as vertical lines, and a line per trace."""
     left, top, width, height = corner[0] + 46, corner[1] + 24, 400, 88
     start = max(0.0, rows[-1, 0] - WINDOW)
     values = rows[:, [COLUMNS[trace.channel] for trace in traces]]
@@ -122,6 +124,7 @@ def draw_chart(canvas: Canvas, traces: Sequence[Trace], corner: Point, rows: np.
 def draw_legend(
     canvas: Canvas, title: str, traces: Sequence[Trace], corner: Point, row: Mapping[str, float], faulty: set[str]
 ):
+    """Title and unit of a chart, name and latest value of its traces; a faulty sensor's are highlighted."""
     unit = CHANNELS[traces[0].channel].unit.replace("^2", "²")
     canvas.text(f"{title} [{unit}]", (corner[0], corner[1] + 9))
     right, y = corner[0] + 446, corner[1] + 9

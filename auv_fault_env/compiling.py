@@ -12,7 +12,7 @@ from pathlib import Path
 
 from numba import config, njit
 
-COMPILED = ("channels", "parameters", "noise", "physics", "layout", "lanes", "episodes")
+COMPILED = ("compiling", "errors", "channels", "parameters", "noise", "physics", "layout", "lanes", "episodes")
 OPTIONS = dict(error_model="numpy", fastmath={"contract"}, nogil=True)
 
 scalar = njit(forceinline=True, **OPTIONS)
@@ -39,12 +39,10 @@ def cache_folder() -> Path:
 FOLDER = cache_folder()
 
 
-def kernel(function=None, *, parallel=False):
+def kernel(function):
     """Compile a loop over lanes and keep it on disk."""
-    if function is None:
-        return lambda inner: kernel(inner, parallel=parallel)
     outer, config.CACHE_DIR = config.CACHE_DIR, str(FOLDER)
     try:
-        return njit(cache=True, parallel=parallel, **OPTIONS)(function)
+        return njit(cache=True, **OPTIONS)(function)
     finally:
         config.CACHE_DIR = outer

@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from auv_fault_env.channels import CHANNELS, COMMANDS
-from auv_fault_env.errors import known_name, one_per_lane, refusal, whole_number
+from auv_fault_env.errors import finite_in_range, known_name, one_per_lane, refusal, whole_number
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import Mission, mission_of
 from auv_fault_env.parameters import SAMPLE_RATE, Vehicle
@@ -33,18 +33,18 @@ def _checked(actions, shape: tuple[int, ...]) -> np.ndarray:
         raise refusal("action", actions, f"numbers of shape {shape}", f"give {', '.join(ACTIONS)}") from None
     if actions.shape != shape:
         raise refusal("shape of the action", actions.shape, shape, f"give {', '.join(ACTIONS)}")
-    if not np.isfinite(actions).all():
+    finite = all(map(math.isfinite, actions.tolist())) if actions.ndim == 1 else np.isfinite(actions).all()
+    if not finite:
         place = tuple(np.argwhere(~np.isfinite(actions))[0])
         raise refusal(f"action, {ACTIONS[place[-1]]}", float(actions[place]), "a finite number", "check the policy")
     return actions
 
 
-def _checked_schedule(value, max_episode_steps: int | None) -> Schedule:
+def _checked_schedule(value, end: float) -> Schedule:
     schedule = schedule_of(value)
-    end = (max_episode_steps or math.inf) / SAMPLE_RATE
     for event in schedule:
         if event.onset >= end:
-            remedy = "begin earlier or raise max_episode_steps"
+            remedy = "begin earlier, or raise max_episode_steps (of a single environment, horizon too)"
             raise refusal(f"onset of {event.fault}", event.onset, f"before the episode's end at {end:g} s", remedy)
     return schedule
 
@@ -114,7 +114,8 @@ class PropulsionEnv(gym.Env):
     gym.make("auv_fault_env/Propulsion-v0", preset="thesis1992", sensor_noise=1.0, disturbance=1.0, healthy_band=1.0)
     ```
     `preset`: `thesis1992`, `npsnet1995` or a `Vehicle`. `sensor_noise`, `disturbance`, `healthy_band`: factors on the
-    default noise, disturbing acceleration and spread of healthy vehicles; 0 switches off.
+    default noise, disturbing acceleration and spread of healthy vehicles; 0 switches off. `horizon`: end of the episode
+    [s], by which every fault of a given schedule must have begun; raise it along with another `max_episode_steps`.
 
     `reset(options={"schedule": ..., "mission": ...})`: the schedule is a sequence of `FaultEvent` or of mappings with
     their fields, or the path of a JSON file; empty means healthy; without it one is sampled. The mission is a name
@@ -143,10 +144,12 @@ class PropulsionEnv(gym.Env):
         sensor_noise: float = 1.0,
         disturbance: float = 1.0,
         healthy_band: float = 1.0,
+        horizon: float = 60.0,
     ):
         if render_mode is not None:
             known_name("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
+        self._horizon = finite_in_range("horizon", horizon, 0.0, math.inf)
         self.fleet = Fleet(1, preset, sensor_noise, disturbance, healthy_band)
         self.action_space = _box(ACTIONS)
         self.observation_space = _box(tuple(CHANNELS))
@@ -159,9 +162,7 @@ class PropulsionEnv(gym.Env):
         options = _known_options(options, ("schedule", "mission"))
         schedules = missions = None
         if options.get("schedule") is not None:
-            registered = gym.registry.get(self.spec.id) if self.spec else None
-            limit = registered.max_episode_steps if registered else None
-            schedules = [_checked_schedule(options["schedule"], limit)]
+            schedules = [_checked_schedule(options["schedule"], self._horizon)]
         if options.get("mission") is not None:
             missions = [mission_of(options["mission"])]
         super().reset(seed=seed)
@@ -242,7 +243,9 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
     def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
         """Start an episode on every lane."""
         options = _known_options(options, ("schedule", "mission", "schedules", "missions"))
-        schedules = self._per_lane(options, "schedule", lambda value: _checked_schedule(value, self.max_episode_steps))
+        schedules = self._per_lane(
+            options, "schedule", lambda value: _checked_schedule(value, self.max_episode_steps / SAMPLE_RATE)
+        )
         missions = self._per_lane(options, "mission", mission_of)
         self._check_seed(seed)
         super().reset(seed=seed if isinstance(seed, int) else None)

@@ -30,6 +30,7 @@ from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.physics import RPM
 
 NEVER = np.int64(1 << 60)
+STALE = -1  # due step of a lane whose parameters must be written anew, whatever its severities
 FAR = 1e15  # steps: an instant so late that it never comes
 
 
@@ -61,55 +62,56 @@ def next_change(step, time, onset, ramp, end, period):
     return step_at(end, step)
 
 
-@kernel
-def apply_events(lane, step, plan):
-    """Write the lane's severities in force; returns the step of the next change."""
-    time, due, severity = step / SAMPLE_RATE, NEVER, plan.severity[lane]
-    for e in range(severity.size):
-        onset, full, ramp, end, period, duty = plan.profile[lane, e]
-        severity[e] = severity_at(time, onset, full, ramp, end, period, duty)
+@scalar
+def renew_severities(lane, step, plan):
+    """Write the lane's severities in force; returns whether one has changed, and the step of the next change."""
+    time, due, changed = step / SAMPLE_RATE, NEVER, False
+    for e in range(plan.severity.shape[1]):
+        onset, ramp = plan.profile[lane, e, 0], plan.profile[lane, e, 2]
+        end, period = plan.profile[lane, e, 3], plan.profile[lane, e, 4]
+        now = severity_at(time, onset, plan.profile[lane, e, 1], ramp, end, period, plan.profile[lane, e, 5])
+        changed |= now != plan.severity[lane, e]
+        plan.severity[lane, e] = now
         due = min(due, next_change(step, time, onset, ramp, end, period))
-    return due
+    return changed, due
 
 
-@kernel
-def apply_faults(block, k, lane, plan, catalogue):
+@scalar
+def renew_parameters(memory, lane, plan, catalogue):
     """Write the lane's parameters: healthy * prod(1 + s (scale - 1)) + sum(s offset)."""
+    b, k = lane // LANES, lane % LANES
     for p in range(N_PARAMETERS):
         factor, shift = 1.0, 0.0
         for e in range(plan.severity.shape[1]):
             fault, severity = plan.fault[lane, e], plan.severity[lane, e]
-            if fault >= 0:
+            if severity > 0.0:
                 factor *= 1.0 + severity * (catalogue.scale[fault, p] - 1.0)
                 shift += severity * catalogue.offset[fault, p]
-        block[(PARAMETER + p) * LANES + k] = plan.healthy[lane, p] * factor + shift
+        memory[b, (PARAMETER + p) * LANES + k] = plan.healthy[lane, p] * factor + shift
 
 
-@kernel
-def apply_mission(block, k, lane, step, legs):
+@scalar
+def renew_mission(memory, lane, step, legs):
     """Write the lane's mission speed; returns the step of the next leg."""
+    time, due = step / SAMPLE_RATE, NEVER
     for g in range(legs.shape[1]):
-        if step / SAMPLE_RATE < legs[lane, g, 0]:
-            return step_at(legs[lane, g, 0], step)
-        block[MISSION_SPEED * LANES + k] = legs[lane, g, 1]
-    return NEVER
-
-
-@kernel
-def refresh_lane(lanes, lane, plan, catalogue):
-    """Bring one lane's severities, parameters and mission speed to the sample ahead."""
-    block, k, step = lanes.memory[lane // LANES], lane % LANES, lanes.step[lane]
-    change = apply_events(lane, step, plan)
-    apply_faults(block, k, lane, plan, catalogue)
-    lanes.due[lane] = min(change, apply_mission(block, k, lane, step, plan.legs))
+        if time >= legs[lane, g, 0]:
+            memory[lane // LANES, MISSION_SPEED * LANES + lane % LANES] = legs[lane, g, 1]
+        else:
+            due = min(due, step_at(legs[lane, g, 0], step))
+    return due
 
 
 @kernel
 def refresh(lanes, plan, catalogue):
-    """Bring every lane that is due up to date."""
+    """Bring severities, parameters and mission speed of every lane that is due to the sample ahead."""
     for lane in range(lanes.key.size):
-        if lanes.step[lane] >= lanes.due[lane]:
-            refresh_lane(lanes, lane, plan, catalogue)
+        step, stale = lanes.step[lane], lanes.due[lane] == STALE
+        if stale or step >= lanes.due[lane]:
+            changed, due = renew_severities(lane, step, plan)
+            if stale or changed:
+                renew_parameters(lanes.memory, lane, plan, catalogue)
+            lanes.due[lane] = min(due, renew_mission(lanes.memory, lane, step, plan.legs))
 
 
 @scalar
@@ -133,14 +135,16 @@ def settle_side(block, k, shaft, state, spin, speed, constants):
 @kernel
 def begin(lanes, chosen, start_speed, plan, catalogue, limits, constants, observations, outcomes):
     """Start an episode on the chosen lanes (m,), at rest or steady at start_speed (m,), and read the sensors once."""
+    for i in range(chosen.size):
+        lane = chosen[i]
+        lanes.step[lane], lanes.due[lane] = 0, STALE
+        for row in range(PARAMETER):
+            lanes.memory[lane // LANES, row * LANES + lane % LANES] = 0.0
+    refresh(lanes, plan, catalogue)
     scratch = np.empty(N_SCRATCH * LANES)
     for i in range(chosen.size):
         lane, speed = chosen[i], start_speed[i]
         block, k = lanes.memory[lane // LANES], lane % LANES
-        for row in range(PARAMETER):
-            block[row * LANES + k] = 0.0
-        lanes.step[lane] = 0
-        refresh_lane(lanes, lane, plan, catalogue)
         spin = steady_spin(block, k, speed)
         settle_side(block, k, PORT_SHAFT, PORT_STATE, spin, speed, constants)
         settle_side(block, k, STARBOARD_SHAFT, STARBOARD_STATE, spin, speed, constants)

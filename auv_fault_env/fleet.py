@@ -1,14 +1,16 @@
 """A fleet: n vehicles as arrays, stepped together. The only mutable object of the package."""
 
+import itertools
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numba import get_num_threads
 
 from auv_fault_env import episodes, lanes, layout
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import finite_in_range, one_per_lane, refusal, whole_number
-from auv_fault_env.faults import matrices
+from auv_fault_env.faults import CATALOGUE, matrices
 from auv_fault_env.missions import Mission, MissionSampler
 from auv_fault_env.noise import episode_keys, uniforms
 from auv_fault_env.parameters import ENERGY_WEIGHT, PARAMETERS, SAMPLE_RATE, Vehicle, nominal, vehicle_of
@@ -46,6 +48,8 @@ class Fleet:
 
     Attributes
     ----------
+    diagnoses
+        Diagnosis class of every fault of the catalogue, (n_faults,).
     outcomes
         (n_lanes, 4) of the last step: reward, energy [J], cost [m^2/s^2], mission speed [m/s].
     changes
@@ -70,13 +74,16 @@ class Fleet:
         scale = dict(sensor_noise=sensor_noise, disturbance=disturbance, healthy_band=healthy_band)
         for name, value in scale.items():
             finite_in_range(name, value, 0.0, 10.0)
-        many = self.n_lanes >= PARALLEL_LANES and get_num_threads() > 1
-        self._kernel = lanes.step_parallel if (many if parallel is None else parallel) else lanes.step_serial
+        self._shares = _shares(self.n_lanes, self.n_lanes >= PARALLEL_LANES if parallel is None else parallel)
+        self._threads: ThreadPoolExecutor | None = None
+        self._process = 0
         self._nominal = np.array(list(nominal(self.vehicle, sensor_noise).values()))
         self._band = healthy_band * np.array([spec.band for spec in PARAMETERS.values()])
         self._constants = _constants(self.vehicle, disturbance)
+        self._shared = np.array(self._constants)
         self._limits = np.array([(channel.low, channel.high) for channel in CHANNELS.values()])
         self._catalogue = matrices()
+        self.diagnoses = np.array([fault.diagnosis for fault in CATALOGUE.values()])
         self._allocate(self.schedules.EVENTS, self.missions.n_legs)
 
     def _allocate(self, n_events: int, n_legs: int):
@@ -205,13 +212,22 @@ class Fleet:
             self.changes += 1
         observations = np.empty((self.n_lanes, len(CHANNELS)), np.float32)
         self.outcomes = np.empty((self.n_lanes, 4))
-        self._due = self._kernel(self._lanes, actions, self._limits, self._constants, observations, self.outcomes)
+        arrays = (*self._lanes, actions, self._limits, self._shared, observations, self.outcomes)
+        self._due = self._step_blocks(arrays)
         return observations
+
+    def _step_blocks(self, arrays: tuple[np.ndarray, ...]) -> int:
+        if len(self._shares) == 1:
+            return lanes.step_blocks(*self._shares[0], *arrays)
+        if self._threads is None or self._process != os.getpid():  # threads do not survive a fork
+            self._threads, self._process = ThreadPoolExecutor(len(self._shares) - 1), os.getpid()
+        others = [self._threads.submit(lanes.step_blocks, *share, *arrays) for share in self._shares[1:]]
+        return lanes.step_blocks(*self._shares[0], *arrays) + sum(other.result() for other in others)
 
     def set_healthy(self, values: np.ndarray) -> None:
         """Replace the healthy parameters from the next step on: (n_lanes, n_parameters), ordered as `PARAMETERS`."""
         self._plan.healthy[:] = values
-        self._lanes.due[:] = 0
+        self._lanes.due[:] = episodes.STALE
         self._due = self.n_lanes
 
     @property
@@ -228,6 +244,14 @@ class Fleet:
     def time(self) -> np.ndarray:
         """Time since the episode's start [s], (n_lanes,)."""
         return self._lanes.step / SAMPLE_RATE
+
+
+def _shares(n_lanes: int, parallel: bool) -> list[tuple[int, int]]:
+    """First and last block of every thread. Plain threads: OpenMP's spin on shared cores, and abort in a fork."""
+    blocks = -(-n_lanes // layout.LANES)
+    threads = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, blocks)
+    edges = np.linspace(0, blocks, (threads if parallel else 1) + 1).astype(int).tolist()
+    return list(itertools.pairwise(edges))
 
 
 def _constants(vehicle: Vehicle, disturbance: float) -> Constants:

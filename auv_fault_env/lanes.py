@@ -1,9 +1,8 @@
-"""One sample of many lanes: the loops around `physics`, in blocks, serial or shared among threads."""
+"""One sample of many lanes: the loops around `physics`, block after block."""
 
 import math
 
 import numpy as np
-from numba import prange
 
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.layout import (
@@ -58,6 +57,7 @@ from auv_fault_env.physics import (
     Motion,
     Motor,
     Shaft,
+    constants_of,
     limited,
     motor,
     reading,
@@ -304,40 +304,45 @@ def publish(block, width, observations, outcomes):
 
 
 @kernel
-def step_block(b, lanes, actions, limits, constants, observations, outcomes):
-    """One sample of block b; returns how many of its lanes are due for a refresh before their next step."""
-    first = b * LANES
-    width = min(LANES, lanes.key.size - first)
-    block, key, step, due = lanes.memory[b], lanes.key[first:], lanes.step[first:], lanes.due[first:]
+def step_block(block, key, step, due, actions, limits, constants, observations, outcomes):
+    """One sample of one block of `key.size` lanes; returns how many are due for a refresh before their next step."""
+    width = min(LANES, key.size)
     scratch = np.empty(N_SCRATCH * LANES)
     count = 0
     for k in range(width):
         step[k] += 1
         count += step[k] >= due[k]
-    take_actions(block, width, actions[first:], limits)
+    take_actions(block, width, actions, limits)
     control(block, width, constants)
     draw_normals(scratch, width, key, step)
     prepare(block, scratch, width, constants)
     move(block, scratch, width)
     sense_all(block, scratch, width, key, step, limits)
     account(block, width, constants)
-    publish(block, width, observations[first:], outcomes[first:])
+    publish(block, width, observations, outcomes)
     return count
 
 
 @kernel
-def step_serial(lanes, actions, limits, constants, observations, outcomes):
-    """One sample of every lane on one thread; returns the number of lanes due for a refresh."""
-    count = 0
-    for b in range(lanes.memory.shape[0]):
-        count += step_block(b, lanes, actions, limits, constants, observations, outcomes)
-    return count
+def step_blocks(first, last, memory, key, step, due, actions, limits, constants, observations, outcomes):
+    """One sample of the blocks from `first` to before `last`; returns the number of lanes due for a refresh.
 
-
-@kernel(parallel=True)
-def step_parallel(lanes, actions, limits, constants, observations, outcomes):
-    """As `step_serial`, blocks shared among the threads. Do not fork a process that has called it."""
+    Plain arrays come in, because unpacking named tuples at the border to Python costs more than a lane's step;
+    constants is a `Constants` as an array. It releases the interpreter's lock, so threads may share the blocks.
+    """
+    shared = constants_of(constants)
     count = 0
-    for b in prange(lanes.memory.shape[0]):
-        count += step_block(b, lanes, actions, limits, constants, observations, outcomes)
+    for b in range(first, last):
+        at = b * LANES
+        count += step_block(
+            memory[b],
+            key[at:],
+            step[at:],
+            due[at:],
+            actions[at:],
+            limits,
+            shared,
+            observations[at:],
+            outcomes[at:],
+        )
     return count

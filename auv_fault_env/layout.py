@@ -11,7 +11,7 @@ import numpy as np
 from auv_fault_env.channels import CHANNELS, COMMANDS, READINGS
 from auv_fault_env.parameters import HULL, PARAMETERS, SENSOR, SHAFT
 
-LANES = 64  # lanes of a block: its table stays in the fast caches
+LANES = 256  # lanes of a block: its table stays in the second-level cache
 
 # Rows 0 to 11 are the observation, in the order of CHANNELS; the last rows the parameters, in that of PARAMETERS.
 N_CHANNELS, N_PARAMETERS = len(CHANNELS), len(PARAMETERS)

@@ -49,6 +49,29 @@ class Constants(NamedTuple):
     energy_weight: float
 
 
+@scalar
+def constants_of(values):
+    """The `Constants` whose fields stand in an array, in their order."""
+    return Constants(
+        values[0],
+        values[1],
+        values[2],
+        values[3],
+        values[4],
+        values[5],
+        values[6],
+        values[7],
+        values[8],
+        values[9],
+        values[10],
+        values[11],
+        values[12],
+        values[13],
+        values[14],
+        values[15],
+    )
+
+
 class Shaft(NamedTuple):
     """Parameters of one shaft, in SI but for beta in (m/s^2)/rpm^2."""
 

@@ -26,7 +26,17 @@ from auv_fault_env.canvas import (
     Canvas,
 )
 from auv_fault_env.channels import MAXIMUM_COMMAND
-from auv_fault_env.charts import CHARTS, COLUMNS, WINDOW, draw_chart, draw_legend, draw_times
+from auv_fault_env.charts import (
+    CHARTS,
+    COLUMNS,
+    SPEEDS,
+    TRUE_SPEED,
+    WINDOW,
+    draw_chart,
+    draw_legend,
+    draw_times,
+    ticks,
+)
 from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import SAMPLE_RATE, SIDES
 from auv_fault_env.silhouette import VIEWS, draw_ruler, draw_vehicle, vehicle_parts

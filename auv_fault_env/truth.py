@@ -7,7 +7,7 @@ import numpy as np
 
 from auv_fault_env import layout
 from auv_fault_env.errors import known_name
-from auv_fault_env.faults import CATALOGUE, NORMAL, classes
+from auv_fault_env.faults import NORMAL, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import PARAMETERS
 from auv_fault_env.physics import RPM
@@ -24,8 +24,6 @@ STATE: dict[str, tuple[int, float]] = {
     "starboard_current": (layout.STARBOARD_STATE + layout.CURRENT, 1.0),
     "starboard_rpm": (layout.STARBOARD_STATE + layout.SPIN, RPM),
 }
-_STATE_ROWS = [row for row, _ in STATE.values()]
-_STATE_FACTORS = [factor for _, factor in STATE.values()]
 
 
 class FleetTruth(Mapping):
@@ -36,7 +34,6 @@ class FleetTruth(Mapping):
 
     def __init__(self, fleet: Fleet):
         self._fleet, self._outcomes = fleet, fleet.outcomes
-        self._diagnoses = np.array([fault.diagnosis for fault in CATALOGUE.values()])
         self._readers: dict[str, Callable[[], Any]] = {
             "label": self._label,
             "severity": self._severity,
@@ -71,7 +68,7 @@ class FleetTruth(Mapping):
 
     def _severity(self) -> dict[str, np.ndarray]:
         plan, names = self._fleet.plan, classes()
-        of_fault = np.array([names.index(diagnosis) for diagnosis in self._diagnoses])
+        of_fault = np.array([names.index(diagnosis) for diagnosis in self._fleet.diagnoses])
         table, lanes = np.zeros((len(names), self._fleet.n_lanes)), np.arange(self._fleet.n_lanes)
         for fault, severity in zip(plan.fault.T, plan.severity.T, strict=True):
             np.maximum.at(table, (np.where(fault >= 0, of_fault[fault], 0), lanes), severity)
@@ -83,7 +80,7 @@ class FleetTruth(Mapping):
             return np.full(lanes.size, NORMAL)
         worst = plan.severity.argmax(axis=1)
         active = plan.severity[lanes, worst] > 0.0
-        return np.where(active, self._diagnoses[plan.fault[lanes, worst]], NORMAL)
+        return np.where(active, self._fleet.diagnoses[plan.fault[lanes, worst]], NORMAL)
 
 
 class LaneTruth:
@@ -91,15 +88,16 @@ class LaneTruth:
 
     def __init__(self, fleet: Fleet, lane: int = 0):
         self._fleet, self._lane, self._seen = fleet, lane, -1
-        self._diagnoses = [fault.diagnosis for fault in CATALOGUE.values()]
         self._no_fault = dict.fromkeys(classes()[1:], 0.0)
+        first = lane // layout.LANES * layout.N_ROWS * layout.LANES + lane % layout.LANES
+        self._state_at = first + layout.LANES * np.array([row for row, _ in STATE.values()])
+        self._state_factors = np.array([factor for _, factor in STATE.values()])
 
     def read(self) -> dict[str, Any]:
         """A fresh dictionary: label, severity by class, onset [s], parameters and noise-free state by name."""
         if self._seen != self._fleet.changes:
             self._read_faults()
-        column = self._fleet.table[self._lane // layout.LANES, :, self._lane % layout.LANES]
-        state = (column[_STATE_ROWS] * _STATE_FACTORS).tolist()
+        state = (self._fleet.table.take(self._state_at) * self._state_factors).tolist()
         return {
             "label": self._label,
             "severity": self._severity.copy(),
@@ -116,7 +114,7 @@ class LaneTruth:
         rows = plan.fault[self._lane].tolist(), plan.severity[self._lane].tolist(), plan.profile[self._lane].tolist()
         for fault, severity, profile in zip(*rows, strict=True):
             if fault >= 0:
-                name = self._diagnoses[fault]
+                name = str(self._fleet.diagnoses[fault])
                 self._severity[name] = max(self._severity[name], severity)
                 self._onset = min(self._onset, profile[0])
         worst = max(self._severity, key=self._severity.__getitem__)

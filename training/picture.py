@@ -1,4 +1,4 @@
-"""The picture of the README: ``python -m training.picture docs/propulsion.png``. A propeller is lost in the thesis' run."""
+"""The picture of the README: ``python -m training.picture docs/propulsion.png``. A propeller is lost."""
 
 import sys
 from pathlib import Path

@@ -103,7 +103,7 @@ def sample(state: np.ndarray, hull: Callable, shafts: list, voltages: tuple, rto
         solution = solve_ivp(rates, (time, SAMPLE), state, "DOP853", rtol=rtol, atol=0.1 * rtol, events=events)
         state, time = solution.y[:, -1], solution.t[-1]
         for index, times in zip(np.flatnonzero(moving), solution.t_events, strict=True):
-            state[1 + index] = 0.0 if len(times) else state[1 + index]
+            state[1 + index] = 0.0 if len(times) else max(state[1 + index], 0.0)
     return state
 
 

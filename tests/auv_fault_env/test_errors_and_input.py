@@ -143,7 +143,9 @@ def test_onset_after_the_end_of_the_episode(onset, form):
 def test_a_longer_episode_takes_a_later_onset():
     longer = PropulsionVectorEnv(2, max_episode_steps=700)
     assert longer.reset(options={"schedule": [LATE]})[1]["truth"]["onset"].tolist() == [60.0, 60.0]
-    assert PropulsionEnv().reset(options={"schedule": [LATE]})[1]["truth"]["onset"] == 60.0  # no time limit at all
+    longer = gym.make("auv_fault_env/Propulsion-v0", max_episode_steps=700, horizon=70.0)
+    assert longer.reset(options={"schedule": [LATE]})[1]["truth"]["onset"] == 60.0
+    assert PropulsionEnv(horizon=math.inf).reset(options={"schedule": [LATE]})[1]["truth"]["onset"] == 60.0
 
 
 BROKEN = {

@@ -293,5 +293,5 @@ def test_refusals_name_the_thing_and_what_is_allowed(kind):
         kalman.update(kalman.initial(2), np.zeros(12))
     with pytest.raises(ValueError, match="sensor_noise: got -1"):
         kind(VEHICLE, sensor_noise=-1)
-    with pytest.raises(ValueError, match="prior_std of alpha: got 0.0"):
+    with pytest.raises(ValueError, match=r"prior_std of alpha: got 0.0"):
         kind(VEHICLE, prior_std=(0.0, 0.3, 0.5))
