@@ -22,9 +22,10 @@ RPM = 30.0 / math.pi  # rpm per rad/s
 
 # Graded substeps: short where a new voltage shakes the shaft, long where it has settled. See training/integrators.py.
 SUBSTEPS = 8
-SUBSTEP = tuple(SAMPLE_TIME * (((k + 1) / SUBSTEPS) ** 1.5 - (k / SUBSTEPS) ** 1.5) for k in range(SUBSTEPS))
+SUBSTEP = tuple(SAMPLE_TIME * (((k + 1) / SUBSTEPS) ** 1.75 - (k / SUBSTEPS) ** 1.75) for k in range(SUBSTEPS))
 NODE_1 = 0.5 - 0.1 * math.sqrt(5.0)  # Lobatto points and weights on [0, 1], order 6
 NODE_2 = 0.5 + 0.1 * math.sqrt(5.0)
+POLE = -(math.pi**2)  # of tan(y)/y beyond its first branch: the shaft has stopped on the way
 END_WEIGHT, INNER_WEIGHT, THIRD = 1.0 / 12.0, 5.0 / 12.0, 1.0 / 3.0
 
 
@@ -164,16 +165,18 @@ def spin(start, side, mean_speed, slope, time):
     tilt = 0.25 * side.coupling * slope * time * time * q
     load = side.load * start
     change = time * ((side.drive - (damping + load) * start) * p + tilt * (side.drive + load * start))
-    change /= p + x * q + time * ((0.5 * damping + load) * p - tilt * load)
-    return max(start + change, 0.0)
+    below = p + x * q + time * ((0.5 * damping + load) * p - tilt * load)
+    stopped = below <= 0.0 or x < POLE
+    return 0.0 if stopped else max(start + change / below, 0.0)
 
 
 @scalar
-def node(motion, start, jerk, bend, drag, disturbance, port, starboard, time):
-    """Both shaft speeds, the surge acceleration and the bend at `time`, under u' = start + jerk t + bend t^2."""
-    speed = motion.speed + time * (start + time * (0.5 * jerk + time * (THIRD * bend)))
-    mean = motion.speed + time * (0.5 * start + time * (0.5 * THIRD * jerk + time * (0.25 * THIRD * bend)))
-    slope = start + time * (0.5 * jerk + time * (0.3 * bend))
+def node(motion, start, jerk, bend, twist, drag, disturbance, port, starboard, time):
+    """Shaft speeds, acceleration and its remainder at `time`, under u' = start + jerk t + bend t^2 + twist t^3."""
+    speed = motion.speed + time * (start + time * (0.5 * jerk + time * (THIRD * bend + time * (0.25 * twist))))
+    inner = 0.5 * THIRD * jerk + time * (0.25 * THIRD * bend + time * (0.05 * twist))
+    mean = motion.speed + time * (0.5 * start + time * inner)
+    slope = start + time * (0.5 * jerk + time * (0.3 * bend + time * (0.2 * twist)))
     port_spin = spin(motion.port_spin, port, mean, slope, time)
     starboard_spin = spin(motion.starboard_spin, starboard, mean, slope, time)
     force = surge_acceleration(speed, port_spin, starboard_spin, drag, disturbance, port, starboard)
@@ -188,13 +191,13 @@ def substep(motion, drag, disturbance, port, starboard, time):
     jerk = 2.0 * drag * abs(u) * first
     jerk += 2.0 * port.thrust * port_0 * spin_rate(port_0, u, port)
     jerk += 2.0 * starboard.thrust * starboard_0 * spin_rate(starboard_0, u, starboard)
-    port_1, starboard_1, second, bend = node(
-        motion, first, jerk, 0.0, drag, disturbance, port, starboard, NODE_1 * time
+    t_1, t_2 = NODE_1 * time, NODE_2 * time
+    port_1, starboard_1, second, bend_1 = node(motion, first, jerk, 0.0, 0.0, drag, disturbance, port, starboard, t_1)
+    port_2, starboard_2, third, bend_2 = node(motion, first, jerk, bend_1, 0.0, drag, disturbance, port, starboard, t_2)
+    twist = (bend_2 - bend_1) * (1.0 / (t_2 - t_1))
+    port_3, starboard_3, last, _ = node(
+        motion, first, jerk, bend_1 - twist * t_1, twist, drag, disturbance, port, starboard, time
     )
-    port_2, starboard_2, third, bend = node(
-        motion, first, jerk, bend, drag, disturbance, port, starboard, NODE_2 * time
-    )
-    port_3, starboard_3, last, bend = node(motion, first, jerk, bend, drag, disturbance, port, starboard, time)
     end, inner = END_WEIGHT * time, INNER_WEIGHT * time
     return Motion(
         u + end * (first + last) + inner * (second + third),
