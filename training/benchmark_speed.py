@@ -215,8 +215,9 @@ def kernel_laps(fleet: Fleet) -> dict[str, Lap]:
         lanes.account: (block, width, constants),
         lanes.publish: (block, width, observations, outcomes),
     }
-    whole, times = (state, actions, limits, constants, observations, outcomes), 1 + 1000 // n
-    call, kernel = partial(lanes.step_serial, *whole), compiled_lap(lanes.step_serial, whole, n, times)
+    whole = (0, len(state.memory), *state, actions, limits, fleet._shared, observations, outcomes)
+    times = 1 + 1000 // n
+    call, kernel = partial(lanes.step_blocks, *whole), compiled_lap(lanes.step_blocks, whole, n, times)
     laps = {"call": partial(calls, call, n, times), "kernel": kernel}
     return laps | {stage.__name__: compiled_lap(stage, arguments, width, 500) for stage, arguments in stages.items()}
 
@@ -279,8 +280,7 @@ def machine() -> dict:
     for name in ("auv-fault", "gymnasium", "numpy", "numba", "gym-electric-motor"):
         with contextlib.suppress(metadata.PackageNotFoundError):
             versions[name] = metadata.version(name)
-    about = {"processor": (models or [platform.machine()])[0], "cores": os.cpu_count()}
-    return about | {"threads": numba.get_num_threads(), "versions": versions}
+    return {"processor": (models or [platform.machine()])[0], "cores": os.cpu_count(), "versions": versions}
 
 
 def measure(args: Args, size: Size) -> dict:
@@ -316,7 +316,7 @@ def report(results: dict) -> str:
     """The results in words and tables."""
     about, lanes = results["machine"], results["size"]["lanes"]
     versions = ", ".join(f"{name} {version}" for name, version in about["versions"].items())
-    title = f"{about['processor']}, {about['cores']} cores, {about['threads']} threads; {versions}"
+    title = f"{about['processor']}, {about['cores']} cores; {versions}"
     profiles = (f"batch of {lanes} lanes", "batch_profile"), ("single environment", "single_profile")
     tables = [profile_text(name, results[key]) for name, key in profiles]
     return "\n\n".join([title, comparison_text(results["comparison"]), *tables, NOTES])

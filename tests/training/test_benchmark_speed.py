@@ -74,7 +74,7 @@ def test_a_lap_runs_at_least_once():
 
 def test_shares_of_a_profile_add_up():
     size = {"lanes": 64}
-    about = {"processor": "cpu", "cores": 2, "threads": 2, "versions": {"python": "3"}}
+    about = {"processor": "cpu", "cores": 2, "versions": {"python": "3"}}
     profile = {"move": 3.0, "publish": 1.0}
     text = report(
         {"machine": about, "size": size, "comparison": [], "batch_profile": profile, "single_profile": profile}
