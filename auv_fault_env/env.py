@@ -178,10 +178,10 @@ class PropulsionEnv(gym.Env):
         _need_reset(self._observation is not None)
         self._observation = self.fleet.step(_checked(action, (3,))[None])[0]
         observation, info = self._after()
-        return observation, float(self.fleet.outcomes[0, 0]), False, False, info
+        return observation, self.fleet.outcomes.item(0), False, False, info
 
     def _after(self):
-        _, energy, cost, mission_speed = self.fleet.outcomes[0].tolist()
+        _, energy, cost, mission_speed = self.fleet.outcomes[:, 0].tolist()
         info = {"mission_speed": mission_speed, "energy": energy, "cost": cost, "truth": self._truth.read()}
         if self.render_mode is not None:
             self._record(info)
@@ -260,11 +260,10 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
         if self._done.any():
             self.fleet.reset(lanes=np.flatnonzero(self._done), observations=observations)
         self._done = self.fleet.time * SAMPLE_RATE >= self.max_episode_steps
-        rewards = self.fleet.outcomes[:, 0].copy()
-        return observations, rewards, self._terminated.copy(), self._done.copy(), self._info()
+        return observations, self.fleet.outcomes[0], self._terminated.copy(), self._done.copy(), self._info()
 
     def _info(self) -> dict[str, Any]:
-        _, energy, cost, mission_speed = self.fleet.outcomes.T.copy()
+        _, energy, cost, mission_speed = self.fleet.outcomes
         return {"mission_speed": mission_speed, "energy": energy, "cost": cost, "truth": FleetTruth(self.fleet)}
 
     def _check_seed(self, seed):

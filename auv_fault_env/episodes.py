@@ -156,4 +156,4 @@ def begin(lanes, chosen, start_speed, plan, catalogue, limits, constants, observ
         prepare(one, scratch, 1, constants)
         block[DISTURBANCE * LANES + k] = constants.disturbance_std * scratch[DISTURBANCE_NORMAL * LANES]
         sense_all(one, scratch, 1, lanes.key[lane:], lanes.step[lane:], limits)
-        publish(one, 1, observations[lane:], outcomes[lane:])
+        publish(one, 1, lane, observations, outcomes)

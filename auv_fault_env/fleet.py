@@ -51,7 +51,7 @@ class Fleet:
     diagnoses
         Diagnosis class of every fault of the catalogue, (n_faults,).
     outcomes
-        (n_lanes, 4) of the last step: reward, energy [J], cost [m^2/s^2], mission speed [m/s].
+        (4, n_lanes) of the last step: reward, energy [J], cost [m^2/s^2], mission speed [m/s].
     changes
         Grows whenever a lane's faults, parameters or mission may have changed.
     """
@@ -102,7 +102,7 @@ class Fleet:
         )
         self._seed, self._episode = np.zeros(n, np.uint64), np.zeros(n, np.uint64)
         self._due = self.changes = 0
-        self.outcomes = np.zeros((n, 4))
+        self.outcomes, self._actions = np.zeros((4, n)), np.zeros((n, 3))
 
     def reset(
         self,
@@ -203,7 +203,7 @@ class Fleet:
         -------
         New observations, (n_lanes, n_channels) float32; rewards and costs stand in `outcomes`.
         """
-        actions = np.asarray(actions, np.float64)
+        actions = np.asarray(actions)
         if actions.shape != (self.n_lanes, 3):
             remedy = "give speed_command, rudder, stern_plane per lane"
             raise refusal("shape of the action", actions.shape, f"{(self.n_lanes, 3)}", remedy)
@@ -211,8 +211,9 @@ class Fleet:
             episodes.refresh(self._lanes, self._plan, self._catalogue)
             self.changes += 1
         observations = np.empty((self.n_lanes, len(CHANNELS)), np.float32)
-        self.outcomes = np.empty((self.n_lanes, 4))
-        arrays = (*self._lanes, actions, self._limits, self._shared, observations, self.outcomes)
+        self.outcomes = np.empty((4, self.n_lanes))
+        self._actions[:] = actions
+        arrays = (*self._lanes, self._actions, self._limits, self._shared, observations, self.outcomes)
         self._due = self._step_blocks(arrays)
         return observations
 

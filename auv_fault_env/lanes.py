@@ -291,35 +291,43 @@ def account(block, width, constants):
         block[REWARD * LANES + k] = -(deviation * deviation) - constants.energy_weight * energy
 
 
-@kernel
-def publish(block, width, observations, outcomes):
-    """Copy the observation rows to (n_lanes, N_CHANNELS); reward, energy, cost, mission speed to (n_lanes, 4)."""
+@scalar
+def publish_row(block, width, row, values):
+    """Copy one row of the block."""
     for k in range(width):
-        for row in range(N_CHANNELS):
-            observations[k, row] = block[row * LANES + k]
-        outcomes[k, 0] = block[REWARD * LANES + k]
-        outcomes[k, 1] = block[ENERGY * LANES + k]
-        outcomes[k, 2] = block[COST * LANES + k]
-        outcomes[k, 3] = block[MISSION_SPEED * LANES + k]
+        values[k] = block[row * LANES + k]
 
 
 @kernel
-def step_block(block, key, step, due, actions, limits, constants, observations, outcomes):
-    """One sample of one block of `key.size` lanes; returns how many are due for a refresh before their next step."""
-    width = min(LANES, key.size)
+def publish(block, width, first, observations, outcomes):
+    """Copy, from lane `first` on, the channels to (n_lanes, N_CHANNELS), reward ... mission speed to (4, n_lanes)."""
+    rows = observations[first:]
+    for k in range(width):
+        for channel in range(N_CHANNELS):
+            rows[k, channel] = block[channel * LANES + k]
+    publish_row(block, width, REWARD, outcomes[0][first:])
+    publish_row(block, width, ENERGY, outcomes[1][first:])
+    publish_row(block, width, COST, outcomes[2][first:])
+    publish_row(block, width, MISSION_SPEED, outcomes[3][first:])
+
+
+@kernel
+def step_block(block, first, key, step, due, actions, limits, constants, observations, outcomes):
+    """One sample of the block that begins with lane `first`; returns how many lanes are due for a refresh after it."""
+    width, key, step, due = min(LANES, key.size - first), key[first:], step[first:], due[first:]
     scratch = np.empty(N_SCRATCH * LANES)
     count = 0
     for k in range(width):
         step[k] += 1
         count += step[k] >= due[k]
-    take_actions(block, width, actions, limits)
+    take_actions(block, width, actions[first:], limits)
     control(block, width, constants)
     draw_normals(scratch, width, key, step)
     prepare(block, scratch, width, constants)
     move(block, scratch, width)
     sense_all(block, scratch, width, key, step, limits)
     account(block, width, constants)
-    publish(block, width, observations, outcomes)
+    publish(block, width, first, observations, outcomes)
     return count
 
 
@@ -333,16 +341,5 @@ def step_blocks(first, last, memory, key, step, due, actions, limits, constants,
     shared = constants_of(constants)
     count = 0
     for b in range(first, last):
-        at = b * LANES
-        count += step_block(
-            memory[b],
-            key[at:],
-            step[at:],
-            due[at:],
-            actions[at:],
-            limits,
-            shared,
-            observations[at:],
-            outcomes[at:],
-        )
+        count += step_block(memory[b], b * LANES, key, step, due, actions, limits, shared, observations, outcomes)
     return count

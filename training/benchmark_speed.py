@@ -203,7 +203,7 @@ def comparison(rates: Rates, size: Size) -> list[dict]:
 def kernel_laps(fleet: Fleet) -> dict[str, Lap]:
     """The kernel called from Python and from a compiled loop; its stages, on one block in the fast caches."""
     n, state, limits, constants = fleet.n_lanes, fleet._lanes, fleet._limits, fleet._constants
-    actions, observations, outcomes = np.full((n, 3), 0.2), np.empty((n, len(CHANNELS)), np.float32), np.empty((n, 4))
+    actions, observations, outcomes = np.full((n, 3), 0.2), np.empty((n, len(CHANNELS)), np.float32), np.empty((4, n))
     block, width, scratch = state.memory[0], min(n, layout.LANES), np.zeros(layout.N_SCRATCH * layout.LANES)
     stages = {
         lanes.take_actions: (block, width, actions, limits),
@@ -213,7 +213,7 @@ def kernel_laps(fleet: Fleet) -> dict[str, Lap]:
         lanes.move: (block, scratch, width),
         lanes.sense_all: (block, scratch, width, state.key, state.step, limits),
         lanes.account: (block, width, constants),
-        lanes.publish: (block, width, observations, outcomes),
+        lanes.publish: (block, width, 0, observations, outcomes),
     }
     whole = (0, len(state.memory), *state, actions, limits, fleet._shared, observations, outcomes)
     times = 1 + 1000 // n

@@ -24,7 +24,7 @@ def history(seeds, n_steps, parallel=False, keep=slice(None)):
     observations, outcomes = [fleet.reset(seeds=seeds)[keep].copy()], []
     for actions in actions_of(seeds, n_steps):
         observations.append(fleet.step(actions)[keep].copy())
-        outcomes.append(fleet.outcomes[keep].copy())
+        outcomes.append(fleet.outcomes.T[keep].copy())
     return np.array(observations), np.array(outcomes)
 
 

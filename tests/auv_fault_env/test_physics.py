@@ -201,7 +201,7 @@ def test_operating_points(feet, ampere, volt):
     fleet.step(np.array([[feet * FOOT, 0.0, 0.0]]))
     assert state[layout.SPEED] == pytest.approx(feet * FOOT, rel=1e-9)
     power = 2 * state[layout.PORT_STATE + layout.VOLTAGE] * state[layout.PORT_STATE + layout.CURRENT]
-    assert fleet.outcomes[0, 1] == pytest.approx(0.1 * power, rel=1e-6)
+    assert fleet.outcomes[1, 0] == pytest.approx(0.1 * power, rel=1e-6)
 
 
 def textbook_spin(start, side, speed, time):
