@@ -41,55 +41,47 @@ def derived(data: MotorData) -> dict[str, float]:
     }
 
 
+WHY = {
+    "no_load_current": "Printed to three digits; friction alone gives this.",
+    "back_emf_constant": "Printed to two digits. Energy is conserved only with K_b = K_T: the more precise one serves.",
+}
+FORMULAS = {
+    "stall_current": "stall current [A], V/R",
+    "no_load_current": "no-load current [A], friction/K_T",
+    "back_emf_constant": "back-EMF constant [V s/rad], K_T in SI",
+    "mechanical_time_constant": "mechanical time constant [ms], J R/(K_T K_b)",
+    "motor_constant": "motor constant [oz-in/sqrt(W)], K_T/sqrt(R)",
+}
+
+
+def comparison_rows(data: MotorData, command: str) -> list[list[str]]:
+    """Printed against derived entries, in the columns of the thesis' comparison."""
+    ours = derived(data)
+    why = WHY | {
+        "mechanical_time_constant": f"Would need R = {ours['resistance_for_time_constant']:.2f} ohm.",
+        "motor_constant": f"Would need R = {ours['resistance_for_motor_constant']:.2f} ohm.",
+    }
+    rows = []
+    for name, quantity in FORMULAS.items():
+        printed, value = getattr(data, name), ours[name]
+        verdict = "agrees" if abs(value / printed - 1) < 0.02 else "differs"
+        rows.append(["App. A", quantity, f"{printed:g}", f"{value:.4g}", "-", verdict, why.get(name, ""), command])
+    return rows
+
+
 def appendix_section(columns: list[str], command: str) -> dict[str, Any]:
     """Appendix A against itself."""
     data = MotorData()
-    ours = derived(data)
-    entries = [
-        ("stall current", "V/R", data.stall_current, ours["stall_current"], "A"),
-        ("no-load current", "friction/K_T", data.no_load_current, ours["no_load_current"], "A"),
-        ("back-EMF constant", "K_T in SI", data.back_emf_constant, ours["back_emf_constant"], "V s/rad"),
-        (
-            "mechanical time constant",
-            "J R/(K_T K_b)",
-            data.mechanical_time_constant,
-            ours["mechanical_time_constant"],
-            "ms",
-        ),
-        ("motor constant", "K_T/sqrt(R)", data.motor_constant, ours["motor_constant"], "oz-in/sqrt(W)"),
-    ]
-    why = {
-        "no-load current": "Printed to three digits; friction alone gives this.",
-        "back-EMF constant": "Printed to two digits. Energy is only conserved with K_b = K_T, so the more precise "
-        "one serves.",
-        "mechanical time constant": f"Would need R = {ours['resistance_for_time_constant']:.2f} ohm.",
-        "motor constant": f"Would need R = {ours['resistance_for_motor_constant']:.2f} ohm.",
-    }
-    rows = [
-        [
-            "App. A",
-            f"{name} [{unit}], {formula}",
-            f"{printed:g}",
-            f"{value:.4g}",
-            "-",
-            "agrees" if abs(value / printed - 1) < 0.02 else "differs",
-            why.get(name, ""),
-            command,
-        ]
-        for name, formula, printed, value, unit in entries
-    ]
     return {
         "heading": "Appendix A: the motor's data contradict themselves",
         "text": [
             "Torque constant, back-EMF constant, resistance, inertia and friction imply the other entries. Stall and "
-            "no-load "
-            "current agree; mechanical time constant and motor constant do not, and each would need another "
-            "resistance, "
-            "about twice the printed one, which the stall current excludes. The plant uses K_T, R, J and the "
-            "friction. Its "
-            f"inductance would be {ours['inductance']:.2f} mH; it is neglected, as in the thesis."
+            "no-load current agree; mechanical time constant and motor constant do not, and each would need another "
+            "resistance, about twice the printed one, which the stall current excludes. The plant uses K_T, R, J and "
+            f"the friction. Its inductance would be {derived(data)['inductance']:.2f} mH; it is neglected, as in the "
+            "thesis."
         ],
-        "table": {"columns": columns, "rows": rows},
+        "table": {"columns": columns, "rows": comparison_rows(data, command)},
     }
 
 

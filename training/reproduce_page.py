@@ -148,66 +148,56 @@ def identified(view, run, parameter, figure, quantity, thesis, limit, unit) -> l
     ]
 
 
+def normal_row(view: Page) -> list[str]:
+    """Figure 5.14: a healthy run stays where it is."""
+    quiet = max(abs(view.error("normal", p, t)[0]) for p in (ALPHA, BETA) for t in np.arange(0, 60, 0.1))
+    alpha, beta = (view.error("normal", p, 60.0)[1].std(ddof=1) for p in (ALPHA, BETA))
+    quantity, why = "normal run: largest deviation", "The thesis' normal window is 20 % for alpha, 25 % for beta."
+    scatter = f"at 60 s alpha ± {alpha:.1f} %, beta ± {beta:.1f} %"
+    return view.row("V.D, Fig. 5.14", quantity, "stays normal", f"{quiet:.2f} %", scatter, quiet < 2, why)
+
+
+def excursion_row(view: Page) -> list[str]:
+    """Figure 5.15: beta seems to change while only alpha has."""
+    worst = max((view.error("drag", BETA, t) for t in np.arange(10, 60, 0.1)), key=lambda pair: abs(pair[0]))
+    quantity = "alpha +35 %: beta's largest excursion"
+    why = "Until the speed has changed, more drag and less thrust are told apart by nothing."
+    return view.row("V.D, Fig. 5.15", quantity, "appears to change", *percent(*worst), abs(worst[0]) > 1, why)
+
+
+def return_row(view: Page) -> list[str]:
+    """Figure 5.15: beta returns."""
+    back = view.error("drag", BETA, 60.0)
+    quantity, why = "alpha +35 %: beta at 60 s", view.floor("drag", BETA, 60.0)
+    return view.row("V.D, Fig. 5.15", quantity, "returns to normal", *percent(*back), abs(back[0]) < 2, why)
+
+
+def loss_row(view: Page) -> list[str]:
+    """Figure 5.19: half of the thrust is gone."""
+    clean, noisy = view.estimate("loss", BETA, 60.0)
+    drop = 100 * (clean - 1), 100 * (noisy - 1)
+    why = "The port shaft, unloaded, answers faster; the filter takes the mean of both shafts. "
+    why += view.floor("loss", BETA, 60.0)
+    quantity = "one propeller lost: change of beta at 60 s"
+    return view.row("V.D, Fig. 5.19", quantity, "-50 %", *percent(*drop), abs(drop[0] + 50) < 1, why)
+
+
 def responses(view: Page) -> dict[str, Any]:
     """Figures 5.14, 5.15 and 5.19."""
-    quiet = max(abs(view.error("normal", p, t)[0]) for p in (ALPHA, BETA) for t in np.arange(0, 60, 0.1))
-    scatter = [view.error("normal", p, 60.0)[1] for p in (ALPHA, BETA)]
-    sway = [view.error("drag", BETA, t) for t in np.arange(10, 60, 0.1)]
-    worst = max(sway, key=lambda pair: abs(pair[0]))
-    back = view.error("drag", BETA, 60.0)
-    clean_loss, noisy_loss = view.estimate("loss", BETA, 60.0)
-    drop = 100 * (clean_loss - 1), 100 * (noisy_loss - 1)
-    rows = [
-        view.row(
-            "V.D, Fig. 5.14",
-            "normal run: largest deviation of alpha and beta",
-            "stays normal",
-            f"{quiet:.2f} %",
-            f"alpha {scatter[0].std(ddof=1):.1f} %, beta {scatter[1].std(ddof=1):.1f} % std at 60 s",
-            quiet < 2,
-            "The thesis' normal window is 20 % for alpha and 25 % for beta.",
-        ),
-        view.row(
-            "V.D, Fig. 5.15",
-            "alpha +35 %: beta's largest excursion",
-            "appears to change",
-            *percent(*worst),
-            abs(worst[0]) > 1,
-            "Until the speed has changed, more drag and less thrust are told apart by nothing.",
-        ),
-        view.row(
-            "V.D, Fig. 5.15",
-            "alpha +35 %: beta at 60 s",
-            "returns to normal",
-            *percent(*back),
-            abs(back[0]) < 2,
-            view.floor("drag", BETA, 60.0),
-        ),
-        view.row(
-            "V.D, Fig. 5.19",
-            "one propeller lost: change of beta at 60 s",
-            "-50 %",
-            *percent(*drop),
-            abs(drop[0] + 50) < 1,
-            "The port shaft, unloaded, answers faster; the filter takes the mean of both shafts. "
-            + view.floor("loss", BETA, 60.0),
-        ),
-    ]
+    rows = [normal_row(view), excursion_row(view), return_row(view), loss_row(view)]
+    captions = {
+        "normal": ("fig-5-14", "Fig. 5.14: response of the filter to a normal run, normalised as in V.B."),
+        "drag": ("fig-5-15", "Fig. 5.15: increased drag (+35 % at 10 s), normalised as in V.B."),
+        "loss": ("fig-5-19", "Fig. 5.19: port propeller lost at 10 s, normalised as in V.B."),
+    }
     return {
         "heading": "V.D: responses of the parameter filter",
         "text": [
-            "The same stimulus, sixty seconds. The text at Fig. 5.17 swaps the normalised values: normal is alpha "
-            "0.5 and "
-            "beta 0.9 (V.B), as used here."
+            "The same stimulus, sixty seconds. The text at Fig. 5.17 swaps the normalised values: normal is alpha 0.5 "
+            "and beta 0.9 (V.B), as used here."
         ],
         "table": {"columns": COLUMNS, "rows": rows},
-        "figures": [
-            response_figure(view, "normal", "fig-5-14", "Fig. 5.14: response of the filter to a normal run."),
-            response_figure(
-                view, "drag", "fig-5-15", "Fig. 5.15: increased drag (+35 % at 10 s), normalised as in V.B."
-            ),
-            response_figure(view, "loss", "fig-5-19", "Fig. 5.19: port propeller lost at 10 s, normalised as in V.B."),
-        ],
+        "figures": [response_figure(view, run, *caption) for run, caption in captions.items()],
     }
 
 
