@@ -75,11 +75,11 @@ def appendix_section(columns: list[str], command: str) -> dict[str, Any]:
     return {
         "heading": "Appendix A: the motor's data contradict themselves",
         "text": [
-            "Torque constant, back-EMF constant, resistance, inertia and friction imply the other entries. Stall and "
-            "no-load current agree; mechanical time constant and motor constant do not, and each would need another "
-            "resistance, about twice the printed one, which the stall current excludes. The plant uses K_T, R, J and "
-            f"the friction. Its inductance would be {derived(data)['inductance']:.2f} mH; it is neglected, as in the "
-            "thesis."
+            "Torque constant, back-EMF constant, resistance, inertia and friction imply the other entries. Stall "
+            "and no-load current agree; mechanical time constant and motor constant do not, and each would need "
+            "another resistance, about twice the printed one, which the stall current excludes. The plant uses "
+            f"K_T, R, J and the friction. Its inductance would be {derived(data)['inductance']:.2f} mH; it is "
+            "neglected, as in the thesis."
         ],
         "table": {"columns": columns, "rows": comparison_rows(data, command)},
     }
