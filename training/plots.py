@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 Series = Sequence[float]
+Lines = Mapping[str, Series]  # clean, mean and std over time
 PORT, STARBOARD, SPEED, COMMAND, TRUTH = "#c0392b", "#1e8449", "#1f4e79", "#8a949e", "#111111"
 STYLE = {
     "font.size": 9,
@@ -47,15 +48,21 @@ def filter_response(
     return figure
 
 
-def transients(time: Series, panels: Mapping[str, Mapping[str, Series]], onset: float | None) -> Figure:
+def _line(axis: Axes, time: Series, line: Mapping[str, Series], **style) -> None:
+    mean, std = np.array(line["mean"]), np.array(line["std"])
+    axis.fill_between(time, mean - std, mean + std, color=style["color"], alpha=0.18, lw=0)
+    axis.plot(time, line["clean"], lw=1.2, **style)
+
+
+def transients(time: Series, panels: Mapping[str, Mapping[str, Lines]], onset: float | None) -> Figure:
     """Readings over time: panels by axis label, each with lines by name; a fault's onset as a vertical line."""
     colours = {"port": PORT, "starboard": STARBOARD, "speed": SPEED, "commanded": COMMAND}
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 5.0), layout="constrained")
         axes = figure.subplots(2, 2, sharex=True)
         for axis, (label, lines) in zip(axes.flat, panels.items(), strict=True):
-            for name, values in lines.items():
-                axis.plot(time, values, lw=1.2, label=name, color=colours[name], ls=_dash(name))
+            for name, line in lines.items():
+                _line(axis, time, line, color=colours[name], label=name, ls=_dash(name))
             if onset is not None:
                 axis.axvline(onset, color=TRUTH, lw=0.8, ls=":", label="onset of the fault")
             axis.set(ylabel=label, xlim=(time[0], time[-1]))
@@ -78,7 +85,7 @@ def _dash(name: str) -> str:
     return "--" if name in ("starboard", "commanded") else "-"
 
 
-def starts(time: Series, modes: Mapping[str, Mapping[str, Series]]) -> Figure:
+def starts(time: Series, modes: Mapping[str, Mapping[str, Lines]]) -> Figure:
     """One panel per reading, one line per operating mode: how the modes differ in the acceleration from rest."""
     labels = list(next(iter(modes.values())))
     with matplotlib.rc_context(STYLE):
@@ -86,7 +93,7 @@ def starts(time: Series, modes: Mapping[str, Mapping[str, Series]]) -> Figure:
         axes = figure.subplots(2, 2, sharex=True)
         for axis, label in zip(axes.flat, labels, strict=True):
             for mode, colour in zip(modes, (TRUTH, PORT, STARBOARD, SPEED), strict=True):
-                axis.plot(time, modes[mode][label], lw=1.2, label=mode, color=colour)
+                _line(axis, time, modes[mode][label], color=colour, label=mode)
             axis.set(ylabel=label, xlim=(time[0], time[-1]))
         for axis in axes[1]:
             axis.set_xlabel("time [s]")

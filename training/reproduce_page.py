@@ -28,6 +28,9 @@ SPEED_CHANGES = [10.0, 20.0, 30.0, 40.0, 50.0]
 TRUE = {"normal": (1.0, 1.0), "drag": (1.35, 1.0), "thrust": (1.0, 0.65), "loss": (1.0, 0.5)}
 
 
+LINES = " Lines: noise-free; bands: mean ± one standard deviation of the noisy runs."
+
+
 class Page:
     """Reads the recordings by run, parameter and time."""
 
@@ -57,6 +60,14 @@ class Page:
     def reading(self, run: str, channel: str) -> np.ndarray:
         """Noise-free reading over time (n_samples,)."""
         return self.clean.readings[:, self.runs.index(run), 0, list(CHANNELS).index(channel)]
+
+    def line(self, run: str, channel: str, label: str, samples: int | None = None) -> dict[str, list[float]]:
+        """A reading over time for a figure, in the unit of its axis: noise-free, and mean and std over the seeds."""
+        unit = 1 / FOOT if "ft/s" in label else 1.0
+        noisy = unit * self.noisy.readings[:samples, self.runs.index(run), :, list(CHANNELS).index(channel)]
+        values = {"clean": unit * self.reading(run, channel)[:samples]}
+        values |= {"mean": noisy.mean(axis=1), "std": noisy.std(axis=1, ddof=1)}
+        return {name: np.round(series.astype(float), 6).tolist() for name, series in values.items()}
 
 
 def page(clean: Recording, noisy: Recording, runs: Sequence[str], command: str) -> dict[str, Any]:
@@ -230,13 +241,9 @@ PANELS = {
 }
 
 
-def panels(view: Page, run: str) -> dict[str, dict[str, list[float]]]:
+def panels(view: Page, run: str) -> dict[str, dict[str, dict[str, list[float]]]]:
     """Readings of one run by panel and line; speeds in ft/s."""
-    unit = {label: 1 / FOOT if "ft/s" in label else 1.0 for label in PANELS}
-    return {
-        label: {name: (view.reading(run, channel) * unit[label]).tolist() for name, channel in lines}
-        for label, lines in PANELS.items()
-    }
+    return {label: {name: view.line(run, channel, label) for name, channel in lines} for label, lines in PANELS.items()}
 
 
 def transient_sections(view: Page) -> dict[str, Any]:
@@ -246,7 +253,7 @@ def transient_sections(view: Page) -> dict[str, Any]:
     figure = lambda run, name, onset, caption: {  # noqa: E731
         "plot": "transients",
         "name": name,
-        "caption": caption,
+        "caption": caption + LINES,
         "data": {"time": time, "panels": panels(view, run), "onset": onset},
     }
     return {
@@ -257,8 +264,8 @@ def transient_sections(view: Page) -> dict[str, Any]:
         ],
         "table": {"columns": COLUMNS, "rows": rows},
         "figures": [
-            figure("normal", "fig-5-13", None, "Fig. 5.13: normal transient between 0.5 and 1.0 ft/s, noise-free."),
-            figure("loss", "fig-5-18", 10.0, "Fig. 5.18: port propeller lost at 10 s, noise-free."),
+            figure("normal", "fig-5-13", None, "Fig. 5.13: normal transient between 0.5 and 1.0 ft/s."),
+            figure("loss", "fig-5-18", 10.0, "Fig. 5.18: port propeller lost at 10 s."),
         ],
     }
 
@@ -274,6 +281,11 @@ def steady_row(view: Page, time: float | None, speed: float, implied: str) -> li
     return view.row("IV.C, implied", quantity, implied, f"{ours:.1f}", "-", abs(ours - float(implied)) < 1, why)
 
 
+def last(line: dict[str, list[float]]) -> str:
+    """The last value of a line: noise-free, and mean and deviation under noise."""
+    return f"{line['clean'][-1]:.3g}; {line['mean'][-1]:.3g} ± {line['std'][-1]:.2g}"
+
+
 def start_section(view: Page) -> dict[str, Any]:
     """Figures 5.3 to 5.6."""
     modes = {
@@ -284,31 +296,26 @@ def start_section(view: Page) -> dict[str, Any]:
     }
     lines = {"surge speed [ft/s]": "speed", "port shaft speed [rpm]": "port_rpm"}
     lines |= {"port voltage [V]": "port_voltage", "port current [A]": "port_current"}
-    samples = slice(0, 400)
     data = {
-        mode: {
-            label: (view.reading(run, channel)[samples] / (FOOT if channel == "speed" else 1)).tolist()
-            for label, channel in lines.items()
-        }
+        mode: {label: view.line(run, channel, label, 400) for label, channel in lines.items()}
         for mode, run in modes.items()
     }
     columns = ["mode", *(f"{label} at 40 s" for label in lines), "command"]
-    rows = [[mode, *(f"{series[-1]:.3g}" for series in values.values()), view.command] for mode, values in data.items()]
+    rows = [[mode, *map(last, values.values()), view.command] for mode, values in data.items()]
     return {
         "heading": "V.C: transients that trained the raw-data network",
         "text": [
-            "From rest to 1.5 ft/s, the fault present from the start, 400 points each. The thesis gives neither "
-            "numbers nor the size of the faults. Ours: seal friction at severity 0.5 (Coulomb friction doubled, "
-            "viscous friction added), port propeller damaged at severity 1 (half of its thrust, 40 % less "
-            "torque), drag +35 %."
+            "From rest to 1.5 ft/s, the fault present from the start, 400 points each; noise-free, and mean ± "
+            "standard deviation of the noisy runs. The thesis gives neither numbers nor the size of the faults. "
+            "Ours: seal friction at severity 0.5 (Coulomb friction doubled, viscous friction added), port "
+            "propeller damaged at severity 1 (half of its thrust, 40 % less torque), drag +35 %."
         ],
         "table": {"columns": columns, "rows": rows},
         "figures": [
             {
                 "plot": "starts",
                 "name": "fig-5-3-to-5-6",
-                "caption": "Figs 5.3 to 5.6: acceleration from rest in the four operating modes of Table 5.1, "
-                "noise-free.",
+                "caption": "Figs 5.3 to 5.6: acceleration from rest in the operating modes of Table 5.1." + LINES,
                 "data": {"time": (np.arange(400) / SAMPLE_RATE).tolist(), "modes": data},
             }
         ],
