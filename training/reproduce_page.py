@@ -1,13 +1,14 @@
 """What `auv-fault reproduce` reports: the rows thesis | ours | command, the figures' data, and why ours differs."""
 
 from collections.abc import Sequence
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS
-from auv_fault_env.parameters import FOOT, PRESETS, SAMPLE_RATE
+from auv_fault_env.parameters import FOOT, SAMPLE_RATE
 from training.appendix_a import appendix_section, constants_section
+from training.comparison import ALPHA, ALPHA_FT, BETA, BETA_FT, TRUE, VEHICLE, Page, percent, scaled
 from training.thesis_runs import Recording
 
 COLUMNS = [
@@ -20,54 +21,9 @@ COLUMNS = [
     "why",
     "command",
 ]
-ALPHA, BETA = 0, 1
-VEHICLE = PRESETS["thesis1992"]
-ALPHA_FT, BETA_FT = VEHICLE.alpha * FOOT, VEHICLE.beta / FOOT  # 1/ft, (ft/s^2)/rpm^2
 END_IV_C = 50.0  # s: the speed command changes at 10, 20, 30 and 40 s
 SPEED_CHANGES = [10.0, 20.0, 30.0, 40.0, 50.0]
-TRUE = {"normal": (1.0, 1.0), "drag": (1.35, 1.0), "thrust": (1.0, 0.65), "loss": (1.0, 0.5)}
-
-
 LINES = " Lines: noise-free; bands: mean ± one standard deviation of the noisy runs."
-
-
-class Page:
-    """Reads the recordings by run, parameter and time."""
-
-    def __init__(self, clean: Recording, noisy: Recording, runs: Sequence[str], command: str):
-        self.clean, self.noisy, self.runs, self.command = clean, noisy, list(runs), command
-
-    def estimate(self, run: str, parameter: int, time: float) -> tuple[float, np.ndarray]:
-        """Noise-free estimate and those of every seed (n_seeds,), relative to nominal."""
-        k, row = round(time * SAMPLE_RATE), self.runs.index(run)
-        return float(self.clean.mean[k, row, 0, parameter]), self.noisy.mean[k, row, :, parameter]
-
-    def error(self, run: str, parameter: int, time: float) -> tuple[float, np.ndarray]:
-        """Relative errors of the estimates [%]."""
-        true = TRUE[run][parameter]
-        clean, noisy = self.estimate(run, parameter, time)
-        return 100 * (clean / true - 1), 100 * (noisy / true - 1)
-
-    def floor(self, run: str, parameter: int, time: float) -> str:
-        """What the filter itself expects under noise: its standard deviation relative to the true value."""
-        std = self.noisy.std[round(time * SAMPLE_RATE), self.runs.index(run), :, parameter].mean()
-        return f"With noise the filter itself expects ± {100 * std / TRUE[run][parameter]:.1f} %."
-
-    def row(self, where: str, quantity: str, thesis: str, clean: str, noisy: str, met: bool, why: str) -> list[str]:
-        """One row of the comparison."""
-        return [where, quantity, thesis, clean, noisy, "agrees" if met else "differs", why, self.command]
-
-    def reading(self, run: str, channel: str) -> np.ndarray:
-        """Noise-free reading over time (n_samples,)."""
-        return self.clean.readings[:, self.runs.index(run), 0, list(CHANNELS).index(channel)]
-
-    def line(self, run: str, channel: str, label: str, samples: int | None = None) -> dict[str, list[float]]:
-        """A reading over time for a figure, in the unit of its axis: noise-free, and mean and std over the seeds."""
-        unit = 1 / FOOT if "ft/s" in label else 1.0
-        noisy = unit * self.noisy.readings[:samples, self.runs.index(run), :, list(CHANNELS).index(channel)]
-        values = {"clean": unit * self.reading(run, channel)[:samples]}
-        values |= {"mean": noisy.mean(axis=1), "std": noisy.std(axis=1, ddof=1)}
-        return {name: np.round(series.astype(float), 6).tolist() for name, series in values.items()}
 
 
 def page(clean: Recording, noisy: Recording, runs: Sequence[str], command: str) -> dict[str, Any]:
@@ -97,23 +53,32 @@ def page(clean: Recording, noisy: Recording, runs: Sequence[str], command: str) 
     }
 
 
-def percent(clean: float, noisy: np.ndarray) -> tuple[str, str]:
-    """Both errors as text."""
-    return f"{round(clean, 2) + 0.0:+.2f} %", f"{round(noisy.mean(), 1) + 0.0:+.1f} ± {noisy.std(ddof=1):.1f} %"
+class Identified(NamedTuple):
+    """One of the thesis' two identified parameters: its run, what the thesis found, and in which units."""
+
+    run: str
+    parameter: int
+    figure: str
+    change: str
+    found: float
+    limit: float  # %
+    nominal: float  # in the thesis' unit
+    per_si: float  # the thesis' unit in SI units, inverse
+    units: tuple[str, str]  # the thesis', SI
+    form: str
 
 
-def scaled(estimates: tuple[float, np.ndarray], unit: float, form: str) -> tuple[str, str]:
-    """Both estimates in the thesis' unit as text."""
-    clean, noisy = estimates[0] * unit, estimates[1] * unit
-    return format(clean, form), f"{noisy.mean():{form}} ± {noisy.std(ddof=1):{form}}"
+IDENTIFIED = (
+    Identified("drag", ALPHA, "4.1", "alpha +35 %", -0.0332, 0.3, ALPHA_FT, FOOT, ("1/ft", "1/m"), ".4f"),
+    Identified(
+        "thrust", BETA, "4.2", "beta -35 %", 2.1945e-7, 0.2, BETA_FT, 1 / FOOT, ("(ft/s²)/rpm²", "(m/s²)/rpm²"), ".4e"
+    ),
+)
 
 
 def identification(view: Page) -> dict[str, Any]:
     """Figures 4.1 and 4.2 and the numbers of IV.C."""
-    rows = [
-        *identified(view, "drag", ALPHA, "4.1", "alpha +35 %", "-0.0332 1/ft", 0.3, (ALPHA_FT, ".4f")),
-        *identified(view, "thrust", BETA, "4.2", "beta -35 %", "2.1945e-7 (ft/s²)/rpm²", 0.2, (BETA_FT, ".4e")),
-    ]
+    rows = [row for one in IDENTIFIED for row in identified(view, one)]
     return {
         "heading": "IV.C: parameter identification",
         "text": [
@@ -131,24 +96,22 @@ def identification(view: Page) -> dict[str, Any]:
     }
 
 
-def identified(view, run, parameter, figure, quantity, thesis, limit, unit) -> list[list[str]]:
-    """The three rows of one identified parameter: estimate, error at the end, error after two speed changes."""
-    end, two = view.error(run, parameter, END_IV_C), view.error(run, parameter, 30.0)
-    where = f"IV.C, Fig. {figure}"
-    worst = max(abs(view.error(run, parameter, t)[0]) for t in np.arange(30.0, END_IV_C + 0.05, 0.1))
-    estimate = scaled(view.estimate(run, parameter, END_IV_C), *unit)
-    floor = view.floor(run, parameter, END_IV_C)
+def identified(view: Page, one: Identified) -> list[list[str]]:
+    """Rows of one identified parameter: estimate in both systems of units, errors at the end and after two changes."""
+    end, two = (view.error(one.run, one.parameter, time) for time in (END_IV_C, 30.0))
+    later = np.arange(30.0, END_IV_C + 0.05, 0.1)
+    worst = max(abs(view.error(one.run, one.parameter, time)[0]) for time in later)
+    estimate, floor = view.estimate(one.run, one.parameter, END_IV_C), view.floor(one.run, one.parameter, END_IV_C)
+    row = partial(view.row, f"IV.C, Fig. {one.figure}")
+    met, name = abs(end[0]) < one.limit, one.change
+    si = scaled(estimate, one.nominal / one.per_si, one.form)
+    why = f"Noise-free at most {worst:.2f} % from there on. {view.floor(one.run, one.parameter, 30.0)}"
+    customary, in_si = f"{one.found:{one.form}} {one.units[0]}", f"{one.found / one.per_si:{one.form}} {one.units[1]}"
     return [
-        view.row(where, f"{quantity}: estimate at 50 s", thesis, *estimate, abs(end[0]) < limit, floor),
-        view.row(where, f"{quantity}: error at 50 s", f"{limit} %", *percent(*end), abs(end[0]) < limit, floor),
-        view.row(
-            where,
-            f"{quantity}: error after two speed changes (30 s)",
-            "within 2 %",
-            *percent(*two),
-            worst < 2.0,
-            f"Noise-free at most {worst:.2f} % from there on. {view.floor(run, parameter, 30.0)}",
-        ),
+        row(f"{name}: estimate at 50 s", customary, *scaled(estimate, one.nominal, one.form), met, floor),
+        row("the same in SI units", in_si, *si, met, ""),
+        row(f"{name}: error at 50 s", f"{one.limit} %", *percent(*end), met, floor),
+        row(f"{name}: error after two speed changes (30 s)", "within 2 %", *percent(*two), worst < 2.0, why),
     ]
 
 
