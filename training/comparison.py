@@ -14,8 +14,8 @@ ALPHA_FT, BETA_FT = VEHICLE.alpha * FOOT, VEHICLE.beta / FOOT  # 1/ft, (ft/s^2)/
 TRUE = {"normal": (1.0, 1.0), "drag": (1.35, 1.0), "thrust": (1.0, 0.65), "loss": (1.0, 0.5)}
 
 
-class Page:
-    """Reads the recordings by run, parameter and time."""
+class Comparison:
+    """The recordings, noise-free and noisy, read by run, parameter and time."""
 
     def __init__(self, clean: Recording, noisy: Recording, runs: Sequence[str], command: str):
         self.clean, self.noisy, self.runs, self.command = clean, noisy, list(runs), command

@@ -8,7 +8,7 @@ import numpy as np
 
 from auv_fault_env.parameters import FOOT, SAMPLE_RATE
 from training.appendix_a import appendix_section, constants_section
-from training.comparison import ALPHA, ALPHA_FT, BETA, BETA_FT, TRUE, VEHICLE, Page, percent, scaled
+from training.comparison import ALPHA, ALPHA_FT, BETA, BETA_FT, TRUE, VEHICLE, Comparison, percent, scaled
 from training.thesis_runs import Recording
 
 COLUMNS = [
@@ -28,7 +28,7 @@ LINES = " Lines: noise-free; bands: mean ± one standard deviation of the noisy 
 
 def page(clean: Recording, noisy: Recording, runs: Sequence[str], command: str) -> dict[str, Any]:
     """The whole report as plain data."""
-    view = Page(clean, noisy, runs, command)
+    view = Comparison(clean, noisy, runs, command)
     return {
         "title": "Test runs of the thesis, chapters III to V: ours beside theirs",
         "command": command,
@@ -76,7 +76,7 @@ IDENTIFIED = (
 )
 
 
-def identification(view: Page) -> dict[str, Any]:
+def identification(view: Comparison) -> dict[str, Any]:
     """Figures 4.1 and 4.2 and the numbers of IV.C."""
     rows = [row for one in IDENTIFIED for row in identified(view, one)]
     return {
@@ -96,7 +96,7 @@ def identification(view: Page) -> dict[str, Any]:
     }
 
 
-def identified(view: Page, one: Identified) -> list[list[str]]:
+def identified(view: Comparison, one: Identified) -> list[list[str]]:
     """Rows of one identified parameter: estimate in both systems of units, errors at the end and after two changes."""
     end, two = (view.error(one.run, one.parameter, time) for time in (END_IV_C, 30.0))
     later = np.arange(30.0, END_IV_C + 0.05, 0.1)
@@ -115,7 +115,7 @@ def identified(view: Page, one: Identified) -> list[list[str]]:
     ]
 
 
-def normal_row(view: Page) -> list[str]:
+def normal_row(view: Comparison) -> list[str]:
     """Figure 5.14: a healthy run stays where it is."""
     quiet = max(abs(view.error("normal", p, t)[0]) for p in (ALPHA, BETA) for t in np.arange(0, 60, 0.1))
     alpha, beta = (view.error("normal", p, 60.0)[1].std(ddof=1) for p in (ALPHA, BETA))
@@ -124,7 +124,7 @@ def normal_row(view: Page) -> list[str]:
     return view.row("V.D, Fig. 5.14", quantity, "stays normal", f"{quiet:.2f} %", scatter, quiet < 2, why)
 
 
-def excursion_row(view: Page) -> list[str]:
+def excursion_row(view: Comparison) -> list[str]:
     """Figure 5.15: beta seems to change while only alpha has."""
     worst = max((view.error("drag", BETA, t) for t in np.arange(10, 60, 0.1)), key=lambda pair: abs(pair[0]))
     quantity = "alpha +35 %: beta's largest excursion"
@@ -132,14 +132,14 @@ def excursion_row(view: Page) -> list[str]:
     return view.row("V.D, Fig. 5.15", quantity, "appears to change", *percent(*worst), abs(worst[0]) > 1, why)
 
 
-def return_row(view: Page) -> list[str]:
+def return_row(view: Comparison) -> list[str]:
     """Figure 5.15: beta returns."""
     back = view.error("drag", BETA, 60.0)
     quantity, why = "alpha +35 %: beta at 60 s", view.floor("drag", BETA, 60.0)
     return view.row("V.D, Fig. 5.15", quantity, "returns to normal", *percent(*back), abs(back[0]) < 2, why)
 
 
-def loss_row(view: Page) -> list[str]:
+def loss_row(view: Comparison) -> list[str]:
     """Figure 5.19: half of the thrust is gone."""
     clean, noisy = view.estimate("loss", BETA, 60.0)
     drop = 100 * (clean - 1), 100 * (noisy - 1)
@@ -149,7 +149,7 @@ def loss_row(view: Page) -> list[str]:
     return view.row("V.D, Fig. 5.19", quantity, "-50 %", *percent(*drop), abs(drop[0] + 50) < 1, why)
 
 
-def responses(view: Page) -> dict[str, Any]:
+def responses(view: Comparison) -> dict[str, Any]:
     """Figures 5.14, 5.15 and 5.19."""
     rows = [normal_row(view), excursion_row(view), return_row(view), loss_row(view)]
     captions = {
@@ -168,7 +168,7 @@ def responses(view: Page) -> dict[str, Any]:
     }
 
 
-def response_figure(view: Page, run: str, name: str, caption: str) -> dict[str, Any]:
+def response_figure(view: Comparison, run: str, name: str, caption: str) -> dict[str, Any]:
     """Alpha and beta over time: in customary units for chapter IV, normalised for chapter V."""
     chapter_v = name.startswith("fig-5")
     units = {"alpha": "normalised", "beta": "normalised"} if chapter_v else {"alpha": "1/ft", "beta": "(ft/s²)/rpm²"}
@@ -204,12 +204,12 @@ PANELS = {
 }
 
 
-def panels(view: Page, run: str) -> dict[str, dict[str, dict[str, list[float]]]]:
+def panels(view: Comparison, run: str) -> dict[str, dict[str, dict[str, list[float]]]]:
     """Readings of one run by panel and line; speeds in ft/s."""
     return {label: {name: view.line(run, channel, label) for name, channel in lines} for label, lines in PANELS.items()}
 
 
-def transient_sections(view: Page) -> dict[str, Any]:
+def transient_sections(view: Comparison) -> dict[str, Any]:
     """Figures 5.13 and 5.18."""
     time = (np.arange(len(view.clean.mean)) / SAMPLE_RATE).tolist()
     rows = [steady_row(view, 0.0, 0.5, "135"), steady_row(view, None, 1.0, "271")]
@@ -233,7 +233,7 @@ def transient_sections(view: Page) -> dict[str, Any]:
     }
 
 
-def steady_row(view: Page, time: float | None, speed: float, implied: str) -> list[str]:
+def steady_row(view: Comparison, time: float | None, speed: float, implied: str) -> list[str]:
     """Shaft speed at a steady surge speed: read at `time`, or by proportion where the run has no steady state there."""
     if time is not None:
         k = round(time * SAMPLE_RATE)
@@ -249,7 +249,7 @@ def last(line: dict[str, list[float]]) -> str:
     return f"{line['clean'][-1]:.3g}; {line['mean'][-1]:.3g} ± {line['std'][-1]:.2g}"
 
 
-def start_section(view: Page) -> dict[str, Any]:
+def start_section(view: Comparison) -> dict[str, Any]:
     """Figures 5.3 to 5.6."""
     modes = {
         "normal (5.3)": "start_normal",

@@ -79,7 +79,7 @@ def test_command_writes_a_self_contained_report(tmp_path, capsys):
         assert (tmp_path / "report" / "figures" / f"{name}.png").stat().st_size > 10_000
     assert page.count("data:image/svg+xml;base64,") == len(figures) == 9
     assert "http" not in page.replace("http://www.w3.org", "")
-    for number in ("-0.0332", "2.1945e-7", "-50 %", "8.5", "5.81"):
+    for number in ("-0.0332 1/ft", "2.1945e-07", "-50 %", "8.5", "5.81"):
         assert number in page
     manifest = json.loads((tmp_path / "report" / "manifest.json").read_text())
     assert manifest["arguments"]["seeds"] == 2
