@@ -11,11 +11,11 @@ from auv_fault_env import episodes, lanes, layout
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import finite_in_range, one_per_lane, refusal, whole_number
 from auv_fault_env.faults import CATALOGUE, matrices
-from auv_fault_env.missions import Mission, MissionSampler
+from auv_fault_env.missions import Mission, MissionSampler, mission_of
 from auv_fault_env.noise import episode_keys, uniforms
 from auv_fault_env.parameters import ENERGY_WEIGHT, PARAMETERS, SAMPLE_RATE, Vehicle, nominal, vehicle_of
 from auv_fault_env.physics import Constants
-from auv_fault_env.schedules import Events, Schedule, ScheduleSampler, events_of, no_events
+from auv_fault_env.schedules import Events, Schedule, ScheduleSampler, events_of, no_events, schedule_of
 
 PARALLEL_LANES = 512  # below, waking the threads costs more than they save
 
@@ -131,37 +131,49 @@ class Fleet:
         -------
         The observations, (n_lanes, n_channels) float32; rows of lanes not chosen are as they were, or zero.
         """
-        chosen = self._chosen(lanes)
-        shape = (self.n_lanes, len(CHANNELS))
-        if observations is None:
-            observations = np.zeros(shape, np.float32)
-        if observations.shape != shape or observations.dtype != np.float32:
-            got = f"{observations.dtype} {observations.shape}"
-            raise refusal("observations", got, f"float32 {shape}", "make them so")
-        for name, values in (("schedules", schedules), ("missions", missions)):
-            if values is not None:
-                one_per_lane(name, values, chosen.size)
-        self.outcomes = self.outcomes.copy()
-        if seeds is None:
-            self._episode[chosen] += np.uint64(1)
-        else:
+        chosen, observations = self._chosen(lanes), self._checked_observations(observations)
+        if seeds is not None:
             seeds = [whole_number("seed", seed, 0) for seed in one_per_lane("seeds", seeds, chosen.size)]
-            self._seed[chosen] = np.array([seed % 2**64 for seed in seeds], np.uint64)
-            self._episode[chosen] = 0
-        key = self._lanes.key[chosen] = episode_keys(self._seed[chosen], self._episode[chosen])
+        events = legs = None
+        if schedules is not None:
+            events = events_of([schedule_of(one) for one in one_per_lane("schedules", schedules, chosen.size)])
+        if missions is not None:
+            legs = _legs_of([mission_of(one) for one in one_per_lane("missions", missions, chosen.size)])
+        key = self._next_episode(chosen, seeds)
         spread = 2.0 * uniforms(key, 0, len(PARAMETERS)) - 1.0
         self._plan.healthy[chosen] = self._nominal * (1.0 + self._band * spread)
-        self._set_events(chosen, self.schedules.draw(key) if schedules is None else events_of(schedules))
-        speeds = self._set_missions(chosen, *(self.missions.draw(key) if missions is None else _legs_of(missions)))
+        self._set_events(chosen, self.schedules.draw(key) if events is None else events)
+        speeds = self._set_missions(chosen, *(self.missions.draw(key) if legs is None else legs))
+        self.outcomes = self.outcomes.copy()
         arrays = (self._plan, self._catalogue, self._limits, self._constants, observations, self.outcomes)
         episodes.begin(self._lanes, chosen, speeds, *arrays)
         self._due = self.n_lanes
         self.changes += 1
         return observations
 
+    def _next_episode(self, chosen: np.ndarray, seeds: list[int] | None) -> np.ndarray:
+        if seeds is None:
+            self._episode[chosen] += np.uint64(1)
+        else:
+            self._seed[chosen] = np.array([seed % 2**64 for seed in seeds], np.uint64)
+            self._episode[chosen] = 0
+        self._lanes.key[chosen] = episode_keys(self._seed[chosen], self._episode[chosen])
+        return self._lanes.key[chosen]
+
+    def _checked_observations(self, observations: np.ndarray | None) -> np.ndarray:
+        shape = (self.n_lanes, len(CHANNELS))
+        if observations is None:
+            return np.zeros(shape, np.float32)
+        if observations.shape != shape or observations.dtype != np.float32:
+            got = f"{observations.dtype} {observations.shape}"
+            raise refusal("observations", got, f"float32 {shape}", "make them so")
+        return observations
+
     def _chosen(self, lanes: np.ndarray | None) -> np.ndarray:
         if lanes is None:
             return np.arange(self.n_lanes)
+        if not self.changes:
+            raise refusal("lanes", lanes, "None, all lanes, at the first reset", "reset all lanes first")
         chosen = np.asarray(lanes)
         whole = chosen.ndim == 1 and chosen.dtype.kind in "iu" and np.unique(chosen).size == chosen.size
         if not whole or (chosen.size and not 0 <= chosen.min() <= chosen.max() < self.n_lanes):
@@ -207,6 +219,8 @@ class Fleet:
         if actions.shape != (self.n_lanes, 3):
             remedy = "give speed_command, rudder, stern_plane per lane"
             raise refusal("shape of the action", actions.shape, f"{(self.n_lanes, 3)}", remedy)
+        if not self.changes:
+            raise refusal("step", "no reset before", "a step after a reset of all lanes", "call reset() first")
         if self._due:
             episodes.refresh(self._lanes, self._plan, self._catalogue)
             self.changes += 1
@@ -227,6 +241,10 @@ class Fleet:
 
     def set_healthy(self, values: np.ndarray) -> None:
         """Replace the healthy parameters from the next step on: (n_lanes, n_parameters), ordered as `PARAMETERS`."""
+        values = np.asarray(values, np.float64)
+        if values.shape != self._plan.healthy.shape or not np.isfinite(values).all():
+            allowed = f"finite numbers of shape {self._plan.healthy.shape}"
+            raise refusal("healthy parameters", values, allowed, "give one row per lane")
         self._plan.healthy[:] = values
         self._lanes.due[:] = episodes.STALE
         self._due = self.n_lanes

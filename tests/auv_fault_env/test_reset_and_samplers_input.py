@@ -202,3 +202,29 @@ def test_faults(case):
 def test_unknown_key_of_the_truth():
     info = PropulsionVectorEnv(2).reset(seed=1)[1]
     assert_refused(lambda: info["truth"]["labl"], "truth", "labl", "one of label, severity", "'label'")
+
+
+def test_fleet_needs_a_reset_of_all_lanes_first():
+    fleet = Fleet(2)
+    with pytest.raises(InputError, match="step: got 'no reset before'"):
+        fleet.step(np.zeros((2, 3)))
+    with pytest.raises(InputError, match="all lanes, at the first reset"):
+        fleet.reset(seeds=[1], lanes=[0])
+
+
+@pytest.mark.parametrize("values", [np.ones((2, 3)), np.full((2, 58), np.nan)], ids=["shape", "nan"])
+def test_healthy_parameters_are_checked(values):
+    fleet = Fleet(2)
+    fleet.reset(seeds=[1, 2])
+    with pytest.raises(InputError, match="healthy parameters"):
+        fleet.set_healthy(values)
+
+
+def test_refused_reset_leaves_the_fleet_as_it_was():
+    fleet = Fleet(2)
+    fleet.reset(seeds=[1, 2])
+    before = fleet.table.copy()
+    with pytest.raises(InputError):
+        fleet.reset(seeds=[3, 4], schedules=[(), [{"fault": "nothing"}]])
+    assert np.array_equal(before, fleet.table)
+    assert fleet.plan.severity.shape == (2, 2)
