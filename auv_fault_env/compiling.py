@@ -4,9 +4,11 @@ numba's own disk cache watches only the file of the cached function, not those i
 after a digest of all files that end up in compiled code, so an edit in any of them compiles anew.
 """
 
+import atexit
 import contextlib
 import hashlib
 import os
+import shutil
 import tempfile
 from pathlib import Path
 
@@ -26,14 +28,17 @@ def digest() -> str:
 
 def cache_folder() -> Path:
     """Where compiled code is kept: in NUMBA_CACHE_DIR, this package or the user's cache, the first that is writable."""
-    bases = [Path(config.CACHE_DIR)] if config.CACHE_DIR else []
-    bases += [Path(__file__).parent / "__pycache__", Path.home() / ".cache" / "auv_fault_env"]
+    bases = [config.CACHE_DIR] if config.CACHE_DIR else []
+    bases += [Path(__file__).parent / "__pycache__", "~/.cache/auv_fault_env"]
     for base in bases:
-        with contextlib.suppress(OSError):
-            (base / digest()).mkdir(parents=True, exist_ok=True)
-            if os.access(base / digest(), os.W_OK):
-                return base / digest()
-    return Path(tempfile.mkdtemp(prefix="auv_fault_env_"))
+        with contextlib.suppress(OSError, RuntimeError):  # the latter where nobody knows the home directory
+            folder = Path(base).expanduser() / digest()
+            folder.mkdir(parents=True, exist_ok=True)
+            if os.access(folder, os.W_OK):
+                return folder
+    folder = Path(tempfile.mkdtemp(prefix="auv_fault_env_"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 FOLDER = cache_folder()

@@ -201,6 +201,9 @@ class PropulsionEnv(gym.Env):
         _need_reset(self._observation is not None)
         return self._renderer.frame() if self.render_mode == "rgb_array" else None
 
+    def __getstate__(self):
+        return self.__dict__ | {"_renderer": None}
+
     def close(self):
         """Close the window, if there is one."""
         if self._renderer is not None:
@@ -261,6 +264,10 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
             self.fleet.reset(lanes=np.flatnonzero(self._done), observations=observations)
         self._done = self.fleet.time * SAMPLE_RATE >= self.max_episode_steps
         return observations, self.fleet.outcomes[0], self._terminated.copy(), self._done.copy(), self._info()
+
+    def close_extras(self, **kwargs):
+        """End the fleet's threads."""
+        self.fleet.close()
 
     def _info(self) -> dict[str, Any]:
         _, energy, cost, mission_speed = self.fleet.outcomes

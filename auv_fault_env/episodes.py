@@ -27,7 +27,7 @@ from auv_fault_env.layout import (
     VOLTAGE,
 )
 from auv_fault_env.parameters import SAMPLE_RATE
-from auv_fault_env.physics import RPM
+from auv_fault_env.physics import RPM, limited
 
 NEVER = np.int64(1 << 60)
 STALE = -1  # due step of a lane whose parameters must be written anew, whatever its severities
@@ -78,7 +78,7 @@ def renew_severities(lane, step, plan):
 
 @scalar
 def renew_parameters(memory, lane, plan, catalogue):
-    """Write the lane's parameters: healthy * prod(1 + s (scale - 1)) + sum(s offset)."""
+    """Write the lane's parameters: healthy * prod(1 + s (scale - 1)) + sum(s offset), within their physical limits."""
     b, k = lane // LANES, lane % LANES
     for p in range(N_PARAMETERS):
         factor, shift = 1.0, 0.0
@@ -87,7 +87,8 @@ def renew_parameters(memory, lane, plan, catalogue):
             if severity > 0.0:
                 factor *= 1.0 + severity * (catalogue.scale[fault, p] - 1.0)
                 shift += severity * catalogue.offset[fault, p]
-        memory[b, (PARAMETER + p) * LANES + k] = plan.healthy[lane, p] * factor + shift
+        value = plan.healthy[lane, p] * factor + shift
+        memory[b, (PARAMETER + p) * LANES + k] = limited(value, catalogue.low[p], catalogue.high[p])
 
 
 @scalar
@@ -102,16 +103,22 @@ def renew_mission(memory, lane, step, legs):
     return due
 
 
+@scalar
+def renew(lanes, lane, plan, catalogue):
+    """Bring severities, parameters and mission speed of a lane to the sample ahead, if it is due."""
+    step, stale = lanes.step[lane], lanes.due[lane] == STALE
+    if stale or step >= lanes.due[lane]:
+        changed, due = renew_severities(lane, step, plan)
+        if stale or changed:
+            renew_parameters(lanes.memory, lane, plan, catalogue)
+        lanes.due[lane] = min(due, renew_mission(lanes.memory, lane, step, plan.legs))
+
+
 @kernel
 def refresh(lanes, plan, catalogue):
-    """Bring severities, parameters and mission speed of every lane that is due to the sample ahead."""
+    """Bring every lane that is due to the sample ahead."""
     for lane in range(lanes.key.size):
-        step, stale = lanes.step[lane], lanes.due[lane] == STALE
-        if stale or step >= lanes.due[lane]:
-            changed, due = renew_severities(lane, step, plan)
-            if stale or changed:
-                renew_parameters(lanes.memory, lane, plan, catalogue)
-            lanes.due[lane] = min(due, renew_mission(lanes.memory, lane, step, plan.legs))
+        renew(lanes, lane, plan, catalogue)
 
 
 @scalar
@@ -140,7 +147,7 @@ def begin(lanes, chosen, start_speed, plan, catalogue, limits, constants, observ
         lanes.step[lane], lanes.due[lane] = 0, STALE
         for row in range(PARAMETER):
             lanes.memory[lane // LANES, row * LANES + lane % LANES] = 0.0
-    refresh(lanes, plan, catalogue)
+        renew(lanes, lane, plan, catalogue)
     scratch = np.empty(N_SCRATCH * LANES)
     for i in range(chosen.size):
         lane, speed = chosen[i], start_speed[i]

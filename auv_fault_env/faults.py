@@ -1,7 +1,8 @@
 """The catalogue: a fault is data, and everything else (classes, tables, matrices, tests) follows from it.
 
 At severity s a parameter becomes ``healthy * prod(1 + s (scale - 1)) + sum(s offset)`` over the active faults, so
-severity 0 is healthy and faults compose. To add a fault, add an entry to `CATALOGUE`; nothing else needs an edit::
+severity 0 is healthy and faults compose; a compound stops at a parameter's physical limit. To add a
+fault, add an entry to `CATALOGUE`; nothing else needs an edit::
 
     CATALOGUE["ice_on_hull"] = Fault(
         "ice_on_hull",
@@ -217,4 +218,5 @@ def matrices() -> Catalogue:
             scale[row, names.index(parameter)] = value
         for parameter, value in fault.offset.items():
             offset[row, names.index(parameter)] = value
-    return Catalogue(scale, offset)
+    low, high = np.array([(spec.low, spec.high) for spec in PARAMETERS.values()]).T.copy()
+    return Catalogue(scale, offset, low, high)

@@ -39,8 +39,7 @@ class Fleet:
     healthy_band
         Factor on the spread of healthy vehicles; 0 for the nominal one.
     parallel
-        Share the blocks among numba's threads. By default in fleets of at least 512 lanes. A process that has
-        stepped in parallel must not fork (use spawn or forkserver).
+        Share the blocks among threads, one per core. By default in fleets of at least 512 lanes.
     schedules
         Distribution of the schedules of lanes that are reset without one.
     missions
@@ -82,9 +81,12 @@ class Fleet:
         self._constants = _constants(self.vehicle, disturbance)
         self._shared = np.array(self._constants)
         self._limits = np.array([(channel.low, channel.high) for channel in CHANNELS.values()])
-        self._catalogue = matrices()
-        self.diagnoses = np.array([fault.diagnosis for fault in CATALOGUE.values()])
+        self._read_catalogue()
         self._allocate(self.schedules.EVENTS, self.missions.n_legs)
+
+    def _read_catalogue(self):
+        self._faults, self._catalogue = tuple(CATALOGUE.values()), matrices()
+        self.diagnoses = np.array([fault.diagnosis for fault in self._faults])
 
     def _allocate(self, n_events: int, n_legs: int):
         n, blocks = self.n_lanes, -(-self.n_lanes // layout.LANES)
@@ -139,6 +141,8 @@ class Fleet:
             events = events_of([schedule_of(one) for one in one_per_lane("schedules", schedules, chosen.size)])
         if missions is not None:
             legs = _legs_of([mission_of(one) for one in one_per_lane("missions", missions, chosen.size)])
+        if self._faults != tuple(CATALOGUE.values()):
+            self._read_catalogue()
         key = self._next_episode(chosen, seeds)
         spread = 2.0 * uniforms(key, 0, len(PARAMETERS)) - 1.0
         self._plan.healthy[chosen] = self._nominal * (1.0 + self._band * spread)
@@ -215,10 +219,12 @@ class Fleet:
         -------
         New observations, (n_lanes, n_channels) float32; rewards and costs stand in `outcomes`.
         """
-        actions = np.asarray(actions)
+        actions = np.asarray(actions, np.float64)
         if actions.shape != (self.n_lanes, 3):
             remedy = "give speed_command, rudder, stern_plane per lane"
             raise refusal("shape of the action", actions.shape, f"{(self.n_lanes, 3)}", remedy)
+        if not np.isfinite(actions).all():
+            raise refusal("action", actions, "finite numbers", "check the policy")
         if not self.changes:
             raise refusal("step", "no reset before", "a step after a reset of all lanes", "call reset() first")
         if self._due:
@@ -230,6 +236,15 @@ class Fleet:
         arrays = (*self._lanes, self._actions, self._limits, self._shared, observations, self.outcomes)
         self._due = self._step_blocks(arrays)
         return observations
+
+    def close(self) -> None:
+        """End the threads; the next step in parallel would start them again."""
+        if self._threads is not None:
+            self._threads.shutdown()
+            self._threads = None
+
+    def __getstate__(self):
+        return self.__dict__ | {"_threads": None}
 
     def _step_blocks(self, arrays: tuple[np.ndarray, ...]) -> int:
         if len(self._shares) == 1:

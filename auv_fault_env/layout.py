@@ -62,7 +62,9 @@ class Plan(NamedTuple):
 
 
 class Catalogue(NamedTuple):
-    """What each fault does at severity 1: factor and shift of every parameter, both (n_faults, N_PARAMETERS)."""
+    """What each fault does at severity 1, and how far any compound of faults may go."""
 
-    scale: np.ndarray
-    offset: np.ndarray
+    scale: np.ndarray  # (n_faults, N_PARAMETERS), factor
+    offset: np.ndarray  # (n_faults, N_PARAMETERS), shift
+    low: np.ndarray  # (N_PARAMETERS,), physical limits
+    high: np.ndarray  # (N_PARAMETERS,)

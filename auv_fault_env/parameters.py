@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, fields
 from typing import NamedTuple
 
 from auv_fault_env.channels import CHANNELS, READINGS
-from auv_fault_env.errors import finite_in_range, known_name
+from auv_fault_env.errors import finite_in_range, known_name, refusal
 
 FOOT = 0.3048  # m
 OUNCE_INCH = 7.061551814e-3  # N m
@@ -70,7 +70,7 @@ class Vehicle:
     diameter: float = quantity(4 * INCH, "m", "propeller diameter", "T III.B: 4 inch", 0.01, 10.0)
     wake_fraction: float = quantity(0.1, "1", "wake fraction", "T III.C.3", 0.0, 0.9)
     maximum_voltage: float = quantity(24.0, "V", "supply voltage", "T III.B: 0 to 24 V", 1.0, 1000.0)
-    disturbance_std: float = quantity(0.001, "m/s^2", "standard deviation of the disturbing acceleration", "E: moves the speed by 1 cm/s", 0.0, 1.0)
+    disturbance_std: float = quantity(0.001, "m/s^2", "standard deviation of the disturbing acceleration", "E: moves the speed by about 1 cm/s at held shaft speed", 0.0, 1.0)
     disturbance_time: float = quantity(5.0, "s", "correlation time of the disturbance", "E: swell", 0.1, 1000.0)
     speed_filter_time: float = quantity(1.0, "s", "speed controller: time constant of the filter on the measured speed", "E: the paddle wheel's noise would chatter the shafts", 1e-3, 100.0)
     reaching_rate: float = quantity(0.03, "m/s^2", "speed controller, sliding mode: reaching rate", "E: form of H", 0.0, 10.0)
@@ -84,6 +84,13 @@ class Vehicle:
         for spec in fields(self):
             if spec.metadata:
                 finite_in_range(spec.name, getattr(self, spec.name), spec.metadata["low"], spec.metadata["high"])
+        advance = 60.0 * (self.beta / -self.alpha) ** 0.5 / self.diameter * (1.0 - self.wake_fraction)
+        if self.c2 and self.c2 * advance >= self.c1:
+            allowed = f"below {self.c1 / advance:.3g}, where the propeller would drive the motor in steady motion"
+            raise refusal("c2", self.c2, allowed, "lower c2 or raise c1")
+        if self.inertia * self.resistance < 1e-4 * self.torque_constant**2:
+            allowed = f"from {1e-4 * self.torque_constant**2 / self.resistance:.3g}, a motor time constant of 0.1 ms"
+            raise refusal("inertia", self.inertia, allowed, "raise it")
 
 
 PRESETS: dict[str, Vehicle] = {

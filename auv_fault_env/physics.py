@@ -227,8 +227,13 @@ def limited(value, low, high):
 
 @scalar
 def rpm_command(constants, speed_command, speed, delta_squared):
-    """Sliding mode speed control on the nominal hull (form of Healey & Lienard 1993): shaft speed command [rpm]."""
-    drag = (constants.alpha + constants.gamma * delta_squared) * speed * abs(speed)
+    """Sliding mode speed control on the nominal hull (form of Healey & Lienard 1993): shaft speed command [rpm].
+
+    It feeds the drag forward at the measured speed, but not above the boundary layer: a vehicle with less drag than
+    nominal, or a wrong reading, would otherwise be pushed the more the faster it is.
+    """
+    ahead = min(speed, speed_command + constants.boundary_layer)
+    drag = (constants.alpha + constants.gamma * delta_squared) * ahead * abs(ahead)
     reach = constants.reaching_rate * limited((speed - speed_command) / constants.boundary_layer, -1.0, 1.0)
     return min(math.sqrt(max(-(drag + reach) / constants.beta, 0.0)), constants.maximum_rpm)
 

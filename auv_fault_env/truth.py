@@ -54,7 +54,7 @@ class FleetTruth(Mapping):
         return len(self._readers)
 
     def _row(self, index: int) -> np.ndarray:
-        return self._fleet.table[:, index].flatten()[: self._fleet.n_lanes]
+        return self._fleet.table[:, index].reshape(-1)[: self._fleet.n_lanes].copy()
 
     def _parameters(self) -> dict[str, np.ndarray]:
         return {name: self._row(layout.PARAMETER + p) for p, name in enumerate(PARAMETERS)}
@@ -88,7 +88,6 @@ class LaneTruth:
 
     def __init__(self, fleet: Fleet, lane: int = 0):
         self._fleet, self._lane, self._seen = fleet, lane, -1
-        self._no_fault = dict.fromkeys(classes()[1:], 0.0)
         first = lane // layout.LANES * layout.N_ROWS * layout.LANES + lane % layout.LANES
         self._state_at = first + layout.LANES * np.array([row for row, _ in STATE.values()])
         self._state_factors = np.array([factor for _, factor in STATE.values()])
@@ -110,7 +109,7 @@ class LaneTruth:
         plan, self._seen = self._fleet.plan, self._fleet.changes
         column = self._fleet.table[self._lane // layout.LANES, layout.PARAMETER :, self._lane % layout.LANES]
         self._parameters = dict(zip(PARAMETERS, column.tolist(), strict=True))
-        self._severity, self._onset = self._no_fault.copy(), float("inf")
+        self._severity, self._onset = dict.fromkeys(classes()[1:], 0.0), float("inf")
         rows = plan.fault[self._lane].tolist(), plan.severity[self._lane].tolist(), plan.profile[self._lane].tolist()
         for fault, severity, profile in zip(*rows, strict=True):
             if fault >= 0:

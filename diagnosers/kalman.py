@@ -18,9 +18,9 @@ from math import exp, pi
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from auv_fault_env.channels import CHANNELS
+from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.errors import finite_in_range, refusal
 from auv_fault_env.parameters import PRESETS, SAMPLE_TIME, Vehicle
 
@@ -33,7 +33,6 @@ PARAMETERS = ("alpha", "beta", "gamma")
 N_STATES = 5  # speed, the three parameters, and one of each filter's own
 READINGS = ("speed", "acceleration", "port_rpm", "starboard_rpm", "rudder", "stern_plane")
 COLUMNS = tuple(list(CHANNELS).index(name) for name in READINGS)
-compiled = njit(cache=True, error_model="numpy", forceinline=True)
 
 
 class Estimate(NamedTuple):
@@ -82,7 +81,7 @@ def opening_share(vehicle: Vehicle) -> float:
     return 0.5 if ratio > 1e3 else ratio - decay / (1 - decay)
 
 
-@compiled
+@scalar
 def _dot(left, right):
     """Scalar product."""
     total = 0.0
@@ -91,7 +90,7 @@ def _dot(left, right):
     return total
 
 
-@compiled
+@scalar
 def _condition(mean, covariance, row, innovation, variance, work):
     """Condition one lane on a scalar measurement ``z = row x + v``; returns the innovation's variance.
 
@@ -114,7 +113,7 @@ def _condition(mean, covariance, row, innovation, variance, work):
     return total
 
 
-@compiled
+@scalar
 def _walk(mean, covariance, constants):
     """Random walk of the parameters over one sample, slower the nearer a variance is to its ceiling."""
     for i in range(3):
@@ -122,7 +121,7 @@ def _walk(mean, covariance, constants):
         covariance[i + 1, i + 1] += constants.walk[i] * max(0.0, 1.0 - covariance[i + 1, i + 1] / constants.ceiling[i])
 
 
-@compiled
+@scalar
 def _inputs(readings):
     """Thrust input (mean ``n|n|`` of the shafts), the sum of the shafts' ``n^2`` and the squared deflection."""
     port, starboard, rudder, plane = readings[2], readings[3], readings[4], readings[5]
@@ -130,7 +129,7 @@ def _inputs(readings):
     return thrust, port * port + starboard * starboard, rudder * rudder + plane * plane
 
 
-@compiled
+@scalar
 def _condition_on_speed(mean, covariance, readings, constants, row, work):
     """Condition on the paddle wheel; returns innovation and its variance."""
     row[:] = 0.0
@@ -139,7 +138,7 @@ def _condition_on_speed(mean, covariance, readings, constants, row, work):
     return innovation, _condition(mean, covariance, row, innovation, constants.speed_variance, work)
 
 
-@compiled
+@scalar
 def _predict_parameters(mean, covariance, previous, readings, constants):
     """Let parameters walk, the speed follow the measured accelerations less their errors; draw the new error."""
     c = constants
@@ -158,7 +157,7 @@ def _predict_parameters(mean, covariance, previous, readings, constants):
     covariance[0, 4] = covariance[4, 0] = -closing * c.acceleration_variance
 
 
-@compiled
+@scalar
 def _condition_on_acceleration(mean, covariance, readings, constants, row, work):
     """Condition on the measured acceleration; returns innovation and its variance."""
     c = constants
@@ -173,7 +172,7 @@ def _condition_on_acceleration(mean, covariance, readings, constants, row, work)
     return innovation, _condition(mean, covariance, row, innovation, variance, work)
 
 
-@compiled
+@scalar
 def _integrate(mean, opening_thrust, thrust, deflection, constants, row):
     """Advance the mean speed over one sample by the midpoint rule; ``row`` becomes its gradient by the state."""
     c = constants
@@ -192,7 +191,7 @@ def _integrate(mean, opening_thrust, thrust, deflection, constants, row):
     mean[0] += c.step * (drag * square + push)
 
 
-@compiled
+@scalar
 def _predict_surge(mean, covariance, previous, readings, constants, row, work):
     """Draw this sample's parameters and disturbance, then carry speed and covariance over the sample."""
     c = constants
@@ -215,7 +214,7 @@ def _predict_surge(mean, covariance, previous, readings, constants, row, work):
     covariance[0, 0] = variance
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _update_parameters(mean, covariance, innovation, variance, memory, observation, columns, constants):
     """Update every lane of the parameter filter in place."""
     row, work, readings = np.empty(5), np.empty((3, 5)), np.empty(6)
@@ -229,7 +228,7 @@ def _update_parameters(mean, covariance, innovation, variance, memory, observati
         innovation[lane], variance[lane] = _condition_on_acceleration(x, p, readings, constants, row, work)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _update_surge(mean, covariance, innovation, variance, memory, observation, columns, constants):
     """Update every lane of the state-and-parameter filter in place."""
     row, work, readings = np.empty(5), np.empty((3, 5)), np.empty(6)

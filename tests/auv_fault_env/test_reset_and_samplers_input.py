@@ -8,6 +8,7 @@ import pytest
 
 from auv_fault_env import MISSIONS, Fault, Fleet, MissionSampler, ScheduleSampler
 from auv_fault_env.env import PropulsionEnv, PropulsionVectorEnv
+from auv_fault_env.errors import InputError
 
 LINE = re.compile(r"(?P<thing>.+?): got (?P<got>.+); allowed is (?P<allowed>.+); (?P<remedy>[^;]+)")
 NAN, INF = math.nan, math.inf
