@@ -16,7 +16,7 @@ class Channel(NamedTuple):
     about: str
 
 
-MAXIMUM_COMMAND = 1.0  # m/s, commanded surge speed: twice the thesis' largest in V.D; the plant reaches 2.4 m/s at 24 V
+MAXIMUM_COMMAND = 1.0  # m/s, commanded surge speed: twice the thesis' 1.5 ft/s; the plant reaches 2.7 m/s at 24 V
 MAXIMUM_DEFLECTION = 0.4  # rad, rudder and stern plane
 
 # Noise defaults are those of common parts, not the thesis' (it reports none):

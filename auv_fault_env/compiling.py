@@ -26,13 +26,14 @@ def digest() -> str:
 
 def cache_folder() -> Path:
     """Where compiled code is kept: in NUMBA_CACHE_DIR, this package or the user's cache, the first that is writable."""
-    bases = [Path(config.CACHE_DIR)] if config.CACHE_DIR else []
-    bases += [Path(__file__).parent / "__pycache__", Path.home() / ".cache" / "auv_fault_env"]
+    bases = [config.CACHE_DIR] if config.CACHE_DIR else []
+    bases += [Path(__file__).parent / "__pycache__", "~/.cache/auv_fault_env"]
     for base in bases:
-        with contextlib.suppress(OSError):
-            (base / digest()).mkdir(parents=True, exist_ok=True)
-            if os.access(base / digest(), os.W_OK):
-                return base / digest()
+        with contextlib.suppress(OSError, RuntimeError):  # the latter where there is no home
+            folder = Path(base).expanduser() / digest()
+            folder.mkdir(parents=True, exist_ok=True)
+            if os.access(folder, os.W_OK):
+                return folder
     return Path(tempfile.mkdtemp(prefix="auv_fault_env_"))
 
 

@@ -138,7 +138,7 @@ def _sensor_parameters(channel: str) -> dict[str, Parameter]:
     }
 
 
-# The order is the memory layout of a lane: physics.py counts on it.
+# The order is the memory layout of a lane: layout.py counts on it.
 PARAMETERS: dict[str, Parameter] = {
     **{name: _plant_parameter(name) for name in HULL},
     **{f"{side}_{name}": _plant_parameter(name) for side in SIDES for name in SHAFT},

@@ -106,12 +106,10 @@ def section(seeds: int, seed: int) -> dict[str, Any]:
     return {
         "heading": "Are the filters honest about their errors?",
         "text": [
-            f"Normalised estimation error squared and normalised innovation squared, averaged over {seeds} seeds (from "
-            f"{seed}), on the full plant with default noise (the surge filter also with the default disturbance), "
-            f"while the "
-            "parameters walk at random as the filters assume. An honest filter stays inside its 95 % chi-square band "
-            "at "
-            "95 % of the instants; the means leave out the first five seconds."
+            f"Normalised estimation error squared and normalised innovation squared, averaged over {seeds} seeds "
+            f"(from {seed}), on the full plant with default noise (the surge filter also with the default "
+            "disturbance), while the parameters walk at random as the filters assume. An honest filter stays inside "
+            "its 95 % chi-square band at 95 % of the instants; the means leave out the first five seconds."
         ],
         "table": {"columns": ["filter", "quantity", "expected", "mean", "95 % band", "instants inside"], "rows": rows},
         "figures": [

@@ -67,16 +67,12 @@ def page(clean: Recording, noisy: Recording, runs: Sequence[str], command: str) 
         "command": command,
         "intro": [
             "Neural network based propulsion system fault diagnostics for the NPS AUV II, Naval Postgraduate School, "
-            "June "
-            "1992. The plant, both controllers and the parameter filter run the thesis' test runs anew: noise-free, as "
-            "the thesis must have run them, and again with this project's default sensor noise, mean ± standard "
-            "deviation "
-            f"over {noisy.mean.shape[2]} seeds. The vehicle is the nominal one in still water. In the noise-free "
-            f"runs the filter "
-            "assumes a tenth of the default noise, else it knows the noise.",
+            "June 1992. The plant, both controllers and the parameter filter run the thesis' test runs anew: "
+            "noise-free, as the thesis must have run them, and again with this project's default sensor noise, mean "
+            f"± standard deviation over {noisy.mean.shape[2]} seeds. The vehicle is the nominal one in still water. "
+            "In the noise-free runs the filter assumes a tenth of the default noise, else it knows the noise.",
             "Controller gains, the size of the faults of V.C, the propellers' inertia and the noise are not in the "
-            "thesis; "
-            "ours are documented defaults, so transients agree in kind, not point by point.",
+            "thesis; ours are documented defaults, so transients agree in kind, not point by point.",
         ],
         "sections": [
             identification(view),
@@ -110,14 +106,10 @@ def identification(view: Page) -> dict[str, Any]:
         "heading": "IV.C: parameter identification",
         "text": [
             "Normal for ten seconds, then one parameter changes; the speed command alternates between 0.5 and 1.0 "
-            "ft/s every "
-            "ten seconds from 10 s on. Errors are relative to the true value after the change. The thesis reports no "
-            "noise, "
-            "and errors as small as its lie far below what a paddle wheel of 1 cm/s and an accelerometer of 2 mm/s² "
-            "allow "
-            "(last but one column): its figures are read as noise-free. While the vehicle coasts, shafts stopped, "
-            "beta is not "
-            "observable, and what the filter expects of it grows."
+            "ft/s every ten seconds from 10 s on. Errors are relative to the true value after the change. The thesis "
+            "reports no noise, and errors as small as its lie far below what a paddle wheel of 1 cm/s and an "
+            "accelerometer of 2 mm/s² allow (last but one column): its figures are read as noise-free. While the "
+            "vehicle coasts, shafts stopped, beta is not observable, and what the filter expects of it grows."
         ],
         "table": {"columns": COLUMNS, "rows": rows},
         "figures": [
@@ -193,8 +185,8 @@ def responses(view: Page) -> dict[str, Any]:
     return {
         "heading": "V.D: responses of the parameter filter",
         "text": [
-            "The same stimulus, sixty seconds. The text at Fig. 5.17 swaps the normalised values: normal is alpha 0.5 "
-            "and beta 0.9 (V.B), as used here."
+            "The same stimulus, sixty seconds. The text at Fig. 5.17 swaps the normalised values: normal is alpha "
+            "0.5 and beta 0.9 (V.B), as used here."
         ],
         "table": {"columns": COLUMNS, "rows": rows},
         "figures": [response_figure(view, run, *caption) for run, caption in captions.items()],
@@ -260,8 +252,7 @@ def transient_sections(view: Page) -> dict[str, Any]:
         "heading": "V.D: transients of the propulsion model",
         "text": [
             "The text gives no numbers for these figures. The steady shaft speeds follow from its alpha and beta: "
-            "u/n = "
-            "sqrt(beta/-alpha) = 3.696e-3 ft/s per rpm."
+            "u/n = sqrt(beta/-alpha) = 3.696e-3 ft/s per rpm."
         ],
         "table": {"columns": COLUMNS, "rows": rows},
         "figures": [
@@ -306,10 +297,9 @@ def start_section(view: Page) -> dict[str, Any]:
         "heading": "V.C: transients that trained the raw-data network",
         "text": [
             "From rest to 1.5 ft/s, the fault present from the start, 400 points each. The thesis gives neither "
-            "numbers nor "
-            "the size of the faults. Ours: seal friction at severity 0.5 (Coulomb friction doubled, viscous friction "
-            "added), "
-            "port propeller damaged at severity 1 (half of its thrust, 40 % less torque), drag +35 %."
+            "numbers nor the size of the faults. Ours: seal friction at severity 0.5 (Coulomb friction doubled, "
+            "viscous friction added), port propeller damaged at severity 1 (half of its thrust, 40 % less torque), "
+            "drag +35 %."
         ],
         "table": {"columns": columns, "rows": rows},
         "figures": [
