@@ -250,7 +250,8 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
             options, "schedule", lambda value: _checked_schedule(value, self.max_episode_steps / SAMPLE_RATE)
         )
         missions = self._per_lane(options, "mission", mission_of)
-        self._check_seed(seed)
+        if isinstance(seed, numbers.Integral):
+            seed = whole_number("seed", seed, 0)
         super().reset(seed=seed if isinstance(seed, int) else None)
         observations = self.fleet.reset(self._seeds(seed), schedules=schedules, missions=missions)
         self._done = np.zeros(self.num_envs, bool)
@@ -273,22 +274,14 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
         _, energy, cost, mission_speed = self.fleet.outcomes
         return {"mission_speed": mission_speed, "energy": energy, "cost": cost, "truth": FleetTruth(self.fleet)}
 
-    def _check_seed(self, seed):
-        if seed is None or isinstance(seed, numbers.Integral):
-            seeds = [] if seed is None else [seed]
-        else:
-            seeds = one_per_lane("seeds", seed, self.num_envs, "give one int for all")
-        for one in seeds:
-            if one is not None:
-                whole_number("seed", one, 0)
-
     def _seeds(self, seed) -> list[int] | None:
         if seed is None and self._done is not None:
             return None
-        if seed is None or isinstance(seed, int | np.integer):
-            first = int(self.np_random_seed if seed is None else seed)
+        if seed is None or isinstance(seed, int):
+            first = self.np_random_seed if seed is None else seed
             return [first + lane for lane in range(self.num_envs)]
-        return [int(self.np_random.integers(2**63)) if one is None else int(one) for one in seed]
+        seeds = one_per_lane("seeds", seed, self.num_envs, "give one int for all")
+        return [self.np_random.integers(2**63) if one is None else one for one in seeds]
 
     def _per_lane(self, options: dict[str, Any], name: str, read) -> list[Schedule | Mission] | None:
         if options.get(name) is not None and options.get(f"{name}s") is not None:

@@ -27,7 +27,7 @@ from auv_fault_env.layout import (
     VOLTAGE,
 )
 from auv_fault_env.parameters import SAMPLE_RATE
-from auv_fault_env.physics import RPM, limited
+from auv_fault_env.physics import RPM, constants_of, limited
 
 NEVER = np.int64(1 << 60)
 STALE = -1  # due step of a lane whose parameters must be written anew, whatever its severities
@@ -104,28 +104,29 @@ def renew_mission(memory, lane, step, legs):
 
 
 @scalar
-def renew(lanes, lane, plan, catalogue):
-    """Bring severities, parameters and mission speed of a lane to the sample ahead, if it is due."""
+def refresh_lane(lanes, lane, plan, catalogue):
+    """Bring severities, parameters and mission speed of one lane to the sample ahead."""
     step, stale = lanes.step[lane], lanes.due[lane] == STALE
-    if stale or step >= lanes.due[lane]:
-        changed, due = renew_severities(lane, step, plan)
-        if stale or changed:
-            renew_parameters(lanes.memory, lane, plan, catalogue)
-        lanes.due[lane] = min(due, renew_mission(lanes.memory, lane, step, plan.legs))
+    changed, due = renew_severities(lane, step, plan)
+    if stale or changed:
+        renew_parameters(lanes.memory, lane, plan, catalogue)
+    lanes.due[lane] = min(due, renew_mission(lanes.memory, lane, step, plan.legs))
 
 
 @kernel
 def refresh(lanes, plan, catalogue):
-    """Bring every lane that is due to the sample ahead."""
+    """Refresh every lane that is due."""
     for lane in range(lanes.key.size):
-        renew(lanes, lane, plan, catalogue)
+        if lanes.step[lane] >= lanes.due[lane]:
+            refresh_lane(lanes, lane, plan, catalogue)
 
 
 @scalar
-def steady_spin(block, k, speed):
-    """Shaft speed [rad/s] at which thrust and drag balance; zero where there is no thrust."""
+def steady_spin(block, k, speed, constants):
+    """Shaft speed [rad/s] at which thrust and drag balance, at most the largest command; zero without thrust."""
     thrust = block[PORT_SHAFT * LANES + k] + block[STARBOARD_SHAFT * LANES + k]
-    return math.sqrt(-block[ALPHA * LANES + k] / thrust) * speed / RPM if thrust > 0.0 else 0.0
+    rpm = math.sqrt(-block[ALPHA * LANES + k] / thrust) * speed if thrust > 0.0 else 0.0
+    return min(rpm, constants.maximum_rpm) / RPM
 
 
 @scalar
@@ -134,6 +135,7 @@ def settle_side(block, k, shaft, state, spin, speed, constants):
     parameters, still = shaft_of(block, shaft, k), lane_motor(block, shaft, state, k, constants)
     torque = parameters.inertia * ((still.damping - still.coupling * speed + still.load * spin) * spin - still.drive)
     voltage = torque * parameters.resistance / parameters.torque_constant if spin > 0.0 else 0.0
+    voltage = min(voltage, constants.maximum_voltage)
     block[(state + SPIN) * LANES + k] = spin
     block[(state + INTEGRAL) * LANES + k] = voltage
     block[(state + VOLTAGE) * LANES + k] = voltage
@@ -141,26 +143,27 @@ def settle_side(block, k, shaft, state, spin, speed, constants):
 
 @kernel
 def begin(lanes, chosen, start_speed, plan, catalogue, limits, constants, observations, outcomes):
-    """Start an episode on the chosen lanes (m,), at rest or steady at start_speed (m,), and read the sensors once."""
-    for i in range(chosen.size):
-        lane = chosen[i]
-        lanes.step[lane], lanes.due[lane] = 0, STALE
-        for row in range(PARAMETER):
-            lanes.memory[lane // LANES, row * LANES + lane % LANES] = 0.0
-        renew(lanes, lane, plan, catalogue)
-    scratch = np.empty(N_SCRATCH * LANES)
+    """Start an episode on the chosen lanes (m,), at rest or steady at start_speed (m,), and read the sensors once.
+
+    constants is a `Constants` as an array, as for `lanes.step_blocks`.
+    """
+    scratch, shared = np.empty(N_SCRATCH * LANES), constants_of(constants)
     for i in range(chosen.size):
         lane, speed = chosen[i], start_speed[i]
         block, k = lanes.memory[lane // LANES], lane % LANES
-        spin = steady_spin(block, k, speed)
-        settle_side(block, k, PORT_SHAFT, PORT_STATE, spin, speed, constants)
-        settle_side(block, k, STARBOARD_SHAFT, STARBOARD_STATE, spin, speed, constants)
+        for row in range(PARAMETER):
+            block[row * LANES + k] = 0.0
+        lanes.step[lane], lanes.due[lane] = 0, STALE
+        refresh_lane(lanes, lane, plan, catalogue)
+        spin = steady_spin(block, k, speed, shared)
+        settle_side(block, k, PORT_SHAFT, PORT_STATE, spin, speed, shared)
+        settle_side(block, k, STARBOARD_SHAFT, STARBOARD_STATE, spin, speed, shared)
         block[SPEED * LANES + k] = speed
         block[FILTERED_SPEED * LANES + k] = speed
         block[SPEED_COMMAND * LANES + k] = block[MISSION_SPEED * LANES + k]
         one = block[k:]
         draw_normals(scratch, 1, lanes.key[lane:], lanes.step[lane:])
-        prepare(one, scratch, 1, constants)
-        block[DISTURBANCE * LANES + k] = constants.disturbance_std * scratch[DISTURBANCE_NORMAL * LANES]
+        prepare(one, scratch, 1, shared)
+        block[DISTURBANCE * LANES + k] = shared.disturbance_std * scratch[DISTURBANCE_NORMAL * LANES]
         sense_all(one, scratch, 1, lanes.key[lane:], lanes.step[lane:], limits)
         publish(one, 1, lane, observations, outcomes)

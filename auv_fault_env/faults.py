@@ -15,6 +15,7 @@ fault, add an entry to `CATALOGUE`; nothing else needs an edit::
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -140,42 +141,31 @@ BIAS = {"m/s": 0.15, "m/s^2": 0.03, "V": 1.0, "A": 0.4, "rpm": 60.0}
 
 def _sensor_faults(channel: str) -> list[Fault]:
     unit, noise = CHANNELS[channel].unit, CHANNELS[channel].noise
-    component = f"sensor:{channel}"
-    return [
-        Fault(f"sensor_bias:{channel}", component, {}, {f"{channel}_bias": BIAS[unit]}, "The zero shifts.", "estimate"),
-        Fault(
-            f"sensor_scale:{channel}",
-            component,
-            {f"{channel}_gain": 0.6},
-            {},
-            "Calibration lost; on the paddle wheel, fouling.",
-            "thesis II.A; magnitude estimated",
+    cited = "de Benito 1990, as cited by the thesis"
+    kinds: dict[str, dict[str, Any]] = {
+        "bias": dict(offset={f"{channel}_bias": BIAS[unit]}, about="The zero shifts.", source="estimate"),
+        "scale": dict(
+            scale={f"{channel}_gain": 0.6},
+            about="Calibration lost; on the paddle wheel, fouling.",
+            source="thesis II.A; magnitude estimated",
         ),
-        Fault(
-            f"sensor_stuck:{channel}",
-            component,
-            {},
-            {f"{channel}_stuck": 1.0},
-            "Severity is the share of the samples that repeat the last reading.",
-            "de Benito 1990, as cited by the thesis",
+        "stuck": dict(
+            offset={f"{channel}_stuck": 1.0},
+            about="Severity is the share of the samples that repeat the last reading.",
+            source=cited,
         ),
-        Fault(
-            f"sensor_dropout:{channel}",
-            component,
-            {},
-            {f"{channel}_dropout": 1.0},
-            "Disconnected: severity is the share of the samples that read zero.",
-            "de Benito 1990, as cited by the thesis",
+        "dropout": dict(
+            offset={f"{channel}_dropout": 1.0},
+            about="Disconnected: severity is the share of the samples that read zero.",
+            source=cited,
         ),
-        Fault(
-            f"sensor_noise:{channel}",
-            component,
-            {},
-            {f"{channel}_noise": 9.0 * noise},
-            "The noise grows to ten times its default.",
-            "de Benito 1990, as cited by the thesis",
+        "noise": dict(
+            offset={f"{channel}_noise": 9.0 * noise},
+            about="The noise grows to ten times its default.",
+            source=cited,
         ),
-    ]
+    }
+    return [Fault(f"sensor_{kind}:{channel}", f"sensor:{channel}", **data) for kind, data in kinds.items()]
 
 
 CATALOGUE: dict[str, Fault] = {

@@ -78,8 +78,7 @@ class Fleet:
         self._process = 0
         self._nominal = np.array(list(nominal(self.vehicle, sensor_noise).values()))
         self._band = healthy_band * np.array([spec.band for spec in PARAMETERS.values()])
-        self._constants = _constants(self.vehicle, disturbance)
-        self._shared = np.array(self._constants)
+        self._constants = np.array(_constants(self.vehicle, disturbance))
         self._limits = np.array([(channel.low, channel.high) for channel in CHANNELS.values()])
         self._read_catalogue()
         self._allocate(self.schedules.EVENTS, self.missions.n_legs)
@@ -94,7 +93,7 @@ class Fleet:
             np.zeros((blocks, layout.N_ROWS * layout.LANES)),
             np.zeros(n, np.uint64),
             np.zeros(n, np.int64),
-            np.zeros(n, np.int64),
+            np.full(n, episodes.STALE, np.int64),
         )
         self._plan = layout.Plan(
             np.tile(self._nominal, (n, 1)),
@@ -103,7 +102,7 @@ class Fleet:
             np.full((n, n_legs, 2), np.inf),
         )
         self._seed, self._episode = np.zeros(n, np.uint64), np.zeros(n, np.uint64)
-        self._due = self.changes = 0
+        self._due, self.changes = n, 0
         self.outcomes, self._actions = np.zeros((4, n)), np.zeros((n, 3))
 
     def reset(
@@ -147,11 +146,11 @@ class Fleet:
         spread = 2.0 * uniforms(key, 0, len(PARAMETERS)) - 1.0
         self._plan.healthy[chosen] = self._nominal * (1.0 + self._band * spread)
         self._set_events(chosen, self.schedules.draw(key) if events is None else events)
-        speeds = self._set_missions(chosen, *(self.missions.draw(key) if legs is None else legs))
+        legs, speeds = self.missions.draw(key) if legs is None else legs
+        self._set_legs(chosen, legs)
         self.outcomes = self.outcomes.copy()
         arrays = (self._plan, self._catalogue, self._limits, self._constants, observations, self.outcomes)
         episodes.begin(self._lanes, chosen, speeds, *arrays)
-        self._due = self.n_lanes
         self.changes += 1
         return observations
 
@@ -182,30 +181,23 @@ class Fleet:
         whole = chosen.ndim == 1 and chosen.dtype.kind in "iu" and np.unique(chosen).size == chosen.size
         if not whole or (chosen.size and not 0 <= chosen.min() <= chosen.max() < self.n_lanes):
             raise refusal("lanes", lanes, f"different whole numbers from 0 to {self.n_lanes - 1}", "give indices")
-        return chosen
+        return chosen.astype(np.int64)
 
     def _set_events(self, chosen: np.ndarray, events: Events):
-        more = events.fault.shape[1] - self._plan.fault.shape[1]
-        if more > 0:
-            empty = no_events(self.n_lanes, more)
-            self._plan = self._plan._replace(
-                fault=np.hstack([self._plan.fault, empty.fault]),
-                profile=np.hstack([self._plan.profile, empty.profile]),
-                severity=np.hstack([self._plan.severity, np.zeros((self.n_lanes, more))]),
-            )
-        width = events.fault.shape[1]
-        empty = no_events(chosen.size, self._plan.fault.shape[1])
-        self._plan.fault[chosen], self._plan.profile[chosen] = empty
-        self._plan.fault[chosen, :width], self._plan.profile[chosen, :width] = events
+        width, plan = events.fault.shape[1], self._plan
+        empty = no_events(self.n_lanes, max(width, plan.fault.shape[1]))
+        fault, profile = _widened(plan.fault, empty.fault), _widened(plan.profile, empty.profile)
+        severity = _widened(plan.severity, np.zeros(fault.shape))
+        self._plan = plan._replace(fault=fault, profile=profile, severity=severity)
+        for values, blank, given in zip((fault, profile), empty, events, strict=True):
+            values[chosen] = blank[chosen]
+            values[chosen, :width] = given
 
-    def _set_missions(self, chosen: np.ndarray, legs: np.ndarray, start_speed: np.ndarray) -> np.ndarray:
-        more = legs.shape[1] - self._plan.legs.shape[1]
-        if more > 0:
-            filler = np.full((self.n_lanes, more, 2), np.inf)
-            self._plan = self._plan._replace(legs=np.hstack([self._plan.legs, filler]))
+    def _set_legs(self, chosen: np.ndarray, legs: np.ndarray):
+        blank = np.full((self.n_lanes, max(legs.shape[1], self._plan.legs.shape[1]), 2), np.inf)
+        self._plan = self._plan._replace(legs=_widened(self._plan.legs, blank))
         self._plan.legs[chosen] = np.inf
         self._plan.legs[chosen, : legs.shape[1]] = legs
-        return start_speed
 
     def step(self, actions: np.ndarray) -> np.ndarray:
         """Advance every lane by one sample of 0.1 s.
@@ -233,7 +225,7 @@ class Fleet:
         observations = np.empty((self.n_lanes, len(CHANNELS)), np.float32)
         self.outcomes = np.empty((4, self.n_lanes))
         self._actions[:] = actions
-        arrays = (*self._lanes, self._actions, self._limits, self._shared, observations, self.outcomes)
+        arrays = (*self._lanes, self._actions, self._limits, self._constants, observations, self.outcomes)
         self._due = self._step_blocks(arrays)
         return observations
 
@@ -244,6 +236,7 @@ class Fleet:
             self._threads = None
 
     def __getstate__(self):
+        """Threads stay with their process; a copy starts its own."""
         return self.__dict__ | {"_threads": None}
 
     def _step_blocks(self, arrays: tuple[np.ndarray, ...]) -> int:
@@ -292,6 +285,12 @@ def _constants(vehicle: Vehicle, disturbance: float) -> Constants:
     values = {name: getattr(vehicle, name) for name in Constants._fields if hasattr(vehicle, name)}
     values["disturbance_std"] *= disturbance
     return Constants(**values, energy_weight=ENERGY_WEIGHT)
+
+
+def _widened(values: np.ndarray, blank: np.ndarray) -> np.ndarray:
+    """The values, with the columns that only `blank` has behind them."""
+    missing = blank[:, values.shape[1] :]
+    return np.concatenate([values, missing], axis=1) if missing.size else values
 
 
 def _legs_of(missions: Sequence[Mission]) -> tuple[np.ndarray, np.ndarray]:

@@ -88,8 +88,8 @@ class Vehicle:
         if self.c2 and self.c2 * advance >= self.c1:
             allowed = f"below {self.c1 / advance:.3g}, where the propeller would drive the motor in steady motion"
             raise refusal("c2", self.c2, allowed, "lower c2 or raise c1")
-        if self.inertia * self.resistance < 1e-4 * self.torque_constant**2:
-            allowed = f"from {1e-4 * self.torque_constant**2 / self.resistance:.3g}, a motor time constant of 0.1 ms"
+        if self.inertia * self.resistance < 1e-6 * self.torque_constant**2:
+            allowed = f"from {1e-6 * self.torque_constant**2 / self.resistance:.3g}, a motor time constant of 1 us"
             raise refusal("inertia", self.inertia, allowed, "raise it")
 
 
@@ -145,7 +145,7 @@ def _sensor_parameters(channel: str) -> dict[str, Parameter]:
     }
 
 
-# The order is the memory layout of a lane: physics.py counts on it.
+# The order is the memory layout of a lane: layout.py counts on it.
 PARAMETERS: dict[str, Parameter] = {
     **{name: _plant_parameter(name) for name in HULL},
     **{f"{side}_{name}": _plant_parameter(name) for side in SIDES for name in SHAFT},

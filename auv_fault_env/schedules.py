@@ -140,11 +140,25 @@ def events_of(schedules: Sequence[Schedule]) -> Events:
     return events
 
 
+def schedules_of(events: Events) -> list[Schedule]:
+    """The schedule of every lane: the inverse of `events_of`."""
+    names = list(CATALOGUE)
+    return [
+        tuple(
+            FaultEvent(names[row], **dict(zip(PROFILE, profile.tolist(), strict=True)))
+            for row, profile in zip(faults, profiles, strict=True)
+            if row >= 0
+        )
+        for faults, profiles in zip(*events, strict=True)
+    ]
+
+
 @dataclass(frozen=True)
 class ScheduleSampler:
     """Schedules from declared distributions, all uniform within their range.
 
-    A lane is healthy with probability `healthy`; else it gets one fault, and a second one with probability `compound`.
+    A lane is healthy with probability `healthy`; else it gets one fault, and a second, different one with probability
+    `compound` (none if the prior knows but one fault).
     Diagnosis classes are equally likely unless `prior` weighs them; the kinds within a class are equally likely.
 
     Attributes
@@ -204,11 +218,19 @@ class ScheduleSampler:
         weight /= [diagnoses.count(name) for name in diagnoses]
         return weight / weight.sum()
 
+    def _faults(self, chance: np.ndarray) -> np.ndarray:
+        """Two rows of the catalogue (n_lanes, 2) from uniform numbers; the second goes round without the first."""
+        weights = self.weights()
+        edges = np.cumsum(weights)
+        first = np.searchsorted(edges[:-1], chance[:, 0], side="right")
+        rest = (edges[first] + chance[:, 1] * (1.0 - weights[first])) % 1.0
+        return np.stack([first, np.searchsorted(edges[:-1], rest, side="right")], axis=1)
+
     def draw(self, key: np.ndarray) -> Events:
         """Schedules for lanes with the given noise keys (n_lanes,)."""
         u = uniforms(key, 1, self.EVENTS * self.DRAWS).reshape(-1, self.EVENTS, self.DRAWS)
         within = lambda column, limits: limits[0] + (limits[1] - limits[0]) * u[:, :, column]  # noqa: E731
-        fault = np.searchsorted(np.cumsum(self.weights())[:-1], u[:, :, 0], side="right")
+        fault = self._faults(u[:, :, 0])
         onset = within(1, self.onset)
         intermittent = u[:, :, 5] < self.intermittent
         columns = {
@@ -222,6 +244,7 @@ class ScheduleSampler:
         profile = np.stack([columns[name] for name in PROFILE], axis=-1)
         chance = uniforms(key, 2, 2)
         present = np.stack([chance[:, 0] >= self.healthy, (chance > [self.healthy, 1 - self.compound]).all(axis=1)], 1)
+        present[:, 1] &= fault[:, 1] != fault[:, 0]
         empty = no_events(*fault.shape)
         return Events(np.where(present, fault, empty.fault), np.where(present[..., None], profile, empty.profile))
 
@@ -229,9 +252,4 @@ class ScheduleSampler:
         """The schedule that the first episode of an environment with this seed draws."""
         whole_number("seed", seed, 0)
         key = episode_keys(np.array([seed % 2**64], np.uint64), np.zeros(1, np.uint64))
-        names, events = list(CATALOGUE), self.draw(key)
-        return tuple(
-            FaultEvent(names[row], **dict(zip(PROFILE, map(float, profile), strict=True)))
-            for row, profile in zip(events.fault[0], events.profile[0], strict=True)
-            if row >= 0
-        )
+        return schedules_of(self.draw(key))[0]

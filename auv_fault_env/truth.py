@@ -110,11 +110,12 @@ class LaneTruth:
         column = self._fleet.table[self._lane // layout.LANES, layout.PARAMETER :, self._lane % layout.LANES]
         self._parameters = dict(zip(PARAMETERS, column.tolist(), strict=True))
         self._severity, self._onset = dict.fromkeys(classes()[1:], 0.0), float("inf")
+        self._label, worst = NORMAL, 0.0
         rows = plan.fault[self._lane].tolist(), plan.severity[self._lane].tolist(), plan.profile[self._lane].tolist()
         for fault, severity, profile in zip(*rows, strict=True):
             if fault >= 0:
                 name = str(self._fleet.diagnoses[fault])
                 self._severity[name] = max(self._severity[name], severity)
                 self._onset = min(self._onset, profile[0])
-        worst = max(self._severity, key=self._severity.__getitem__)
-        self._label = worst if self._severity[worst] > 0.0 else NORMAL
+                if severity > worst:  # of equal ones the first event, as in `FleetTruth`
+                    self._label, worst = name, severity

@@ -41,7 +41,8 @@ class Estimate(NamedTuple):
     mean (n_lanes, n_states) and covariance (n_lanes, n_states, n_states): parameters relative to nominal, speed m/s,
     disturbance m/s^2. innovation and innovation_variance (n_lanes,): last measurement minus its prediction, and its
     variance, in the measurement's unit. log_likelihood (n_lanes,): log density of the last measurement given those
-    before; a hypothesis' evidence is their sum. memory (n_lanes,): the reading that the next update integrates from.
+    before; their sum is a hypothesis' evidence where a sample is one measurement (`SurgeFilter`). memory (n_lanes,):
+    the reading that the next update integrates from.
     """
 
     mean: np.ndarray
@@ -217,9 +218,9 @@ def _predict_surge(mean, covariance, previous, readings, constants, row, work):
 @kernel
 def _update_parameters(mean, covariance, innovation, variance, memory, observation, columns, constants):
     """Update every lane of the parameter filter in place."""
-    row, work, readings = np.empty(5), np.empty((3, 5)), np.empty(6)
+    row, work, readings = np.empty(N_STATES), np.empty((3, N_STATES)), np.empty(len(columns))
     for lane in range(len(mean)):
-        for k in range(6):
+        for k in range(len(columns)):
             readings[k] = observation[lane, columns[k]]
         x, p = mean[lane], covariance[lane]
         _predict_parameters(x, p, memory[lane], readings, constants)
@@ -231,9 +232,9 @@ def _update_parameters(mean, covariance, innovation, variance, memory, observati
 @kernel
 def _update_surge(mean, covariance, innovation, variance, memory, observation, columns, constants):
     """Update every lane of the state-and-parameter filter in place."""
-    row, work, readings = np.empty(5), np.empty((3, 5)), np.empty(6)
+    row, work, readings = np.empty(N_STATES), np.empty((3, N_STATES)), np.empty(len(columns))
     for lane in range(len(mean)):
-        for k in range(6):
+        for k in range(len(columns)):
             readings[k] = observation[lane, columns[k]]
         x, p = mean[lane], covariance[lane]
         _predict_surge(x, p, memory[lane], readings, constants, row, work)

@@ -33,6 +33,7 @@ from tqdm import tqdm
 from auv_fault_env import Fleet, episodes, lanes, layout
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import refusal
+from auv_fault_env.physics import Constants
 from auv_fault_env.truth import LaneTruth
 
 OURS = "auv_fault_env/Propulsion-v0"
@@ -202,7 +203,7 @@ def comparison(rates: Rates, size: Size) -> list[dict]:
 
 def kernel_laps(fleet: Fleet) -> dict[str, Lap]:
     """The kernel called from Python and from a compiled loop; its stages, on one block in the fast caches."""
-    n, state, limits, constants = fleet.n_lanes, fleet._lanes, fleet._limits, fleet._constants
+    n, state, limits, constants = fleet.n_lanes, fleet._lanes, fleet._limits, Constants(*fleet._constants.tolist())
     actions, observations, outcomes = np.full((n, 3), 0.2), np.empty((n, len(CHANNELS)), np.float32), np.empty((4, n))
     block, width, scratch = state.memory[0], min(n, layout.LANES), np.zeros(layout.N_SCRATCH * layout.LANES)
     stages = {
@@ -215,7 +216,7 @@ def kernel_laps(fleet: Fleet) -> dict[str, Lap]:
         lanes.account: (block, width, constants),
         lanes.publish: (block, width, 0, observations, outcomes),
     }
-    whole = (0, len(state.memory), *state, actions, limits, fleet._shared, observations, outcomes)
+    whole = (0, len(state.memory), *state, actions, limits, fleet._constants, observations, outcomes)
     times = 1 + 1000 // n
     call, kernel = partial(lanes.step_blocks, *whole), compiled_lap(lanes.step_blocks, whole, n, times)
     laps = {"call": partial(calls, call, n, times), "kernel": kernel}

@@ -1,8 +1,10 @@
 """The command line ``auv-fault``: a subcommand per entry of `COMMANDS`, run by ``main`` of the module of that name."""
 
 import importlib
+import signal
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 import tyro
 
@@ -12,17 +14,24 @@ from training.arguments import COMMANDS
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; 0 on success, 2 on bad input with one line on the error stream."""
     command = tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="auv-fault", args=arguments)
+    name = next(name for name, kind in COMMANDS.items() if isinstance(command, kind))
+    for number in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+        signal.signal(number, lambda received, _: sys.exit(128 + received))  # an exit lets `run_folder` clean up
+    try:
+        return _run(name, command)
+    except KeyboardInterrupt:
+        print(f"auv-fault {name}: stopped; nothing was left behind", file=sys.stderr)
+        return 130
+
+
+def _run(name: str, command: Any) -> int:
     from auv_fault_env.errors import InputError  # after the parser, so that --help does not wait for numba
 
-    name = next(name for name, kind in COMMANDS.items() if isinstance(command, kind))
     try:
         importlib.import_module(f"training.{name.replace('-', '_')}").main(command)
     except InputError as error:
         print(f"auv-fault {name}: {error}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print(f"auv-fault {name}: stopped; nothing was left behind", file=sys.stderr)
-        return 130
     return 0
 
 

@@ -1,6 +1,7 @@
 """The folder of a run: written aside and moved into place when complete, so that nothing half-written stays."""
 
 import json
+import os
 import platform
 import shutil
 import subprocess
@@ -23,34 +24,43 @@ MANIFEST = "manifest.json"
 def run_folder(output: Path, name: str, arguments: Any) -> Iterator[Path]:
     """A folder to write into; on success it becomes `output` with a manifest, on any failure it disappears.
 
-    An earlier run at `output` is replaced; a folder that is not one, or a place that cannot be written, is refused.
+    An earlier run at `output` is replaced; anything else there, and a place that cannot be written, is refused. Only a
+    killed process (SIGKILL) can leave something: a hidden folder beside `output`.
     """
-    output = Path(output).absolute()
-    remedy = "choose another --output"
-    if output.exists() and not (output / MANIFEST).is_file() and not _is_empty_folder(output):
-        raise refusal("output", str(output), "a new folder or that of an earlier run", remedy)
+    output = Path(output).resolve()
+    if os.path.lexists(output) and not _is_run(output) and not _is_empty_folder(output):
+        raise refusal("output", str(output), "a new folder or that of an earlier run", "choose another --output")
     created = _missing_parents(output)
+    aside = None
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
         aside = Path(tempfile.mkdtemp(prefix=f".{output.name}-", dir=output.parent))
-    except OSError as error:
-        _remove_empty(created)
-        raise refusal("output", str(output), f"a place that can be written ({error.strerror})", remedy) from None
-    try:
         yield aside
         manifest = json.dumps(_manifest(name, arguments), indent=2, default=str)
         (aside / MANIFEST).write_text(manifest, encoding="utf-8")
         aside.chmod(0o755)
         _replace(output, aside)
-    except BaseException:
-        shutil.rmtree(aside, ignore_errors=True)
+    except BaseException as error:
+        if aside is not None:
+            shutil.rmtree(aside, ignore_errors=True)
         _remove_empty(created)
+        if isinstance(error, OSError):
+            allowed = f"a place that can be written ({error.strerror or error})"
+            raise refusal("output", str(output), allowed, "choose another --output") from None
         raise
 
 
 def write_json(path: Path, content: Any) -> None:
     """Write JSON that any reader takes: no NaN, no infinity."""
     path.write_text(json.dumps(content, indent=1, allow_nan=False), encoding="utf-8")
+
+
+def _is_run(path: Path) -> bool:
+    try:
+        manifest = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(manifest, dict) and str(manifest.get("command", "")).startswith("auv-fault ")
 
 
 def _is_empty_folder(path: Path) -> bool:
@@ -71,7 +81,12 @@ def _replace(output: Path, aside: Path) -> None:
     old = aside.with_name(aside.name + "-old")
     if output.exists():
         output.rename(old)
-    aside.rename(output)
+    try:
+        aside.rename(output)
+    except OSError:
+        if old.exists():
+            old.rename(output)
+        raise
     shutil.rmtree(old, ignore_errors=True)
 
 

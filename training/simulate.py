@@ -13,11 +13,10 @@ from tqdm import tqdm
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import finite_in_range, refusal
-from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS, Mission, mission_of
 from auv_fault_env.parameters import SAMPLE_RATE
-from auv_fault_env.schedules import PROFILE, FaultEvent, Schedule, load_schedule, to_json
+from auv_fault_env.schedules import Events, Schedule, load_schedule, schedules_of, to_json
 from auv_fault_env.truth import FleetTruth
 from training.arguments import Simulate
 from training.runs import run_folder, write_json
@@ -104,7 +103,8 @@ def _chunks(
             missions=None if mission is None else [mission] * vehicles.size,
         )
         table = _table(vehicles, arguments.seed, roll_out(fleet, observation, steps, bar))
-        yield table, dict(zip(vehicles.tolist(), planned(fleet), strict=True))
+        planned = schedules_of(Events(fleet.plan.fault, fleet.plan.profile))
+        yield table, dict(zip(vehicles.tolist(), planned, strict=True))
 
 
 def roll_out(fleet: Fleet, observation: np.ndarray, steps: int, bar: tqdm) -> dict[str, np.ndarray]:
@@ -132,16 +132,3 @@ def _table(vehicles: np.ndarray, seed: int, columns: dict[str, np.ndarray]) -> p
     steps = len(columns["time"])
     keys = {"vehicle": np.repeat(vehicles, steps), "seed": np.repeat(vehicles + seed, steps)}
     return pa.table(keys | {name: values.T.ravel() for name, values in columns.items()})
-
-
-def planned(fleet: Fleet) -> list[Schedule]:
-    """The schedule of every lane, drawn or given."""
-    names = list(CATALOGUE)
-    return [
-        tuple(
-            FaultEvent(names[row], **dict(zip(PROFILE, profile.tolist(), strict=True)))
-            for row, profile in zip(faults, profiles, strict=True)
-            if row >= 0
-        )
-        for faults, profiles in zip(fleet.plan.fault, fleet.plan.profile, strict=True)
-    ]

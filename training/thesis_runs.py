@@ -8,6 +8,7 @@ from tqdm import tqdm
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
 from auv_fault_env.schedules import FaultEvent, Schedule
+from diagnosers.consistency import nis
 from diagnosers.kalman import PARAMETERS, Estimate, ParameterFilter
 
 STEPS = 600  # 60 s, the length of the thesis' runs
@@ -82,5 +83,5 @@ def _recording(
         fold(readings),
         fold([estimate.mean[:, columns] for estimate in estimates]),
         np.sqrt(fold(variances)),
-        fold([estimate.innovation**2 / estimate.innovation_variance for estimate in estimates])[..., 0],
+        fold([nis(estimate) for estimate in estimates])[..., 0],
     )

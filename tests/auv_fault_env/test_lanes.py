@@ -1,13 +1,15 @@
 """A lane is the same vehicle, bit for bit, in any fleet, block and thread; its disturbance is what it claims."""
 
 import math
+import pickle
 
 import numpy as np
 import pytest
 
-from auv_fault_env import Fleet, layout
+from auv_fault_env import FaultEvent, Fleet, Mission, layout
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.parameters import PRESETS
+from auv_fault_env.truth import FleetTruth
 
 LIMITS = np.array([[channel.low, channel.high] for channel in list(CHANNELS.values())[1:4]])
 
@@ -88,3 +90,37 @@ def test_no_disturbance_if_switched_off():
     fleet.reset(seeds=range(3))
     fleet.step(np.zeros((3, 3)))
     assert not fleet.table[:, layout.DISTURBANCE].any()
+
+
+def test_resetting_a_lane_leaves_the_truth_of_the_others_alone():
+    fleet = Fleet(2)
+    fleet.reset([1, 2], schedules=[(), (FaultEvent("increased_drag", 1.0, 0.5),)])
+    for _ in range(10):
+        fleet.step(np.zeros((2, 3)))
+    before = FleetTruth(fleet)["parameters"]["alpha"][1]
+    fleet.reset(lanes=np.array([0]))
+    assert FleetTruth(fleet)["label"][1] == "normal" and FleetTruth(fleet)["parameters"]["alpha"][1] == before
+    fleet.step(np.zeros((2, 3)))
+    assert FleetTruth(fleet)["label"][1] == "increased_drag"
+
+
+def test_a_fleet_can_be_copied_after_a_step_in_parallel():
+    fleet = Fleet(600, parallel=True)
+    fleet.reset(range(600))
+    fleet.step(np.zeros((600, 3)))
+    twin = pickle.loads(pickle.dumps(fleet))
+    assert np.array_equal(fleet.step(np.full((600, 3), 0.2)), twin.step(np.full((600, 3), 0.2)))
+
+
+def test_a_fleet_is_reset_before_it_steps():
+    with pytest.raises(ValueError, match="call reset"):
+        Fleet(1).step(np.zeros((1, 3)))
+
+
+def test_the_steady_start_stays_within_supply_and_command():
+    schedule = tuple(FaultEvent(f"propeller_loss:{side}", 0.0, 0.98) for side in ("port", "starboard"))
+    fleet = Fleet(1, sensor_noise=0.0)
+    observation = dict(
+        zip(CHANNELS, fleet.reset([1], schedules=[schedule], missions=[Mission(((0.0, 1.0),))])[0], strict=True)
+    )
+    assert observation["port_voltage"] <= 24.0 and observation["port_rpm"] <= 1500.0

@@ -128,7 +128,10 @@ def test_free_shaft_reaches_the_no_load_speed():
 
 
 def test_stall_and_no_load_current_are_those_of_appendix_a():
-    fleet, scratch = Fleet(1, sensor_noise=0.0, disturbance=0.0, healthy_band=0.0), np.zeros(layout.N_SCRATCH * 64)
+    fleet, scratch = (
+        Fleet(1, sensor_noise=0.0, disturbance=0.0, healthy_band=0.0),
+        np.zeros(layout.N_SCRATCH * layout.LANES),
+    )
     fleet.reset(seeds=[0], schedules=[()])
     block, current = fleet.table[0], []
     block[layout.PORT_STATE + layout.VOLTAGE, 0] = 24.0

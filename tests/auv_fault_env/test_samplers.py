@@ -56,7 +56,7 @@ PRIORS = {
 
 @pytest.mark.parametrize("prior", PRIORS.values(), ids=PRIORS)
 def test_classes_follow_the_prior(prior):
-    fault, _ = drawn(prior=prior, healthy=0.0)
+    fault, _ = drawn(prior=prior, healthy=0.0, compound=0.0)
     got = diagnoses(fault)
     weights = prior or dict.fromkeys(classes()[1:], 1.0)
     weights = {name: weight / sum(weights.values()) for name, weight in weights.items() if weight > 0.0}
@@ -158,3 +158,9 @@ def test_schedules_missions_and_vehicles_are_drawn_independently():
     columns = [healthy, fleet.plan.legs[:, 0, 1], fleet.plan.healthy[:, 0], fleet.plan.healthy[:, 2]]
     correlation = np.corrcoef(columns) - np.eye(len(columns))
     assert np.abs(correlation).max() < stats.norm.isf(RISK / 12) / np.sqrt(N_LANES)
+
+
+def test_a_second_fault_is_another_one():
+    fault, _ = drawn(healthy=0.0, compound=1.0, prior={"increased_drag": 9.0, "motor_overheating:port": 1.0})
+    assert (fault >= 0).all() and (fault[:, 0] != fault[:, 1]).all()
+    assert (drawn(healthy=0.0, compound=1.0, prior={"increased_drag": 1.0})[0][:, 1] < 0).all()

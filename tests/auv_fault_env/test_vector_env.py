@@ -250,3 +250,11 @@ def test_schedules_by_lane(tmp_path):
     assert info["truth"]["label"].tolist() == ["normal", "increased_drag", "normal", "sensor:speed"]
     assert info["truth"]["severity"]["increased_drag"].tolist() == [0.0, 0.25, 0.0, 0.0]
     assert info["truth"]["onset"].tolist() == [0.5, 0.1, np.inf, 0.0]
+
+
+def test_of_equally_severe_faults_both_environments_name_the_first():
+    schedule = [FAULT | {"onset": 0.0}, {"fault": "increased_drag", "onset": 0.0, "severity": FAULT["severity"]}]
+    single, vector = (
+        kind().reset(seed=1, options={"schedule": schedule})[1] for kind in (PropulsionEnv, PropulsionVectorEnv)
+    )
+    assert single["truth"]["label"] == vector["truth"]["label"][0] == "sensor:speed"

@@ -1,5 +1,6 @@
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -53,3 +54,16 @@ def test_bad_input_is_one_line_without_a_traceback(tmp_path):
     assert run.returncode == 2
     assert run.stderr.count("\n") == 1
     assert run.stderr.startswith("auv-fault simulate: preset: got 'x'; allowed is one of thesis1992, npsnet1995;")
+
+
+def test_termination_leaves_nothing(tmp_path):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "training.cli", "simulate", "--vehicles", "5000", "--output", str(tmp_path / "run")],
+        stderr=subprocess.DEVNULL,
+    )
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.iterdir()) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.terminate()
+    assert process.wait(timeout=30) == 128 + 15
+    assert not list(tmp_path.iterdir())
