@@ -206,3 +206,30 @@ def test_a_new_kind_of_a_sensor_joins_its_class(monkeypatch):
     assert classes() == before and drift.diagnosis == "sensor:speed"
     _, parameters = ride((FaultEvent(drift.name, 0.0, 1.0),), (), steps=1)
     assert parameters["speed_bias"].tolist() == [0.05, 0.0]
+
+
+def test_fault_added_beside_open_environments_strikes_in_them(monkeypatch):
+    single = gym.make("auv_fault_env/Propulsion-v0")
+    batch = gym.make_vec("auv_fault_env/Propulsion-v0", num_envs=3)
+    single.reset(seed=0), batch.reset(seed=0)
+    ice = Fault("ice_on_hull", "hull", scale={"alpha": 1.4}, about="Ice.", source="test")
+    monkeypatch.setitem(CATALOGUE, "ice_on_hull", ice)
+    options = {"schedule": [{"fault": "ice_on_hull", "onset": 0.0, "severity": 1.0}]}
+    for env, action in ((single, np.zeros(3)), (batch, np.zeros((3, 3)))):
+        healthy = env.reset(seed=0, options={"schedule": []})[1]["truth"]["parameters"]["alpha"]
+        env.reset(seed=0, options=options)
+        truth = env.step(action)[-1]["truth"]
+        assert np.all(np.array(truth["label"]) == "ice_on_hull")
+        np.testing.assert_allclose(truth["parameters"]["alpha"], 1.4 * np.array(healthy))
+
+
+def test_compound_of_many_stops_at_the_physical_limits():
+    fleet = Fleet(1)
+    events = [FaultEvent("increased_drag", 0.0, 1.0)] * 30 + [FaultEvent("sensor_stuck:speed", 0.0, 1.0)] * 3
+    fleet.reset(seeds=[1], schedules=[tuple(events)])
+    for _ in range(20):
+        observation = fleet.step(np.array([[0.5, 0.0, 0.0]]))
+    parameters = FleetTruth(fleet)["parameters"]
+    assert parameters["alpha"] == PARAMETERS["alpha"].low
+    assert parameters["speed_stuck"] == 1.0
+    assert np.isfinite(observation).all()

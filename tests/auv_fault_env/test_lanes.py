@@ -11,6 +11,7 @@ from auv_fault_env.channels import CHANNELS
 from auv_fault_env.parameters import PRESETS
 from auv_fault_env.truth import FleetTruth
 
+EDGE = layout.LANES  # where one block of lanes ends and the next begins
 LIMITS = np.array([[channel.low, channel.high] for channel in list(CHANNELS.values())[1:4]])
 
 
@@ -23,6 +24,9 @@ def actions_of(seeds, n_steps):
 def history(seeds, n_steps, parallel=False, keep=slice(None)):
     """Observations and outcomes of the lanes `keep`, (n_steps + 1, n_kept, n_channels) and (n_steps, n_kept, 4)."""
     fleet = Fleet(len(seeds), parallel=parallel)
+    if parallel and fleet.table.shape[0] > 1:
+        middle, last = fleet.table.shape[0] // 2, fleet.table.shape[0]
+        fleet._shares = [(0, middle), (middle, last)]  # two threads even on one core
     observations, outcomes = [fleet.reset(seeds=seeds)[keep].copy()], []
     for actions in actions_of(seeds, n_steps):
         observations.append(fleet.step(actions)[keep].copy())
@@ -41,7 +45,7 @@ def test_serial_equals_parallel():
 
 def test_lane_of_a_thousand_equals_a_fleet_of_one():
     seeds = [7919 * k % 10_007 for k in range(1000)]
-    picked = [0, 1, 62, 63, 64, 65, 127, 128, 500, 895, 998, 999]
+    picked = [0, 1, EDGE - 1, EDGE, EDGE + 1, 2 * EDGE - 1, 2 * EDGE, 3 * EDGE, 895, 998, 999]
     observations, outcomes = history(seeds, 700, parallel=True, keep=picked)
     assert np.isfinite(observations).all() and np.isfinite(outcomes).all()
     for column, lane in enumerate(picked):
@@ -49,10 +53,10 @@ def test_lane_of_a_thousand_equals_a_fleet_of_one():
         assert same((observations[:, [column]], outcomes[:, [column]]), alone), f"lane {lane}"
 
 
-@pytest.mark.parametrize("n_lanes", [1, 63, 64, 65, 129])
+@pytest.mark.parametrize("n_lanes", [1, EDGE - 1, EDGE, EDGE + 1, 2 * EDGE + 1])
 @pytest.mark.parametrize("parallel", [False, True])
 def test_fleets_that_fill_their_blocks_or_not(n_lanes, parallel):
-    whole = history(range(130), 50, keep=slice(n_lanes))
+    whole = history(range(2 * EDGE + 2), 50, keep=slice(n_lanes))
     assert same(history(range(n_lanes), 50, parallel=parallel), whole)
 
 
@@ -65,7 +69,7 @@ def test_later_episode_is_the_same_alone_and_in_a_fleet():
         fleet.reset(lanes=np.array([lane]))
         return np.array([fleet.step(actions)[lane] for actions in actions_of(seeds, 300)])
 
-    assert np.array_equal(second_episode(range(100), 70), second_episode([70], 0))
+    assert np.array_equal(second_episode(range(EDGE + 30), EDGE + 7), second_episode([EDGE + 7], 0))
 
 
 @pytest.mark.parametrize("factor", [1.0, 3.0])

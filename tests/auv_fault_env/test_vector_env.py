@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from auv_fault_env import CATALOGUE, CHANNELS, PARAMETERS, FaultEvent, Fleet, classes
+from auv_fault_env import CATALOGUE, CHANNELS, PARAMETERS, FaultEvent, Fleet, classes, layout
 from auv_fault_env.env import PropulsionEnv, PropulsionVectorEnv
 
 NAME = "auv_fault_env/Propulsion-v0"
@@ -77,16 +77,19 @@ def fleet_ride(parallel, lanes):
     return np.array(rows).tobytes(), np.array(outcomes).tobytes(), fleet.table[:, :, 0].tobytes()
 
 
-@pytest.mark.parametrize("lanes", [1, 64, 65, 300])
+@pytest.mark.parametrize("lanes", [1, layout.LANES, layout.LANES + 1, 3 * layout.LANES + 2])
 def test_serial_equals_parallel_bit_for_bit(lanes):
     assert fleet_ride(False, lanes) == fleet_ride(True, lanes)
 
 
 def test_a_lane_does_not_depend_on_its_company():
-    small, large = Fleet(3), Fleet(200)
-    places = [5, 63, 130]
-    one, two = small.reset([40, 41, 42]), large.reset(np.insert(np.arange(197) + 900, [5, 62, 128], [40, 41, 42]))
-    for action in commands(200, 300):
+    n_lanes = 2 * layout.LANES + 9
+    small, large = Fleet(3), Fleet(n_lanes)
+    places = [5, layout.LANES - 1, layout.LANES + 130]
+    seeds = np.arange(n_lanes) + 900
+    seeds[places] = [40, 41, 42]
+    one, two = small.reset([40, 41, 42]), large.reset(seeds)
+    for action in commands(n_lanes, 300):
         assert one.tobytes() == two[places].tobytes()
         one, two = small.step(action[places]), large.step(action)
 
