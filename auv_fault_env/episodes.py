@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from auv_fault_env.compiling import kernel, scalar
-from auv_fault_env.lanes import draw_normals, lane_motor, prepare, publish, sense_all, shaft_of
+from auv_fault_env.lanes import draw_normals, prepare, publish, sense_all, shaft_of
 from auv_fault_env.layout import (
     ALPHA,
     DISTURBANCE,
@@ -27,7 +27,7 @@ from auv_fault_env.layout import (
     VOLTAGE,
 )
 from auv_fault_env.parameters import SAMPLE_RATE
-from auv_fault_env.physics import RPM, constants_of, limited
+from auv_fault_env.physics import constants_of, holding_voltage, limited, steady_spin
 
 NEVER = np.int64(1 << 60)
 STALE = -1  # due step of a lane whose parameters must be written anew, whatever its severities
@@ -122,20 +122,9 @@ def refresh(lanes, plan, catalogue):
 
 
 @scalar
-def steady_spin(block, k, speed, constants):
-    """Shaft speed [rad/s] at which thrust and drag balance, at most the largest command; zero without thrust."""
-    thrust = block[PORT_SHAFT * LANES + k] + block[STARBOARD_SHAFT * LANES + k]
-    rpm = math.sqrt(-block[ALPHA * LANES + k] / thrust) * speed if thrust > 0.0 else 0.0
-    return min(rpm, constants.maximum_rpm) / RPM
-
-
-@scalar
 def settle_side(block, k, shaft, state, spin, speed, constants):
-    """Put one shaft at a steady speed: the voltage that balances friction and propeller, held by the integral."""
-    parameters, still = shaft_of(block, shaft, k), lane_motor(block, shaft, state, k, constants)
-    torque = parameters.inertia * ((still.damping - still.coupling * speed + still.load * spin) * spin - still.drive)
-    voltage = torque * parameters.resistance / parameters.torque_constant if spin > 0.0 else 0.0
-    voltage = min(voltage, constants.maximum_voltage)
+    """Put one shaft at a steady speed, its voltage held by the controller's integral."""
+    voltage = holding_voltage(shaft_of(block, shaft, k), spin, speed, constants)
     block[(state + SPIN) * LANES + k] = spin
     block[(state + INTEGRAL) * LANES + k] = voltage
     block[(state + VOLTAGE) * LANES + k] = voltage
@@ -155,7 +144,8 @@ def begin(lanes, chosen, start_speed, plan, catalogue, limits, constants, observ
             block[row * LANES + k] = 0.0
         lanes.step[lane], lanes.due[lane] = 0, STALE
         refresh_lane(lanes, lane, plan, catalogue)
-        spin = steady_spin(block, k, speed, shared)
+        beta = block[PORT_SHAFT * LANES + k] + block[STARBOARD_SHAFT * LANES + k]
+        spin = steady_spin(block[ALPHA * LANES + k], beta, speed, shared)
         settle_side(block, k, PORT_SHAFT, PORT_STATE, spin, speed, shared)
         settle_side(block, k, STARBOARD_SHAFT, STARBOARD_STATE, spin, speed, shared)
         block[SPEED * LANES + k] = speed

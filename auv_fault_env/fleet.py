@@ -47,6 +47,9 @@ class Fleet:
 
     Attributes
     ----------
+    arrays, limits, constants, catalogue
+        What the kernels read and write: `layout.Lanes`; full scale of the channels (n_channels, 2); `Constants` as an
+        array; `layout.Catalogue`.
     diagnoses
         Diagnosis class of every fault of the catalogue, (n_faults,).
     outcomes
@@ -78,18 +81,18 @@ class Fleet:
         self._process = 0
         self._nominal = np.array(list(nominal(self.vehicle, sensor_noise).values()))
         self._band = healthy_band * np.array([spec.band for spec in PARAMETERS.values()])
-        self._constants = np.array(_constants(self.vehicle, disturbance))
-        self._limits = np.array([(channel.low, channel.high) for channel in CHANNELS.values()])
+        self.constants = np.array(_constants(self.vehicle, disturbance))
+        self.limits = np.array([(channel.low, channel.high) for channel in CHANNELS.values()])
         self._read_catalogue()
         self._allocate(self.schedules.EVENTS, self.missions.n_legs)
 
     def _read_catalogue(self):
-        self._faults, self._catalogue = tuple(CATALOGUE.values()), matrices()
+        self._faults, self.catalogue = tuple(CATALOGUE.values()), matrices()
         self.diagnoses = np.array([fault.diagnosis for fault in self._faults])
 
     def _allocate(self, n_events: int, n_legs: int):
         n, blocks = self.n_lanes, -(-self.n_lanes // layout.LANES)
-        self._lanes = layout.Lanes(
+        self.arrays = layout.Lanes(
             np.zeros((blocks, layout.N_ROWS * layout.LANES)),
             np.zeros(n, np.uint64),
             np.zeros(n, np.int64),
@@ -149,8 +152,8 @@ class Fleet:
         legs, speeds = self.missions.draw(key) if legs is None else legs
         self._set_legs(chosen, legs)
         self.outcomes = self.outcomes.copy()
-        arrays = (self._plan, self._catalogue, self._limits, self._constants, observations, self.outcomes)
-        episodes.begin(self._lanes, chosen, speeds, *arrays)
+        arrays = (self._plan, self.catalogue, self.limits, self.constants, observations, self.outcomes)
+        episodes.begin(self.arrays, chosen, speeds, *arrays)
         self.changes += 1
         return observations
 
@@ -160,8 +163,8 @@ class Fleet:
         else:
             self._seed[chosen] = np.array([seed % 2**64 for seed in seeds], np.uint64)
             self._episode[chosen] = 0
-        self._lanes.key[chosen] = episode_keys(self._seed[chosen], self._episode[chosen])
-        return self._lanes.key[chosen]
+        self.arrays.key[chosen] = episode_keys(self._seed[chosen], self._episode[chosen])
+        return self.arrays.key[chosen]
 
     def _checked_observations(self, observations: np.ndarray | None) -> np.ndarray:
         shape = (self.n_lanes, len(CHANNELS))
@@ -220,12 +223,12 @@ class Fleet:
         if not self.changes:
             raise refusal("step", "no reset before", "a step after a reset of all lanes", "call reset() first")
         if self._due:
-            episodes.refresh(self._lanes, self._plan, self._catalogue)
+            episodes.refresh(self.arrays, self._plan, self.catalogue)
             self.changes += 1
         observations = np.empty((self.n_lanes, len(CHANNELS)), np.float32)
         self.outcomes = np.empty((4, self.n_lanes))
         self._actions[:] = actions
-        arrays = (*self._lanes, self._actions, self._limits, self._constants, observations, self.outcomes)
+        arrays = (*self.arrays, self._actions, self.limits, self.constants, observations, self.outcomes)
         self._due = self._step_blocks(arrays)
         return observations
 
@@ -254,13 +257,13 @@ class Fleet:
             allowed = f"finite numbers of shape {self._plan.healthy.shape}"
             raise refusal("healthy parameters", values, allowed, "give one row per lane")
         self._plan.healthy[:] = values
-        self._lanes.due[:] = episodes.STALE
+        self.arrays.due[:] = episodes.STALE
         self._due = self.n_lanes
 
     @property
     def table(self) -> np.ndarray:
         """The memory as a view, (n_blocks, N_ROWS, LANES); see `layout`."""
-        return self._lanes.memory.reshape(-1, layout.N_ROWS, layout.LANES)
+        return self.arrays.memory.reshape(-1, layout.N_ROWS, layout.LANES)
 
     @property
     def plan(self) -> layout.Plan:
@@ -270,7 +273,7 @@ class Fleet:
     @property
     def time(self) -> np.ndarray:
         """Time since the episode's start [s], (n_lanes,)."""
-        return self._lanes.step / SAMPLE_RATE
+        return self.arrays.step / SAMPLE_RATE
 
 
 def _shares(n_lanes: int, parallel: bool) -> list[tuple[int, int]]:

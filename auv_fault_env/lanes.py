@@ -57,8 +57,13 @@ from auv_fault_env.physics import (
     Motion,
     Motor,
     Shaft,
+    armature_current,
     constants_of,
+    disturbance_memory,
+    electrical_energy,
+    filtered,
     limited,
+    mission_reward,
     motor,
     reading,
     rpm_command,
@@ -128,8 +133,7 @@ def control(block, width, constants):
     """Let the controllers set both voltages, from the commands and the latest readings."""
     share = 1.0 - math.exp(-SAMPLE_TIME / constants.speed_filter_time)
     for k in range(width):
-        speed = block[FILTERED_SPEED * LANES + k]
-        speed += share * (block[SPEED_READING * LANES + k] - speed)
+        speed = filtered(block[FILTERED_SPEED * LANES + k], block[SPEED_READING * LANES + k], share)
         block[FILTERED_SPEED * LANES + k] = speed
         command = rpm_command(constants, block[SPEED_COMMAND * LANES + k], speed, delta_squared(block, k))
         control_side(block, k, constants, command, PORT_RPM_READING, PORT_STATE)
@@ -167,8 +171,7 @@ def store_motor(scratch, side, k, values):
 @kernel
 def prepare(block, scratch, width, constants):
     """Coefficients of the sample ahead, and the disturbance's next value (exact Ornstein-Uhlenbeck step)."""
-    memory = math.exp(-SAMPLE_TIME / constants.disturbance_time)
-    kick = constants.disturbance_std * math.sqrt(1.0 - memory * memory)
+    memory, kick = disturbance_memory(constants)
     for k in range(width):
         store_motor(scratch, PORT_MOTOR, k, lane_motor(block, PORT_SHAFT, PORT_STATE, k, constants))
         store_motor(scratch, STARBOARD_MOTOR, k, lane_motor(block, STARBOARD_SHAFT, STARBOARD_STATE, k, constants))
@@ -208,10 +211,9 @@ def move(block, scratch, width):
 
 @scalar
 def lane_current(block, shaft, state, k):
-    """Armature current [A], inductance neglected as in the thesis."""
-    parameters = shaft_of(block, shaft, k)
-    back_emf = parameters.torque_constant * block[(state + SPIN) * LANES + k]
-    return (block[(state + VOLTAGE) * LANES + k] - back_emf) / parameters.resistance
+    """Armature current of one of lane k's motors [A]."""
+    spin, voltage = block[(state + SPIN) * LANES + k], block[(state + VOLTAGE) * LANES + k]
+    return armature_current(shaft_of(block, shaft, k), spin, voltage)
 
 
 @kernel
@@ -273,10 +275,9 @@ def sense_all(block, scratch, width, key, step, limits):
 
 @scalar
 def lane_energy(block, shaft, state, k):
-    """Integral of voltage times current over the sample [J]; negative while the motor brakes."""
-    parameters, voltage = shaft_of(block, shaft, k), block[(state + VOLTAGE) * LANES + k]
-    back_emf = parameters.torque_constant * block[(state + ANGLE) * LANES + k]
-    return voltage * (voltage * SAMPLE_TIME - back_emf) / parameters.resistance
+    """Electrical energy of one of lane k's motors in the sample [J]."""
+    angle, voltage = block[(state + ANGLE) * LANES + k], block[(state + VOLTAGE) * LANES + k]
+    return electrical_energy(shaft_of(block, shaft, k), angle, voltage)
 
 
 @kernel
@@ -288,7 +289,7 @@ def account(block, width, constants):
         deviation = block[SPEED * LANES + k] - block[MISSION_SPEED * LANES + k]
         block[ENERGY * LANES + k] = energy
         block[COST * LANES + k] = deviation * deviation
-        block[REWARD * LANES + k] = -(deviation * deviation) - constants.energy_weight * energy
+        block[REWARD * LANES + k] = mission_reward(deviation, energy, constants)
 
 
 @scalar

@@ -135,6 +135,47 @@ def spin_rate(spin, speed, side):
 
 
 @scalar
+def disturbance_memory(constants):
+    """Share of the disturbance that outlives a sample, and standard deviation of what joins it: an exact OU step."""
+    memory = math.exp(-SAMPLE_TIME / constants.disturbance_time)
+    return memory, constants.disturbance_std * math.sqrt(1.0 - memory * memory)
+
+
+@scalar
+def armature_current(shaft, spin, voltage):
+    """Current [A], inductance neglected as in the thesis."""
+    return (voltage - shaft.torque_constant * spin) / shaft.resistance
+
+
+@scalar
+def electrical_energy(shaft, angle, voltage):
+    """Integral of voltage times current over a sample in which the shaft turned by `angle` [J]; negative in braking."""
+    return voltage * (voltage * SAMPLE_TIME - shaft.torque_constant * angle) / shaft.resistance
+
+
+@scalar
+def steady_spin(alpha, beta, speed, constants):
+    """Shaft speed [rad/s] at which thrust and drag balance, at most the largest command; zero without thrust."""
+    rpm = math.sqrt(-alpha / beta) * speed if beta > 0.0 else 0.0
+    return min(rpm, constants.maximum_rpm) / RPM
+
+
+@scalar
+def holding_voltage(shaft, spin, speed, constants):
+    """Voltage [V] that balances friction and propeller at a steady shaft speed, within the supply; zero at rest."""
+    still = motor(shaft, constants, 0.0)
+    torque = shaft.inertia * ((still.damping - still.coupling * speed + still.load * spin) * spin - still.drive)
+    voltage = torque * shaft.resistance / shaft.torque_constant if spin > 0.0 else 0.0
+    return min(voltage, constants.maximum_voltage)
+
+
+@scalar
+def mission_reward(deviation, energy, constants):
+    """The mission's reward: minus the squared speed deviation and the weighted electrical energy."""
+    return -(deviation * deviation) - constants.energy_weight * energy
+
+
+@scalar
 def rates(motion, drag, disturbance, port, starboard):
     """Time derivative of a `Motion`."""
     u, port_spin, starboard_spin = motion.speed, motion.port_spin, motion.starboard_spin
@@ -248,8 +289,14 @@ def voltage_command(constants, error, integral):
 
 
 @scalar
+def filtered(kept, reading, share):
+    """First-order low-pass: the kept value moves by `share` of the way to the reading."""
+    return kept + share * (reading - kept)
+
+
+@scalar
 def reading(truth, bias, gain, noise, stuck, dropout, normal, chance, held):
-    """What the interface delivers: a lost sample reads zero, a stuck one repeats the last."""
+    """What the interface delivers: a lost sample reads zero, a stuck one repeats the last; one chance decides both."""
     fresh = gain * truth + bias + noise * normal
     kept = held if chance < stuck else fresh
     return 0.0 if chance < dropout else kept

@@ -287,6 +287,8 @@ class _Filter:
         observation = np.ascontiguousarray(observation, dtype=np.float64)
         if observation.shape != (shape := (len(estimate.mean), len(CHANNELS))):
             raise refusal("observation's shape", observation.shape, f"{shape}", "give one row per lane of the estimate")
+        if not np.isfinite(observation).all():
+            raise refusal("observation", "NaN or infinity", "finite readings", "hold the last value or give zero")
         mean, covariance, memory = estimate.mean.copy(), estimate.covariance.copy(), estimate.memory.copy()
         innovation, variance = np.empty(len(mean)), np.empty(len(mean))
         self.kernel(mean, covariance, innovation, variance, memory, observation, COLUMNS, self.constants)

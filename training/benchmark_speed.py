@@ -203,7 +203,7 @@ def comparison(rates: Rates, size: Size) -> list[dict]:
 
 def kernel_laps(fleet: Fleet) -> dict[str, Lap]:
     """The kernel called from Python and from a compiled loop; its stages, on one block in the fast caches."""
-    n, state, limits, constants = fleet.n_lanes, fleet._lanes, fleet._limits, Constants(*fleet._constants.tolist())
+    n, state, limits, constants = fleet.n_lanes, fleet.arrays, fleet.limits, Constants(*fleet.constants.tolist())
     actions, observations, outcomes = np.full((n, 3), 0.2), np.empty((n, len(CHANNELS)), np.float32), np.empty((4, n))
     block, width, scratch = state.memory[0], min(n, layout.LANES), np.zeros(layout.N_SCRATCH * layout.LANES)
     stages = {
@@ -216,7 +216,7 @@ def kernel_laps(fleet: Fleet) -> dict[str, Lap]:
         lanes.account: (block, width, constants),
         lanes.publish: (block, width, 0, observations, outcomes),
     }
-    whole = (0, len(state.memory), *state, actions, limits, fleet._constants, observations, outcomes)
+    whole = (0, len(state.memory), *state, actions, limits, fleet.constants, observations, outcomes)
     times = 1 + 1000 // n
     call, kernel = partial(lanes.step_blocks, *whole), compiled_lap(lanes.step_blocks, whole, n, times)
     laps = {"call": partial(calls, call, n, times), "kernel": kernel}
@@ -225,11 +225,11 @@ def kernel_laps(fleet: Fleet) -> dict[str, Lap]:
 
 def refreshes(fleet: Fleet, steps: int):
     """All that `Fleet.step` does in an episode for faults that come and go and for the mission's legs."""
-    fleet._lanes.due[:] = 0
+    fleet.arrays.due[:] = 0
     for step in range(steps):
-        fleet._lanes.step[:] = step
-        if step >= fleet._lanes.due.min():
-            episodes.refresh(fleet._lanes, fleet.plan, fleet._catalogue)
+        fleet.arrays.step[:] = step
+        if step >= fleet.arrays.due.min():
+            episodes.refresh(fleet.arrays, fleet.plan, fleet.catalogue)
 
 
 def costs(laps: dict[str, Lap], repeats: int, seconds: float, about: str) -> dict[str, float]:
