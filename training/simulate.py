@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,11 @@ from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.schedules import Events, Schedule, load_schedule, schedules_of, to_json
 from auv_fault_env.truth import FleetTruth
 from training.arguments import Simulate
+from training.report import write_report
 from training.runs import run_folder, write_json
+from training.simulate_page import page
 
-VEHICLES_AT_ONCE = 256  # of which every sample is held in memory
+ROWS_AT_ONCE = 150_000  # held in memory, about 400 bytes each
 WRITERS = {"csv": pyarrow.csv.CSVWriter, "parquet": pyarrow.parquet.ParquetWriter}
 
 
@@ -31,9 +34,10 @@ def main(arguments: Simulate) -> None:
     schedule = None if arguments.schedule is None else _checked_schedule(arguments)
     mission = None if arguments.mission is None else _mission(arguments.mission)
     with run_folder(arguments.output, "simulate", arguments) as folder:
-        summary = write_tables(folder, arguments, steps, schedule, mission)
-        write_json(folder / "results.json", summary)
-    print(f"{summary['rows']} rows of {arguments.vehicles} vehicles in {arguments.output}")
+        results = write_tables(folder, arguments, steps, schedule, mission)
+        write_json(folder / "results.json", results)
+        write_report(results, folder)
+    print(f"{steps * arguments.vehicles} rows of {arguments.vehicles} vehicles in {arguments.output}")
 
 
 def _checked_steps(arguments: Simulate) -> int:
@@ -43,7 +47,7 @@ def _checked_steps(arguments: Simulate) -> int:
         raise refusal("formats", arguments.formats, "csv, parquet or both", "name one")
     finite_in_range("seed", arguments.seed, 0, 2**62)
     _fleet(1, arguments)
-    return round(finite_in_range("duration", arguments.duration, 1 / SAMPLE_RATE, 1e6) * SAMPLE_RATE)
+    return round(finite_in_range("duration", arguments.duration, 1 / SAMPLE_RATE, 1e5) * SAMPLE_RATE)
 
 
 def _fleet(n_lanes: int, arguments: Simulate) -> Fleet:
@@ -74,28 +78,31 @@ def _is_number(text: str) -> bool:
 def write_tables(
     folder: Path, arguments: Simulate, steps: int, schedule: Schedule | None, mission: Mission | None
 ) -> dict[str, Any]:
-    """Write the tables chunk by chunk, and schedules.json; returns counts."""
-    writers, schedules, rows = {}, {}, 0
-    with tqdm(total=arguments.vehicles * steps, unit="sample", unit_scale=True) as bar:
+    """Write the tables chunk by chunk, and schedules.json; returns the report as plain data."""
+    writers: dict[str, Any] = {}
+    schedules: dict[int, Schedule] = {}
+    with ExitStack() as stack, tqdm(total=arguments.vehicles * steps, unit="sample", unit_scale=True) as bar:
         for table, chunk in _chunks(arguments, steps, schedule, mission, bar):
             for kind in arguments.formats:
                 if kind not in writers:
-                    writers[kind] = WRITERS[kind](str(folder / f"episodes.{kind}"), table.schema)
+                    writer = WRITERS[kind](str(folder / f"episodes.{kind}"), table.schema)
+                    writers[kind] = stack.enter_context(writer)
                 writers[kind].write_table(table)
+            if not schedules:
+                first = {name: table[name].slice(0, steps).to_numpy() for name in ("time", *CHANNELS)}
             schedules |= chunk
-            rows += table.num_rows
-    for writer in writers.values():
-        writer.close()
     plain = {vehicle: json.loads(to_json(events)) for vehicle, events in schedules.items()}
     write_json(folder / "schedules.json", plain)
-    return {"rows": rows, "columns": table.schema.names, "vehicles": arguments.vehicles}
+    command = f"auv-fault simulate --vehicles {arguments.vehicles} --seed {arguments.seed}"
+    return page(command, table.schema.names, schedules, arguments.seed, first)
 
 
 def _chunks(
     arguments: Simulate, steps: int, schedule: Schedule | None, mission: Mission | None, bar: tqdm
 ) -> Iterator[tuple[pa.Table, dict[int, Schedule]]]:
-    for first in range(0, arguments.vehicles, VEHICLES_AT_ONCE):
-        vehicles = np.arange(first, min(first + VEHICLES_AT_ONCE, arguments.vehicles))
+    at_once = max(1, ROWS_AT_ONCE // steps)
+    for first in range(0, arguments.vehicles, at_once):
+        vehicles = np.arange(first, min(first + at_once, arguments.vehicles))
         fleet = _fleet(vehicles.size, arguments)
         observation = fleet.reset(
             (arguments.seed + vehicles).tolist(),

@@ -57,7 +57,7 @@ def healthy(tmp_path):
 def test_many_vehicles_in_chunks_equal_few_at_once(tmp_path, monkeypatch):
     _, folder = run(tmp_path, "--vehicles", "5")
     whole = read(folder)
-    monkeypatch.setattr(simulate, "VEHICLES_AT_ONCE", 2)
+    monkeypatch.setattr(simulate, "ROWS_AT_ONCE", 60)
     _, folder = run(tmp_path, "--vehicles", "5")
     assert read(folder) == whole
 
@@ -132,3 +132,13 @@ def test_unknown_option_ends_with_two(tmp_path, capfd):
     with pytest.raises(SystemExit) as stop:
         cli.main(["simulate", "--vehicels", "3"])
     assert stop.value.code == 2
+
+
+def test_page_names_every_fault_and_holds_its_figure(tmp_path):
+    _, folder = run(tmp_path, "--vehicles", "6", "--seed", "1")
+    text = (folder / "index.html").read_text()
+    for events in json.loads((folder / "schedules.json").read_text()).values():
+        for event in events:
+            assert event["fault"] in text
+    assert text.count("data:image/svg+xml;base64,") == 1
+    assert (folder / "figures" / "first-vehicle.png").exists()
