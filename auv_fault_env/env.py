@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 
 from auv_fault_env.channels import CHANNELS, COMMANDS
 from auv_fault_env.errors import finite_in_range, known_name, one_per_lane, refusal, whole_number
-from auv_fault_env.fleet import Fleet
+from auv_fault_env.fleet import Fleet, checked_actions
 from auv_fault_env.missions import Mission, mission_of
 from auv_fault_env.parameters import SAMPLE_RATE, Vehicle
 from auv_fault_env.schedules import Schedule, schedule_of
@@ -24,20 +24,6 @@ ACTIONS = COMMANDS[1:]
 def _box(names: Sequence[str]) -> gym.spaces.Box:
     low, high = ([getattr(CHANNELS[name], side) for name in names] for side in ("low", "high"))
     return gym.spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
-
-
-def _checked(actions, shape: tuple[int, ...]) -> np.ndarray:
-    try:
-        actions = np.asarray(actions, np.float64)
-    except (TypeError, ValueError):
-        raise refusal("action", actions, f"numbers of shape {shape}", f"give {', '.join(ACTIONS)}") from None
-    if actions.shape != shape:
-        raise refusal("shape of the action", actions.shape, shape, f"give {', '.join(ACTIONS)}")
-    finite = all(map(math.isfinite, actions.tolist())) if actions.ndim == 1 else np.isfinite(actions).all()
-    if not finite:
-        place = tuple(np.argwhere(~np.isfinite(actions))[0])
-        raise refusal(f"action, {ACTIONS[place[-1]]}", float(actions[place]), "a finite number", "check the policy")
-    return actions
 
 
 def _checked_schedule(value, end: float) -> Schedule:
@@ -176,7 +162,7 @@ class PropulsionEnv(gym.Env):
     def step(self, action):
         """Hold the action for one sample of 0.1 s."""
         _need_reset(self._observation is not None)
-        self._observation = self.fleet.step(_checked(action, (3,))[None])[0]
+        self._observation = self.fleet.advance(checked_actions(action, (3,))[None])[0]
         observation, info = self._after()
         return observation, self.fleet.outcomes.item(0), False, False, info
 
@@ -260,7 +246,7 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
     def step(self, actions):
         """Hold the actions (num_envs, 3) for one sample of 0.1 s; lanes that had finished start their next episode."""
         _need_reset(self._done is not None)
-        observations = self.fleet.step(_checked(actions, (self.num_envs, 3)))
+        observations = self.fleet.step(actions)
         if self._done.any():
             self.fleet.reset(lanes=np.flatnonzero(self._done), observations=observations)
         self._done = self.fleet.time * SAMPLE_RATE >= self.max_episode_steps

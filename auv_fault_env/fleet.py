@@ -1,6 +1,7 @@
 """A fleet: n vehicles as arrays, stepped together. The only mutable object of the package."""
 
 import itertools
+import math
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -8,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from auv_fault_env import episodes, lanes, layout
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import CHANNELS, COMMANDS
 from auv_fault_env.errors import finite_in_range, one_per_lane, refusal, whole_number
 from auv_fault_env.faults import CATALOGUE, matrices
 from auv_fault_env.missions import Mission, MissionSampler, mission_of
@@ -106,7 +107,7 @@ class Fleet:
         )
         self._seed, self._episode = np.zeros(n, np.uint64), np.zeros(n, np.uint64)
         self._due, self.changes = n, 0
-        self.outcomes, self._actions = np.zeros((4, n)), np.zeros((n, 3))
+        self.outcomes = np.zeros((4, n))
 
     def reset(
         self,
@@ -214,12 +215,10 @@ class Fleet:
         -------
         New observations, (n_lanes, n_channels) float32; rewards and costs stand in `outcomes`.
         """
-        actions = np.asarray(actions, np.float64)
-        if actions.shape != (self.n_lanes, 3):
-            remedy = "give speed_command, rudder, stern_plane per lane"
-            raise refusal("shape of the action", actions.shape, f"{(self.n_lanes, 3)}", remedy)
-        if not np.isfinite(actions).all():
-            raise refusal("action", actions, "finite numbers", "check the policy")
+        return self.advance(checked_actions(actions, (self.n_lanes, 3)))
+
+    def advance(self, actions: np.ndarray) -> np.ndarray:
+        """As `step`, for actions that `checked_actions` has let through."""
         if not self.changes:
             raise refusal("step", "no reset before", "a step after a reset of all lanes", "call reset() first")
         if self._due:
@@ -227,8 +226,7 @@ class Fleet:
             self.changes += 1
         observations = np.empty((self.n_lanes, len(CHANNELS)), np.float32)
         self.outcomes = np.empty((4, self.n_lanes))
-        self._actions[:] = actions
-        arrays = (*self.arrays, self._actions, self.limits, self.constants, observations, self.outcomes)
+        arrays = (*self.arrays, actions, self.limits, self.constants, observations, self.outcomes)
         self._due = self._step_blocks(arrays)
         return observations
 
@@ -274,6 +272,22 @@ class Fleet:
     def time(self) -> np.ndarray:
         """Time since the episode's start [s], (n_lanes,)."""
         return self.arrays.step / SAMPLE_RATE
+
+
+def checked_actions(actions, shape: tuple[int, ...]) -> np.ndarray:
+    """The actions as contiguous float64 if they are finite numbers of that shape, else a refusal."""
+    names = COMMANDS[1:]
+    try:
+        actions = np.ascontiguousarray(actions, np.float64)
+    except (TypeError, ValueError):
+        raise refusal("action", actions, f"numbers of shape {shape}", f"give {', '.join(names)}") from None
+    if actions.shape != shape:
+        raise refusal("shape of the action", actions.shape, shape, f"give {', '.join(names)}")
+    finite = all(map(math.isfinite, actions.tolist())) if actions.ndim == 1 else np.isfinite(actions).all()
+    if not finite:
+        place = tuple(np.argwhere(~np.isfinite(actions))[0])
+        raise refusal(f"action, {names[place[-1]]}", float(actions[place]), "a finite number", "check the policy")
+    return actions
 
 
 def _shares(n_lanes: int, parallel: bool) -> list[tuple[int, int]]:

@@ -96,7 +96,7 @@ class LaneTruth:
         """A fresh dictionary: label, severity by class, onset [s], parameters and noise-free state by name."""
         if self._seen != self._fleet.changes:
             self._read_faults()
-        state = (self._fleet.table.take(self._state_at) * self._state_factors).tolist()
+        state = (self._fleet.arrays.memory.take(self._state_at) * self._state_factors).tolist()
         return {
             "label": self._label,
             "severity": self._severity.copy(),
