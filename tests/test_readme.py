@@ -19,3 +19,7 @@ def test_every_file_that_is_named_exists():
     root = Path(__file__).parents[1]
     for name in re.findall(r"`((?:auv_fault_env|diagnosers|training)/\w+\.py)`", README):
         assert (root / name).is_file()
+
+
+def test_nothing_is_left_to_fill_in():
+    assert "<!--" not in README
