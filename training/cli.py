@@ -1,6 +1,7 @@
 """The command line ``auv-fault``: a subcommand per entry of `COMMANDS`, run by ``main`` of the module of that name."""
 
 import importlib
+import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -16,12 +17,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command = tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="auv-fault", args=arguments)
     name = next(name for name, kind in COMMANDS.items() if isinstance(command, kind))
     for number in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
-        signal.signal(number, lambda received, _: sys.exit(128 + received))  # an exit lets `run_folder` clean up
+        signal.signal(number, _end)
     try:
         return _run(name, command)
     except KeyboardInterrupt:
         print(f"auv-fault {name}: stopped; nothing was left behind", file=sys.stderr)
         return 130
+
+
+def _end(number: int, frame: Any) -> None:
+    """End at once on a signal: an exception could be lost in compiled code that has called back."""
+    from training.runs import abandon
+
+    abandon()
+    os._exit(128 + number)
 
 
 def _run(name: str, command: Any) -> int:

@@ -12,12 +12,22 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from auv_fault_env.errors import refusal
 
 PACKAGES = ("auv-fault", "gymnasium", "matplotlib", "numba", "numpy", "pyarrow", "scipy")
 MANIFEST = "manifest.json"
+
+
+class Unfinished(NamedTuple):
+    """A run in progress: its folder, once it is made, and the parents it has to make, innermost first."""
+
+    folder: list[Path]
+    parents: list[Path]
+
+
+unfinished: list[Unfinished] = []
 
 
 @contextmanager
@@ -30,24 +40,34 @@ def run_folder(output: Path, name: str, arguments: Any) -> Iterator[Path]:
     output = Path(output).resolve()
     if os.path.lexists(output) and not _is_run(output) and not _is_empty_folder(output):
         raise refusal("output", str(output), "a new folder or that of an earlier run", "choose another --output")
-    created = _missing_parents(output)
-    aside = None
+    run = Unfinished([], _missing_parents(output))
+    unfinished.append(run)
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
         aside = Path(tempfile.mkdtemp(prefix=f".{output.name}-", dir=output.parent))
+        run.folder.append(aside)
         yield aside
         manifest = json.dumps(_manifest(name, arguments), indent=2, default=str)
         (aside / MANIFEST).write_text(manifest, encoding="utf-8")
         aside.chmod(0o755)
         _replace(output, aside)
     except BaseException as error:
-        if aside is not None:
-            shutil.rmtree(aside, ignore_errors=True)
-        _remove_empty(created)
+        abandon()
         if isinstance(error, OSError):
             allowed = f"a place that can be written ({error.strerror or error})"
             raise refusal("output", str(output), allowed, "choose another --output") from None
         raise
+    finally:
+        unfinished.remove(run)
+
+
+def abandon() -> None:
+    """Remove what unfinished runs have written, for a run that has failed or a process that is about to end."""
+    for run in unfinished:
+        for folder in run.folder:
+            shutil.rmtree(folder, ignore_errors=True)
+        for parent in filter(_is_empty_folder, run.parents):
+            parent.rmdir()
 
 
 def write_json(path: Path, content: Any) -> None:
@@ -69,12 +89,6 @@ def _is_empty_folder(path: Path) -> bool:
 
 def _missing_parents(path: Path) -> list[Path]:
     return [parent for parent in path.parents if not parent.exists()]
-
-
-def _remove_empty(folders: list[Path]) -> None:
-    for folder in folders:
-        if _is_empty_folder(folder):
-            folder.rmdir()
 
 
 def _replace(output: Path, aside: Path) -> None:

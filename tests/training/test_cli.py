@@ -65,5 +65,9 @@ def test_termination_leaves_nothing(tmp_path):
     while not list(tmp_path.iterdir()) and time.monotonic() < deadline:
         time.sleep(0.05)
     process.terminate()
-    assert process.wait(timeout=30) == 128 + 15
+    try:
+        assert process.wait(timeout=30) == 128 + 15
+    finally:
+        process.kill()
+        process.wait()
     assert not list(tmp_path.iterdir())
