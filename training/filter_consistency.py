@@ -109,9 +109,9 @@ def section(seeds: int, seed: int) -> dict[str, Any]:
             f"Normalised estimation error squared and normalised innovation squared, averaged over {seeds} seeds "
             f"(from {seed}), on the full plant with default noise (the surge filter also with the default "
             "disturbance), while the parameters walk at random as the filters assume. An honest filter stays "
-            "inside its 95 % chi-square band at 95 % of the instants. Neighbouring instants are correlated: from "
-            "one set of 200 seeds to another the share for NEES scatters between about 85 and 100 %. Means and "
-            "shares leave out the first five seconds."
+            "inside its 95 % chi-square band at 95 % of the instants. Neighbouring instants are correlated, "
+            "so the share for NEES scatters more widely about 95 % than independent draws would. Means and shares "
+            "leave out the first five seconds."
         ],
         "table": {"columns": ["filter", "quantity", "expected", "mean", "95 % band", "instants inside"], "rows": rows},
         "figures": [

@@ -54,15 +54,15 @@ def _line(axis: Axes, time: Series, line: Mapping[str, Series], **style) -> None
     axis.plot(time, line["clean"], lw=1.2, **style)
 
 
-def transients(time: Series, panels: Mapping[str, Mapping[str, Lines]], onset: float | None) -> Figure:
+def transients(time: Series, panels: Mapping[str, Mapping[str, Lines]], onset: float | None = None) -> Figure:
     """Readings over time: panels by axis label, each with lines by name; a fault's onset as a vertical line."""
-    colours = {"port": PORT, "starboard": STARBOARD, "speed": SPEED, "commanded": COMMAND}
+    named = {"port": PORT, "starboard": STARBOARD, "speed": SPEED, "commanded": COMMAND}
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 5.0), layout="constrained")
         axes = figure.subplots(2, 2, sharex=True)
         for axis, (label, lines) in zip(axes.flat, panels.items(), strict=True):
-            for name, line in lines.items():
-                _line(axis, time, line, color=colours[name], label=name, ls=_dash(name))
+            for (name, line), other in zip(lines.items(), (TRUTH, PORT, STARBOARD, SPEED), strict=False):
+                _line(axis, time, line, color=named.get(name, other), label=name, ls=_dash(name))
             if onset is not None:
                 axis.axvline(onset, color=TRUTH, lw=0.8, ls=":", label="onset of the fault")
             axis.set(ylabel=label, xlim=(time[0], time[-1]))
@@ -83,22 +83,6 @@ def _legend_above(figure: Figure, axes: Iterable[Axes]) -> None:
 
 def _dash(name: str) -> str:
     return "--" if name in ("starboard", "commanded") else "-"
-
-
-def starts(time: Series, modes: Mapping[str, Mapping[str, Lines]]) -> Figure:
-    """One panel per reading, one line per operating mode: how the modes differ in the acceleration from rest."""
-    labels = list(next(iter(modes.values())))
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 5.0), layout="constrained")
-        axes = figure.subplots(2, 2, sharex=True)
-        for axis, label in zip(axes.flat, labels, strict=True):
-            for mode, colour in zip(modes, (TRUTH, PORT, STARBOARD, SPEED), strict=True):
-                _line(axis, time, modes[mode][label], color=colour, label=mode)
-            axis.set(ylabel=label, xlim=(time[0], time[-1]))
-        for axis in axes[1]:
-            axis.set_xlabel("time [s]")
-        _legend_above(figure, axes.flat)
-    return figure
 
 
 def consistency(time: Series, summaries: Sequence[Mapping]) -> Figure:
@@ -123,6 +107,5 @@ def consistency(time: Series, summaries: Sequence[Mapping]) -> Figure:
 PLOTS: dict[str, Callable[..., Figure]] = {
     "filter_response": filter_response,
     "transients": transients,
-    "starts": starts,
     "consistency": consistency,
 }

@@ -259,12 +259,12 @@ def start_section(view: Comparison) -> dict[str, Any]:
     }
     lines = {"surge speed [ft/s]": "speed", "port shaft speed [rpm]": "port_rpm"}
     lines |= {"port voltage [V]": "port_voltage", "port current [A]": "port_current"}
-    data = {
-        mode: {label: view.line(run, channel, label, 400) for label, channel in lines.items()}
-        for mode, run in modes.items()
+    panels = {
+        label: {mode: view.line(run, channel, label, 400) for mode, run in modes.items()}
+        for label, channel in lines.items()
     }
     columns = ["mode", *(f"{label} at 40 s" for label in lines), "command"]
-    rows = [[mode, *map(last, values.values()), view.command] for mode, values in data.items()]
+    rows = [[mode, *(last(panel[mode]) for panel in panels.values()), view.command] for mode in modes]
     return {
         "heading": "V.C: transients that trained the raw-data network",
         "text": [
@@ -276,10 +276,10 @@ def start_section(view: Comparison) -> dict[str, Any]:
         "table": {"columns": columns, "rows": rows},
         "figures": [
             {
-                "plot": "starts",
+                "plot": "transients",
                 "name": "fig-5-3-to-5-6",
                 "caption": "Figs 5.3 to 5.6: acceleration from rest in the operating modes of Table 5.1." + LINES,
-                "data": {"time": (np.arange(400) / SAMPLE_RATE).tolist(), "modes": data},
+                "data": {"time": (np.arange(400) / SAMPLE_RATE).tolist(), "panels": panels},
             }
         ],
     }
