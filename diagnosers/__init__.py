@@ -1,1 +1,22 @@
-"""Diagnosers of propulsion faults, and the filters that feed them."""
+"""Diagnosers of propulsion faults, and the filters that feed them.
+
+`make` builds one by name; `NAMES` are the names, `ranked` gives those that compete (the others are references). A
+diagnoser of your own joins by one line: ``diagnosers.REGISTRY["mine"] = Entry("my_package.my_module:MyDiagnoser")``.
+"""
+
+from diagnosers.diagnoser import UNKNOWN, Belief, Diagnoser, Recursive, decide
+from diagnosers.registry import NAMES, REGISTRY, Entry, load, make, ranked
+
+__all__ = [
+    "NAMES",
+    "REGISTRY",
+    "UNKNOWN",
+    "Belief",
+    "Diagnoser",
+    "Entry",
+    "Recursive",
+    "decide",
+    "load",
+    "make",
+    "ranked",
+]

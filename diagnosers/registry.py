@@ -1,0 +1,71 @@
+"""The registry of diagnosers: a name, where its class is, and whether it competes."""
+
+import importlib
+import inspect
+from collections.abc import KeysView
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from auv_fault_env.errors import known_name, refusal
+from auv_fault_env.parameters import Vehicle
+from diagnosers import storage
+from diagnosers.diagnoser import Diagnoser
+
+
+class Entry(NamedTuple):
+    """The class of a diagnoser, best as "module:Class" so that heavy libraries load on demand; does it compete?"""
+
+    target: str | type
+    ranked: bool = True
+
+
+REGISTRY: dict[str, Entry] = {
+    "limits": Entry("diagnosers.limits:Limits"),
+    "cusum": Entry("diagnosers.cusum:Cusum"),
+    "rules": Entry("diagnosers.rules:Rules"),
+    "filter_bank": Entry("diagnosers.filter_bank:FilterBank"),
+    "raw_network": Entry("diagnosers.raw_network:RawNetwork"),
+    "kalman_network": Entry("diagnosers.kalman_network:KalmanNetwork"),
+    "parallel": Entry("diagnosers.parallel:Parallel"),
+    "integrated": Entry("diagnosers.integrated:Integrated"),
+    "oracle": Entry("diagnosers.oracle:Oracle", ranked=False),
+    "null": Entry("diagnosers.anchors:Null", ranked=False),
+    "random": Entry("diagnosers.anchors:Random", ranked=False),
+}
+NAMES: KeysView[str] = REGISTRY.keys()
+
+
+def ranked() -> list[str]:
+    """Names of the diagnosers that compete; the others are references."""
+    return [name for name, entry in REGISTRY.items() if entry.ranked]
+
+
+def class_of(name: str) -> type:
+    """The class of a registered diagnoser; an unknown name is refused with the nearest one and the list."""
+    target = REGISTRY[known_name("diagnoser", name, REGISTRY)].target
+    if isinstance(target, type):
+        return target
+    module, _, attribute = target.partition(":")
+    return getattr(importlib.import_module(module), attribute)
+
+
+def make(name: str, **settings: Any) -> Diagnoser:
+    """A diagnoser by name, ready for `reset`; settings are those of its class (``help(type(make(name)))``)."""
+    kind = class_of(name)
+    try:
+        inspect.signature(kind).bind(**settings)
+    except TypeError as error:
+        allowed = f"those of {kind.__name__}{inspect.signature(kind)}"
+        raise refusal(f"settings of {name}", settings, allowed, str(error)) from None
+    return kind(**settings)
+
+
+def load(path: str | Path) -> Diagnoser:
+    """The diagnoser that ``save`` wrote to a safetensors file; a file that is none is refused in one line."""
+    tensors, header = storage.read(path)
+    if not isinstance(header, dict) or not isinstance(header.get("settings"), dict):
+        raise refusal("weights file", str(path), "one that a diagnoser's save has written", "save it again")
+    name, settings = known_name(f"diagnoser of {path}", header.get("diagnoser"), REGISTRY), dict(header["settings"])
+    if isinstance(settings.get("vehicle"), dict):
+        settings["vehicle"] = Vehicle(**settings["vehicle"])
+    return make(name, **settings, **({"weights": path} if tensors else {}))

@@ -1,0 +1,67 @@
+"""Weights and settings on disk: safetensors with a JSON header, data and never code."""
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save_file
+
+from auv_fault_env.errors import refusal
+
+HEADER = "auv_fault"
+WEIGHTS = Path(__file__).parent / "weights"  # those that come with the package, each with its card
+
+
+def write(path: str | Path, tensors: Mapping[str, np.ndarray], header: Mapping[str, Any]) -> None:
+    """Write tensors and header, aside first, so that a reader never finds half a file."""
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, aside = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
+        os.close(handle)
+        try:
+            contiguous = {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()}
+            save_file(contiguous, aside, metadata={HEADER: json.dumps(header, sort_keys=True)})
+            os.chmod(aside, 0o644)
+            os.replace(aside, path)
+        finally:
+            Path(aside).unlink(missing_ok=True)
+    except OSError as error:
+        allowed = f"a place that can be written ({error.strerror or error})"
+        raise refusal("weights file", str(path), allowed, "choose another path") from None
+
+
+def read(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Tensors and header of a file that `write` made; anything else is refused in one line."""
+    if not Path(path).is_file():
+        raise refusal("weights file", str(path), "an existing safetensors file", "check the path, or train first")
+    try:
+        with safe_open(path, framework="numpy") as file:
+            tensors = {name: file.get_tensor(name) for name in file.keys()}
+            header = json.loads((file.metadata() or {})[HEADER])
+    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        allowed = f"a complete safetensors file of this package ({reason})"
+        raise refusal("weights file", str(path), allowed, "copy it again, or train anew") from None
+    return tensors, header
+
+
+def checked(
+    path: str | Path, tensors: Mapping[str, np.ndarray], shapes: Mapping[str, tuple[int, ...]]
+) -> dict[str, np.ndarray]:
+    """The tensors if they have these names and shapes and are finite: the architecture that is to take them."""
+    got = {name: tensor.shape for name, tensor in tensors.items()}
+    if got != dict(shapes):
+        names = sorted(set(got) ^ set(shapes)) or [name for name in shapes if got[name] != shapes[name]]
+        shown = {name: got.get(name) for name in names[:3]}
+        allowed = f"its architecture, {{{', '.join(f'{name}: {shapes.get(name)}' for name in names[:3])}}}"
+        raise refusal(f"tensors of {path}", shown, allowed, "take weights of this diagnoser")
+    for name, tensor in tensors.items():
+        if not np.isfinite(tensor).all():
+            raise refusal(f"tensor {name} of {path}", "NaN or infinity", "finite weights", "train anew")
+    return dict(tensors)

@@ -1,0 +1,98 @@
+"""Episodes streamed from the fleet: what the diagnosers learn from and are tried on. Nothing is kept on disk."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from auv_fault_env.channels import CHANNELS
+from auv_fault_env.faults import CATALOGUE, classes
+from auv_fault_env.fleet import Fleet
+from auv_fault_env.layout import Plan
+from auv_fault_env.missions import Mission
+from auv_fault_env.parameters import SAMPLE_TIME
+from auv_fault_env.schedules import PROFILE, Schedule
+
+
+class Rollout(NamedTuple):
+    """Episodes of many lanes, time first.
+
+    observations (n_samples, n_lanes, n_channels) float32; label (n_samples, n_lanes), index in `classes()` of the worst
+    fault present, 0 for normal; severity (n_samples, n_lanes) of that fault; onset (n_lanes,) [s] of the first fault,
+    infinite if there is none; healthy (n_lanes, n_parameters), the vehicle without its faults.
+    """
+
+    observations: np.ndarray
+    label: np.ndarray
+    severity: np.ndarray
+    onset: np.ndarray
+    healthy: np.ndarray
+
+
+def roll_out(
+    fleet: Fleet,
+    seeds: Sequence[int],
+    n_samples: int,
+    actions: np.ndarray | None = None,
+    schedules: Sequence[Schedule] | None = None,
+    missions: Sequence[Mission] | None = None,
+) -> Rollout:
+    """Run an episode on every lane.
+
+    Parameters
+    ----------
+    fleet
+        The vehicles; what they draw without schedules and missions is theirs to say.
+    seeds
+        One per lane.
+    n_samples
+        Length of the episodes, the reading at the start included.
+    actions
+        (n_samples, n_lanes, 3) added to (mission speed [m/s], rudder 0, stern plane 0); None follows the mission.
+    schedules, missions
+        One per lane, as for `Fleet.reset`.
+    """
+    observation = fleet.reset(seeds, schedules=schedules, missions=missions)
+    observations = np.empty((n_samples, fleet.n_lanes, len(CHANNELS)), np.float32)
+    observations[0] = observation
+    for k in range(1, n_samples):
+        action = observation[:, :1] * [1.0, 0.0, 0.0]
+        observation = fleet.step(action if actions is None else action + actions[k])
+        observations[k] = observation
+    label, severity = targets(fleet.plan, n_samples)
+    onset = np.where(fleet.plan.fault >= 0, fleet.plan.profile[:, :, 0], np.inf).min(axis=1, initial=np.inf)
+    return Rollout(observations, label, severity, onset, fleet.plan.healthy.copy())
+
+
+def targets(plan: Plan, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Label and severity over time, each (n_samples, n_lanes), of the worst fault that has begun and not ended.
+
+    An intermittent fault counts as present between its bursts: a vehicle with a loose contact is not healthy.
+    """
+    time = np.arange(-1, n_samples - 1) * SAMPLE_TIME  # a sample shows the severities of the step that led to it
+    names = list(classes())
+    of_fault = np.array([names.index(fault.diagnosis) for fault in CATALOGUE.values()])
+    label = np.zeros((n_samples, len(plan.fault)), np.int64)
+    worst = np.zeros(label.shape, np.float32)
+    for fault, profile in zip(plan.fault.T, plan.profile.swapaxes(0, 1), strict=True):
+        onset, severity, ramp, end = (profile[:, PROFILE.index(name)] for name in ("onset", "severity", "ramp", "end"))
+        since = time[:, None] - onset + 1e-9
+        grown = severity * np.clip(since / np.maximum(ramp, 1e-9), 0.0, 1.0)
+        grown = np.where((fault >= 0) & (since >= 0.0) & (time[:, None] < end), grown, 0.0)
+        label = np.where(grown > worst, of_fault[fault], label)
+        worst = np.maximum(worst, grown.astype(np.float32))
+    return label, worst
+
+
+def manoeuvres(seed: int, n_samples: int, n_lanes: int) -> np.ndarray:
+    """Random stimuli, (n_samples, n_lanes, 3) for `roll_out`: square waves around the mission speed, rudder and planes.
+
+    Half of the lanes follow the mission as it is; the others swing by up to 0.15 m/s with half-periods of 2 to 12 s. A
+    third of them uses rudder and stern plane as well, up to 0.3 rad.
+    """
+    random = np.random.default_rng(seed)
+    time = np.arange(n_samples)[:, None, None] * SAMPLE_TIME
+    half, phase = random.uniform(2.0, 12.0, (n_lanes, 3)), random.uniform(0.0, 24.0, (n_lanes, 3))
+    amplitude = random.uniform(0.0, 1.0, (n_lanes, 3)) * [0.15, 0.3, 0.3]
+    amplitude *= random.uniform(size=(n_lanes, 3)) < [0.5, 0.3, 0.3]
+    return amplitude * np.where(np.floor((time + phase) / half) % 2 == 0, 1.0, -1.0)
