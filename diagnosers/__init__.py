@@ -4,6 +4,7 @@
 diagnoser of your own joins by one line: ``diagnosers.REGISTRY["mine"] = Entry("my_package.my_module:MyDiagnoser")``.
 """
 
+from diagnosers.checks import check_diagnoser
 from diagnosers.diagnoser import UNKNOWN, Belief, Diagnoser, Recursive, decide
 from diagnosers.registry import NAMES, REGISTRY, Entry, load, make, ranked
 
@@ -15,6 +16,7 @@ __all__ = [
     "Diagnoser",
     "Entry",
     "Recursive",
+    "check_diagnoser",
     "decide",
     "load",
     "make",

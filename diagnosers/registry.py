@@ -13,7 +13,7 @@ from diagnosers.diagnoser import Diagnoser
 
 
 class Entry(NamedTuple):
-    """The class of a diagnoser, best as "module:Class" so that heavy libraries load on demand; does it compete?"""
+    """The class of a diagnoser, best as "module:Class" so that heavy libraries load on demand, and if it competes."""
 
     target: str | type
     ranked: bool = True

@@ -25,14 +25,14 @@ def write(path: str | Path, tensors: Mapping[str, np.ndarray], header: Mapping[s
         handle, aside = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
         os.close(handle)
         try:
-            contiguous = {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()}
+            contiguous = {name: np.asarray(tensor, order="C") for name, tensor in tensors.items()}
             save_file(contiguous, aside, metadata={HEADER: json.dumps(header, sort_keys=True)})
             os.chmod(aside, 0o644)
             os.replace(aside, path)
         finally:
             Path(aside).unlink(missing_ok=True)
-    except OSError as error:
-        allowed = f"a place that can be written ({error.strerror or error})"
+    except (OSError, SafetensorError) as error:  # safetensors reports a full disk by an exception of its own
+        allowed = f"a place that can be written ({getattr(error, 'strerror', None) or error})"
         raise refusal("weights file", str(path), allowed, "choose another path") from None
 
 

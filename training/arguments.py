@@ -2,19 +2,23 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, arg
 
 
 @dataclass(frozen=True)
 class Reproduce:
-    """Run the thesis' test runs and show our figures beside the thesis'."""
+    """Run the thesis' test runs, train its networks, and show our figures beside the thesis'."""
 
     output: Path = Path("runs/reproduce")
     """Folder of the report; an earlier report there is replaced."""
     seed: int = 0
-    """First seed of the noisy runs."""
+    """First seed of the noisy runs, and of the networks."""
     seeds: int = 20
     """Number of noisy runs of each test."""
+    networks: int = 10
+    """Number of networks of each kind; their spread is shown."""
 
 
 @dataclass(frozen=True)
@@ -45,4 +49,38 @@ class Simulate:
     """Files to write."""
 
 
-COMMANDS: dict[str, type] = {"reproduce": Reproduce, "simulate": Simulate}
+@dataclass(frozen=True)
+class Train:
+    """Train a diagnoser's network; a run that was broken off goes on with the same command."""
+
+    name: Annotated[Positional[str], arg(metavar="NAME")]
+    """Diagnoser to train: raw_network, kalman_network or integrated."""
+    output: Path | None = None
+    """Folder of weights, card and report, runs/train-NAME if not given; the checkpoint lies in OUTPUT-unfinished."""
+    seed: int = 0
+    """Seed of all that is random; with the same number of threads (OMP_NUM_THREADS) it gives the same weights."""
+    epochs: int | None = None
+    """Most epochs to train, to shorten a run; the trainer's own number if not given."""
+    install: bool = False
+    """Copy weights and card into the package, where the diagnoser finds them; works on a finished run too."""
+    restart: bool = False
+    """Discard the checkpoint and train anew; a finished run at the output is replaced once the new one is complete."""
+
+
+@dataclass(frozen=True)
+class Validate:
+    """Compare the diagnosers on episodes of their own: isolation time, macro-F1, severity, calibration, speed."""
+
+    output: Path = Path("runs/validate")
+    """Folder of the report; an earlier run there is replaced."""
+    diagnosers: tuple[str, ...] = ()
+    """Diagnosers to compare; all of the registry if none is given."""
+    seed: int = 0
+    """Offset within the validation seeds."""
+    lanes: int = 1000
+    """Number of faulty vehicles, one episode each."""
+    hours: float = 20.0
+    """Healthy operation on which the thresholds are set, and as much again on which false alarms are counted [h]."""
+
+
+COMMANDS: dict[str, type] = {"reproduce": Reproduce, "simulate": Simulate, "train": Train, "validate": Validate}

@@ -20,8 +20,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         signal.signal(number, _end)
     try:
         return _run(name, command)
-    except KeyboardInterrupt:
-        print(f"auv-fault {name}: stopped; nothing was left behind", file=sys.stderr)
+    except KeyboardInterrupt as stop:
+        print(f"auv-fault {name}: stopped; {str(stop) or 'nothing was left behind'}", file=sys.stderr)
         return 130
 
 

@@ -1,25 +1,17 @@
 """Figures: functions that take data and return the figure."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from training import diagnosis_plots, network_plots
+from training.plot_style import COMMAND, PORT, SPEED, STARBOARD, STYLE, TRUTH, legend_above
+
 Series = Sequence[float]
 Lines = Mapping[str, Series]  # clean, mean and std over time
-PORT, STARBOARD, SPEED, COMMAND, TRUTH = "#c0392b", "#1e8449", "#1f4e79", "#8a949e", "#111111"
-STYLE = {
-    "font.size": 9,
-    "axes.grid": True,
-    "grid.color": "#e3e8ec",
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "auv-fault",
-}
 
 
 def filter_response(
@@ -44,7 +36,7 @@ def filter_response(
             for change in speed_changes:
                 axis.axvline(change, color=COMMAND, lw=0.6, ls=":")
             axis.set(xlabel="time [s]", ylabel=f"{name} [{units[name]}]", xlim=(time[0], time[-1]))
-        _legend_above(figure, axes.flat)
+        legend_above(figure, axes.flat)
     return figure
 
 
@@ -68,17 +60,8 @@ def transients(time: Series, panels: Mapping[str, Mapping[str, Lines]], onset: f
             axis.set(ylabel=label, xlim=(time[0], time[-1]))
         for axis in axes[1]:
             axis.set_xlabel("time [s]")
-        _legend_above(figure, axes.flat)
+        legend_above(figure, axes.flat)
     return figure
-
-
-def _legend_above(figure: Figure, axes: Iterable[Axes]) -> None:
-    """One legend for all panels, above them, each name once."""
-    entries = {}
-    for axis in axes:
-        handles, names = axis.get_legend_handles_labels()
-        entries |= dict(zip(names, handles, strict=True))
-    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=len(entries), frameon=False)
 
 
 def _dash(name: str) -> str:
@@ -100,7 +83,22 @@ def consistency(time: Series, summaries: Sequence[Mapping]) -> Figure:
                 axis.set_ylabel(f"{key}, {summary['name']}")
         for axis in grid[-1]:
             axis.set_xlabel("time [s]")
-        _legend_above(figure, grid.flat)
+        legend_above(figure, grid.flat)
+    return figure
+
+
+def learning_curve(train: Series, validation: Series, best: int) -> Figure:
+    """Losses over the epochs, counted from 1; `best` is the epoch whose weights were kept."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(9.6, 3.6), layout="constrained")
+        axis = figure.subplots()
+        epochs = np.arange(1, len(train) + 1)
+        axis.plot(epochs, train, color=SPEED, lw=1.2, marker=".", label="training")
+        axis.plot(epochs, validation, color=PORT, lw=1.2, marker=".", label="validation")
+        axis.plot(best, validation[best - 1], "o", color=TRUTH, fillstyle="none", ms=9, ls="", label="weights kept")
+        axis.set(xlabel="epoch", ylabel="loss")
+        axis.xaxis.get_major_locator().set_params(integer=True)
+        legend_above(figure, [axis])
     return figure
 
 
@@ -108,4 +106,14 @@ PLOTS: dict[str, Callable[..., Figure]] = {
     "filter_response": filter_response,
     "transients": transients,
     "consistency": consistency,
+    "learning_curve": learning_curve,
+    "isolation_curves": diagnosis_plots.isolation_curves,
+    "confusion_matrix": diagnosis_plots.confusion_matrix,
+    "reliability_diagrams": diagnosis_plots.reliability_diagrams,
+    "severities": diagnosis_plots.severities,
+    "recall": network_plots.recall,
+    "confusion_by_size": network_plots.confusion_by_size,
+    "decision_surfaces": network_plots.decision_surfaces,
+    "network_response": network_plots.network_response,
+    "trajectories": network_plots.trajectories,
 }

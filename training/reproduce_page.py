@@ -1,6 +1,5 @@
 """What `auv-fault reproduce` reports: the rows thesis | ours | command, the figures' data, and why ours differs."""
 
-from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -9,7 +8,6 @@ import numpy as np
 from auv_fault_env.parameters import FOOT, SAMPLE_RATE
 from training.appendix_a import appendix_section, constants_section
 from training.comparison import ALPHA, ALPHA_FT, BETA, BETA_FT, TRUE, VEHICLE, Comparison, percent, scaled
-from training.thesis_runs import Recording
 
 COLUMNS = [
     "where",
@@ -26,18 +24,17 @@ SPEED_CHANGES = [10.0, 20.0, 30.0, 40.0, 50.0]
 LINES = " Lines: noise-free; bands: mean ± one standard deviation of the noisy runs."
 
 
-def page(clean: Recording, noisy: Recording, runs: Sequence[str], command: str) -> dict[str, Any]:
-    """The whole report as plain data."""
-    view = Comparison(clean, noisy, runs, command)
+def page(view: Comparison) -> dict[str, Any]:
+    """The report on the test runs as plain data."""
     return {
-        "title": "Test runs of the thesis, chapters III to V: ours beside theirs",
-        "command": command,
+        "title": "The thesis reproduced, chapters III to VI: ours beside theirs",
+        "command": view.command,
         "intro": [
             "Neural network based propulsion system fault diagnostics for the NPS AUV II, Naval Postgraduate "
             "School, June 1992. The plant, both controllers and the parameter filter run the thesis' test runs "
             "anew: noise-free, as the thesis must have run them, and again with this project's default sensor "
-            f"noise, mean ± standard deviation over {noisy.mean.shape[2]} seeds. The vehicle is the nominal one in "
-            "still water. In the noise-free runs the filter assumes a tenth of the default noise, else it knows "
+            f"noise, mean ± standard deviation over {view.noisy.mean.shape[2]} seeds. The vehicle is the nominal one "
+            "in still water. In the noise-free runs the filter assumes a tenth of the default noise, else it knows "
             "the noise.",
             "Controller gains, the size of the faults of V.C, the propellers' inertia and the noise are not in "
             "the thesis; ours are documented defaults, so transients agree in kind, not point by point.",
@@ -47,7 +44,7 @@ def page(clean: Recording, noisy: Recording, runs: Sequence[str], command: str) 
             responses(view),
             transient_sections(view),
             start_section(view),
-            appendix_section(COLUMNS, command),
+            appendix_section(COLUMNS, view.command),
             constants_section(VEHICLE),
         ],
     }

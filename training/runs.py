@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from auv_fault_env.errors import refusal
 
-PACKAGES = ("auv-fault", "gymnasium", "matplotlib", "numba", "numpy", "pyarrow", "scipy")
+PACKAGES = ("auv-fault", "gymnasium", "matplotlib", "numba", "numpy", "pyarrow", "safetensors", "scipy", "torch")
 MANIFEST = "manifest.json"
 
 
@@ -37,9 +37,7 @@ def run_folder(output: Path, name: str, arguments: Any) -> Iterator[Path]:
     An earlier run at `output` is replaced; anything else there, and a place that cannot be written, is refused. Only a
     killed process (SIGKILL) can leave something: a hidden folder beside `output`.
     """
-    output = Path(output).resolve()
-    if os.path.lexists(output) and not _is_run(output) and not _is_empty_folder(output):
-        raise refusal("output", str(output), "a new folder or that of an earlier run", "choose another --output")
+    output = free_place(output)
     run = Unfinished([], _missing_parents(output))
     unfinished.append(run)
     try:
@@ -61,6 +59,24 @@ def run_folder(output: Path, name: str, arguments: Any) -> Iterator[Path]:
         unfinished.remove(run)
 
 
+def free_place(output: Path) -> Path:
+    """The resolved path if a run may be put there: where nothing is, or an earlier run; else a refusal."""
+    output = Path(output).resolve()
+    if os.path.lexists(output) and earlier_run(output) is None and not _is_empty_folder(output):
+        raise refusal("output", str(output), "a new folder or that of an earlier run", "choose another --output")
+    return output
+
+
+def earlier_run(path: Path) -> dict[str, Any] | None:
+    """The manifest of the run at `path`; None if there is no run."""
+    try:
+        manifest = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    ours = isinstance(manifest, dict) and str(manifest.get("command", "")).startswith("auv-fault ")
+    return manifest if ours else None
+
+
 def abandon() -> None:
     """Remove what unfinished runs have written, for a run that has failed or a process that is about to end."""
     for run in unfinished:
@@ -73,14 +89,6 @@ def abandon() -> None:
 def write_json(path: Path, content: Any) -> None:
     """Write JSON that any reader takes: no NaN, no infinity."""
     path.write_text(json.dumps(content, indent=1, allow_nan=False), encoding="utf-8")
-
-
-def _is_run(path: Path) -> bool:
-    try:
-        manifest = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    return isinstance(manifest, dict) and str(manifest.get("command", "")).startswith("auv-fault ")
 
 
 def _is_empty_folder(path: Path) -> bool:
@@ -109,9 +117,14 @@ def _manifest(name: str, arguments: Any) -> dict[str, Any]:
         "command": f"auv-fault {name}",
         "arguments": asdict(arguments),
         "given": sys.argv[1:],
-        "versions": {"python": platform.python_version()} | {package: _version(package) for package in PACKAGES},
-        "revision": _revision(),
+        **provenance(),
     }
+
+
+def provenance() -> dict[str, Any]:
+    """Versions of Python and the packages, and the git revision: what made a result, besides its command."""
+    versions = {"python": platform.python_version()} | {package: _version(package) for package in PACKAGES}
+    return {"versions": versions, "revision": _revision()}
 
 
 def _version(package: str) -> str | None:

@@ -1,10 +1,13 @@
 import json
+import re
 
 import numpy as np
 import pytest
 
 from auv_fault_env.parameters import FOOT, PRESETS
-from training import cli
+from training import cli, kalman_network_study, raw_network_study, recommendation_page
+from training.reproduce import print_table
+from training.reproduce_page import COLUMNS
 from training.thesis_runs import STEPS, TEST_RUNS, record
 
 ALPHA, BETA = 0, 1
@@ -70,20 +73,63 @@ def test_mean_innovation_of_a_healthy_vehicle_is_one(noisy):
     assert noisy.nis[50:, list(TEST_RUNS).index("normal")].mean() == pytest.approx(1.0, abs=0.05)
 
 
-def test_command_writes_a_self_contained_report(tmp_path, capsys):
-    assert cli.main(["reproduce", "--output", str(tmp_path / "report"), "--seeds", "2"]) == 0
-    page = (tmp_path / "report" / "index.html").read_text()
-    results = json.loads((tmp_path / "report" / "results.json").read_text())
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """The whole command with few seeds and networks, a hundredth of the training and a small comparison."""
+    folder = tmp_path_factory.mktemp("reproduce") / "report"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(raw_network_study, "CHECKPOINTS", (240, 600, 900, 1_500))
+        patch.setattr(kalman_network_study, "CHECKPOINTS", (1_000, 2_000))
+        patch.setattr(recommendation_page, "LANES", 8)
+        patch.setattr(recommendation_page, "HOURS", 0.05)
+        assert cli.main(["reproduce", "--output", str(folder), "--seeds", "2", "--networks", "2"]) == 0
+    return folder
+
+
+def test_command_writes_a_self_contained_report(report, capsys):
+    page = (report / "index.html").read_text()
+    results = json.loads((report / "results.json").read_text())
     figures = [figure["name"] for section in results["sections"] for figure in section.get("figures", ())]
     for name in figures:
-        assert (tmp_path / "report" / "figures" / f"{name}.png").stat().st_size > 10_000
-    assert page.count("data:image/svg+xml;base64,") == len(figures) == 9
+        assert (report / "figures" / f"{name}.png").stat().st_size > 10_000
+    assert page.count("data:image/svg+xml;base64,") == len(figures) == len(set(figures)) >= 15
     assert "http" not in page.replace("http://www.w3.org", "")
     for number in ("-0.0332 1/ft", "2.1945e-07", "-50 %", "8.5", "5.81"):
         assert number in page
-    manifest = json.loads((tmp_path / "report" / "manifest.json").read_text())
-    assert manifest["arguments"]["seeds"] == 2
+    assert (report / "results.json").stat().st_size < 10e6
+    manifest = json.loads((report / "manifest.json").read_text())
+    assert manifest["arguments"]["seeds"] == manifest["arguments"]["networks"] == 2
+    print_table(results)
     assert "IV.C" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "place",
+    [f"Fig. {number}" for number in "4.1 4.2 5.1 5.7 5.8 5.9 5.10 5.12 5.14 5.15 5.16 5.17 5.19 5.20".split()]
+    + ["V.C.1", "V.D.1", "VI.A", "VI.B"],
+)
+def test_every_result_of_the_thesis_has_its_row(report, place):
+    sections = json.loads((report / "results.json").read_text())["sections"]
+    rows = [
+        row for part in sections if part.get("table", {}).get("columns") == COLUMNS for row in part["table"]["rows"]
+    ]
+    found = [row for row in rows if re.search(rf"{re.escape(place)}(?!\d)", row[0])]
+    assert found
+    for row in found:
+        assert row[COLUMNS.index("verdict (noise-free)")] in ("agrees", "differs", "not judged", "-")
+        assert row[COLUMNS.index("command")] == "auv-fault reproduce --seed 0 --seeds 2 --networks 2"
+
+
+@pytest.mark.parametrize("table", ["Table 5.1", "Table 5.2"])
+def test_tables_of_operating_modes_are_there(report, table):
+    sections = json.loads((report / "results.json").read_text())["sections"]
+    (section,) = [section for section in sections if section["heading"].startswith(table)]
+    assert section["table"]["rows"][0][0] == "normal"
+
+
+def test_too_few_networks_show_no_spread(tmp_path, capsys):
+    assert cli.main(["reproduce", "--output", str(tmp_path / "report"), "--networks", "1"]) == 2
+    assert "networks: got 1" in capsys.readouterr().err
 
 
 def test_recordings_hold_the_whole_run(clean):

@@ -1,0 +1,165 @@
+"""The motors' filters in the bank: healthy deviations of four parameters and the severity, from current and rpm.
+
+Given the voltage reading, the shaft equation's closed form (`physics.spin`) predicts the rpm reading, and Ohm's law the
+current. The voltage's noise enters both predictions, so both measurements are made independent first.
+"""
+
+from auv_fault_env.compiling import kernel, scalar
+from auv_fault_env.parameters import SAMPLE_TIME
+from auv_fault_env.physics import RPM, Shaft, armature_current, motor, spin
+from diagnosers.bank_algebra import N_STATES, SEVERITY, condition
+from diagnosers.bank_sensors import GAIN, LEAST_GAIN, NOISE, deliver, meant, shown
+
+# Rows of a motor's parameters, `hypotheses.OWN`
+(C1, C2, RESISTANCE, TORQUE_CONSTANT, COULOMB_FRICTION, VISCOUS_FRICTION, INERTIA) = range(7)
+VOLTAGE, CURRENT, SPEED = 7, 12, 17  # first row of each sensor
+N_MOTOR_ROWS = 22
+DEVIATIONS = (TORQUE_CONSTANT, RESISTANCE, COULOMB_FRICTION, C1)  # parameters whose healthy deviation is a state
+STEP = 1e-4  # of the forward differences
+STANDING = 10.0  # rpm; below, the shaft may stand, and where it begins to turn no linear model tells
+STANDING_BLUR = 15.0  # rpm, standard deviation of the prediction there
+
+
+@kernel
+def form(values, by_severity, x, part, base, slope, offset):
+    """Write the parameters (22, n_filters) at the filters' means, and their derivatives by severity."""
+    for r in range(N_MOTOR_ROWS):
+        for f in range(part[0], part[1]):
+            values[r, f] = base[r]
+    for i in range(SEVERITY):
+        for f in range(part[0], part[1]):
+            values[DEVIATIONS[i], f] *= 1.0 + x[i, f]
+    for r in range(N_MOTOR_ROWS):
+        for f in range(part[0], part[1]):
+            by_severity[r, f] = values[r, f] * slope[r, f] + offset[r, f]
+            values[r, f] += x[SEVERITY, f] * by_severity[r, f]
+
+
+@scalar
+def expected(values, f, readings, heard_voltage, heard_rpm, start, speed, shift, water):
+    """The shaft speed [rad/s], and what rpm counter and current sensor should show, at a shift of the true voltage.
+
+    A lost voltage is replaced by what current and shaft speed say of it, a lost shaft speed by its prediction.
+    """
+    resistance, flux = values[RESISTANCE, f], values[TORQUE_CONSTANT, f]
+    friction = values[COULOMB_FRICTION, f], values[VISCOUS_FRICTION, f]
+    shaft = Shaft(0.0, values[C1, f], values[C2, f], resistance, flux, friction[0], friction[1], values[INERTIA, f])
+    turning = max(meant(values, SPEED, f, readings[2]), 0.0) / RPM
+    read = meant(values, VOLTAGE, f, readings[0])
+    balanced = resistance * meant(values, CURRENT, f, readings[1]) + flux * turning
+    voltage = shift + (read if heard_voltage > 0.0 else balanced)
+    predicted = spin(start, motor(shaft, water, voltage), speed, 0.0, SAMPLE_TIME)
+    current = armature_current(shaft, turning if heard_rpm > 0.0 else predicted, voltage)
+    return predicted, shown(values, SPEED, f, RPM * predicted), shown(values, CURRENT, f, current)
+
+
+@kernel
+def expect(values, part, readings, delivered, start, speed, shift, water, out):
+    """`expected` of every filter into out (3, n_filters)."""
+    for f in range(part[0], part[1]):
+        heard = delivered[0, f], delivered[2, f]
+        one = expected(values, f, readings, heard[0], heard[1], start[f], speed[f], shift, water)
+        out[0, f], out[1, f], out[2, f] = one
+
+
+@kernel
+def slopes(part, trial, out, step, on_rpm, on_current):
+    """Forward differences (n_filters,) of the expected readings."""
+    for f in range(part[0], part[1]):
+        on_rpm[f] = (trial[1, f] - out[1, f]) / step
+        on_current[f] = (trial[2, f] - out[2, f]) / step
+
+
+@kernel
+def nudge(values, by_severity, part, k, step):
+    """Move the parameters by `step` of severity, or of the k-th healthy deviation."""
+    for r in range(N_MOTOR_ROWS):
+        for f in range(part[0], part[1]):
+            values[r, f] += step * by_severity[r, f] if k == SEVERITY else 0.0
+    if k < SEVERITY:
+        row = DEVIATIONS[k]
+        for f in range(part[0], part[1]):
+            values[row, f] *= 1.0 + step
+
+
+@kernel
+def differentiate(x, part, base, slope, offset, readings, start, speed, water, work):
+    """Fill the expected readings, and their gradients by the states and by the voltage (index -1)."""
+    values, out, trial = work.values, work.expected, work.trial
+    for k in range(-2, N_STATES):
+        if k >= 0:
+            nudge(values, work.by_severity, part, k, STEP)
+        shift = STEP if k == -1 else 0.0
+        expect(values, part, readings, work.delivered, start, speed, shift, water, out if k == -2 else trial)
+        if k == -1:
+            slopes(part, trial, out, STEP, work.by_voltage[0], work.by_voltage[1])
+        if k >= 0:
+            slopes(part, trial, out, STEP, work.gradient[k], work.second[k])
+            form(values, work.by_severity, x, part, base, slope, offset)
+
+
+@kernel
+def decorrelate(part, readings, work):
+    """Fill innovations and variances of both measurements; take out of the current what the rpm reading explains."""
+    values, by_voltage = work.values, work.by_voltage
+    still = STANDING_BLUR**2 if readings[2] < STANDING else 0.0
+    for f in range(part[0], part[1]):
+        ohms = values[RESISTANCE, f]
+        deaf = ohms * values[CURRENT + NOISE, f] / max(values[CURRENT + GAIN, f], LEAST_GAIN)
+        heard = values[VOLTAGE + NOISE, f] / max(values[VOLTAGE + GAIN, f], LEAST_GAIN)
+        blur = heard if work.delivered[0, f] > 0.0 else deaf
+        counter = values[SPEED + NOISE, f]
+        turning = values[CURRENT + GAIN, f] * values[TORQUE_CONSTANT, f] / (ohms * RPM)
+        turning *= counter * work.delivered[2, f] / max(values[SPEED + GAIN, f], LEAST_GAIN)
+        on_rpm, on_current = by_voltage[0, f] * blur, by_voltage[1, f] * blur
+        work.variance[0, f] = counter * counter + on_rpm * on_rpm + still
+        shared = on_rpm * on_current + turning * counter
+        ratio = work.delivered[2, f] * shared / work.variance[0, f]
+        work.variance[1, f] = values[CURRENT + NOISE, f] ** 2 + on_current**2 + turning**2 - ratio * shared
+        work.innovation[0, f] = readings[2] - work.expected[1, f]
+        work.innovation[1, f] = readings[1] - work.expected[2, f] - ratio * work.innovation[0, f]
+        work.shift[f] = ratio
+        work.delivered[1, f] *= work.delivered[0, f]
+    for i in range(N_STATES):
+        for f in range(part[0], part[1]):
+            work.second[i, f] -= work.shift[f] * work.gradient[i, f]
+
+
+@kernel
+def relocate(x, part, gradient, innovation, sign):
+    """Move an innovation by what its gradient says of the mean: before a condition with +1, after it with -1."""
+    for i in range(N_STATES):
+        for f in range(part[0], part[1]):
+            innovation[f] += sign * gradient[i, f] * x[i, f]
+
+
+@kernel
+def believe(x, part, readings, base, slope, offset, turning, work):
+    """Write the shaft speeds [rad/s] that the filters believe in, with slope by severity and noise, for surge."""
+    values = work.values
+    form(values, work.by_severity, x, part, base, slope, offset)
+    for f in range(part[0], part[1]):
+        heard, gain = work.delivered[2, f], max(values[SPEED + GAIN, f], LEAST_GAIN)
+        read = meant(values, SPEED, f, readings[2]) / RPM
+        turning[f] = read if heard > 0.0 else work.expected[0, f]
+        tilt = work.by_severity[SPEED, f] / RPM + work.by_severity[SPEED + GAIN, f] * read
+        work.turning_slope[f] = -heard * tilt / gain
+        blur = abs(work.by_voltage[0, f]) * values[VOLTAGE + NOISE, f]
+        work.turning_noise[f] = (values[SPEED + NOISE, f] if heard > 0.0 else blur) / gain
+
+
+@kernel
+def update(x, part, base, slope, offset, seen, channel, start, speed, turning, water, work):
+    """One sample of all filters of a motor, whose first reading is `channel`: adds to the evidence, writes `turning`."""
+    readings, evidence = seen.reading[channel : channel + 3], work.evidence
+    form(work.values, work.by_severity, x, part, base, slope, offset)
+    for k in range(3):
+        deliver(work.values, part, VOLTAGE + 5 * k, seen, channel + k, work.delivered[k], evidence)
+    differentiate(x, part, base, slope, offset, readings, start, speed, water, work)
+    decorrelate(part, readings, work)
+    innovation, variance, delivered = work.innovation, work.variance, work.delivered
+    relocate(x, part, work.second, innovation[1], 1.0)
+    condition(x, part, work.gradient, innovation[0], variance[0], delivered[2], work.crossed, work.shift, evidence)
+    relocate(x, part, work.second, innovation[1], -1.0)
+    condition(x, part, work.second, innovation[1], variance[1], delivered[1], work.crossed, work.shift, evidence)
+    believe(x, part, readings, base, slope, offset, turning, work)

@@ -1,0 +1,186 @@
+"""Does a diagnoser keep the rules? `check_diagnoser` tries it on a small fleet and names the first rule it breaks."""
+
+import tempfile
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+
+from auv_fault_env.channels import CHANNELS, READINGS
+from auv_fault_env.errors import refusal, whole_number
+from auv_fault_env.faults import NORMAL
+from auv_fault_env.fleet import Fleet
+from auv_fault_env.schedules import FaultEvent
+from diagnosers.diagnoser import Belief, Diagnoser
+from diagnosers.registry import load
+
+N_SAMPLES = 120
+FAULTS = ("increased_drag", "propeller_loss:port", "motor_overheating:starboard", "sensor_dropout:speed")
+SCHEDULES = ((), (), *((FaultEvent(fault, onset=5.0, severity=0.8),) for fault in FAULTS))
+SHORT = 25  # samples of the checks that run the diagnoser many times
+SUM_TOLERANCE, BATCH_TOLERANCE = 1e-6, 1e-4  # networks compute in float32
+
+
+def check_diagnoser(diagnoser: Diagnoser, seed: int = 0) -> None:
+    """Raise `InputError`, one line, if the diagnoser breaks a rule of `Diagnoser`; about 2000 updates, and it is reset.
+
+    It is run on six lanes of which four have a fault. Checked are its classes, that every belief is one, that it is
+    causal, batches like single lanes, resets, stands silent and dropped channels, refuses a wrong shape, and, if it can
+    be saved, is loaded as it was. Misleads: it says nothing of how good the diagnoser is, and a dependence on the
+    future beyond 12 s goes unseen.
+    """
+    observations = _fleet_run(whole_number("seed", seed, 0))
+    for check in CHECKS:
+        check(diagnoser, observations)
+
+
+def _fleet_run(seed: int) -> np.ndarray:
+    """Observations (n_samples, n_lanes, n_channels) of the small fleet."""
+    fleet = Fleet(len(SCHEDULES))
+    observation = fleet.reset(range(seed, seed + len(SCHEDULES)), schedules=SCHEDULES)
+    run = [observation]
+    while len(run) < N_SAMPLES:
+        run.append(fleet.step(run[-1][:, :1] * [1.0, 0.0, 0.0]))
+    return np.array(run, np.float64)
+
+
+def _beliefs(diagnoser: Diagnoser, observations: np.ndarray, when: str = "") -> list[Belief]:
+    diagnoser.reset(observations.shape[1])
+    try:
+        return [diagnoser.update(observation) for observation in observations]
+    except Exception as error:
+        raise refusal(f"update{when}", error, "a belief", "hold the last reading where there is none") from error
+
+
+def _stacked(beliefs: Iterable[Belief]) -> np.ndarray:
+    """Beliefs as one array (n_samples, 3, n_lanes, n_classes): probability, severity mean and std, all near 1."""
+    return np.array([(np.exp(belief[0]), *belief[1:]) for belief in beliefs])
+
+
+def _demand(kept: bool, thing: str, got, allowed: str, remedy: str) -> None:
+    if not kept:
+        raise refusal(thing, got, allowed, remedy)
+
+
+def _demand_belief(diagnoser: Diagnoser, belief: Belief, n_lanes: int, when: str) -> None:
+    """Every array of the right shape, finite and within its range, every row of probabilities summing to 1."""
+    _demand(isinstance(belief, Belief), f"belief{when}", belief, "a Belief", "return one")
+    shape = (n_lanes, len(diagnoser.classes))
+    for name, values in zip(Belief._fields, belief, strict=True):
+        got = getattr(values, "shape", None)
+        _demand(got == shape, f"shape of {name}{when}", got, f"{shape}", "give a row per lane, a column per class")
+        _demand(bool(np.isfinite(values).all()), f"{name}{when}", "NaN or infinity", "finite numbers", "limit it")
+    highest, total = float(belief[0].max()), np.exp(belief[0]).sum(axis=1)
+    worst = float(total[np.abs(total - 1).argmax()])
+    _demand(highest <= SUM_TOLERANCE, f"log_probability{when}", highest, "at most 0", "normalise it")
+    _demand(abs(worst - 1) <= SUM_TOLERANCE, f"sum of probabilities{when}", worst, "1", "normalise them")
+    low, high = float(belief[1].min()), float(belief[1].max())
+    _demand(0 <= low <= high <= 1, f"severity_mean{when}", (low, high), "0 to 1", "clip it")
+    low = float(belief[2].min())
+    _demand(low >= 0, f"severity_std{when}", low, "from 0", "give a standard deviation")
+
+
+def _demand_equal(got: np.ndarray, wanted: np.ndarray, thing: str, allowed: str, remedy: str, tolerance=0.0) -> None:
+    difference = float(np.abs(got - wanted).max())
+    _demand(difference <= tolerance, thing, f"a difference of {difference:.2g}", allowed, remedy)
+
+
+def _check_interface(diagnoser: Diagnoser, observations: np.ndarray) -> None:
+    _demand(isinstance(diagnoser, Diagnoser), "diagnoser", type(diagnoser), "classes, reset and update", "add them")
+    names = diagnoser.classes
+    good = isinstance(names, tuple) and names[:1] == (NORMAL,) and len(set(names)) == len(names) > 1
+    _demand(good, "classes", names, f"a tuple of different names, {NORMAL!r} first", "see auv_fault_env.classes()")
+
+
+def _check_beliefs(diagnoser: Diagnoser, observations: np.ndarray) -> None:
+    for k, belief in enumerate(_beliefs(diagnoser, observations)):
+        _demand_belief(diagnoser, belief, observations.shape[1], f" after sample {k}")
+
+
+def _check_arrays(diagnoser: Diagnoser, observations: np.ndarray) -> None:
+    """What it is given stays as it is, and so does what it has returned."""
+    given, kept, copies = observations.copy(), [], []
+    diagnoser.reset(observations.shape[1])
+    for observation in given:
+        kept.append(diagnoser.update(observation))
+        copies.append(_stacked(kept[-1:]))
+    _demand_equal(given, observations, "observation after update", "the one given", "work on a copy")
+    allowed, remedy = "the belief as it was returned", "return new arrays"
+    _demand_equal(_stacked(kept), np.concatenate(copies), "belief after later updates", allowed, remedy)
+
+
+def _check_causality(diagnoser: Diagnoser, observations: np.ndarray) -> None:
+    half = N_SAMPLES // 2
+    other = np.concatenate([observations[:half], observations[:half][::-1]])
+    one, two = (_stacked(_beliefs(diagnoser, run)[:half]) for run in (observations, other))
+    _demand_equal(one, two, "beliefs before another future", "the same beliefs", "use no later sample")
+
+
+def _check_reset(diagnoser: Diagnoser, observations: np.ndarray) -> None:
+    first, again = (_stacked(_beliefs(diagnoser, observations)) for _ in range(2))
+    _demand_equal(again, first, "beliefs after a second reset", "exactly those after the first", "reset everything")
+
+
+def _check_lanes(diagnoser: Diagnoser, observations: np.ndarray) -> None:
+    batch = _stacked(_beliefs(diagnoser, observations))
+    for lane in range(observations.shape[1]):
+        single = _stacked(_beliefs(diagnoser, observations[:, lane : lane + 1]))
+        thing, allowed = f"lane {lane} alone and in the batch", f"equal beliefs within {BATCH_TOLERANCE:g}"
+        _demand_equal(batch[:, :, lane : lane + 1], single, thing, allowed, "keep lanes apart", BATCH_TOLERANCE)
+
+
+def _check_channels(diagnoser: Diagnoser, observations: np.ndarray) -> None:
+    """Every channel silent (NaN) or dropped (zero) for the whole of a run, and all channels now and then."""
+    names = list(CHANNELS)
+    for value, what, channels in ((np.nan, "silent", names), (0.0, "dropped", READINGS)):
+        for name in channels:
+            run = observations[:SHORT].copy()
+            run[:, :, names.index(name)] = value
+            _check_run(diagnoser, run, f" with {name} {what}")
+        run = observations[:SHORT].copy()
+        run[::3] = value
+        _check_run(diagnoser, run, f" with all channels {what} every third sample")
+
+
+def _check_run(diagnoser: Diagnoser, run: np.ndarray, when: str) -> None:
+    for belief in _beliefs(diagnoser, run, when):
+        _demand_belief(diagnoser, belief, run.shape[1], when)
+
+
+def _check_shapes(diagnoser: Diagnoser, observations: np.ndarray) -> None:
+    for wrong in (observations[0, :-1], observations[0, :, :-1], observations[0, 0]):
+        diagnoser.reset(observations.shape[1])
+        got = "a belief"
+        try:
+            diagnoser.update(wrong)
+        except ValueError:
+            continue
+        except Exception as error:
+            got = error
+        thing = f"update with an observation of shape {wrong.shape} after reset({observations.shape[1]})"
+        raise refusal(thing, got, "a ValueError", "check the shape")
+
+
+def _check_storage(diagnoser: Diagnoser, observations: np.ndarray) -> None:
+    if not hasattr(diagnoser, "save"):
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "diagnoser.safetensors"
+        diagnoser.save(path)
+        loaded = load(path)
+        after, before = (_stacked(_beliefs(one, observations[:SHORT])) for one in (loaded, diagnoser))
+    _demand(loaded.classes == diagnoser.classes, "classes after load", loaded.classes, "those saved", "save them")
+    _demand_equal(after, before, "beliefs after save and load", "equal beliefs", "save all that it has learnt")
+
+
+CHECKS: tuple[Callable[[Diagnoser, np.ndarray], None], ...] = (
+    _check_interface,
+    _check_beliefs,
+    _check_arrays,
+    _check_causality,
+    _check_reset,
+    _check_lanes,
+    _check_channels,
+    _check_shapes,
+    _check_storage,
+)

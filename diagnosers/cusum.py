@@ -1,0 +1,160 @@
+"""Two-sided CUSUM (Page 1954) on the physical residuals; the class by the pattern of the statistics.
+
+Source: Page, "Continuous inspection schemes", Biometrika 41, 1954; as charts of residuals: Basseville & Nikiforov,
+"Detection of Abrupt Changes", Prentice Hall 1993.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.distance import cdist
+from scipy.special import logsumexp
+
+from auv_fault_env.channels import CHANNELS
+from auv_fault_env.faults import CATALOGUE
+from auv_fault_env.fleet import Fleet
+from auv_fault_env.parameters import SAMPLE_RATE, Vehicle, vehicle_of
+from auv_fault_env.schedules import FaultEvent
+from diagnosers.diagnoser import Belief, Recursive
+from diagnosers.kalman import Estimate, SurgeFilter
+from diagnosers.residuals import RESIDUALS, healthy_band, residuals
+
+SIGNALS = (*RESIDUALS, "innovation")
+CHARTS = ("above", "below", "rough", "smooth")  # of each signal: mean up, mean down, scatter up, scatter down
+SLACK = 0.25  # standard deviations, of the drift term beyond the healthy band
+ROUGH_SLACK, SMOOTH_SLACK = 1.5, 0.75  # the same, relative, of the squared differences
+DISTURBED = 0.6  # standard deviations of the disturbance in the drift term
+LIMIT = {  # of the charts of a signal (mean, rough, smooth): what healthy vehicles reach about once an hour
+    "voltage": (12.0, 31.0, 2.8),
+    "torque": (9.0, 31.0, 4.2),
+    "surge": (57.0, 31.0, 2.9),
+    "innovation": (8.7, 31.0, 2.6),
+}
+MEAN, ROUGH, SMOOTH = np.array([LIMIT[name.split("_")[-1]] for name in SIGNALS]).T
+LIMITS = np.concatenate([MEAN, MEAN, ROUGH, SMOOTH])
+GAIN = 4.0  # log odds of a fault per limit
+DEEPEST = 100.0  # largest log odds of a fault
+MISSIONS = ("thesis", 0.2, 0.45)  # of the signatures: a name or a speed [m/s]
+ONSET, AGES = 5.0, (2.0, 6.0, 14.0, 24.0)  # s, of the faults of the signatures, and how old they are
+SEVERITIES = (0.3, 0.6, 1.0)
+WIDTH = 0.5  # of a signature, in logarithms of statistics
+SEVERITY_STD = 0.15  # half the distance between the severities of the signatures
+
+
+class CusumState(NamedTuple):
+    """Lane first: last observation and signals (6), statistics (24), filter; 0 before the first sample, then 1."""
+
+    previous: np.ndarray
+    signals: np.ndarray
+    charts: np.ndarray
+    surge: Estimate
+    begun: np.ndarray
+
+
+class Signatures(NamedTuple):
+    """Statistics that faults leave: pattern (n, 24), class index (n,), severity (n,), log weight (n,) in its class."""
+
+    pattern: np.ndarray
+    label: np.ndarray
+    severity: np.ndarray
+    weight: np.ndarray
+
+
+@dataclass(frozen=True)
+class Cusum(Recursive):
+    """Page's CUSUM, two-sided, on every residual and the speed filter's innovation; and on their squared differences.
+
+    A statistic grows by the normalised signal less a drift term: the shift that the healthy band can cause at this
+    operating point (parameter by parameter, added) and `SLACK`. Squared differences catch noise and held readings.
+    The largest statistic, relative to `LIMITS`, gives the log odds of a fault: `GAIN` each, 0 at the limit.
+    A class is named by its signatures: the statistics that each fault of the catalogue leaves on the nominal vehicle in
+    simulation, at three severities, ages and missions; their kernel density by class and the weighted severity.
+    Limits, slacks and width are calibrated on ``training.seeds.seeds("calibration", ...)``.
+
+    Misleads: statistics never forget, so a fault that is repaired stays for as long as it lasted; a shift within
+    the healthy band is never found; at rest most signals are silent.
+    """
+
+    vehicle: str | Vehicle = "thesis1992"
+    seed: int = 0  # of the signatures' noise
+
+    name = "cusum"
+
+    def __post_init__(self):
+        vehicle_of(self.vehicle)
+
+    @cached_property
+    def _nominal(self) -> Vehicle:
+        return vehicle_of(self.vehicle)
+
+    @cached_property
+    def _filter(self) -> SurgeFilter:
+        return SurgeFilter(self._nominal)
+
+    def initial(self, n_lanes: int) -> CusumState:
+        """All statistics at zero."""
+        charts = np.zeros((n_lanes, len(CHARTS) * len(SIGNALS)))
+        previous, signals = np.zeros((n_lanes, len(CHANNELS))), np.zeros((n_lanes, len(SIGNALS)))
+        return CusumState(previous, signals, charts, self._filter.initial(n_lanes), np.zeros((n_lanes, 1)))
+
+    def step(self, state: CusumState, observation: np.ndarray) -> tuple[CusumState, Belief]:
+        """One step of the charts, and what they say."""
+        state = self._advance(state, observation)
+        return state, self._belief(state.charts)
+
+    def _advance(self, state: CusumState, observation: np.ndarray) -> CusumState:
+        surge = self._filter.update(state.surge, observation)
+        previous = np.where(state.begun > 0.0, state.previous, observation)
+        signals, drift = self._signals(previous, observation, surge)
+        scatter = 0.5 * (signals - state.signals) ** 2
+        smooth = np.where(signals == 0.0, 0.0, 1.0 - scatter - SMOOTH_SLACK)  # a standing shaft is not stuck
+        steps = np.hstack([signals - drift, -signals - drift, scatter - 1.0 - ROUGH_SLACK, smooth])
+        charts = np.maximum(state.charts + steps, 0.0) * state.begun
+        return CusumState(observation, signals, charts, surge, np.ones_like(state.begun))
+
+    def _signals(self, previous: np.ndarray, observation: np.ndarray, surge: Estimate) -> tuple[np.ndarray, np.ndarray]:
+        """Normalised signals (n_lanes, 6) and their drift terms."""
+        values, std = residuals(previous, observation, self._nominal)
+        band = healthy_band(previous, observation, self._nominal)
+        band[:, RESIDUALS.index("surge")] += DISTURBED * self._nominal.disturbance_std
+        innovation = surge.innovation / np.sqrt(surge.innovation_variance)
+        drift = np.column_stack([band / std, np.full(len(std), SLACK)])
+        return np.column_stack([values / std, innovation]), drift + SLACK
+
+    def _belief(self, charts: np.ndarray) -> Belief:
+        odds = np.minimum(GAIN * ((charts / LIMITS).max(axis=1, keepdims=True) - 1.0), DEEPEST)
+        bank, pattern = self._signatures, np.log1p(charts / LIMITS)
+        closeness = bank.weight - 0.5 * cdist(pattern, bank.pattern, "sqeuclidean") / WIDTH**2
+        shape = (len(charts), len(self.classes))
+        evidence, mean, std = np.empty(shape), np.zeros(shape), np.zeros(shape)
+        for k in range(1, len(self.classes)):
+            mine, severity = closeness[:, bank.label == k], bank.severity[bank.label == k]
+            evidence[:, k] = logsumexp(mine, axis=1)
+            share = np.exp(mine - evidence[:, k : k + 1])
+            mean[:, k] = np.clip(share @ severity, 0.0, 1.0)
+            std[:, k] = np.sqrt(np.maximum(share @ severity**2 - mean[:, k] ** 2, 0.0) + SEVERITY_STD**2)
+        fault = evidence[:, 1:] - logsumexp(evidence[:, 1:], axis=1, keepdims=True)
+        return Belief(np.hstack([-np.logaddexp(0.0, odds), fault - np.logaddexp(0.0, -odds)]), mean, std)
+
+    @cached_property
+    def _signatures(self) -> Signatures:
+        """Simulate every fault of the catalogue on the nominal vehicle."""
+        faults = list(CATALOGUE.values())
+        cases = list(product(faults, SEVERITIES, MISSIONS))
+        fleet = Fleet(len(cases), self._nominal, healthy_band=0.0, parallel=False)
+        schedules = [(FaultEvent(fault.name, ONSET, severity),) for fault, severity, _ in cases]
+        missions = [mission if isinstance(mission, str) else [(0.0, mission)] for _, _, mission in cases]
+        observation = fleet.reset([self.seed] * len(cases), schedules=schedules, missions=missions)
+        state, patterns = self._advance(self.initial(len(cases)), observation.astype(np.float64)), []
+        for k in range(1, int(SAMPLE_RATE * (ONSET + AGES[-1])) + 1):
+            observation = fleet.step(observation[:, :1] * [1.0, 0.0, 0.0])
+            state = self._advance(state, observation.astype(np.float64))
+            if k in [int(SAMPLE_RATE * (ONSET + age)) for age in AGES]:
+                patterns.append(np.log1p(state.charts / LIMITS))
+        label = np.array([self.classes.index(fault.diagnosis) for fault, _, _ in cases] * len(AGES))
+        severity = np.array([severity for _, severity, _ in cases] * len(AGES))
+        weight = -np.log(np.bincount(label)[label])
+        return Signatures(np.concatenate(patterns), label, severity, weight)

@@ -1,0 +1,92 @@
+"""The thesis' map from the hull's parameters to operating mode and severity (V.B, Fig. 5.1, Table 5.2), and its modes.
+
+The plane is that of the thesis: alpha with its nominal value at 0.5, beta with its at 0.9. The windows of normal
+operation are the thesis'. The picture itself is lost, so what follows are decisions of this project:
+
+* The grade of a fault is the severity at which the catalogue's fault moves the parameter there: +35 % of drag has 0.35,
+  twice the drag 1, half the drag 1 (`decreased_drag`), a whole propeller lost 1. It stays at 1 beyond.
+* Severe propulsion failure begins at 0.5, a little above the 0.45 of one propeller lost, so that a filter's scatter
+  does not take a lost propeller out of it.
+* In the corners, where both parameters are out of their windows, the larger grade wins; alpha's if they are equal.
+* Beta above its window is normal: Table 5.2 has no mode for too much thrust.
+"""
+
+import numpy as np
+
+from auv_fault_env.errors import whole_number
+from auv_fault_env.faults import fault_of
+
+MODES_5_1 = ("normal", "increased seal friction", "increased drag", "degraded propeller")
+MODES_5_2 = ("normal", "increased drag", "decreased drag", "decreased propulsion", "severe propulsion failure")
+
+NOMINAL = (0.5, 0.9)  # of (alpha, beta), thesis V.B
+ALPHA_WINDOW = (0.4, 0.6)  # thesis V.B: 20 % either way
+BETA_WINDOW = (0.65, 1.0)  # thesis V.B: 25 % less, as it says; 28 % by its numbers
+SEVERE = 0.5  # beta below which propulsion has failed
+SEVERITY_WEIGHTS = (0.0, 1.0, 1.0, 1.0, 1.0)  # of the modes in `severity`: exact outputs give the grade back
+
+
+def normalise(alpha_relative: np.ndarray, beta_relative: np.ndarray) -> np.ndarray:
+    """The points of the map, (n, 2) in [0, 1], of alpha and beta relative to nominal, (n,) each.
+
+    Cut to the map's square: more than twice the drag looks like twice the drag.
+    """
+    return np.clip(np.stack([alpha_relative, beta_relative], axis=-1) * NOMINAL, 0.0, 1.0)
+
+
+def grades(points: np.ndarray) -> np.ndarray:
+    """How severe each mode would be at the points (n, 2), (n, 5); 0 in the window of its parameter, and for `normal`.
+
+    The two modes of propulsion exclude each other; drag and propulsion do not.
+    """
+    alpha, beta = np.asarray(points, np.float64).T
+    more_drag = _severity(alpha / NOMINAL[0], fault_of("increased_drag").scale["alpha"])
+    less_drag = _severity(alpha / NOMINAL[0], fault_of("decreased_drag").scale["alpha"])
+    one_lost = 0.5 * (1.0 + fault_of("propeller_loss:port").scale["port_beta"])
+    less_thrust = _severity(beta / NOMINAL[1], one_lost)
+    return np.stack(
+        [
+            np.zeros_like(alpha),
+            np.where(alpha > ALPHA_WINDOW[1], more_drag, 0.0),
+            np.where(alpha < ALPHA_WINDOW[0], less_drag, 0.0),
+            np.where((beta < BETA_WINDOW[0]) & (beta >= SEVERE), less_thrust, 0.0),
+            np.where(beta < SEVERE, less_thrust, 0.0),
+        ],
+        axis=-1,
+    )
+
+
+def _severity(relative: np.ndarray, scale: float) -> np.ndarray:
+    """Severity of a fault with this scale at severity 1 that leaves this share of a parameter."""
+    return np.clip((relative - 1.0) / (scale - 1.0), 0.0, 1.0)
+
+
+def fault_map(points: np.ndarray) -> np.ndarray:
+    """What the network is to give at the points (n, 2), (n, 5): the fault vector of Table 5.2 times its grade.
+
+    Within both windows that is (1, 0, 0, 0, 0).
+
+    >>> fault_map(normalise(np.array([1.0, 1.35, 1.0]), np.array([1.0, 1.0, 0.5]))).round(2)
+    array([[1.  , 0.  , 0.  , 0.  , 0.  ],
+           [0.  , 0.35, 0.  , 0.  , 0.  ],
+           [0.  , 0.  , 0.  , 0.  , 1.  ]])
+    """
+    grade = grades(points)
+    mode = grade.argmax(axis=1)
+    vectors = np.eye(len(MODES_5_2))[mode]
+    return np.where(mode[:, None] == 0, vectors, vectors * grade)
+
+
+def severity(outputs: np.ndarray) -> np.ndarray:
+    """Height of the decision surface of Fig. 5.12, (n,): the weighted sum of the network's outputs (n, 5).
+
+    The thesis does not give its weights; with `SEVERITY_WEIGHTS` the height is 0 where all is normal and 1 where a
+    propeller is lost. Misleads where the network wavers between two modes: their parts add up.
+    """
+    return np.asarray(outputs) @ np.array(SEVERITY_WEIGHTS)
+
+
+def grid(n: int) -> np.ndarray:
+    """The points (n * n, 2) of an even grid over the map, alpha slowest: the thesis' single training file."""
+    axis = np.linspace(0.0, 1.0, whole_number("points along an axis of the grid", n, 2))
+    return np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)

@@ -1,0 +1,151 @@
+"""The classical diagnoser: one Kalman filter per hypothesis, and Bayes' rule over them, with switching."""
+
+import math
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from auv_fault_env.channels import CHANNELS, READINGS
+from auv_fault_env.errors import finite_in_range, pair_in_range, refusal
+from auv_fault_env.faults import CATALOGUE
+from auv_fault_env.parameters import ENERGY_WEIGHT, PARAMETERS, SAMPLE_TIME, SIDES, Vehicle, nominal, vehicle_of
+from auv_fault_env.physics import Constants as Plant
+from diagnosers.bank_algebra import N_PACKED, N_STATES, entry
+from diagnosers.bank_kernel import BankState, step_lanes
+from diagnosers.bank_motor import DEVIATIONS
+from diagnosers.diagnoser import Belief, Recursive
+from diagnosers.hypotheses import OWN, SURGE, Table, table
+from diagnosers.kalman import START_SPEED_STD, opening_share
+
+PARALLEL_LANES = 64  # below, waking the threads costs more than they save
+LEAST_SEVERITY = 0.1  # that a hypothesis may fall back to: below, it is the normal vehicle under another name
+
+
+class Constants(NamedTuple):
+    """What the compiled code gets of a bank besides its table; sensors (8, 3): full scale and noise."""
+
+    water: Plant
+    opening: float
+    disturbance_variance: float
+    disturbance_memory: float
+    walk: float
+    sensors: np.ndarray
+
+
+@dataclass(frozen=True)
+class FilterBank(Recursive):
+    """A bank of Kalman filters: the normal vehicle, and every fault of the catalogue in some grades of severity.
+
+    Each hypothesis has filters of surge and of both motors (shared with the normal vehicle where its fault does not
+    reach), whose states are the healthy vehicle's deviations from nominal and the fault's severity. Their likelihoods
+    weigh the hypotheses; a normal vehicle may turn faulty at any sample and then stays so, as in the interacting
+    multiple model algorithm. All in logarithms: p(normal) may be 1e-100 and still be graded.
+    Sources: Willsky, "A survey of design methods for failure detection in dynamic systems", Automatica 12, 1976,
+    doi:10.1016/0005-1098(76)90041-8; Blom & Bar-Shalom 1988, doi:10.1109/9.1299; de Benito 1990, as cited by the thesis.
+
+    When it misleads: at constant speed some faults look alike (drag and thrust), and the belief is shared between
+    them by the prior; repairs, intermittent and double faults are no hypotheses; a vehicle outside the healthy band, or
+    noisier than `CHANNELS` says, is called faulty; readings without any noise look stuck.
+
+    Attributes
+    ----------
+    vehicle
+        Preset or nominal vehicle.
+    grades
+        Ranges of the severity, each a hypothesis of its own. Within its grade the severity is a state.
+    hazard
+        Probability per sample that a fault begins; shared by classes, then faults, then grades.
+    walk_std
+        Random walk of the severity per square root of a second, for faults that grow.
+    """
+
+    name: ClassVar[str] = "filter_bank"
+    vehicle: str | Vehicle = "thesis1992"
+    grades: tuple[tuple[float, float], ...] = ((0.1, 0.4), (0.4, 0.7), (0.7, 1.0))
+    hazard: float = 1e-4
+    walk_std: float = 0.05
+
+    def __post_init__(self):
+        vehicle_of(self.vehicle)
+        finite_in_range("hazard", self.hazard, 1e-12, 0.5)
+        finite_in_range("walk_std", self.walk_std, 0.0, 10.0)
+        if not self.grades:
+            raise refusal("grades", self.grades, "at least one range of severity", "give one")
+        object.__setattr__(self, "grades", tuple(pair_in_range("grade", grade, 0.0, 1.0) for grade in self.grades))
+
+    @cached_property
+    def constants(self) -> Constants:
+        """What the compiled code gets: water, noise and disturbance of the nominal vehicle."""
+        vehicle = vehicle_of(self.vehicle)
+        water = Plant(*(getattr(vehicle, name) for name in Plant._fields[:-1]), ENERGY_WEIGHT)
+        memory = math.exp(-SAMPLE_TIME / vehicle.disturbance_time)
+        channels = [CHANNELS[name] for name in READINGS]
+        sensors = np.array([(channel.low, channel.high, channel.noise) for channel in channels])
+        walk = SAMPLE_TIME * self.walk_std**2
+        return Constants(water, opening_share(vehicle), vehicle.disturbance_std**2, memory, walk, sensors)
+
+    def initial(self, n_lanes: int) -> BankState:
+        """The state before any observation: a normal vehicle, somewhere in the healthy band."""
+        low, high = np.array(self.grades).T
+        moments = np.stack([(low + high) / 2, (high - low) ** 2 / 12, np.maximum(low, LEAST_SEVERITY)])
+        healthy = np.tile(list(nominal(vehicle_of(self.vehicle)).values()), (n_lanes, 1))
+        return self._begun(healthy, np.tile(moments, (n_lanes, 1, 1)), 1.0)
+
+    def _begun(self, healthy: np.ndarray, prior: np.ndarray, spread: float) -> BankState:
+        """A state around these healthy vehicles (n_lanes, n_parameters), `spread` times the healthy band wide."""
+        n_lanes, hypotheses = len(healthy), self.hypotheses(prior.shape[2])
+        log_weight = np.full((n_lanes, hypotheses.log_hazard.size), -np.inf)
+        log_weight[:, 0] = 0.0
+        severity = prior[:, :2, hypotheses.grade]
+        severity[:, :, 0] = 0.0
+        filters = np.zeros((n_lanes, N_PACKED, hypotheses.hypothesis.size))
+        variances = [entry(i, i) for i in range(N_STATES)]
+        for subsystem in OWN:
+            part = slice(*map(int, hypotheses.first[subsystem : subsystem + 2]))
+            filters[:, variances[:-1], part] = np.square(self._prior_std(subsystem, spread))[:, None]
+        filters[:, N_STATES - 1] = severity[:, 0, hypotheses.hypothesis]
+        filters[:, variances[-1]] = severity[:, 1, hypotheses.hypothesis]
+        unknown = np.full((n_lanes, filters.shape[2]), np.nan), np.full((n_lanes, len(READINGS)), np.nan)
+        return BankState(log_weight, severity, filters, *unknown, healthy, prior)
+
+    def _prior_std(self, subsystem: int, spread: float) -> list[float]:
+        """Standard deviations of a filter's states at the start, but for the severity; a uniform band's is a third."""
+        std = {name: spread * spec.band / math.sqrt(3.0) for name, spec in PARAMETERS.items()}
+        if subsystem != SURGE:
+            return [std[OWN[subsystem][row]] for row in DEVIATIONS]
+        thrust = math.hypot(*(std[f"{side}_beta"] for side in SIDES)) / len(SIDES)
+        return [START_SPEED_STD, math.sqrt(self.constants.disturbance_variance), std["alpha"], thrust]
+
+    def hypotheses(self, n_grades: int | None = None) -> Table:
+        """The hypotheses of the catalogue as it is; made anew when it has changed."""
+        n_grades = len(self.grades) if n_grades is None else n_grades
+        key = n_grades, *map(id, CATALOGUE.values())
+        if self.__dict__.get("_tables", (None,))[0] != key:
+            self.__dict__["_tables"] = key, table(n_grades, self.hazard)
+        return self.__dict__["_tables"][1]
+
+    def step(self, state: BankState, observation: np.ndarray) -> tuple[BankState, Belief]:
+        """The next state and the belief."""
+        n_lanes, n_classes = len(observation), len(self.classes)
+        new = BankState(*(np.empty_like(part) for part in state[:5]), *state[5:])
+        belief = Belief(*(np.empty((n_lanes, n_classes)) for _ in Belief._fields))
+        arguments = state, new, observation, self.hypotheses(state.prior.shape[2]), self.constants, belief
+        _in_shares(n_lanes, arguments)
+        return new, belief
+
+
+def _in_shares(n_lanes: int, arguments: tuple) -> None:
+    """Run the kernel over all lanes, in threads where there are many: it releases the interpreter's lock."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    n_threads = cores if n_lanes >= PARALLEL_LANES else 1
+    shares = list(pairwise(np.linspace(0, n_lanes, n_threads + 1).astype(int).tolist()))
+    if n_threads == 1:
+        step_lanes(*shares[0], *arguments)
+        return
+    with ThreadPoolExecutor(n_threads) as threads:
+        list(threads.map(lambda share: step_lanes(*share, *arguments), shares))

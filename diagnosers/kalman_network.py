@@ -1,0 +1,105 @@
+"""The thesis' network on Kalman-filtered data (V.D, Table 5.2): parameter filter, then 2-8-5; class and severity.
+
+`kalman.ParameterFilter`, at its defaults, estimates alpha and beta, `fault_map.normalise` puts them on the thesis' map,
+and the network, trained on that map alone, gives mode and grade. What makes its outputs a belief is fitted afterwards
+on episodes: a slope and an offset for every output node's sum (Platt, "Probabilistic outputs for support vector
+machines", 1999), and a straight line from the height of Fig. 5.12 to the severity; see
+`training.train_kalman_network`.
+"""
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from auv_fault_env.faults import labels as tables
+from auv_fault_env.parameters import Vehicle, vehicle_of
+from diagnosers.diagnoser import Belief, Recursive
+from diagnosers.fault_map import MODES_5_2, normalise, severity
+from diagnosers.kalman import Estimate, ParameterFilter
+from diagnosers.modes import PRIOR_SEVERITY, log_softmax, shares, spread
+from diagnosers.networks import FeedForward, Shapes, Weights, shapes, tensors_of
+from diagnosers.storage import WEIGHTS
+
+PACKAGED = WEIGHTS / "kalman_network.safetensors"
+ARCHITECTURE = shapes(2, 8, 5)
+CALIBRATION: Shapes = {
+    "slope": (5,),  # of a mode's score in its output node's sum
+    "offset": (5,),
+    "severity": (
+        5,
+        3,
+    ),  # of a mode, if it is the fault: intercept, slope in the height of Fig. 5.12, standard deviation
+}
+
+
+def labels() -> dict[str, str | None]:
+    """For every class its mode of Table 5.2, None where the table does not know it."""
+    return {name: mode for name, (_, mode) in tables().items()}
+
+
+def points(estimate: Estimate) -> np.ndarray:
+    """The points (n_lanes, 2) of the fault map at which a filter's estimate stands."""
+    return normalise(*(estimate.mean[:, ParameterFilter.states.index(name)] for name in ("alpha", "beta")))
+
+
+def outputs(sums: np.ndarray) -> np.ndarray:
+    """What the output nodes give (n, 5), mode times grade, from their sums: sigmoids, as in the thesis."""
+    return 1.0 / (1.0 + np.exp(-sums))
+
+
+class KalmanNetwork(Recursive):
+    """2-8-5 on normalised alpha and beta, as the parameter filter estimates them.
+
+    Propulsion modes do not know the side; port and starboard share theirs evenly. What Table 5.2 does not know gets a
+    constant share of the probability of any fault, see `diagnosers.modes.shares`. Misleads at constant speed, where
+    only beta/alpha can be seen; under faults of the speed, acceleration and rpm sensors, which look like drag or
+    thrust; and on what stays in the window of normal operation: one damaged propeller takes at most 25 % of the thrust,
+    the window 28 %, so it is seen late if at all, and then called a lost one.
+
+    Parameters
+    ----------
+    vehicle
+        The nominal vehicle of the filter, a preset's name or a `Vehicle`.
+    weights
+        A safetensors file, or the tensors by name.
+    """
+
+    name = "kalman_network"
+
+    def __init__(self, vehicle: str | Vehicle = "thesis1992", weights: Weights = PACKAGED):
+        self.vehicle = vehicle_of(vehicle)
+        self.filter = ParameterFilter(self.vehicle)
+        self.learnt = tensors_of(weights, ARCHITECTURE | CALIBRATION)
+        self.network = FeedForward({name: self.learnt[name] for name in ARCHITECTURE})
+        self.shares = shares(self.labels, MODES_5_2)
+        modes = [MODES_5_2.index(mode) if mode else -1 for mode in self.labels.values()]
+        unknown = PRIOR_SEVERITY[0], 0.0, PRIOR_SEVERITY[1]
+        self.severity = np.vstack([self.learnt["severity"], unknown])[modes]
+
+    @property
+    def labels(self) -> dict[str, str | None]:
+        """For every class its mode of Table 5.2, None where the table does not know it."""
+        return labels()
+
+    def initial(self, n_lanes: int) -> Estimate:
+        """The filter's state at the start."""
+        return self.filter.initial(n_lanes)
+
+    def step(self, state: Estimate, observation: np.ndarray) -> tuple[Estimate, Belief]:
+        """The filter's next state, and the belief at the point of the map where it stands."""
+        state = self.filter.update(state, observation)
+        sums = self.network.recall(points(state))
+        log_modes = log_softmax(self.learnt["slope"] * sums + self.learnt["offset"])
+        log_probability = spread(log_modes, self.shares)
+        intercept, slope, std = self.severity.T
+        mean = np.clip(intercept + slope * severity(outputs(sums))[:, None], 0.0, 1.0)
+        return state, Belief(log_probability, mean, np.tile(std, (len(mean), 1)))
+
+    def tensors(self) -> dict[str, np.ndarray]:
+        """Weights, biases and calibration by name."""
+        return dict(self.learnt)
+
+    def settings(self) -> dict[str, Any]:
+        """The nominal vehicle."""
+        return {"vehicle": asdict(self.vehicle)}

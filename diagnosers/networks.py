@@ -1,0 +1,62 @@
+"""The thesis' kind of network (V.A): feedforward, one hidden layer of sigmoids, in PyTorch; and its tensors by name."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from diagnosers import storage
+
+Shapes = dict[str, tuple[int, ...]]
+Weights = str | Path | Mapping[str, np.ndarray]  # where tensors are, or themselves
+
+
+def shapes(n_inputs: int, n_hidden: int, n_outputs: int) -> Shapes:
+    """The tensors of a network, by name."""
+    return {
+        "hidden_weight": (n_hidden, n_inputs),
+        "hidden_bias": (n_hidden,),
+        "output_weight": (n_outputs, n_hidden),
+        "output_bias": (n_outputs,),
+    }
+
+
+def drawn(architecture: Shapes, seed: int) -> dict[str, np.ndarray]:
+    """Tensors to start a training from: uniform within one over the root of a node's inputs; biases likewise."""
+    random = np.random.default_rng(seed)
+    bounds = {layer: architecture[f"{layer}_weight"][1] ** -0.5 for layer in ("hidden", "output")}
+    return {
+        name: (bounds[name.split("_")[0]] * random.uniform(-1.0, 1.0, shape)).astype(np.float32)
+        for name, shape in architecture.items()
+    }
+
+
+def tensors_of(weights: Weights, architecture: Shapes) -> dict[str, np.ndarray]:
+    """The tensors themselves or from their file, if they have this architecture; else refused in one line."""
+    given = isinstance(weights, Mapping)
+    tensors, path = (weights, "the network") if given else (storage.read(weights)[0], weights)
+    return storage.checked(path, tensors, architecture)
+
+
+class FeedForward(torch.nn.Module):
+    """One hidden layer of sigmoids, float32; the outputs are the output nodes' sums, before any squashing."""
+
+    def __init__(self, tensors: Mapping[str, np.ndarray]):
+        super().__init__()
+        for name, tensor in tensors.items():
+            self.register_parameter(name, torch.nn.Parameter(torch.tensor(tensor, dtype=torch.float32)))
+
+    def forward(self, inputs: torch.Tensor) -> torch.Tensor:
+        """The output nodes' sums (n, n_outputs) of inputs (n, n_inputs)."""
+        hidden = torch.sigmoid(torch.nn.functional.linear(inputs, self.hidden_weight, self.hidden_bias))
+        return torch.nn.functional.linear(hidden, self.output_weight, self.output_bias)
+
+    def recall(self, inputs: np.ndarray) -> np.ndarray:
+        """As `forward` without a gradient, from and to numpy, (n, n_outputs) float64."""
+        with torch.inference_mode():
+            return self(torch.from_numpy(inputs.astype(np.float32))).numpy().astype(np.float64)
+
+    def tensors(self) -> dict[str, np.ndarray]:
+        """A copy of the tensors, by name."""
+        return {name: parameter.detach().numpy().copy() for name, parameter in self.named_parameters()}

@@ -1,0 +1,95 @@
+"""Both networks of the thesis side by side (VI.B): one identifies faults of the shafts, the other those of the hull.
+
+Each network is heard only on what it can tell apart, its `labels`: the ratio of what it believes of a label to the
+label's prior is its evidence for every class of that label. The belief is the prior times both pieces of evidence, as
+if they were independent, which they are not. Powers below 1 on either (a logarithmic opinion pool) raised the log-loss;
+on the Kalman network's evidence they named a few more faults.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from auv_fault_env.parameters import Vehicle
+from diagnosers import kalman_network, raw_network
+from diagnosers.diagnoser import Belief, Recursive
+from diagnosers.kalman import Estimate
+from diagnosers.kalman_network import KalmanNetwork
+from diagnosers.modes import log_softmax
+from diagnosers.networks import Weights, tensors_of
+from diagnosers.raw_network import RawNetwork
+
+PRIOR_NORMAL = 0.5  # all faults share the rest evenly
+RAW, KALMAN = "raw_network.", "kalman_network."  # before the names of their tensors
+ARCHITECTURE = {RAW + name: shape for name, shape in raw_network.ARCHITECTURE.items()} | {
+    KALMAN + name: shape for name, shape in (kalman_network.ARCHITECTURE | kalman_network.CALIBRATION).items()
+}
+
+
+class Parallel(Recursive):
+    """The raw network on the shafts beside the Kalman network on the hull, one belief.
+
+    Severity is the Kalman network's, which gives the prior's where it does not know a class. Misleads as each of its
+    parts does; and as both read the same speed and rpm, a fault of these sensors counts twice.
+
+    Parameters
+    ----------
+    vehicle
+        The nominal vehicle of the filter, a preset's name or a `Vehicle`.
+    weights
+        A safetensors file or the tensors by name, those of both networks; None for those that come with the package.
+    """
+
+    name = "parallel"
+
+    def __init__(self, vehicle: str | Vehicle = "thesis1992", weights: Weights | None = None):
+        if weights is None:
+            self.raw, self.kalman = RawNetwork(), KalmanNetwork(vehicle)
+        else:
+            tensors = tensors_of(weights, ARCHITECTURE)
+            self.raw = RawNetwork(_under(RAW, tensors))
+            self.kalman = KalmanNetwork(vehicle, _under(KALMAN, tensors))
+        n_faults = len(self.classes) - 1
+        prior = np.array([PRIOR_NORMAL, *[(1.0 - PRIOR_NORMAL) / n_faults] * n_faults])
+        self.log_prior = np.log(prior)
+        self.ratios = [_ratios(part.labels, prior) for part in (self.raw, self.kalman)]
+
+    @property
+    def labels(self) -> dict[str, str | None]:
+        """For every class the labels of both networks, joined; None where neither knows it."""
+        pairs = {name: (label, self.kalman.labels[name]) for name, label in self.raw.labels.items()}
+        return {name: ", ".join(dict.fromkeys(filter(None, pair))) or None for name, pair in pairs.items()}
+
+    def initial(self, n_lanes: int) -> Estimate:
+        """The filter's state at the start; the raw network has none."""
+        return self.kalman.initial(n_lanes)
+
+    def step(self, state: Estimate, observation: np.ndarray) -> tuple[Estimate, Belief]:
+        """The filter's next state, and the belief pooled from those of both networks."""
+        _, shaft = self.raw.step((), observation)
+        state, hull = self.kalman.step(state, observation)
+        total = self.log_prior
+        for ratios, belief in zip(self.ratios, (shaft, hull), strict=True):
+            total = total + np.log(np.exp(belief.log_probability) @ ratios)
+        return state, hull._replace(log_probability=log_softmax(total))
+
+    def tensors(self) -> dict[str, np.ndarray]:
+        """Those of both networks."""
+        parts = {RAW: self.raw.tensors(), KALMAN: self.kalman.tensors()}
+        return {prefix + name: tensor for prefix, tensors in parts.items() for name, tensor in tensors.items()}
+
+    def settings(self) -> dict[str, Any]:
+        """The nominal vehicle."""
+        return self.kalman.settings()
+
+
+def _under(prefix: str, tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}
+
+
+def _ratios(labels: Mapping[str, str | None], prior: np.ndarray) -> np.ndarray:
+    """What turns probabilities of classes into those of their labels over the labels' prior: (n_classes, n_classes)."""
+    of_class = list(labels.values())
+    alike = np.array([[one == other for other in of_class] for one in of_class], dtype=np.float64)
+    return alike / (prior @ alike)

@@ -1,0 +1,97 @@
+"""The thesis' network on unprocessed data (V.C, Table 5.1): 4-6-4, one instance per shaft, one sample at a time.
+
+Its inputs are voltage, current and rpm of one shaft and the speed; its outputs the modes of Table 5.1. Both shafts have
+the same weights, by symmetry. Under each hypothesis on the vehicle (nothing wrong, drag, friction or propeller of one
+side) every shaft is in one mode, and the hypothesis' score is the sum of these two outputs; the softmax of the scores
+is the belief. Trained through this softmax with cross-entropy, see `training.train_raw_network`.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from auv_fault_env.channels import CHANNELS
+from auv_fault_env.faults import labels as tables
+from auv_fault_env.parameters import SIDES
+from diagnosers.diagnoser import Belief, Recursive
+from diagnosers.fault_map import MODES_5_1
+from diagnosers.modes import PRIOR_SEVERITY, log_softmax, shares, spread
+from diagnosers.networks import FeedForward, Weights, shapes, tensors_of
+from diagnosers.storage import WEIGHTS
+
+PACKAGED = WEIGHTS / "raw_network.safetensors"
+ARCHITECTURE = shapes(4, 6, 4)
+SCALE = (2.0, 0.5, 300.0, 0.3)  # V, A, rpm, m/s: about those of 0.3 m/s, the middle of the missions
+COLUMNS = tuple([list(CHANNELS).index(f"{side}_{name}") for name in ("voltage", "current", "rpm")] for side in SIDES)
+SPEED = list(CHANNELS).index("speed")
+
+NORMAL, FRICTION, DRAG, PROPELLER = range(4)
+HYPOTHESES = {  # modes of (port, starboard)
+    MODES_5_1[NORMAL]: (NORMAL, NORMAL),
+    MODES_5_1[DRAG]: (DRAG, DRAG),
+    f"{MODES_5_1[FRICTION]}:port": (FRICTION, NORMAL),
+    f"{MODES_5_1[PROPELLER]}:port": (PROPELLER, NORMAL),
+    f"{MODES_5_1[FRICTION]}:starboard": (NORMAL, FRICTION),
+    f"{MODES_5_1[PROPELLER]}:starboard": (NORMAL, PROPELLER),
+}
+PORT, STARBOARD = (list(modes) for modes in zip(*HYPOTHESES.values(), strict=True))
+
+
+def labels() -> dict[str, str | None]:
+    """For every class its hypothesis, None where Table 5.1 does not know it."""
+    modes = {name: mode for name, (mode, _) in tables().items()}
+    sides = {name: f":{place}" if (place := name.partition(":")[2]) in SIDES else "" for name in modes}
+    return {name: mode and mode + sides[name] for name, mode in modes.items()}
+
+
+def inputs(observation: np.ndarray) -> np.ndarray:
+    """What the networks of port and starboard get of observations (n, n_channels): (2 n, 4), all of port first."""
+    return np.concatenate([observation[:, [*columns, SPEED]] for columns in COLUMNS]) / SCALE
+
+
+def scores(outputs: Any) -> Any:
+    """Scores (n, 6) of the hypotheses from both networks' outputs (2 n, 4), arrays or tensors."""
+    half = len(outputs) // 2
+    return outputs[:half][:, PORT] + outputs[half:][:, STARBOARD]
+
+
+class RawNetwork(Recursive):
+    """4-6-4 on the readings of one shaft, once per shaft, without memory.
+
+    Severity is that of the prior throughout: the thesis' network does not grade it. The classes that Table 5.1 does not
+    know get a constant share of the probability of any fault, see `diagnosers.modes.shares`; a damaged and a lost
+    propeller share theirs evenly. Misleads in transients, which look like drag to a network without memory, so that
+    it hardly ever names drag; and under faults of the sensors it reads.
+
+    Parameters
+    ----------
+    weights
+        A safetensors file, or the tensors by name.
+    """
+
+    name = "raw_network"
+
+    def __init__(self, weights: Weights = PACKAGED):
+        self.network = FeedForward(tensors_of(weights, ARCHITECTURE))
+        self.shares = shares(self.labels, tuple(HYPOTHESES))
+
+    @property
+    def labels(self) -> dict[str, str | None]:
+        """For every class its mode of Table 5.1, with the side; None where the table does not know it."""
+        return labels()
+
+    def initial(self, n_lanes: int) -> tuple[()]:
+        """Nothing: it has no memory."""
+        return ()
+
+    def step(self, state: tuple[()], observation: np.ndarray) -> tuple[tuple[()], Belief]:
+        """The belief from this observation (n_lanes, n_channels) alone."""
+        log_modes = log_softmax(scores(self.network.recall(inputs(observation))))
+        log_probability = spread(log_modes, self.shares)
+        mean, std = (np.full(log_probability.shape, value) for value in PRIOR_SEVERITY)
+        mean[:, 0] = std[:, 0] = 0.0
+        return state, Belief(log_probability, mean, std)
+
+    def tensors(self) -> dict[str, np.ndarray]:
+        """Weights and biases by name."""
+        return self.network.tensors()

@@ -1,0 +1,66 @@
+"""Limit checking is quiet on healthy vehicles and finds what leaves its limits, severe faults within seconds."""
+
+import numpy as np
+import pytest
+
+from auv_fault_env.faults import classes
+from auv_fault_env.fleet import Fleet
+from auv_fault_env.schedules import FaultEvent
+from diagnosers import make
+
+N_HEALTHY, ONSET, FOUND = 24, 8.0, 20.0  # lanes; s
+SEVERE = {
+    "increased_drag": 1.0,
+    "propeller_loss:port": 1.0,
+    "seal_friction:starboard": 1.0,
+    "sensor_dropout:speed": 0.5,
+    "sensor_stuck:port_rpm": 1.0,
+    "sensor_noise:starboard_current": 1.0,
+    "sensor_bias:acceleration": 1.0,
+    "sensor_bias:port_voltage": 1.0,
+}
+
+
+def run(schedules, first_seed, n_samples=300):
+    """Observations (n_samples, n_lanes, n_channels) of the thesis' mission."""
+    n_lanes = len(schedules)
+    fleet = Fleet(n_lanes)
+    seeds = range(first_seed, first_seed + n_lanes)
+    rows = [fleet.reset(seeds, schedules=schedules, missions=["thesis"] * n_lanes)]
+    while len(rows) < n_samples:
+        rows.append(fleet.step(rows[-1][:, :1] * [1.0, 0.0, 0.0]))
+    return np.array(rows, np.float64)
+
+
+@pytest.fixture(scope="module", params=["limits", "cusum", "rules"])
+def diagnoser(request):
+    return make(request.param)
+
+
+def follow(diagnoser, observations):
+    diagnoser.reset(observations.shape[1])
+    return [diagnoser.update(observation) for observation in observations]
+
+
+def test_healthy_vehicles_stay_normal(diagnoser):
+    quiet = np.array([belief.log_probability[:, 0] for belief in follow(diagnoser, run([()] * N_HEALTHY, 0))])
+    assert (quiet > -3.0).all()
+    assert (quiet > np.log(0.5)).mean() > 0.99
+
+
+def test_severe_faults_are_detected_named_and_graded(diagnoser):
+    schedules = [(FaultEvent(fault, ONSET, severity),) for fault, severity in SEVERE.items()]
+    belief = follow(diagnoser, run(schedules, 100))[int(10 * FOUND)]
+    wanted = [fault if ":" not in fault or "sensor" not in fault else f"sensor:{fault.split(':')[1]}" for fault in SEVERE]
+    named = [classes()[k] for k in belief.log_probability.argmax(axis=1)]
+    assert sum(got == want for got, want in zip(named, wanted, strict=True)) >= len(SEVERE) - 1
+    assert (belief.log_probability[:, 0] < -3.0).all() and belief.log_probability[:, 0].min() < -50.0
+
+
+def test_severity_grows_with_the_fault(diagnoser):
+    severities = [0.3, 0.6, 1.0]
+    schedules = [(FaultEvent("seal_friction:port", ONSET, severity),) for severity in severities for _ in range(4)]
+    belief = follow(diagnoser, run(schedules, 200))[-1]
+    found = belief.severity_mean[:, classes().index("seal_friction:port")].reshape(3, 4).mean(axis=1)
+    assert found[0] < found[1] < found[2]
+    assert found[2] - found[0] > 0.2

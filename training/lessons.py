@@ -1,0 +1,28 @@
+"""Episodes to train and to calibrate on: half with the thesis' stimulus, half with random missions and manoeuvres."""
+
+from collections.abc import Iterator
+
+from auv_fault_env.fleet import Fleet
+from auv_fault_env.missions import MISSIONS
+from training.rollouts import Rollout, manoeuvres, roll_out
+from training.seeds import seeds
+
+N_SAMPLES = 600  # 60 s
+
+
+def lessons(purpose: str, n_lanes: int, first: int = 0) -> Iterator[Rollout]:
+    """Two rollouts of half of n_lanes each, 60 s long: the thesis' speed changes, then random missions and manoeuvres.
+
+    Faults, band and noise are the fleet's defaults.
+
+    Parameters
+    ----------
+    purpose, first
+        Which seeds: `training.seeds.seeds` from the first-th on.
+    n_lanes
+        Lanes of both together, an even number.
+    """
+    chosen, half = seeds(purpose, n_lanes, first), n_lanes // 2
+    fleet = Fleet(half)
+    yield roll_out(fleet, chosen[:half], N_SAMPLES, missions=[MISSIONS["thesis"]] * half)
+    yield roll_out(fleet, chosen[half:], N_SAMPLES, manoeuvres(chosen[half], N_SAMPLES, half))

@@ -1,0 +1,139 @@
+"""From what the diagnosers believed to how good they are: one threshold each, then every metric on the same lanes."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from auv_fault_env.faults import classes
+from auv_fault_env.parameters import SAMPLE_TIME
+from auv_fault_env.schedules import ScheduleSampler
+from training import metrics
+from training.intervals import f1_interval, interval, poisson_interval
+from training.metrics import NORMAL, Times
+from training.validation import Record, Truth
+
+MEAN_TIME = 3600.0  # s between false alarms that the thresholds are set for
+PERSISTENCE = 3  # samples in a row for an alarm, the same for all: outlives a spike, and costs 0.2 s
+HORIZON = 30.0  # s after onset
+DECIDED_AT = 10.0  # s after onset
+HEALTHY_PER_FAULTY = ScheduleSampler().healthy / (1.0 - ScheduleSampler().healthy)  # in what is judged at an instant
+
+
+class Judged(NamedTuple):
+    """What a diagnoser did on the lanes of the suite, for figures and for paired comparisons.
+
+    isolation, detection, severity (estimate given the true class), covered: by faulty lane. label, decision: at
+    `DECIDED_AT`, by lane, some of them healthy. log_probability and truth: beliefs at random instants.
+    """
+
+    threshold: float
+    false_alarms: int
+    false_alarm_vehicles: int
+    hours: float
+    isolation: Times
+    detection: Times
+    label: np.ndarray
+    decision: np.ndarray
+    severity: np.ndarray
+    covered: np.ndarray
+    log_probability: np.ndarray
+    truth: np.ndarray
+
+    @property
+    def confidence(self) -> np.ndarray:
+        """Probability of the most probable class, (n_beliefs,)."""
+        return np.exp(self.log_probability.max(axis=1))
+
+    @property
+    def right(self) -> np.ndarray:
+        """Whether the most probable class is the true one, (n_beliefs,)."""
+        return self.log_probability.argmax(axis=1) == self.truth
+
+
+def judge(records: dict[str, Record], truth: dict[str, Truth]) -> Judged:
+    """Set the threshold on its lanes, count false alarms on theirs, and judge the faulty ones at that threshold."""
+    threshold = metrics.threshold_for(records["threshold"].log_normal, MEAN_TIME, PERSISTENCE)
+    faulty, healthy = records["faulty"], records["counting"]
+    so, calm = truth["faulty"], truth["counting"]
+    alarm, false = (metrics.alarms(record.log_normal, threshold, PERSISTENCE) for record in (faulty, healthy))
+    decision = np.where(alarm, faulty.fault, NORMAL)
+    some = healthy_beside(len(so.fault), len(calm.fault))
+    lanes = np.arange(len(so.fault))
+    return Judged(
+        threshold,
+        int(metrics.rising(false).sum()),
+        int(false.any(axis=0).sum()),
+        false.size * SAMPLE_TIME / 3600.0,
+        metrics.isolation_time(decision, so.fault, so.onset, HORIZON),
+        metrics.detection_delay(alarm, so.onset, HORIZON),
+        np.concatenate([so.fault, calm.fault[some]]),
+        np.concatenate(
+            [at_decision(decision, so)[lanes], at_decision(np.where(false, healthy.fault, NORMAL), calm)[some]]
+        ),
+        faulty.severity_mean[0, lanes, so.fault],
+        metrics.covered(
+            faulty.severity_mean[0, lanes, so.fault], faulty.severity_std[0, lanes, so.fault], so.severity[0]
+        ),
+        np.concatenate([_flat(faulty.log_probability[1:]), _flat(healthy.log_probability[1:, some])]),
+        np.concatenate([so.label[1:].ravel(), calm.label[1:, some].ravel()]),
+    )
+
+
+def healthy_beside(n_faulty: int, n_healthy: int) -> np.ndarray:
+    """Indices of the healthy lanes judged beside the faulty ones at an instant, spread over both stimuli."""
+    wanted = min(round(HEALTHY_PER_FAULTY * n_faulty), n_healthy)
+    return np.linspace(0, n_healthy - 1, wanted).astype(np.int64)
+
+
+def at_decision(decision: np.ndarray, truth: Truth) -> np.ndarray:
+    """The decision `DECIDED_AT` after onset, by lane."""
+    return decision[metrics.sample_at(truth.onset + DECIDED_AT), np.arange(len(truth.onset))]
+
+
+def _flat(log_probability: np.ndarray) -> np.ndarray:
+    return log_probability.reshape(-1, log_probability.shape[-1]).astype(np.float64)
+
+
+def summary(judged: Judged, truth: Truth, seed: int) -> dict[str, Any]:
+    """Every figure of a diagnoser as plain data; `truth` is that of the faulty lanes."""
+    names, error = classes(), metrics.severity_error(judged.severity, truth.severity[0])
+    matrix = metrics.confusion(judged.label, judged.decision, len(names))
+    rate = poisson_interval(judged.false_alarms, judged.hours)
+    return {
+        "threshold": judged.threshold,
+        "false_alarms": judged.false_alarms,
+        "false_alarm_vehicles": judged.false_alarm_vehicles,
+        "hours": judged.hours,
+        "false_alarms_per_hour": judged.false_alarms / judged.hours,
+        "false_alarms_per_hour_interval": rate,
+        "rate_as_set": rate[0] <= 3600.0 / MEAN_TIME <= rate[1],
+        "isolation": _times(judged.isolation, seed),
+        "detection": _times(judged.detection, seed),
+        "macro_f1": float(metrics.macro_f1(matrix)),
+        "macro_f1_interval": f1_interval(judged.label, judged.decision, len(names), seed),
+        "severity_mae": float(error.mean()),
+        "severity_mae_interval": interval(error, seed),
+        "severity_coverage": float(judged.covered.mean()),
+        "ece": metrics.expected_calibration_error(judged.confidence, judged.right),
+        "brier": metrics.brier(judged.log_probability, judged.truth),
+        "log_loss": finite(metrics.log_loss(judged.log_probability, judged.truth)),
+        "isolation_by_class": {
+            name: float(judged.isolation.time[truth.fault == k].mean())
+            for k, name in enumerate(names)
+            if (truth.fault == k).any()
+        },
+    }
+
+
+def _times(times: Times, seed: int) -> dict[str, Any]:
+    return {
+        "restricted_mean": metrics.restricted_mean(times),
+        "interval": interval(times.time, seed),
+        "probability": metrics.probability(times),
+        "median": finite(metrics.kaplan_meier_median(times)),
+    }
+
+
+def finite(value: float) -> float | None:
+    """The value, None if infinite: JSON knows no infinity."""
+    return value if np.isfinite(value) else None

@@ -1,0 +1,202 @@
+"""Trains the integrated network (VI.B): a recurrent network on readings, residuals and filter estimates."""
+
+import re
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from math import cos, pi
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import nn
+
+from auv_fault_env.parameters import PRESETS
+from diagnosers.features import FEATURES, Features
+from diagnosers.integrated import CLASSES, Integrated, Network
+from training.learner import Learner
+from training.lessons import lessons
+from training.rollouts import Rollout
+from training.seeds import SPAN
+
+LANES = 256  # episodes simulated together
+LESSONS = 4  # such simulations per epoch
+SIMULATORS = 2  # at a time; the filter bank takes more time than the network
+BATCH = 64  # episodes per step of the optimiser
+RATE = 3e-3  # of Adam at its highest; rises over the first epoch, then falls to zero as a cosine over all epochs
+SEVERITY_WEIGHT = 0.1  # of the severity's likelihood beside the cross-entropy
+TRIED = 4  # lessons to validate and to calibrate on
+CALIBRATED_EVERY = 10  # samples: neighbours tell the same
+
+
+class Lesson(NamedTuple):
+    """Episodes as the network sees them: features (n_samples, n_lanes, n_features), label and severity likewise."""
+
+    features: torch.Tensor
+    label: torch.Tensor
+    severity: torch.Tensor
+
+
+class IntegratedTrainer:
+    """Cross-entropy of the class plus Gaussian likelihood of the severity, on every sample of streamed episodes.
+
+    Every episode is learnt from twice, as it is and with port and starboard exchanged.
+    """
+
+    epochs = 40
+    patience = 20
+    data = (
+        f"training: {LESSONS * LANES} episodes of 60 s an epoch and their mirror images, half with the thesis' "
+        "stimulus, half with random missions and manoeuvres; single, compound, incipient, intermittent and repaired "
+        "faults and healthy vehicles, default band, noise and disturbance; validated and calibrated on "
+        f"{TRIED * LANES} such episodes each, with seeds of their own"
+    )
+
+    def __init__(self, seed: int, memory: type[nn.Module] = nn.GRU) -> None:
+        self.seed = seed
+        with torch.random.fork_rng():
+            torch.manual_seed(seed)
+            self.learner = Learner(Network(memory))
+        self.validation: list[Lesson] = []
+
+    def epoch(self, number: int) -> dict[str, float]:
+        """Train on episodes that depend on (seed, number) alone; the next are simulated while these are learnt from."""
+        random = np.random.default_rng([self.seed, number])
+        firsts = random.integers(SPAN - LANES, size=LESSONS).tolist()
+        losses = []
+        with one_thread():
+            for k, taught in enumerate(simulated("training", firsts)):
+                losses += self._learn(taught, number + k / LESSONS)
+        return dict(zip(("loss", "severity_loss"), np.mean(losses, axis=0).tolist(), strict=True))
+
+    def _learn(self, taught: Lesson, done: float) -> list[tuple[float, float]]:
+        """One step of the optimiser per batch and its mirror image; losses of class and severity."""
+        losses = []
+        rate = RATE * min(1.0, done + 0.05) * 0.5 * (1.0 + cos(pi * min(done / self.epochs, 1.0)))
+        for batch in batches(taught):
+            for image in (batch, mirrored(batch)):
+                loss, severity_loss = self.losses(image)
+                self.learner.descend(loss + SEVERITY_WEIGHT * severity_loss, rate)
+                losses.append((loss.item(), severity_loss.item()))
+        return losses
+
+    def losses(self, taught: Lesson) -> tuple[torch.Tensor, torch.Tensor]:
+        """Mean negative log-probability of the class, and of the severity where there is a fault."""
+        raw, _ = self.learner.network(taught.features)
+        log_probability, mean, std = self.learner.network.read(raw)
+        label = taught.label[..., None]
+        mean, std = mean.gather(-1, label)[..., 0], std.gather(-1, label)[..., 0]
+        faulty = (taught.label > 0).float()
+        severity_loss = 0.5 * ((taught.severity - mean) / std) ** 2 + std.log()
+        class_loss = -log_probability.gather(-1, label).mean()
+        return class_loss, (severity_loss * faulty).sum() / faulty.sum().clamp(min=1.0)
+
+    def validate(self) -> dict[str, float]:
+        """Both losses on the validation seeds."""
+        self.validation = self.validation or list(simulated("validation", tried()))
+        with one_thread(), torch.inference_mode():
+            losses = [tuple(map(float, self.losses(batch))) for taught in self.validation for batch in batches(taught)]
+        return dict(zip(("loss", "severity_loss"), np.mean(losses, axis=0).tolist(), strict=True))
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Weights and moments of Adam, by name."""
+        return self.learner.state()
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Take over what `state` gave."""
+        self.learner.restore(state)
+
+    def finish(self) -> tuple[Integrated, dict[str, Any]]:
+        """Calibrate, and give the diagnoser with its losses on the calibration seeds before and after."""
+        network, scores, label = self.learner.network, [], []
+        with one_thread(), torch.inference_mode():
+            for taught in simulated("calibration", tried()):
+                for batch in batches(taught):
+                    raw, _ = network(batch.features)
+                    scores.append(raw[::CALIBRATED_EVERY, :, : len(CLASSES)].flatten(0, 1))
+                    label.append(batch.label[::CALIBRATED_EVERY].flatten())
+        before, after = calibrate(network, torch.cat(scores).clone(), torch.cat(label).clone())
+        figures = {"calibration_loss_before": before, "calibration_loss": after, "sharpness": float(network.sharpness)}
+        return Integrated(network.tensors()), figures
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Torch on one thread: the cores simulate meanwhile, and the sums come out alike on any number of cores."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def tried() -> list[int]:
+    """First seeds of the lessons to validate or calibrate on."""
+    return [k * LANES for k in range(TRIED)]
+
+
+def simulated(purpose: str, firsts: Sequence[int]) -> Iterator[Lesson]:
+    """A lesson of `LANES` episodes from each of these seeds of a purpose on, a few simulated ahead."""
+    with ThreadPoolExecutor(SIMULATORS) as pool:
+        waiting = [pool.submit(lesson, purpose, first) for first in firsts]
+        while waiting:
+            yield waiting.pop(0).result()
+
+
+def lesson(purpose: str, first: int) -> Lesson:
+    """`LANES` episodes from the first-th seed of a purpose on, as the network sees them."""
+    rollouts = list(lessons(purpose, LANES, first))
+    parts = [encoded(rollout) for rollout in rollouts], [r.label for r in rollouts], [r.severity for r in rollouts]
+    return Lesson(*(torch.from_numpy(np.concatenate(part, axis=1)) for part in parts))
+
+
+def encoded(rollout: Rollout) -> np.ndarray:
+    """The features of a rollout, (n_samples, n_lanes, n_features) float32."""
+    encoder = Features(PRESETS["thesis1992"])
+    state, features = (
+        encoder.initial(rollout.label.shape[1]),
+        np.empty((*rollout.label.shape, len(FEATURES)), np.float32),
+    )
+    for k, observation in enumerate(rollout.observations.astype(np.float64)):
+        state, features[k] = encoder.step(state, observation)
+    return features
+
+
+def batches(taught: Lesson) -> Iterator[Lesson]:
+    """The lesson in batches of `BATCH` lanes, each with thesis and random missions alike."""
+    step = taught.label.shape[1] // BATCH
+    for k in range(step):
+        yield Lesson(*(part[:, k::step].contiguous() for part in taught))
+
+
+def image(names: Sequence[str]) -> torch.Tensor:
+    """For each name the place of its mirror image: port and starboard exchanged."""
+    swap = {"port": "starboard", "starboard": "port"}
+    mirrored_name = lambda name: re.sub("starboard|port", lambda side: swap[side[0]], name)  # noqa: E731
+    return torch.tensor([names.index(mirrored_name(name)) for name in names])
+
+
+def mirrored(taught: Lesson) -> Lesson:
+    """The same episodes on a vehicle with port and starboard exchanged."""
+    return Lesson(taught.features[..., image(FEATURES)], image(CLASSES)[taught.label], taught.severity)
+
+
+def calibrate(network: Network, scores: torch.Tensor, label: torch.Tensor) -> tuple[float, float]:
+    """Fit sharpness and bias to scores (n, n_classes) of lanes not trained on; returns the losses before and after."""
+    sharpness, bias = torch.ones(1, requires_grad=True), torch.zeros(scores.shape[1], requires_grad=True)
+    optimiser = torch.optim.LBFGS([sharpness, bias], max_iter=100, line_search_fn="strong_wolfe")
+    history: list[float] = []
+
+    def closure() -> torch.Tensor:
+        optimiser.zero_grad()
+        loss = nn.functional.cross_entropy(sharpness * scores + bias, label)
+        loss.backward()
+        history.append(loss.item())
+        return loss
+
+    optimiser.step(closure)
+    with torch.no_grad():
+        network.sharpness.copy_(sharpness)
+        network.bias.copy_(bias)
+    return history[0], min(history)

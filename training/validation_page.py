@@ -1,0 +1,310 @@
+"""The page of `auv-fault validate`: verdicts, leaderboard, differences, figures."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from auv_fault_env.faults import classes
+from diagnosers import ranked
+from training import metrics
+from training.scoring import DECIDED_AT, HORIZON, MEAN_TIME, PERSISTENCE, Judged
+from training.validation import UNTOLD, Truth
+from training.verdicts import FILTER_BANK, INTEGRATED, ORACLE, Difference
+
+Scores = Mapping[str, Mapping[str, Any]]
+LEADERBOARD = (
+    "diagnoser",
+    "isolation, restricted mean [s]",
+    "isolated",
+    "median [s]",
+    "detection, restricted mean [s]",
+    f"macro-F1 at {DECIDED_AT:g} s",
+    "severity MAE at 20 s",
+    "90 % covers",
+    "ECE",
+    "log loss [nat]",
+    "× oracle",
+)
+SCATTERED = 400  # lanes in the scatter of severities
+
+
+def page(
+    judged: Mapping[str, Judged],
+    scores: Scores,
+    truth: Truth,
+    against: Mapping[str, Mapping[str, Difference]],
+    failures: Mapping[str, str],
+    verdicts: list[list[str]],
+) -> dict[str, Any]:
+    """The report as plain data; `truth` is that of the faulty lanes."""
+    names = in_order(scores)
+    sections = [
+        {
+            "heading": "Are the targets met?",
+            "text": [],
+            "table": {"columns": ["target", "verdict", "figures"], "rows": verdicts},
+        },
+        leaderboard(scores, names),
+        *([left_out(failures)] if failures else []),
+        *(paired(name, by) for name, by in against.items() if by),
+        isolation_over_time(judged, names),
+        by_class(scores, names),
+        *(confusion(name, judged[name]) for name in (INTEGRATED, FILTER_BANK) if name in judged),
+        alarms(scores, names),
+        calibration(judged, scores, names),
+        severity(judged, truth),
+        cost(scores, names),
+    ]
+    return {"title": "Diagnosers on the validation suite", "intro": intro(truth, scores), "sections": sections}
+
+
+def in_order(scores: Scores) -> list[str]:
+    """Names by restricted mean isolation time, those that compete first."""
+    compete = set(ranked())
+    return sorted(scores, key=lambda name: (name not in compete, scores[name]["isolation"]["restricted_mean"]))
+
+
+def intro(truth: Truth, scores: Scores) -> list[str]:
+    """What was run."""
+    hours = next(iter(scores.values()))["hours"]
+    return [
+        f"{len(truth.fault)} vehicles with one fault each, seeds of validation only; default noise, disturbance and "
+        "spread of healthy vehicles. Half run the thesis' stimulus, half random missions with random manoeuvres. "
+        "Every class is equally likely, severity 0.2 to 1, onset 5 to 30 s, abrupt or ramped.",
+        f"An alarm is p(normal) below a threshold for {PERSISTENCE} samples in a row. Each diagnoser's threshold is "
+        f"set for one false alarm per {MEAN_TIME / 3600:g} h on {hours:.1f} h of healthy operation, and its false "
+        "alarms are counted on as many other hours. Isolated means: alarm on and the right class on top, from then "
+        f"on until {HORIZON:g} s after onset. Faults not isolated by then count with {HORIZON:g} s. Intervals are "
+        "95 % bootstrap intervals over vehicles.",
+        "References, marked *, are not ranked: the oracle is told the true healthy parameters and severities (so its "
+        "severity error is nil by construction; severities are compared with the oracle that is not told them); null "
+        "and random anchor the scale.",
+    ]
+
+
+def leaderboard(scores: Scores, names: Iterable[str]) -> dict[str, Any]:
+    """The main table."""
+    rows = [
+        [
+            _row_name(name),
+            _with_interval(score["isolation"]["restricted_mean"], score["isolation"]["interval"], 2),
+            _percent(score["isolation"]["probability"]),
+            _seconds(score["isolation"]["median"]),
+            f"{score['detection']['restricted_mean']:.2f}",
+            _with_interval(score["macro_f1"], score["macro_f1_interval"], 2),
+            _with_interval(score["severity_mae"], score["severity_mae_interval"], 3),
+            _percent(score["severity_coverage"]),
+            f"{score['ece']:.3f}",
+            _number(score["log_loss"], 2),
+            _of_oracle(scores, name),
+        ]
+        for name, score in ((name, scores[name]) for name in names)
+    ]
+    return {
+        "heading": "Leaderboard",
+        "text": [
+            "By restricted mean isolation time. A short one with few faults isolated means that some are missed and "
+            "the rest found at once. Macro-F1 is over the classes and normal, one healthy vehicle to four faulty ones. "
+            "Severity error and coverage of the 90 % interval are those of the estimate given the true class. "
+            "Calibration error and log loss are of beliefs at random instants of the same vehicles. The last column is "
+            "the isolation time relative to the oracle's."
+        ],
+        "table": {
+            "columns": list(LEADERBOARD),
+            "rows": rows,
+        },
+    }
+
+
+def left_out(failures: Mapping[str, str]) -> dict[str, Any]:
+    """Diagnosers that could not be compared."""
+    return {
+        "heading": "Left out",
+        "text": ["These could not be made, or failed on the way; nothing of them is shown."],
+        "table": {"columns": ["diagnoser", "why"], "rows": [list(item) for item in failures.items()]},
+    }
+
+
+def paired(name: str, by: Mapping[str, Difference]) -> dict[str, Any]:
+    """How one differs from the others on the same vehicles."""
+    rows = [
+        [
+            other,
+            _with_interval(difference.isolation[0], difference.isolation[1:], 2, "+"),
+            _with_interval(difference.macro_f1[0], difference.macro_f1[1:], 3, "+"),
+            "yes" if difference.better else "no",
+        ]
+        for other, difference in by.items()
+    ]
+    return {
+        "heading": f"{name} against the others",
+        "text": [
+            f"{name} minus the other on the same vehicles, with 95 % paired bootstrap intervals; negative isolation "
+            "times and positive macro-F1 are in its favour. Better means: on both, zero outside the intervals."
+        ],
+        "table": {"columns": ["against", "isolation time [s]", "macro-F1", "better"], "rows": rows},
+    }
+
+
+def isolation_over_time(judged: Mapping[str, Judged], names: Sequence[str]) -> dict[str, Any]:
+    """Share isolated against time since onset."""
+    time = np.linspace(0.0, HORIZON, 301)
+    shares = {
+        name: [round(float(share), 4) for share in (_isolated_at(judged[name], time)).mean(axis=1)] for name in names
+    }
+    references = [name for name in names if name not in ranked()]
+    data = {"time": np.round(time, 1).tolist(), "shares": shares, "references": references}
+    caption = (
+        "Share of the faults isolated for good by a time since onset; the area above a line is its restricted mean."
+    )
+    return _figure("How soon are faults isolated?", "isolation_curves", "isolation", caption, data)
+
+
+def _isolated_at(judged: Judged, time: np.ndarray) -> np.ndarray:
+    return (judged.isolation.time <= time[:, None]) & ~judged.isolation.censored
+
+
+def by_class(scores: Scores, names: Sequence[str]) -> dict[str, Any]:
+    """Restricted mean isolation time by class and diagnoser."""
+    kinds = next(iter(scores.values()))["isolation_by_class"]
+    rows = [[kind, *(f"{scores[name]['isolation_by_class'][kind]:.1f}" for name in names)] for kind in kinds]
+    return {
+        "heading": "Isolation time by class",
+        "text": [f"Restricted mean [s] of the vehicles with that fault; {HORIZON:g} is never within the horizon."],
+        "table": {"columns": ["class", *names], "rows": rows},
+    }
+
+
+def confusion(name: str, judged: Judged) -> dict[str, Any]:
+    """Who is taken for what."""
+    matrix = metrics.confusion(judged.label, judged.decision, len(classes()))
+    shares = matrix / np.maximum(matrix.sum(axis=1, keepdims=True), 1.0)
+    data = {"classes": list(classes()), "shares": np.round(shares, 4).tolist()}
+    caption = (
+        f"Decisions of {name} {DECIDED_AT:g} s after onset, per cent of each true class (rows); normal means that no "
+        "alarm stands. Shares below 0.5 % are not written."
+    )
+    return _figure(f"Confusion of {name}", "confusion_matrix", f"confusion-{name}", caption, data)
+
+
+def alarms(scores: Scores, names: Iterable[str]) -> dict[str, Any]:
+    """Thresholds and the false alarms counted."""
+    rows = [
+        [
+            _row_name(name),
+            f"{score['threshold']:.3g}",
+            _percent(score["detection"]["probability"]),
+            f"{score['false_alarms']} ({score['false_alarm_vehicles']})",
+            _with_interval(score["false_alarms_per_hour"], score["false_alarms_per_hour_interval"], 2),
+            _as_set(score),
+        ]
+        for name, score in ((name, scores[name]) for name in names)
+    ]
+    return {
+        "heading": "Alarms",
+        "text": [
+            "False alarms on healthy vehicles that did not serve to set the threshold; the aim is "
+            f"{3600 / MEAN_TIME:g} per hour. The interval is that of the count (Poisson). The threshold itself rests "
+            "on as few alarms, and alarms that flicker come several to a vehicle: a rate just outside its interval now "
+            "and then is no wonder; far outside means that the threshold does not carry over to other vehicles."
+        ],
+        "table": {
+            "columns": [
+                "diagnoser",
+                "threshold, log p(normal)",
+                "detected",
+                "false alarms (vehicles)",
+                "per hour",
+                "as set",
+            ],
+            "rows": rows,
+        },
+    }
+
+
+def calibration(judged: Mapping[str, Judged], scores: Scores, names: Iterable[str]) -> dict[str, Any]:
+    """Reliability diagrams."""
+    diagrams = {}
+    for name in names:
+        bins = metrics.reliability(judged[name].confidence, judged[name].right)
+        diagrams[name] = {key: np.round(values[bins.share > 0], 4).tolist() for key, values in bins._asdict().items()}
+    caption = (
+        "Share of beliefs that were right against their confidence, at random instants; a point's area is the share of "
+        "the beliefs in its bin. Below the diagonal: too sure of itself."
+    )
+    return _figure(
+        "Are beliefs to be believed?", "reliability_diagrams", "reliability", caption, {"diagrams": diagrams}
+    )
+
+
+def severity(judged: Mapping[str, Judged], truth: Truth) -> dict[str, Any]:
+    """Scatter of severities."""
+    wanted = [name for name in (INTEGRATED, FILTER_BANK, ORACLE + UNTOLD) if name in judged] or list(judged)[:1]
+    lanes = np.linspace(0, len(truth.fault) - 1, min(SCATTERED, len(truth.fault))).astype(np.int64)
+    data = {
+        "truth": np.round(truth.severity[0, lanes].astype(float), 4).tolist(),
+        "estimates": {name: np.round(judged[name].severity[lanes].astype(float), 4).tolist() for name in wanted},
+    }
+    caption = f"Severity estimated 20 s after onset, given the true class, of {len(lanes)} vehicles."
+    return _figure("Severity", "severities", "severity", caption, data)
+
+
+def cost(scores: Scores, names: Iterable[str]) -> dict[str, Any]:
+    """What an update costs."""
+    rows = [
+        [_row_name(name), *(f"{scores[name][key]:.3g}" for key in ("p50_us", "p99_us", "many_lanes_us"))]
+        for name in names
+    ]
+    return {
+        "heading": "Cost",
+        "text": [
+            "Wall-clock microseconds of an update; a sample comes every 100,000. Other work on the machine shows."
+        ],
+        "table": {
+            "columns": ["diagnoser", "one vehicle, median", "99th percentile", "per vehicle of 4096"],
+            "rows": rows,
+        },
+    }
+
+
+def _figure(heading: str, plot: str, name: str, caption: str, data: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "heading": heading,
+        "text": [],
+        "figures": [{"plot": plot, "name": name, "caption": caption, "data": data}],
+    }
+
+
+def _row_name(name: str) -> str:
+    return name if name in ranked() else f"{name} *"
+
+
+def _as_set(score: Mapping[str, Any]) -> str:
+    if score["rate_as_set"]:
+        return "yes"
+    return "no, more" if score["false_alarms_per_hour"] > 3600.0 / MEAN_TIME else "no, fewer"
+
+
+def _with_interval(value: float, interval: Sequence[float], digits: int, sign: str = "") -> str:
+    form = f"{sign}.{digits}f"
+    between = " to " if sign else "–"
+    return f"{value:{form}} ({interval[0]:{form}}{between}{interval[1]:{form}})"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
+
+
+def _seconds(time: float | None) -> str:
+    return f"> {HORIZON:g}" if time is None else f"{time:.1f}"
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "infinite" if value is None else f"{value:.{digits}f}"
+
+
+def _of_oracle(scores: Scores, name: str) -> str:
+    if ORACLE not in scores:
+        return "–"
+    return f"{scores[name]['isolation']['restricted_mean'] / scores[ORACLE]['isolation']['restricted_mean']:.2f}"
