@@ -25,6 +25,7 @@ lint: .venv/.dev
 
 bench: .venv/.bench
 	@$(BIN)/python -m training.benchmark_speed
+	@$(BIN)/python -m training.benchmark_filters
 
 .venv/.dev: pyproject.toml constraints.txt
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \

@@ -1,7 +1,8 @@
 """The algebra of a bank's filters: Gaussians of five states, the severity last, all filters of a subsystem at once.
 
-A table of filters is an array (20, n_filters): five rows of means, then the lower triangle of the covariance row by row;
-the innermost loops run over the filters, and so vectorise. `part` is a range (first, last) of filters.
+A table of filters is an array (20, n_filters): five rows of means, then the lower triangle of the covariance, row by
+row; the innermost loops run over the filters, and so vectorise. `part` is a range (first, last) of filters, unsigned:
+with numbers that might be negative the compiler would not vectorise.
 
 Sources: Blom & Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian switching
 coefficients", IEEE Trans. Autom. Control 33(8), 1988, doi:10.1109/9.1299 (mixing); Jeffrey, "The Logic of Decision",

@@ -231,6 +231,7 @@ def summarise(log_weight, severity, diagnosis, log_probability, mean, std):
         mean[diagnosis[j]] += share * s
         std[diagnosis[j]] += share * (s * s + severity[1, j])
     for c in range(mean.size):
+        mean[c] = min(mean[c], 1.0)
         std[c] = math.sqrt(max(std[c] - mean[c] * mean[c], 0.0))
 
 
@@ -249,21 +250,6 @@ def lane_of(state, lane):
 
 
 @kernel
-def step_lane(old, new, observation, seen, table, constants, work):
-    """One sample of one lane."""
-    look(observation[FIRST_READING:], old.readings, constants.sensors, seen)
-    new.readings[:] = seen.reading
-    for m in range(3):
-        for r in range(N_ROWS):
-            work.base[m, r] = old.healthy[table.rows[m, r]]
-    switch(old, new, table, constants.walk, work.newcomers)
-    for m in (PORT, STARBOARD):
-        update_motor(m, old, new, seen, table, constants, work)
-    update_surge(old, new, seen, table, constants, work)
-    weigh(new.log_weight, table.slot, work.evidence)
-
-
-@kernel
 def step_lanes(first, last, old, new, observation, table, constants, belief):
     """One sample of the lanes from `first` to before `last`: fill `new` and `belief` from `old` and the observation."""
     work = workspace(old.log_weight.shape[1], old.filters.shape[2])
@@ -273,7 +259,16 @@ def step_lanes(first, last, old, new, observation, table, constants, belief):
         rudder, plane = observation[lane, 2], observation[lane, 3]
         seen = Seen(reading, repeated, zero, log_spacing, rudder * rudder + plane * plane)
         before, after = lane_of(old, lane), lane_of(new, lane)
+        look(observation[lane, FIRST_READING:], before.readings, constants.sensors, seen)
+        after.readings[:] = reading
         after.turning[:] = 0.0
-        step_lane(before, after, observation[lane], seen, table, constants, work)
+        for m in range(3):
+            for r in range(N_ROWS):
+                work.base[m, r] = before.healthy[table.rows[m, r]]
+        switch(before, after, table, constants.walk, work.newcomers)
+        for m in (PORT, STARBOARD):
+            update_motor(m, before, after, seen, table, constants, work)
+        update_surge(before, after, seen, table, constants, work)
+        weigh(after.log_weight, table.slot, work.evidence)
         one = belief[0][lane], belief[1][lane], belief[2][lane]
         summarise(after.log_weight, after.severity, table.diagnosis, one[0], one[1], one[2])

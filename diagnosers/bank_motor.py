@@ -150,7 +150,7 @@ def believe(x, part, readings, base, slope, offset, turning, work):
 
 @kernel
 def update(x, part, base, slope, offset, seen, channel, start, speed, turning, water, work):
-    """One sample of all filters of a motor, whose first reading is `channel`: adds to the evidence, writes `turning`."""
+    """One sample of a motor's filters, its first reading being `channel`: adds to the evidence, writes `turning`."""
     readings, evidence = seen.reading[channel : channel + 3], work.evidence
     form(work.values, work.by_severity, x, part, base, slope, offset)
     for k in range(3):

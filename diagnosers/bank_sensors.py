@@ -13,8 +13,10 @@ LEAST_GAIN = 1e-3
 
 
 class Seen(NamedTuple):
-    """A sample of one lane: readings (8,), which of them repeat the last one or are zero, and log_spacing (8,), the
-    logarithm of the distance of float32 numbers there; rudder and stern plane, squared and summed [rad^2].
+    """A sample of one lane.
+
+    Readings (8,), which of them repeat the last one or are zero, and log_spacing (8,), the logarithm of the distance of
+    float32 numbers there; rudder and stern plane, squared and summed [rad^2].
     """
 
     reading: np.ndarray

@@ -18,7 +18,7 @@ N_SAMPLES = 120
 FAULTS = ("increased_drag", "propeller_loss:port", "motor_overheating:starboard", "sensor_dropout:speed")
 SCHEDULES = ((), (), *((FaultEvent(fault, onset=5.0, severity=0.8),) for fault in FAULTS))
 SHORT = 25  # samples of the checks that run the diagnoser many times
-SUM_TOLERANCE, BATCH_TOLERANCE = 1e-6, 1e-4  # networks compute in float32
+ROUNDING, BATCH_TOLERANCE = 1e-6, 1e-4  # networks compute in float32
 
 
 def check_diagnoser(diagnoser: Diagnoser, seed: int = 0) -> None:
@@ -72,10 +72,10 @@ def _demand_belief(diagnoser: Diagnoser, belief: Belief, n_lanes: int, when: str
         _demand(bool(np.isfinite(values).all()), f"{name}{when}", "NaN or infinity", "finite numbers", "limit it")
     highest, total = float(belief[0].max()), np.exp(belief[0]).sum(axis=1)
     worst = float(total[np.abs(total - 1).argmax()])
-    _demand(highest <= SUM_TOLERANCE, f"log_probability{when}", highest, "at most 0", "normalise it")
-    _demand(abs(worst - 1) <= SUM_TOLERANCE, f"sum of probabilities{when}", worst, "1", "normalise them")
+    _demand(highest <= ROUNDING, f"log_probability{when}", highest, "at most 0", "normalise it")
+    _demand(abs(worst - 1) <= ROUNDING, f"sum of probabilities{when}", worst, "1", "normalise them")
     low, high = float(belief[1].min()), float(belief[1].max())
-    _demand(0 <= low <= high <= 1, f"severity_mean{when}", (low, high), "0 to 1", "clip it")
+    _demand(-ROUNDING <= low <= high <= 1 + ROUNDING, f"severity_mean{when}", (low, high), "0 to 1", "clip it")
     low = float(belief[2].min())
     _demand(low >= 0, f"severity_std{when}", low, "from 0", "give a standard deviation")
 

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.distance import cdist
-from scipy.special import logsumexp
 
 from auv_fault_env.channels import CHANNELS
+from auv_fault_env.errors import whole_number
 from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import SAMPLE_RATE, Vehicle, vehicle_of
@@ -55,12 +55,17 @@ class CusumState(NamedTuple):
 
 
 class Signatures(NamedTuple):
-    """Statistics that faults leave: pattern (n, 24), class index (n,), severity (n,), log weight (n,) in its class."""
+    """Statistics that faults leave, sorted by class.
+
+    pattern (n, 24), class index (n,), severity (n,), log weight (n,) in its class; starts (n_classes - 1,): first row
+    of every class but normal.
+    """
 
     pattern: np.ndarray
     label: np.ndarray
     severity: np.ndarray
     weight: np.ndarray
+    starts: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -85,6 +90,7 @@ class Cusum(Recursive):
 
     def __post_init__(self):
         vehicle_of(self.vehicle)
+        whole_number("seed", self.seed, 0)
 
     @cached_property
     def _nominal(self) -> Vehicle:
@@ -128,16 +134,18 @@ class Cusum(Recursive):
         odds = np.minimum(GAIN * ((charts / LIMITS).max(axis=1, keepdims=True) - 1.0), DEEPEST)
         bank, pattern = self._signatures, np.log1p(charts / LIMITS)
         closeness = bank.weight - 0.5 * cdist(pattern, bank.pattern, "sqeuclidean") / WIDTH**2
-        shape = (len(charts), len(self.classes))
-        evidence, mean, std = np.empty(shape), np.zeros(shape), np.zeros(shape)
-        for k in range(1, len(self.classes)):
-            mine, severity = closeness[:, bank.label == k], bank.severity[bank.label == k]
-            evidence[:, k] = logsumexp(mine, axis=1)
-            share = np.exp(mine - evidence[:, k : k + 1])
-            mean[:, k] = np.clip(share @ severity, 0.0, 1.0)
-            std[:, k] = np.sqrt(np.maximum(share @ severity**2 - mean[:, k] ** 2, 0.0) + SEVERITY_STD**2)
-        fault = evidence[:, 1:] - logsumexp(evidence[:, 1:], axis=1, keepdims=True)
-        return Belief(np.hstack([-np.logaddexp(0.0, odds), fault - np.logaddexp(0.0, -odds)]), mean, std)
+        nearest = np.maximum.reduceat(closeness, bank.starts, axis=1)
+        share = np.exp(closeness - nearest[:, bank.label - 1])
+        total, first, second = (
+            np.add.reduceat(share * factor, bank.starts, axis=1) for factor in (1.0, bank.severity, bank.severity**2)
+        )
+        mean, none = first / total, np.zeros((len(charts), 1))
+        std = np.sqrt(np.maximum(second / total - mean**2, 0.0) + SEVERITY_STD**2)
+        fault = nearest + np.log(total)
+        fault -= fault.max(axis=1, keepdims=True)
+        fault -= np.log(np.exp(fault).sum(axis=1, keepdims=True)) + np.logaddexp(0.0, -odds)
+        chances = np.hstack([-np.logaddexp(0.0, odds), fault])
+        return Belief(chances, np.hstack([none, np.minimum(mean, 1.0)]), np.hstack([none, std]))
 
     @cached_property
     def _signatures(self) -> Signatures:
@@ -156,5 +164,7 @@ class Cusum(Recursive):
                 patterns.append(np.log1p(state.charts / LIMITS))
         label = np.array([self.classes.index(fault.diagnosis) for fault, _, _ in cases] * len(AGES))
         severity = np.array([severity for _, severity, _ in cases] * len(AGES))
+        order = np.argsort(label, kind="stable")
+        label, starts = label[order], np.unique(label[order], return_index=True)[1]
         weight = -np.log(np.bincount(label)[label])
-        return Signatures(np.concatenate(patterns), label, severity, weight)
+        return Signatures(np.concatenate(patterns)[order], label, severity[order], weight, starts)

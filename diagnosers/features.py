@@ -62,6 +62,7 @@ def _names() -> tuple[str, ...]:
 
 
 FEATURES = _names()
+BANK_ODDS = slice(-2 * (len(CLASSES) - 1), -(len(CLASSES) - 1))
 
 
 class Past(NamedTuple):

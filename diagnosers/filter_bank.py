@@ -46,7 +46,8 @@ class FilterBank(Recursive):
     weigh the hypotheses; a normal vehicle may turn faulty at any sample and then stays so, as in the interacting
     multiple model algorithm. All in logarithms: p(normal) may be 1e-100 and still be graded.
     Sources: Willsky, "A survey of design methods for failure detection in dynamic systems", Automatica 12, 1976,
-    doi:10.1016/0005-1098(76)90041-8; Blom & Bar-Shalom 1988, doi:10.1109/9.1299; de Benito 1990, as cited by the thesis.
+    doi:10.1016/0005-1098(76)90041-8; Blom & Bar-Shalom 1988, doi:10.1109/9.1299; de Benito 1990, as the thesis
+    cites it.
 
     When it misleads: at constant speed some faults look alike (drag and thrust), and the belief is shared between
     them by the prior; repairs, intermittent and double faults are no hypotheses; a vehicle outside the healthy band, or
@@ -67,8 +68,8 @@ class FilterBank(Recursive):
     name: ClassVar[str] = "filter_bank"
     vehicle: str | Vehicle = "thesis1992"
     grades: tuple[tuple[float, float], ...] = ((0.1, 0.4), (0.4, 0.7), (0.7, 1.0))
-    hazard: float = 1e-4
-    walk_std: float = 0.05
+    hazard: float = 1e-3
+    walk_std: float = 0.015
 
     def __post_init__(self):
         vehicle_of(self.vehicle)

@@ -12,7 +12,6 @@ from auv_fault_env.faults import CATALOGUE, classes, matrices
 from auv_fault_env.parameters import HULL, PARAMETERS, SENSOR, SHAFT, SIDES
 
 SURGE, PORT, STARBOARD = range(3)
-SUBSYSTEMS = (PORT, STARBOARD, SURGE)  # in the order of their updates: surge takes the shaft speeds from the motors
 
 
 def _sensors(*channels: str) -> tuple[str, ...]:
@@ -39,9 +38,9 @@ N_ROWS = max(map(len, OWN.values()))
 
 
 class Table(NamedTuple):
-    """The hypotheses as the kernel reads them; hypothesis 0 is the normal vehicle, as is the first filter of each
-    subsystem.
+    """The hypotheses as the kernel reads them.
 
+    Hypothesis 0 is the normal vehicle, as is the first filter of each subsystem.
     log_hazard (n_hypotheses,): logarithm of the chance per sample that a normal vehicle turns to it. diagnosis
     (n_hypotheses,): index of its class. grade (n_hypotheses,): index of its grade of severity. first (4,): the filters
     of subsystem m are first[m] to first[m + 1]. hypothesis (n_filters,): whose filter it is. slot (3, n_hypotheses):
@@ -100,7 +99,7 @@ def table(n_grades: int, hazard: float) -> Table:
         np.concatenate([[0], np.array([names.index(name) for name in diagnoses])[fault]]),
         np.concatenate([[0], np.tile(np.arange(n_grades), len(CATALOGUE))]),
         np.array(first, np.uint64),  # unsigned, so that loops over filters vectorise
-        *map(np.concatenate, (hypothesis,)),
+        np.concatenate(hypothesis),
         slot,
         rows,
         *(np.concatenate(parts).T.copy() for parts in (slope, offset, owns_speed)),

@@ -12,7 +12,7 @@ from auv_fault_env.faults import classes
 from auv_fault_env.parameters import PRESETS
 from diagnosers import storage
 from diagnosers.diagnoser import Belief, Recursive
-from diagnosers.features import FEATURES, Features, FeatureState
+from diagnosers.features import BANK_ODDS, EVIDENCE, FEATURES, Features, FeatureState
 
 WEIGHTS = storage.WEIGHTS / "integrated.safetensors"
 CLASSES = classes()
@@ -25,7 +25,7 @@ class Network(nn.Module):
     """Features to class scores and severities, with a recurrent layer in between; see `outputs`.
 
     An encoder of two layers sees one sample, the recurrent layer of `N_MEMORY` units what came before, and the head
-    both. Calibration (one temperature, a bias per class) is learnt last, on lanes of its own.
+    both; what it says is added to the log odds of the filter bank, which the network so corrects. Calibration (one temperature, a bias per class) is learnt last, on lanes of its own.
     """
 
     def __init__(self, memory: type[nn.Module] = nn.GRU):
@@ -35,6 +35,7 @@ class Network(nn.Module):
         )
         self.memory = memory(N_MEMORY, N_MEMORY)
         self.head = nn.Sequential(nn.Linear(2 * N_MEMORY, N_HEAD), nn.SiLU(), nn.Linear(N_HEAD, 3 * N_CLASSES))
+        self.trust = nn.Parameter(torch.full((N_CLASSES - 1,), EVIDENCE))
         self.register_buffer("sharpness", torch.ones(1))
         self.register_buffer("bias", torch.zeros(N_CLASSES))
 
@@ -42,7 +43,8 @@ class Network(nn.Module):
         """Outputs (n_samples, n_lanes, 3 n_classes) of features (n_samples, n_lanes, n_features), and the memory."""
         encoded = self.encoder(features)
         recalled, memory = self.memory(encoded, memory)
-        return self.head(torch.cat([encoded, recalled], dim=-1)), memory
+        bank = nn.functional.pad(self.trust * features[..., BANK_ODDS], (1, 2 * N_CLASSES))
+        return self.head(torch.cat([encoded, recalled], dim=-1)) + bank, memory
 
     def read(self, raw: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Log probability, severity mean and standard deviation, each (..., n_classes), of raw outputs."""

@@ -16,7 +16,7 @@ from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle, vehicle_of
 from diagnosers import oddities
 from diagnosers.diagnoser import Belief, Recursive
 from diagnosers.residuals import healthy_band, residuals
-from diagnosers.rulebook import Rule, for_sides, log_probability, merged, parsed, truth
+from diagnosers.rulebook import Rulebook, for_sides, log_probability, merged, parsed, truths
 
 LEVELS = ("port_voltage", "port_load", "starboard_voltage", "starboard_load", "push")  # low-passed `RESIDUALS`
 EDGES = (*(f"{side}_torn" for side in SIDES), *(f"{side}_supply" for side in SIDES))
@@ -95,7 +95,7 @@ class Limits(Recursive):
         return vehicle, replace(vehicle, c1=WORST_TEAR * vehicle.c1, c2=WORST_TEAR * vehicle.c2)
 
     @cached_property
-    def _rules(self) -> tuple[Rule, ...]:
+    def _rules(self) -> Rulebook:
         return parsed(merged(HULL_RULES, for_sides(SIDE_RULES), READING_RULES, oddities.RULES), SYMPTOMS, self.classes)
 
     def initial(self, n_lanes: int) -> LimitsState:
@@ -107,9 +107,9 @@ class Limits(Recursive):
     def step(self, state: LimitsState, observation: np.ndarray) -> tuple[LimitsState, Belief]:
         """Compare, and look up."""
         state = self._advance(state, observation)
-        symptoms = self._symptoms(state)
-        chances = log_probability(self._rules, symptoms, len(self.classes))
-        return state, Belief(chances, *self._severity(symptoms, state.oddities))
+        truth = truths(self._rules, self._symptoms(state))
+        chances = log_probability(self._rules, truth, self._n_classes)
+        return state, Belief(chances, *self._severity(truth, state.oddities))
 
     def _advance(self, state: LimitsState, observation: np.ndarray) -> LimitsState:
         begun = state.oddities.samples > 0
@@ -142,14 +142,18 @@ class Limits(Recursive):
         singles = [state.trend / TREND, STEP_SYMPTOM * state.step]
         return np.hstack([level / limit, torn / limit[:, LOADS], supply, *singles, oddities.symptoms(state.oddities)])
 
-    def _severity(self, symptoms: np.ndarray, odd: oddities.Oddities) -> tuple[np.ndarray, np.ndarray]:
-        shape = (len(symptoms), len(self.classes))
-        severity, error = np.zeros(shape), np.full(shape, USUAL_STD)
-        error[:, 0] = 0.0
-        for k, parts in self._rules:
-            excess = np.maximum(truth(parts, symptoms), 0.0)
-            severity[:, k] = np.maximum(severity[:, k], excess / (excess + HALF_SEVERE))
-        sensors = [self.classes.index(f"sensor:{name}") for name in READINGS]
-        often = oddities.severity(odd)
-        severity[:, sensors] = np.where(often > 0.0, often, USUAL)
+    @cached_property
+    def _n_classes(self) -> int:
+        return len(self.classes)
+
+    @cached_property
+    def _sensors(self) -> list[int]:
+        return [self.classes.index(f"sensor:{channel}") for channel in READINGS]
+
+    def _severity(self, truth: np.ndarray, odd: oddities.Oddities) -> tuple[np.ndarray, np.ndarray]:
+        severity, error = (np.full((len(truth), self._n_classes), value) for value in (USUAL, USUAL_STD))
+        severity[:, 0] = error[:, 0] = 0.0
+        excess = np.maximum(truth, 0.0)
+        severity[:, self._rules.classes] = excess / (excess + HALF_SEVERE)
+        oddities.write_severity(severity, self._sensors, odd)
         return severity, error

@@ -51,6 +51,10 @@ def symptoms(oddities: Oddities) -> np.ndarray:
     return (oddities.seen / SCALE).reshape(len(oddities.seen), -1)
 
 
-def severity(oddities: Oddities) -> np.ndarray:
-    """Share of the latest readings that were held or lost, (n_lanes, 8)."""
-    return np.minimum((1.0 - FORGET) * oddities.seen[:, :2].max(axis=1), 1.0)
+def write_severity(severity: np.ndarray, sensors: list[int], oddities: Oddities) -> None:
+    """Where readings have been held or lost, the sensor's severity is how often of late.
+
+    severity (n_lanes, n_classes) is changed in place; sensors are the columns of the classes of `READINGS`.
+    """
+    often = np.minimum((1.0 - FORGET) * oddities.seen[:, :2].max(axis=1), 1.0)
+    severity[:, sensors] = np.where(often > 0.0, often, severity[:, sensors])

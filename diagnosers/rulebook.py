@@ -5,9 +5,9 @@
 """
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from scipy.special import logsumexp
 
 from auv_fault_env.errors import known_name
 from auv_fault_env.parameters import SIDES
@@ -16,7 +16,18 @@ TOLERANCE, WEIGHT = 0.3, 0.5  # of a symptom that must not come: how much is not
 LEVEL, GAIN, SHARPNESS = 1.0, 6.0, 3.0  # truth at even odds, log odds per truth, log odds between classes
 DEEPEST = 100.0  # largest log odds of a fault, and of an unsupported class
 
-Rule = tuple[int, tuple[tuple[str, int], ...]]  # class index; sign and symptom's column
+
+class Rulebook(NamedTuple):
+    """Parsed rules, those of a class side by side: where their symptoms stand in `_asked` and `_against`.
+
+    asked (n_rules, most) and against (n_rules, most): columns, padded with one that changes nothing. starts
+    (n_supported,): first rule of each class that has rules; classes (n_supported,): its index.
+    """
+
+    asked: np.ndarray
+    against: np.ndarray
+    starts: np.ndarray
+    classes: np.ndarray
 
 
 def merged(*books: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
@@ -37,41 +48,49 @@ def for_sides(book: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
     }
 
 
-def parsed(rules: Mapping[str, Sequence[str]], symptoms: Sequence[str], classes: Sequence[str]) -> tuple[Rule, ...]:
+def parsed(rules: Mapping[str, Sequence[str]], symptoms: Sequence[str], classes: Sequence[str]) -> Rulebook:
     """The rules of each class, any of which suffices; a class or symptom that is not known is refused."""
     columns = {name: k for k, name in enumerate(symptoms)}
-    return tuple(
-        (
-            classes.index(known_name("class of a rule", name, classes)),
-            tuple((part[0], columns[known_name("symptom", part[1:], columns)]) for part in text.split()),
-        )
-        for name, texts in rules.items()
-        for text in texts
-    )
+    asked, against, owners = [], [], []
+    for name in sorted(rules, key=lambda name: classes.index(known_name("class of a rule", name, classes))):
+        for text in rules[name]:
+            parts = [(part[0], columns[known_name("symptom", part[1:], columns)]) for part in text.split()]
+            asked.append([column + "+-".index(sign) * len(symptoms) for sign, column in parts if sign in "+-"])
+            against.append([column + "~<>".index(sign) * len(symptoms) for sign, column in parts if sign in "~<>"])
+            owners.append(classes.index(name))
+    supported, starts = np.unique(owners, return_index=True)
+    return Rulebook(_padded(asked, 2 * len(symptoms)), _padded(against, 3 * len(symptoms)), starts, supported)
 
 
-def truth(parts: Sequence[tuple[str, int]], symptoms: np.ndarray) -> np.ndarray:
-    """How true a rule is (n_lanes,): the least of what it asks for, less `WEIGHT` times what speaks against it."""
-    asked, against = np.full(len(symptoms), DEEPEST), np.zeros(len(symptoms))
-    for sign, column in parts:
-        value = symptoms[:, column]
-        if sign in "+-":
-            asked = np.minimum(asked, value if sign == "+" else -value)
-        else:
-            contrary = {"~": np.abs(value), "<": value, ">": -value}[sign]
-            against += np.maximum(contrary - TOLERANCE, 0.0)
-    return asked - WEIGHT * against
+def _padded(rows: list[list[int]], blank: int) -> np.ndarray:
+    longest = max(map(len, rows))
+    return np.array([row + [blank] * (longest - len(row)) for row in rows], np.int64)
 
 
-def log_probability(rules: Sequence[Rule], symptoms: np.ndarray, n_classes: int) -> np.ndarray:
-    """Log probabilities (n_lanes, n_classes) from symptoms (n_lanes, n_symptoms).
+def truths(book: Rulebook, symptoms: np.ndarray) -> np.ndarray:
+    """How true each class that has rules is, (n_lanes, n_supported), from symptoms (n_lanes, n_symptoms).
 
-    The truest rule decides on the odds of a fault, `GAIN` per truth beyond `LEVEL`; its truth among those of the other
-    classes, times `SHARPNESS`, on the class. Misleads: these are degrees of belief, calibrated only in the threshold.
+    A rule is as true as the least of what it asks for, less `WEIGHT` times what speaks against it; a class as its
+    truest rule.
     """
-    evidence = np.full((len(symptoms), n_classes - 1), -DEEPEST)
-    for k, parts in rules:
-        evidence[:, k - 1] = np.maximum(evidence[:, k - 1], truth(parts, symptoms))
-    odds = np.minimum(GAIN * (evidence.max(axis=1, keepdims=True) - LEVEL), DEEPEST)
-    shares = SHARPNESS * evidence - logsumexp(SHARPNESS * evidence, axis=1, keepdims=True)
-    return np.hstack([-np.logaddexp(0.0, odds), shares - np.logaddexp(0.0, -odds)])
+    edge = np.ones((len(symptoms), 1))
+    asked = np.hstack([symptoms, -symptoms, DEEPEST * edge])
+    against = np.maximum(np.hstack([np.abs(symptoms), symptoms, -symptoms, 0.0 * edge]) - TOLERANCE, 0.0)
+    truth = asked[:, book.asked].min(axis=2) - WEIGHT * against[:, book.against].sum(axis=2)
+    return np.maximum.reduceat(truth, book.starts, axis=1)
+
+
+def log_probability(book: Rulebook, truth: np.ndarray, n_classes: int) -> np.ndarray:
+    """Log probabilities (n_lanes, n_classes) from the classes' truths.
+
+    The truest class decides on the odds of a fault, `GAIN` per truth beyond `LEVEL`; each one's truth, times
+    `SHARPNESS`, on the class. Misleads: these are degrees of belief, calibrated only in the threshold.
+    """
+    evidence = np.full((len(truth), n_classes), -DEEPEST)
+    evidence[:, book.classes] = truth
+    evidence = evidence[:, 1:]
+    highest = evidence.max(axis=1, keepdims=True)
+    odds = np.minimum(GAIN * (highest - LEVEL), DEEPEST)
+    shares = SHARPNESS * (evidence - highest)
+    shares -= np.log(np.exp(shares).sum(axis=1, keepdims=True)) + np.logaddexp(0.0, -odds)
+    return np.hstack([-np.logaddexp(0.0, odds), shares])

@@ -19,7 +19,7 @@ from diagnosers import oddities
 from diagnosers.diagnoser import Belief, Recursive
 from diagnosers.kalman import Estimate, ParameterFilter, SurgeFilter
 from diagnosers.motor_filter import MotorEstimate, MotorFilter
-from diagnosers.rulebook import Rule, for_sides, log_probability, merged, parsed
+from diagnosers.rulebook import Rulebook, for_sides, log_probability, merged, parsed, truths
 
 # Estimated: the vehicle's parameter, and by how many standard deviations a healthy one leaves its band once an hour.
 HULL = {"alpha": ("alpha", 1.6), "beta": ("beta", 0.9)}
@@ -113,7 +113,7 @@ class Rules(Recursive):
         return SurgeFilter(vehicle), hull, MotorFilter(vehicle)
 
     @cached_property
-    def _rules(self) -> tuple[Rule, ...]:
+    def _rules(self) -> Rulebook:
         return parsed(merged(HULL_RULES, for_sides(SIDE_RULES), JUMP_RULES, oddities.RULES), SYMPTOMS, self.classes)
 
     def initial(self, n_lanes: int) -> RulesState:
@@ -125,7 +125,8 @@ class Rules(Recursive):
         """Identify, and apply the rules."""
         state = self._advance(state, observation)
         mean, std = _parameters(state)
-        chances = log_probability(self._rules, _symptoms(mean, std, state), len(self.classes))
+        truth = truths(self._rules, _symptoms(mean, std, state))
+        chances = log_probability(self._rules, truth, self._n_classes)
         return state, Belief(chances, *self._severity(mean, std, state.oddities))
 
     def _advance(self, state: RulesState, observation: np.ndarray) -> RulesState:
@@ -144,22 +145,28 @@ class Rules(Recursive):
         thrust = vehicle.beta * beta * 0.5 * (channel["port_rpm"] ** 2 + channel["starboard_rpm"] ** 2)
         return channel["acceleration"] - drag * speed * np.abs(speed) - thrust - disturbance
 
+    @cached_property
+    def _n_classes(self) -> int:
+        return len(self.classes)
+
+    @cached_property
+    def _sensors(self) -> list[int]:
+        return [self.classes.index(f"sensor:{channel}") for channel in READINGS]
+
     def _severity(self, mean: np.ndarray, std: np.ndarray, odd: oddities.Oddities) -> tuple[np.ndarray, np.ndarray]:
-        severity, error = (np.full((len(mean), len(self.classes)), value) for value in (USUAL, USUAL_STD))
+        severity, error = (np.full((len(mean), self._n_classes), value) for value in (USUAL, USUAL_STD))
         severity[:, 0] = error[:, 0] = 0.0
-        weight = 1.0 / std**2
-        for k, change in self._changes.items():
-            information = (weight * change**2).sum(axis=1)
-            severity[:, k] = np.clip((weight * change * (mean - 1.0)).sum(axis=1) / information, 0.0, 1.0)
-            error[:, k] = np.minimum(information**-0.5, USUAL_STD)
-        sensors = [self.classes.index(f"sensor:{name}") for name in READINGS]
-        often = oddities.severity(odd)
-        severity[:, sensors] = np.where(often > 0.0, often, USUAL)
+        known, change = self._changes
+        information = std**-2.0 @ change.T**2
+        fitted = ((mean - 1.0) * std**-2.0) @ change.T / information
+        severity[:, known] = np.minimum(np.maximum(fitted, 0.0), 1.0)
+        error[:, known] = np.minimum(information**-0.5, USUAL_STD)
+        oddities.write_severity(severity, self._sensors, odd)
         return severity, error
 
     @cached_property
-    def _changes(self) -> dict[int, np.ndarray]:
-        """By class that scales identified parameters: their relative changes (10,) at severity 1."""
+    def _changes(self) -> tuple[list[int], np.ndarray]:
+        """Classes (n,) that scale identified parameters, and the parameters' relative changes (n, 10) at severity 1."""
         changes = {}
         for fault in CATALOGUE.values():
             factor = {"alpha": fault.scale.get("alpha", 1.0)}
@@ -169,7 +176,7 @@ class Rules(Recursive):
             change = np.array([factor[name] - 1.0 for name in ESTIMATES])
             if change.any():
                 changes[self.classes.index(fault.diagnosis)] = change
-        return changes
+        return list(changes), np.array(list(changes.values()))
 
 
 def _parameters(state: RulesState) -> tuple[np.ndarray, np.ndarray]:

@@ -44,7 +44,7 @@ def page(
     pairs = (("parallel", "raw_network"), ("parallel", "kalman_network"), ("integrated", "parallel"))
     rows = [measured_row(view, name, scores.get(name)) for name in NAMES]
     rows += [against_row(view, judged, a, b) for a, b in pairs]
-    figures = isolation_over_time(judged, list(judged))["figures"] if judged else []
+    figures = isolation_over_time(judged, list(judged)[::-1])["figures"] if judged else []
     table = {"columns": columns, "rows": rows}
     return {"heading": "VI.B: the recommendation answered", "text": text, "table": table, "figures": figures}
 

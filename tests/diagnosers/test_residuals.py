@@ -1,5 +1,6 @@
 """The residuals are zero on the nominal vehicle, as noisy as they say, and of a fault's physical size under it."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -40,7 +41,7 @@ def run(n_lanes=64, n_samples=150, schedule=(), mission="thesis", **scales):
 
 def normalised(observations):
     """(n_samples - 1, n_lanes, 5)."""
-    pairs = zip(observations, observations[1:], strict=False)
+    pairs = itertools.pairwise(observations)
     return np.array([(found := residuals(one, two, VEHICLE)).values / found.std for one, two in pairs])
 
 

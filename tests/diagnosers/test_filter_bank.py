@@ -1,0 +1,200 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from auv_fault_env.errors import InputError
+from auv_fault_env.faults import CATALOGUE, Fault, classes
+from auv_fault_env.fleet import Fleet
+from auv_fault_env.missions import MISSIONS, Mission
+from auv_fault_env.schedules import FaultEvent, ScheduleSampler
+from diagnosers import make
+from diagnosers.filter_bank import FilterBank
+from diagnosers.hypotheses import PORT, STARBOARD, SURGE, table
+from diagnosers.oracle import Oracle
+from training.rollouts import Rollout, manoeuvres, roll_out
+from training.seeds import seeds
+
+CLASSES = list(classes())
+
+
+def episodes(n_lanes: int, n_samples: int, *events: FaultEvent, mission: Mission = MISSIONS["thesis"]) -> Rollout:
+    lanes = seeds("calibration", n_lanes, 50_000)
+    return roll_out(Fleet(n_lanes), lanes, n_samples, None, [events] * n_lanes, [mission] * n_lanes)
+
+
+def beliefs(bank: FilterBank, observations: np.ndarray) -> np.ndarray:
+    """Log probabilities, (n_samples, n_lanes, n_classes)."""
+    bank.reset(observations.shape[1])
+    return np.stack([bank.update(observation).log_probability for observation in observations])
+
+
+@pytest.mark.parametrize("name", ["filter_bank", "oracle"])
+def test_the_registry_makes_it(name):
+    bank = make(name)
+    assert bank.name == name
+    assert bank.classes == classes()
+
+
+def test_probabilities_sum_to_one_and_severities_are_fractions():
+    bank = FilterBank()
+    bank.reset(8)
+    sampler = ScheduleSampler(healthy=0.2, onset=(1.0, 5.0))
+    rolled = roll_out(Fleet(8, schedules=sampler), range(8), 120, manoeuvres(1, 120, 8))
+    for observation in rolled.observations:
+        log_probability, mean, std = bank.update(observation)
+        np.testing.assert_allclose(np.exp(log_probability).sum(axis=1), 1.0, rtol=1e-12)
+        assert (mean >= 0.0).all() and (mean <= 1.0).all() and (std >= 0.0).all()
+        assert not mean[:, 0].any() and not std[:, 0].any()
+
+
+def test_a_batch_is_its_lanes_whatever_the_threads():
+    rolled = episodes(70, 12, FaultEvent("sensor_bias:port_current", 0.5, 0.6))
+    batch = beliefs(FilterBank(), rolled.observations)
+    for lane in (0, 34, 35, 69):
+        alone = beliefs(FilterBank(), rolled.observations[:, lane : lane + 1])
+        np.testing.assert_array_equal(batch[:, lane], alone[:, 0])
+
+
+def test_a_step_changes_neither_state_nor_observation():
+    bank, observation = FilterBank(), episodes(2, 2).observations[1].astype(np.float64)
+    state = bank.step(bank.initial(2), observation)[0]
+    kept, seen = [part.copy() for part in state], observation.copy()
+    bank.step(state, observation)
+    for part, before in zip(state, kept, strict=True):
+        np.testing.assert_array_equal(part, before)
+    np.testing.assert_array_equal(observation, seen)
+
+
+def test_a_fault_is_found_named_and_measured():
+    rolled = episodes(8, 250, FaultEvent("seal_friction:port", 5.0, 0.6))
+    bank = FilterBank()
+    bank.reset(8)
+    for k, observation in enumerate(rolled.observations):
+        belief = bank.update(observation)
+        if k == 49:
+            assert (belief.log_probability[:, 0] > np.log(0.9)).all()
+    column = CLASSES.index("seal_friction:port")
+    assert (belief.log_probability.argmax(axis=1) == column).all()
+    np.testing.assert_allclose(belief.severity_mean[:, column], 0.6, atol=0.1)
+    assert (belief.log_probability[:, 0] < -20.0).all()
+
+
+def test_a_fault_stays_without_evidence():
+    bank = FilterBank()
+    rolled = episodes(4, 150, FaultEvent("seal_friction:starboard", 5.0, 0.8, end=10.0))
+    log_probability = beliefs(bank, rolled.observations)[:, :, 0]
+    assert (log_probability[99] < -20.0).all()
+    state = bank.initial(1)
+    hazard = bank.hypotheses().log_hazard
+    certain = np.where(np.arange(hazard.size) == 7, 0.0, -1e6)[None]
+    after, belief = bank.step(state._replace(log_weight=certain), rolled.observations[0, :1].astype(np.float64))
+    assert after.log_weight[0].argmax() == 7 and belief.log_probability[0, 0] < -0.9e6
+
+
+@pytest.mark.slow
+def test_half_an_hour_leaves_every_number_finite():
+    bank, fleet = FilterBank(), Fleet(2)
+    bank.reset(2)
+    observation = fleet.reset([3, 4], schedules=[(), [FaultEvent("propeller_loss:port", 60.0, 1.0)]])
+    for k in range(18_000):
+        command = 0.3 + 0.15 * (-1) ** (k // 100)
+        observation = fleet.step(np.tile([command, 0.0, 0.0], (2, 1)))
+        belief = bank.update(observation)
+    assert belief.log_probability[1, 0] < -1e3
+    assert all(np.isfinite(part).all() for part in bank._state[0].filters)
+    assert not any(np.isnan(part).any() for part in belief)
+
+
+def test_a_new_catalogue_entry_gets_its_hypotheses(monkeypatch):
+    bank, before = FilterBank(), FilterBank().hypotheses()
+    ice = Fault("ice_on_hull", component="hull", scale={"alpha": 1.4, "gamma": 1.2}, source="estimate")
+    monkeypatch.setitem(CATALOGUE, "ice_on_hull", ice)
+    after = bank.hypotheses()
+    assert after.log_hazard.size == before.log_hazard.size + 3
+    np.testing.assert_allclose(np.exp(after.log_hazard).sum(), 1.0)
+    assert after.diagnosis[-1] == list(classes()).index("ice_on_hull")
+    assert after.slot[SURGE, -1] != after.slot[SURGE, 0]
+    assert after.slot[PORT, -1] == after.slot[PORT, 0] and after.slot[STARBOARD, -1] == after.slot[STARBOARD, 0]
+    assert beliefs(bank, episodes(1, 2).observations).shape[2] == len(CLASSES) + 1
+
+
+@pytest.mark.parametrize(
+    ("true", "severity"), [("increased_drag", 0.7), ("thrust_loss", 0.4)], ids=["drag as thrust", "thrust as drag"]
+)
+def test_drag_and_thrust_part_only_when_the_speed_changes(true, severity, monkeypatch):
+    # The catalogue's propeller faults shed torque as well, which the motors show at any speed; so here is one without.
+    weak = Fault("thrust_loss", "propeller", scale={"port_beta": 0.5, "starboard_beta": 0.5}, source="of this test")
+    monkeypatch.setitem(CATALOGUE, "thrust_loss", weak)
+    mission = Mission(((0.0, 0.3), (25.0, 0.6)))
+    rolled = episodes(32, 300, FaultEvent(true, 5.0, severity, ramp=15.0), mission=mission)
+    right = np.exp(beliefs(FilterBank(), rolled.observations)[:, :, list(classes()).index(true)]).mean(axis=1)
+    assert right[245] < 0.5
+    assert right[299] > 0.8
+
+
+@pytest.mark.parametrize(
+    ("true", "other", "severity"),
+    [
+        ("sensor_scale:speed", "increased_drag", 0.25),  # the propeller's torque shows the advance ratio
+        ("seal_friction:port", "sensor:port_current", 0.25),  # the shaft of a stiff seal is slower at the same voltage
+        ("sensor_bias:port_current", "seal_friction:port", 0.5),  # a current sensor does not slow the shaft
+    ],
+)
+def test_pairs_that_the_motors_tell_apart_at_constant_speed(true, other, severity):
+    rolled = episodes(32, 245, FaultEvent(true, 5.0, severity, ramp=15.0), mission=Mission(((0.0, 0.3),)))
+    probability = np.exp(beliefs(FilterBank(), rolled.observations)[-1])
+    assert probability[:, CLASSES.index(CATALOGUE[true].diagnosis)].mean() > 0.9
+    assert probability[:, CLASSES.index(other)].mean() < 0.05
+
+
+def test_classes_share_the_hazard_evenly():
+    hypotheses = table(3, 1e-3)
+    share = np.bincount(hypotheses.diagnosis, weights=np.exp(hypotheses.log_hazard))
+    np.testing.assert_allclose(share[1:], 1e-3 / (len(CLASSES) - 1))
+
+
+@pytest.mark.parametrize(
+    "settings", [{"vehicle": "titanic"}, {"hazard": 0.0}, {"grades": ()}, {"grades": ((0.5, 0.1),)}]
+)
+def test_bad_settings_are_refused(settings):
+    with pytest.raises(InputError):
+        FilterBank(**settings)
+
+
+def test_the_oracle_untold_is_the_bank():
+    rolled = episodes(2, 20)
+    np.testing.assert_array_equal(beliefs(Oracle(), rolled.observations), beliefs(FilterBank(), rolled.observations))
+
+
+def test_told_is_better_than_untold():
+    n_lanes, severity = 32, 0.6
+    rolled = episodes(n_lanes, 200, FaultEvent("propeller_damage:port", 5.0, severity))
+    column, score = CLASSES.index("propeller_damage:port"), {}
+    for told in (False, True):
+        oracle = Oracle()
+        oracle.reset(n_lanes)
+        if told:
+            oracle.tell(rolled.healthy, np.full(n_lanes, severity))
+        score[told] = np.mean([oracle.update(seen).log_probability[:, column] for seen in rolled.observations][55:])
+    assert score[True] > score[False]
+
+
+def test_the_oracle_refuses_what_is_no_truth():
+    oracle = Oracle()
+    healthy = episodes(2, 1).healthy
+    with pytest.raises(InputError, match="reset"):
+        oracle.tell(healthy)
+    oracle.reset(2)
+    with pytest.raises(InputError, match="shape"):
+        oracle.tell(healthy[:1])
+    with pytest.raises(InputError, match="0 to 1"):
+        oracle.tell(healthy, np.array([0.5, 1.5]))
+
+
+def test_settings_survive_storage(tmp_path):
+    from diagnosers import load
+
+    bank = dataclasses.replace(FilterBank(), hazard=1e-3)
+    bank.save(tmp_path / "bank.safetensors")
+    assert load(tmp_path / "bank.safetensors") == bank
