@@ -42,6 +42,7 @@ COMMAND = list(CHANNELS).index("speed_command")
 
 
 CLASSES = classes()
+GRADES = ((0.1, 1.0),)  # of the bank: one filter per fault names it as well as three, and the network grades it
 EVIDENCE = 5.0  # nats, scale of the bank's log odds
 
 
@@ -97,7 +98,7 @@ class Features:
     def __init__(self, vehicle: Vehicle):
         self.vehicle = vehicle
         self.surge, self.parameters = kalman.SurgeFilter(vehicle), kalman.ParameterFilter(vehicle)
-        self.motors, self.bank = motor_filter.MotorFilter(vehicle), FilterBank(vehicle)
+        self.motors, self.bank = motor_filter.MotorFilter(vehicle), FilterBank(vehicle, GRADES)
 
     @cached_property
     def shares(self) -> tuple[float, float, float]:

@@ -1,6 +1,7 @@
 """The thesis' second recommendation (VI.B): one network on the sensors and on what the Kalman filters make of them."""
 
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
@@ -9,7 +10,7 @@ import torch
 from torch import nn
 
 from auv_fault_env.faults import classes
-from auv_fault_env.parameters import PRESETS
+from auv_fault_env.parameters import PRESETS, SAMPLE_TIME
 from diagnosers import storage
 from diagnosers.diagnoser import Belief, Recursive
 from diagnosers.features import BANK_ODDS, EVIDENCE, FEATURES, Features, FeatureState
@@ -17,44 +18,60 @@ from diagnosers.features import BANK_ODDS, EVIDENCE, FEATURES, Features, Feature
 WEIGHTS = storage.WEIGHTS / "integrated.safetensors"
 CLASSES = classes()
 N_CLASSES = len(CLASSES)
-N_HIDDEN, N_MEMORY, N_HEAD = 128, 64, 96
+N_OUTPUTS = 3 * N_CLASSES  # score, severity and its spread of every class
+WIDTHS = (256, 128)  # of the encoder's hidden layers
+N_MEMORY = 64  # units of the recurrent layer, and of the encoder's last
+CALM = 0.5  # s, over which the first opinion is averaged: single samples are noisy, and a label must not flicker
 LEAST_STD = 0.02  # of a severity: finer than anybody can know it
 
 
 class Network(nn.Module):
-    """Features to class scores and severities, with a recurrent layer in between; see `outputs`.
+    """Features to class scores and severities: an encoder with a first opinion, and a memory that corrects it.
 
-    An encoder of two layers sees one sample, the recurrent layer of `N_MEMORY` units what came before, and the head
-    both; what it says is added to the log odds of the filter bank, which the network so corrects. Calibration (one temperature, a bias per class) is learnt last, on lanes of its own.
+    The encoder sees one sample; its opinion is added to the log odds of the filter bank, which it so corrects. The
+    recurrent layer sees the encoded samples and the averaged opinion, and adds to it what follows from the past.
+    Calibration (one sharpness, a bias per class) is learnt last, on lanes of its own.
     """
 
     def __init__(self, memory: type[nn.Module] = nn.GRU):
         super().__init__()
-        self.encoder = nn.Sequential(
-            nn.Linear(len(FEATURES), N_HIDDEN), nn.SiLU(), nn.Linear(N_HIDDEN, N_MEMORY), nn.SiLU()
-        )
-        self.memory = memory(N_MEMORY, N_MEMORY)
-        self.head = nn.Sequential(nn.Linear(2 * N_MEMORY, N_HEAD), nn.SiLU(), nn.Linear(N_HEAD, 3 * N_CLASSES))
+        widths = (len(FEATURES), *WIDTHS, N_MEMORY)
+        layers = [(nn.Linear(before, after), nn.SiLU()) for before, after in pairwise(widths)]
+        self.encoder = nn.Sequential(*(part for layer in layers for part in layer))
+        self.opinion, self.correction = (nn.Linear(N_MEMORY, N_OUTPUTS) for _ in range(2))
+        for layer in (self.opinion, self.correction):
+            nn.init.zeros_(layer.weight)
+            nn.init.zeros_(layer.bias)
         self.trust = nn.Parameter(torch.full((N_CLASSES - 1,), EVIDENCE))
+        self.memory = memory(N_MEMORY + N_CLASSES, N_MEMORY)
         self.register_buffer("sharpness", torch.ones(1))
         self.register_buffer("bias", torch.zeros(N_CLASSES))
 
-    def forward(self, features: torch.Tensor, memory: torch.Tensor | None = None) -> tuple[torch.Tensor, torch.Tensor]:
-        """Outputs (n_samples, n_lanes, 3 n_classes) of features (n_samples, n_lanes, n_features), and the memory."""
+    def look(self, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Encoded samples (..., n_memory) and the first opinion of each (..., 3 n_classes)."""
         encoded = self.encoder(features)
-        recalled, memory = self.memory(encoded, memory)
         bank = nn.functional.pad(self.trust * features[..., BANK_ODDS], (1, 2 * N_CLASSES))
-        return self.head(torch.cat([encoded, recalled], dim=-1)) + bank, memory
+        return encoded, self.opinion(encoded) + bank
 
-    def read(self, raw: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Log probability, severity mean and standard deviation, each (..., n_classes), of raw outputs."""
-        scores, mean, spread = raw.split(N_CLASSES, dim=-1)
+    def recall(self, encoded: torch.Tensor, opinion: torch.Tensor, units: torch.Tensor | None = None):
+        """Outputs (n_samples, n_lanes, 3 n_classes) from encoded samples and averaged opinions; and the units after."""
+        recalled, units = self.memory(torch.cat([encoded, opinion[..., :N_CLASSES] / EVIDENCE], dim=-1), units)
+        return opinion + self.correction(recalled), units
+
+    def read(self, outputs: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Log probability, severity mean and standard deviation, each (..., n_classes)."""
+        scores, mean, spread = outputs.split(N_CLASSES, dim=-1)
         log_probability = torch.log_softmax(self.sharpness * scores + self.bias, dim=-1)
         return log_probability, torch.sigmoid(mean), nn.functional.softplus(spread) + LEAST_STD
 
     def tensors(self) -> dict[str, np.ndarray]:
         """A copy of weights and calibration, by name."""
         return {name: tensor.detach().numpy().copy() for name, tensor in self.state_dict().items()}
+
+
+def calmed(opinion: torch.Tensor, before: torch.Tensor) -> torch.Tensor:
+    """The opinion averaged over `CALM`, given the average before; (n_lanes, 3 n_classes)."""
+    return before + (opinion - before) * (SAMPLE_TIME / (SAMPLE_TIME + CALM))
 
 
 def network_of(tensors: Mapping[str, np.ndarray], origin: str | Path) -> Network:
@@ -67,10 +84,14 @@ def network_of(tensors: Mapping[str, np.ndarray], origin: str | Path) -> Network
 
 
 class IntegratedState(NamedTuple):
-    """State of the features, and the network's memory (n_lanes, n_memory) float32."""
+    """State of the features; the network's units (n_lanes, n_memory) and calm opinion (n_lanes, 3 n_classes), float32.
+
+    The opinion is NaN before the first sample.
+    """
 
     features: FeatureState
-    memory: np.ndarray
+    units: np.ndarray
+    opinion: np.ndarray
 
 
 class Integrated(Recursive):
@@ -95,19 +116,22 @@ class Integrated(Recursive):
 
     def initial(self, n_lanes: int) -> IntegratedState:
         """Filters at their start, an empty memory."""
-        return IntegratedState(self._features.initial(n_lanes), np.zeros((n_lanes, N_MEMORY), np.float32))
+        units, opinion = np.zeros((n_lanes, N_MEMORY), np.float32), np.full((n_lanes, N_OUTPUTS), np.nan, np.float32)
+        return IntegratedState(self._features.initial(n_lanes), units, opinion)
 
     def step(self, state: IntegratedState, observation: np.ndarray) -> tuple[IntegratedState, Belief]:
         """The next state and the belief."""
         following, features = self._features.step(state.features, observation)
         with torch.inference_mode():
-            memory = torch.from_numpy(state.memory)[None]
-            raw, memory = self._network(torch.from_numpy(features)[None], memory)
-            belief = [part[0].numpy().astype(np.float64) for part in self._network.read(raw)]
+            encoded, opinion = self._network.look(torch.from_numpy(features))
+            before = torch.from_numpy(state.opinion)
+            opinion = calmed(opinion, torch.where(before.isnan(), opinion, before))
+            outputs, units = self._network.recall(encoded[None], opinion[None], torch.from_numpy(state.units)[None])
+            belief = [part[0].numpy().astype(np.float64) for part in self._network.read(outputs)]
         for severity in belief[1:]:
             severity[:, 0] = 0.0
         belief[0] -= np.logaddexp.reduce(belief[0], axis=1, keepdims=True)
-        return IntegratedState(following, memory[0].numpy().copy()), Belief(*belief)
+        return IntegratedState(following, units[0].numpy(), opinion.numpy()), Belief(*belief)
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Weights and calibration, by name."""

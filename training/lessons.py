@@ -4,16 +4,18 @@ from collections.abc import Iterator
 
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
+from auv_fault_env.schedules import ScheduleSampler
 from training.rollouts import Rollout, manoeuvres, roll_out
 from training.seeds import seeds
 
 N_SAMPLES = 600  # 60 s
+SCHEDULES = ScheduleSampler(compound=0.05, intermittent=0.05, repaired=0.05)  # mostly faults that come alone and stay
 
 
 def lessons(purpose: str, n_lanes: int, first: int = 0) -> Iterator[Rollout]:
     """Two rollouts of half of n_lanes each, 60 s long: the thesis' speed changes, then random missions and manoeuvres.
 
-    Faults, band and noise are the fleet's defaults.
+    Band and noise are the fleet's defaults.
 
     Parameters
     ----------
@@ -23,6 +25,6 @@ def lessons(purpose: str, n_lanes: int, first: int = 0) -> Iterator[Rollout]:
         Lanes of both together, an even number.
     """
     chosen, half = seeds(purpose, n_lanes, first), n_lanes // 2
-    fleet = Fleet(half)
+    fleet = Fleet(half, schedules=SCHEDULES)
     yield roll_out(fleet, chosen[:half], N_SAMPLES, missions=[MISSIONS["thesis"]] * half)
     yield roll_out(fleet, chosen[half:], N_SAMPLES, manoeuvres(chosen[half], N_SAMPLES, half))

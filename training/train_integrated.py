@@ -13,19 +13,21 @@ from torch import nn
 
 from auv_fault_env.parameters import PRESETS
 from diagnosers.features import FEATURES, Features
-from diagnosers.integrated import CLASSES, Integrated, Network
+from diagnosers.integrated import CLASSES, Integrated, Network, calmed
 from training.learner import Learner
 from training.lessons import lessons
 from training.rollouts import Rollout
 from training.seeds import SPAN
 
-LANES = 256  # episodes simulated together
+LANES = 512  # episodes simulated together
 LESSONS = 4  # such simulations per epoch
 SIMULATORS = 2  # at a time; the filter bank takes more time than the network
-BATCH = 64  # episodes per step of the optimiser
-RATE = 3e-3  # of Adam at its highest; rises over the first epoch, then falls to zero as a cosine over all epochs
+GLANCES, GLANCED = 150, 2048  # steps of the encoder per lesson, and samples drawn at random for each
+BATCH = 32  # episodes per step of the memory
+LOOKING = 5  # epochs in which the encoder learns alone
+RATE, MEMORY_RATE = 1e-3, 2e-3  # of Adam at the highest; they fall to zero as a cosine over all epochs
 SEVERITY_WEIGHT = 0.1  # of the severity's likelihood beside the cross-entropy
-TRIED = 4  # lessons to validate and to calibrate on
+TRIED = 2  # lessons to validate and to calibrate on
 CALIBRATED_EVERY = 10  # samples: neighbours tell the same
 
 
@@ -40,13 +42,14 @@ class Lesson(NamedTuple):
 class IntegratedTrainer:
     """Cross-entropy of the class plus Gaussian likelihood of the severity, on every sample of streamed episodes.
 
-    Every episode is learnt from twice, as it is and with port and starboard exchanged.
+    The encoder learns from samples drawn at random, many small steps; the memory from whole episodes of what the
+    encoder makes of them. Half of all episodes are learnt from as mirror images, port and starboard exchanged.
     """
 
-    epochs = 40
-    patience = 20
+    epochs = 22
+    patience = 22
     data = (
-        f"training: {LESSONS * LANES} episodes of 60 s an epoch and their mirror images, half with the thesis' "
+        f"training: {LESSONS * LANES} episodes of 60 s an epoch, half of them mirrored, half with the thesis' "
         "stimulus, half with random missions and manoeuvres; single, compound, incipient, intermittent and repaired "
         "faults and healthy vehicles, default band, noise and disturbance; validated and calibrated on "
         f"{TRIED * LANES} such episodes each, with seeds of their own"
@@ -57,33 +60,57 @@ class IntegratedTrainer:
         with torch.random.fork_rng():
             torch.manual_seed(seed)
             self.learner = Learner(Network(memory))
+        self.network = self.learner.network
         self.validation: list[Lesson] = []
 
     def epoch(self, number: int) -> dict[str, float]:
         """Train on episodes that depend on (seed, number) alone; the next are simulated while these are learnt from."""
         random = np.random.default_rng([self.seed, number])
         firsts = random.integers(SPAN - LANES, size=LESSONS).tolist()
-        losses = []
+        glances, episodes = [], []
         with one_thread():
             for k, taught in enumerate(simulated("training", firsts)):
-                losses += self._learn(taught, number + k / LESSONS)
-        return dict(zip(("loss", "severity_loss"), np.mean(losses, axis=0).tolist(), strict=True))
+                done = (number + k / LESSONS) / self.epochs
+                fall = 0.5 * (1.0 + cos(pi * min(done, 1.0)))
+                glances += self._glance(taught, RATE * fall, random)
+                if number >= LOOKING:
+                    episodes += self._remember(taught, MEMORY_RATE * fall)
+        learnt = episodes or glances
+        return {"loss": float(np.mean(learnt)), "glance_loss": float(np.mean(glances))}
 
-    def _learn(self, taught: Lesson, done: float) -> list[tuple[float, float]]:
-        """One step of the optimiser per batch and its mirror image; losses of class and severity."""
-        losses = []
-        rate = RATE * min(1.0, done + 0.05) * 0.5 * (1.0 + cos(pi * min(done / self.epochs, 1.0)))
-        for batch in batches(taught):
-            for image in (batch, mirrored(batch)):
-                loss, severity_loss = self.losses(image)
-                self.learner.descend(loss + SEVERITY_WEIGHT * severity_loss, rate)
-                losses.append((loss.item(), severity_loss.item()))
+    def _glance(self, taught: Lesson, rate: float, random: np.random.Generator) -> list[float]:
+        """Steps of the encoder, each on samples drawn at random; their losses."""
+        flat, losses = Lesson(*(part.flatten(0, 1) for part in taught)), []
+        for k in range(GLANCES):
+            drawn = torch.from_numpy(random.integers(len(flat.label), size=GLANCED))
+            seen = mirrored_if(k % 2, Lesson(*(part[drawn] for part in flat)))
+            losses.append(self._descend(self.network.look(seen.features)[1], seen, rate))
         return losses
 
-    def losses(self, taught: Lesson) -> tuple[torch.Tensor, torch.Tensor]:
+    def _remember(self, taught: Lesson, rate: float) -> list[float]:
+        """Steps of the memory, each on a batch of whole episodes; their losses."""
+        return [
+            self._descend(self.outputs(seen), seen, rate)
+            for k, batch in enumerate(batches(taught))
+            for seen in [mirrored_if(k % 2, batch)]
+        ]
+
+    def _descend(self, outputs: torch.Tensor, taught: Lesson, rate: float) -> float:
+        loss, severity_loss = self.losses(outputs, taught)
+        self.learner.descend(loss + SEVERITY_WEIGHT * severity_loss, rate)
+        return loss.item()
+
+    def outputs(self, taught: Lesson) -> torch.Tensor:
+        """The network's outputs on whole episodes (n_samples, n_lanes, 3 n_classes); the encoder gets no gradient."""
+        with torch.no_grad():
+            encoded, opinions = self.network.look(taught.features)
+            for k in range(1, len(opinions)):
+                opinions[k] = calmed(opinions[k], opinions[k - 1])
+        return self.network.recall(encoded, opinions)[0]
+
+    def losses(self, outputs: torch.Tensor, taught: Lesson) -> tuple[torch.Tensor, torch.Tensor]:
         """Mean negative log-probability of the class, and of the severity where there is a fault."""
-        raw, _ = self.learner.network(taught.features)
-        log_probability, mean, std = self.learner.network.read(raw)
+        log_probability, mean, std = self.network.read(outputs)
         label = taught.label[..., None]
         mean, std = mean.gather(-1, label)[..., 0], std.gather(-1, label)[..., 0]
         faulty = (taught.label > 0).float()
@@ -94,8 +121,9 @@ class IntegratedTrainer:
     def validate(self) -> dict[str, float]:
         """Both losses on the validation seeds."""
         self.validation = self.validation or list(simulated("validation", tried()))
-        with one_thread(), torch.inference_mode():
-            losses = [tuple(map(float, self.losses(batch))) for taught in self.validation for batch in batches(taught)]
+        seen = [batch for taught in self.validation for batch in batches(taught)]
+        with one_thread(), torch.no_grad():
+            losses = [tuple(map(float, self.losses(self.outputs(batch), batch))) for batch in seen]
         return dict(zip(("loss", "severity_loss"), np.mean(losses, axis=0).tolist(), strict=True))
 
     def state(self) -> dict[str, np.ndarray]:
@@ -108,14 +136,14 @@ class IntegratedTrainer:
 
     def finish(self) -> tuple[Integrated, dict[str, Any]]:
         """Calibrate, and give the diagnoser with its losses on the calibration seeds before and after."""
-        network, scores, label = self.learner.network, [], []
-        with one_thread(), torch.inference_mode():
+        network, scores, label = self.network, [], []
+        with one_thread(), torch.no_grad():
             for taught in simulated("calibration", tried()):
                 for batch in batches(taught):
-                    raw, _ = network(batch.features)
-                    scores.append(raw[::CALIBRATED_EVERY, :, : len(CLASSES)].flatten(0, 1))
+                    outputs = self.outputs(batch)[::CALIBRATED_EVERY]
+                    scores.append(outputs[..., : len(CLASSES)].flatten(0, 1))
                     label.append(batch.label[::CALIBRATED_EVERY].flatten())
-        before, after = calibrate(network, torch.cat(scores).clone(), torch.cat(label).clone())
+        before, after = calibrate(network, torch.cat(scores), torch.cat(label))
         figures = {"calibration_loss_before": before, "calibration_loss": after, "sharpness": float(network.sharpness)}
         return Integrated(network.tensors()), figures
 
@@ -177,8 +205,10 @@ def image(names: Sequence[str]) -> torch.Tensor:
     return torch.tensor([names.index(mirrored_name(name)) for name in names])
 
 
-def mirrored(taught: Lesson) -> Lesson:
-    """The same episodes on a vehicle with port and starboard exchanged."""
+def mirrored_if(turn: int, taught: Lesson) -> Lesson:
+    """The lesson as it is, or (turn 1) on a vehicle with port and starboard exchanged."""
+    if not turn:
+        return taught
     return Lesson(taught.features[..., image(FEATURES)], image(CLASSES)[taught.label], taught.severity)
 
 
