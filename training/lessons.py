@@ -9,7 +9,7 @@ from training.rollouts import Rollout, manoeuvres, roll_out
 from training.seeds import seeds
 
 N_SAMPLES = 600  # 60 s
-SCHEDULES = ScheduleSampler(compound=0.05, intermittent=0.05, repaired=0.05)  # mostly faults that come alone and stay
+SCHEDULES = ScheduleSampler(compound=0.05, intermittent=0.05, repaired=0.0)  # faults stay; after a repair, reset
 
 
 def lessons(purpose: str, n_lanes: int, first: int = 0) -> Iterator[Rollout]:

@@ -1,7 +1,8 @@
-"""A report from results alone: sections of text, tables and figures become one self-contained ``index.html``."""
+"""A report from results alone: sections of text, tables and figures as one ``index.html``, and tables as text."""
 
 import base64
 import io
+from collections.abc import Iterable
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,8 @@ from typing import Any
 from jinja2 import Template
 
 from training.plots import PLOTS
+
+PRINTED = 6  # columns of a table on the screen
 
 
 def write_report(results: dict[str, Any], folder: Path) -> None:
@@ -38,3 +41,16 @@ def _draw(figure: dict[str, Any], folder: Path) -> str:
     buffer = io.BytesIO()
     drawn.savefig(buffer, format="svg")
     return base64.b64encode(buffer.getvalue()).decode()
+
+
+def print_tables(sections: Iterable[dict[str, Any]]) -> None:
+    """Print the sections' tables as plain text, the first six columns of each: the wordy ones come last."""
+    for section in sections:
+        if "table" not in section:
+            continue
+        rows = [row[:PRINTED] for row in (section["table"]["columns"], *section["table"]["rows"])]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        print(f"\n{section['heading']}")
+        for row in rows:
+            cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+            print("  " + "  ".join(cells).rstrip())

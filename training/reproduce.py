@@ -15,7 +15,7 @@ from training import (
 )
 from training.arguments import Reproduce
 from training.comparison import Comparison
-from training.report import write_report
+from training.report import print_tables, write_report
 from training.reproduce_page import COLUMNS, page
 from training.runs import run_folder, write_json
 from training.thesis_runs import STEPS, TEST_RUNS, record
@@ -32,7 +32,7 @@ def main(arguments: Reproduce) -> None:
         results = reproduce(arguments)
         write_json(folder / "results.json", results)
         write_report(results, folder)
-    print_table(results)
+    print_tables(results["sections"])
     print(f"\nreport: {arguments.output / 'index.html'}")
 
 
@@ -61,17 +61,3 @@ def network_sections(view: Comparison, seeds: range) -> list[dict[str, Any]]:
         *kalman_network_page.sections(view, fed, COLUMNS),
         recommendation_page.section(view, COLUMNS),
     ]
-
-
-def print_table(results: dict[str, Any]) -> None:
-    """The comparison as plain text."""
-    for section in results["sections"]:
-        table = section.get("table")
-        if table is None:
-            continue
-        rows = [row[:6] for row in (table["columns"], *table["rows"])]
-        widths = [max(len(row[c]) for row in rows) for c in range(len(rows[0]))]
-        print(f"\n{section['heading']}")
-        for row in rows:
-            cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-            print("  " + "  ".join(cells).rstrip())

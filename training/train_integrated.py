@@ -1,6 +1,7 @@
 """Trains the integrated network (VI.B): a recurrent network on readings, residuals and filter estimates."""
 
 import re
+from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -22,9 +23,11 @@ from training.seeds import SPAN
 LANES = 512  # episodes simulated together
 LESSONS = 4  # such simulations per epoch
 SIMULATORS = 2  # at a time; the filter bank takes more time than the network
-GLANCES, GLANCED = 150, 2048  # steps of the encoder per lesson, and samples drawn at random for each
+KEPT, KEPT_EVERY = 6, 6  # epochs whose lessons the encoder looks back on, and at which of their samples
+GLANCES = 150  # steps of the encoder per lesson
+MIXED, GLANCED = 8, 256  # lessons drawn for such a step, and samples of each
 BATCH = 32  # episodes per step of the memory
-LOOKING = 5  # epochs in which the encoder learns alone
+LOOKING = 6  # epochs in which the encoder learns alone
 RATE, MEMORY_RATE = 1e-3, 2e-3  # of Adam at the highest; they fall to zero as a cosine over all epochs
 SEVERITY_WEIGHT = 0.1  # of the severity's likelihood beside the cross-entropy
 TRIED = 2  # lessons to validate and to calibrate on
@@ -42,15 +45,16 @@ class Lesson(NamedTuple):
 class IntegratedTrainer:
     """Cross-entropy of the class plus Gaussian likelihood of the severity, on every sample of streamed episodes.
 
-    The encoder learns from samples drawn at random, many small steps; the memory from whole episodes of what the
-    encoder makes of them. Half of all episodes are learnt from as mirror images, port and starboard exchanged.
+    The encoder learns from samples drawn at random out of many episodes, in many small steps (samples of few episodes
+    are too much alike: it would learn these by heart); the memory from whole episodes of what the encoder makes of
+    them. Half of all episodes are learnt from as mirror images, port and starboard exchanged.
     """
 
-    epochs = 22
-    patience = 22
+    epochs = 20
+    patience = 20
     data = (
         f"training: {LESSONS * LANES} episodes of 60 s an epoch, half of them mirrored, half with the thesis' "
-        "stimulus, half with random missions and manoeuvres; single, compound, incipient, intermittent and repaired "
+        "stimulus, half with random missions and manoeuvres; single, compound, incipient and intermittent "
         "faults and healthy vehicles, default band, noise and disturbance; validated and calibrated on "
         f"{TRIED * LANES} such episodes each, with seeds of their own"
     )
@@ -62,28 +66,41 @@ class IntegratedTrainer:
             self.learner = Learner(Network(memory))
         self.network = self.learner.network
         self.validation: list[Lesson] = []
+        self.kept: deque[Lesson] = deque(maxlen=KEPT * LESSONS)
 
     def epoch(self, number: int) -> dict[str, float]:
         """Train on episodes that depend on (seed, number) alone; the next are simulated while these are learnt from."""
-        random = np.random.default_rng([self.seed, number])
-        firsts = random.integers(SPAN - LANES, size=LESSONS).tolist()
-        glances, episodes = [], []
+        random, glances, episodes = np.random.default_rng([self.seed, number, 1]), [], []
+        if not self.kept:
+            self._look_back(number)
         with one_thread():
-            for k, taught in enumerate(simulated("training", firsts)):
-                done = (number + k / LESSONS) / self.epochs
-                fall = 0.5 * (1.0 + cos(pi * min(done, 1.0)))
-                glances += self._glance(taught, RATE * fall, random)
+            for k, taught in enumerate(simulated("training", self._firsts(number))):
+                fall = 0.5 * (1.0 + cos(pi * min((number + k / LESSONS) / self.epochs, 1.0)))
+                self.kept.append(sampled(taught, k))
+                glances += self._glance(RATE * fall, random)
                 if number >= LOOKING:
                     episodes += self._remember(taught, MEMORY_RATE * fall)
-        learnt = episodes or glances
-        return {"loss": float(np.mean(learnt)), "glance_loss": float(np.mean(glances))}
+        return {"loss": float(np.mean(episodes or glances)), "glance_loss": float(np.mean(glances))}
 
-    def _glance(self, taught: Lesson, rate: float, random: np.random.Generator) -> list[float]:
-        """Steps of the encoder, each on samples drawn at random; their losses."""
-        flat, losses = Lesson(*(part.flatten(0, 1) for part in taught)), []
+    def _firsts(self, number: int) -> list[int]:
+        """First seeds of the lessons of an epoch."""
+        return np.random.default_rng([self.seed, number]).integers(SPAN - LANES, size=LESSONS).tolist()
+
+    def _look_back(self, number: int) -> None:
+        """Simulate again what a training that goes on from here had kept."""
+        for earlier in range(max(0, number - KEPT), number):
+            taught = enumerate(simulated("training", self._firsts(earlier)))
+            self.kept.extend(sampled(one, k) for k, one in taught)
+
+    def _glance(self, rate: float, random: np.random.Generator) -> list[float]:
+        """Steps of the encoder, each on samples drawn at random from lessons drawn at random; their losses."""
+        losses = []
         for k in range(GLANCES):
-            drawn = torch.from_numpy(random.integers(len(flat.label), size=GLANCED))
-            seen = mirrored_if(k % 2, Lesson(*(part[drawn] for part in flat)))
+            chosen = [self.kept[place] for place in random.integers(len(self.kept), size=MIXED)]
+            places = [torch.from_numpy(random.integers(len(one.label), size=GLANCED)) for one in chosen]
+            parts = zip(*(tuple(part[at] for part in one) for one, at in zip(chosen, places, strict=True)), strict=True)
+            features, label, severity = (torch.cat(part) for part in parts)
+            seen = mirrored_if(k % 2, Lesson(features.float(), label, severity))
             losses.append(self._descend(self.network.look(seen.features)[1], seen, rate))
         return losses
 
@@ -189,6 +206,12 @@ def encoded(rollout: Rollout) -> np.ndarray:
     for k, observation in enumerate(rollout.observations.astype(np.float64)):
         state, features[k] = encoder.step(state, observation)
     return features
+
+
+def sampled(taught: Lesson, turn: int) -> Lesson:
+    """One sample in `KEPT_EVERY` of a lesson, lanes in a row, in half precision: what the encoder looks back on."""
+    features, label, severity = (part[turn % KEPT_EVERY :: KEPT_EVERY].flatten(0, 1) for part in taught)
+    return Lesson(features.half(), label.clone(), severity.clone())
 
 
 def batches(taught: Lesson) -> Iterator[Lesson]:

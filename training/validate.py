@@ -9,8 +9,7 @@ from auv_fault_env.errors import finite_in_range, known_name, refusal
 from diagnosers import NAMES, ranked
 from training import timing
 from training.arguments import Validate
-from training.report import write_report
-from training.reproduce import print_table
+from training.report import print_tables, write_report
 from training.runs import run_folder, write_json
 from training.scoring import judge, summary
 from training.seeds import seeds
@@ -29,7 +28,7 @@ def main(arguments: Validate) -> None:
         results = validate(arguments, names)
         write_json(folder / "results.json", results)
         write_report(results, folder)
-    print_table({"sections": results["sections"][:2]})
+    print_tables(results["sections"][:2])
     print(f"\nreport: {arguments.output / 'index.html'}")
 
 

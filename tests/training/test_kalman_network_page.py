@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from tqdm import tqdm
 
 from diagnosers.fault_map import MODES_5_2
 from training import kalman_network_page as page
@@ -9,23 +10,19 @@ from training.thesis_networks import Networks, recall, rms
 from training.thesis_runs import TEST_RUNS, record
 
 VERDICT = 5
-
-
-class NoBar:
-    def update(self, count=1):
-        pass
+NO_BAR = tqdm(disable=True)
 
 
 @pytest.fixture(scope="module")
 def view():
-    return Comparison(record(0.0, [0], NoBar()), record(1.0, [0, 1], NoBar()), list(TEST_RUNS), "a command")
+    return Comparison(record(0.0, [0], NO_BAR), record(1.0, [0, 1], NO_BAR), list(TEST_RUNS), "a command")
 
 
 @pytest.fixture(scope="module")
 def trained():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(study, "CHECKPOINTS", (100_000, 400_000))
-        return study.study(range(2), NoBar())
+        return study.study(range(2), NO_BAR)
 
 
 def answer(*named, n_samples=601):

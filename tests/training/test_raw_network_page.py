@@ -1,24 +1,21 @@
 import numpy as np
 import pytest
+from tqdm import tqdm
 
 from training import raw_network_page as page
 from training import raw_network_study as study
 from training.comparison import Comparison
 from training.thesis_runs import TEST_RUNS, record
 
-VERDICT, CLEAN = 5, 3
+VERDICT = 5
+NO_BAR = tqdm(disable=True)
 N_NETWORKS, N_CHECKPOINTS = 3, len(study.CHECKPOINTS)
 NORMAL, FRICTION, DRAG, PROPELLER = range(4)
 
 
-class NoBar:
-    def update(self, count=1):
-        pass
-
-
 @pytest.fixture(scope="module")
 def view():
-    clean = record(0.0, [0], NoBar())
+    clean = record(0.0, [0], NO_BAR)
     return Comparison(clean, clean, list(TEST_RUNS), "a command")
 
 
@@ -121,7 +118,7 @@ def test_fewer_nodes_that_suffice_differ_from_the_thesis(view):
 
 def test_a_short_study_trains_every_group(view, monkeypatch):
     monkeypatch.setattr(study, "CHECKPOINTS", (50, 100))
-    short = study.study(view, range(4, 6), NoBar())
+    short = study.study(view, range(4, 6), NO_BAR)
     assert short.noisy.shape == (2, 2, 1600, 4)
     assert set(short.size) == set(study.SIZES)
     assert set(short.variant) == set(study.VARIANTS)

@@ -3,29 +3,26 @@ import re
 
 import numpy as np
 import pytest
+from tqdm import tqdm
 
 from auv_fault_env.parameters import FOOT, PRESETS
 from training import cli, kalman_network_study, raw_network_study, recommendation_page
-from training.reproduce import print_table
+from training.report import print_tables
 from training.reproduce_page import COLUMNS
 from training.thesis_runs import STEPS, TEST_RUNS, record
 
 ALPHA, BETA = 0, 1
-
-
-class NoBar:
-    def update(self, count=1):
-        pass
+NO_BAR = tqdm(disable=True)
 
 
 @pytest.fixture(scope="module")
 def clean():
-    return record(0.0, [0], NoBar())
+    return record(0.0, [0], NO_BAR)
 
 
 @pytest.fixture(scope="module")
 def noisy():
-    return record(1.0, list(range(20)), NoBar())
+    return record(1.0, list(range(20)), NO_BAR)
 
 
 def estimate(recording, run, parameter, seconds):
@@ -99,7 +96,7 @@ def test_command_writes_a_self_contained_report(report, capsys):
     assert (report / "results.json").stat().st_size < 10e6
     manifest = json.loads((report / "manifest.json").read_text())
     assert manifest["arguments"]["seeds"] == manifest["arguments"]["networks"] == 2
-    print_table(results)
+    print_tables(results["sections"])
     assert "IV.C" in capsys.readouterr().out
 
 
