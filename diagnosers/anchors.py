@@ -7,23 +7,21 @@ import numpy as np
 from auv_fault_env.compiling import kernel
 from auv_fault_env.errors import whole_number
 from auv_fault_env.noise import GOLDEN, LOW_32, MIX_2, mixed, small
-from diagnosers.diagnoser import Belief, Recursive
+from auv_fault_env.schedules import ScheduleSampler
+from diagnosers.diagnoser import Belief, Recursive, same_severity
 
-HEALTHY = 0.2  # prior probability of normal, as the sampler of schedules has it
-GUESSED = 0.5  # severity of a guess: the mean of a uniform severity, with its standard deviation
-GUESSED_STD = 12**-0.5
+HEALTHY = ScheduleSampler.healthy  # prior probability of normal
+GUESSED = 0.5, 12**-0.5  # severity of a guess: uniform from 0 to 1, mean and standard deviation
 DEEPEST = 30.0  # least log probability of normal that `Random` gives
 
 
 def _guess(log_probability: np.ndarray) -> Belief:
-    """A belief that knows nothing of severities: uniform from 0 to 1."""
-    mean, std = (np.full(log_probability.shape, value) for value in (GUESSED, GUESSED_STD))
-    mean[:, 0] = std[:, 0] = 0.0
-    return Belief(log_probability, mean, std)
+    """A belief that knows nothing of severities."""
+    return Belief(log_probability, *same_severity(log_probability.shape, *GUESSED))
 
 
 class Null(Recursive):
-    """Always the prior: `normal` with probability 0.2, every fault class with the same share of the rest.
+    """Always the prior: `normal` as often as in sampled schedules, every fault class with the same share of the rest.
 
     It never changes its mind, so no threshold makes it alarm once an hour: it alarms never or always.
     """

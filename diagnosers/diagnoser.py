@@ -111,6 +111,14 @@ class Recursive(ABC):
         storage.write(path, self.tensors(), {"diagnoser": self.name, "settings": self.settings()})
 
 
+def same_severity(shape: tuple[int, int], mean: float, std: float) -> tuple[np.ndarray, np.ndarray]:
+    """Severities of a belief (n_lanes, n_classes), means and standard deviations: the same for every fault."""
+    severities = np.full(shape, mean), np.full(shape, std)
+    for values in severities:
+        values[:, 0] = 0.0
+    return severities
+
+
 def _filled(observation: np.ndarray, held: np.ndarray) -> np.ndarray:
     """The observation as a float64 copy of its own, with held values where there is no reading."""
     try:

@@ -26,10 +26,7 @@ ARCHITECTURE = shapes(2, 8, 5)
 CALIBRATION: Shapes = {
     "slope": (5,),  # of a mode's score in its output node's sum
     "offset": (5,),
-    "severity": (
-        5,
-        3,
-    ),  # of a mode, if it is the fault: intercept, slope in the height of Fig. 5.12, standard deviation
+    "severity": (5, 3),  # of a mode, if it is the fault: intercept and slope in the height of Fig. 5.12, and scatter
 }
 
 

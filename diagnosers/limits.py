@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS, READINGS
+from auv_fault_env.channels import CHANNELS
 from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle, vehicle_of
 from diagnosers import oddities
-from diagnosers.diagnoser import Belief, Recursive
+from diagnosers.diagnoser import Belief, Recursive, same_severity
 from diagnosers.residuals import healthy_band, residuals
-from diagnosers.rulebook import Rulebook, for_sides, log_probability, merged, parsed, truths
+from diagnosers.rulebook import USUAL, Rulebook, for_sides, log_probability, merged, parsed, truths
 
 LEVELS = ("port_voltage", "port_load", "starboard_voltage", "starboard_load", "push")  # low-passed `RESIDUALS`
 EDGES = (*(f"{side}_torn" for side in SIDES), *(f"{side}_supply" for side in SIDES))
@@ -32,7 +32,6 @@ STEP = 0.07  # m/s, limit of the speed's change over a sample: seven times the p
 TREND_FORGET = exp(-SAMPLE_TIME / 8.0)
 STEP_FORGET, STEP_SYMPTOM = exp(-SAMPLE_TIME / 8.0), 1.5  # of such changes, per sample; and what each is worth
 WORST_TEAR = 0.6  # of a propeller's torque, left by the worst damage
-USUAL, USUAL_STD = 0.6, 0.25  # severity of which nothing is known
 HALF_SEVERE = 3.0  # limits at which a fault is taken to be of severity 1/2
 
 HULL_RULES = {  # syntax: see `rulebook`
@@ -108,7 +107,7 @@ class Limits(Recursive):
         """Compare, and look up."""
         state = self._advance(state, observation)
         truth = truths(self._rules, self._symptoms(state))
-        chances = log_probability(self._rules, truth, self._n_classes)
+        chances = log_probability(self._rules, truth)
         return state, Belief(chances, *self._severity(truth, state.oddities))
 
     def _advance(self, state: LimitsState, observation: np.ndarray) -> LimitsState:
@@ -143,16 +142,11 @@ class Limits(Recursive):
         return np.hstack([level / limit, torn / limit[:, LOADS], supply, *singles, oddities.symptoms(state.oddities)])
 
     @cached_property
-    def _n_classes(self) -> int:
-        return len(self.classes)
-
-    @cached_property
     def _sensors(self) -> list[int]:
-        return [self.classes.index(f"sensor:{channel}") for channel in READINGS]
+        return oddities.sensor_columns(self.classes)
 
     def _severity(self, truth: np.ndarray, odd: oddities.Oddities) -> tuple[np.ndarray, np.ndarray]:
-        severity, error = (np.full((len(truth), self._n_classes), value) for value in (USUAL, USUAL_STD))
-        severity[:, 0] = error[:, 0] = 0.0
+        severity, error = same_severity((len(truth), self._rules.n_classes), *USUAL)
         excess = np.maximum(truth, 0.0)
         severity[:, self._rules.classes] = excess / (excess + HALF_SEVERE)
         oddities.write_severity(severity, self._sensors, odd)

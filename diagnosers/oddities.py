@@ -1,5 +1,6 @@
 """What is odd about a single reading, whatever the vehicle does: repeated, zero, or too noisy."""
 
+from collections.abc import Sequence
 from math import exp, pi
 from typing import NamedTuple
 
@@ -51,10 +52,15 @@ def symptoms(oddities: Oddities) -> np.ndarray:
     return (oddities.seen / SCALE).reshape(len(oddities.seen), -1)
 
 
+def sensor_columns(classes: Sequence[str]) -> list[int]:
+    """The columns of the classes of `READINGS` in a belief."""
+    return [classes.index(f"sensor:{channel}") for channel in READINGS]
+
+
 def write_severity(severity: np.ndarray, sensors: list[int], oddities: Oddities) -> None:
     """Where readings have been held or lost, the sensor's severity is how often of late.
 
-    severity (n_lanes, n_classes) is changed in place; sensors are the columns of the classes of `READINGS`.
+    severity (n_lanes, n_classes) is changed in place; sensors are the `sensor_columns`.
     """
     often = np.minimum((1.0 - FORGET) * oddities.seen[:, :2].max(axis=1), 1.0)
     severity[:, sensors] = np.where(often > 0.0, often, severity[:, sensors])

@@ -13,7 +13,7 @@ import numpy as np
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.faults import labels as tables
 from auv_fault_env.parameters import SIDES
-from diagnosers.diagnoser import Belief, Recursive
+from diagnosers.diagnoser import Belief, Recursive, same_severity
 from diagnosers.fault_map import MODES_5_1
 from diagnosers.modes import PRIOR_SEVERITY, log_softmax, shares, spread
 from diagnosers.networks import FeedForward, Weights, shapes, tensors_of
@@ -88,9 +88,7 @@ class RawNetwork(Recursive):
         """The belief from this observation (n_lanes, n_channels) alone."""
         log_modes = log_softmax(scores(self.network.recall(inputs(observation))))
         log_probability = spread(log_modes, self.shares)
-        mean, std = (np.full(log_probability.shape, value) for value in PRIOR_SEVERITY)
-        mean[:, 0] = std[:, 0] = 0.0
-        return state, Belief(log_probability, mean, std)
+        return state, Belief(log_probability, *same_severity(log_probability.shape, *PRIOR_SEVERITY))
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Weights and biases by name."""

@@ -67,5 +67,8 @@ def load(path: str | Path) -> Diagnoser:
         raise refusal("weights file", str(path), "one that a diagnoser's save has written", "save it again")
     name, settings = known_name(f"diagnoser of {path}", header.get("diagnoser"), REGISTRY), dict(header["settings"])
     if isinstance(settings.get("vehicle"), dict):
-        settings["vehicle"] = Vehicle(**settings["vehicle"])
+        try:
+            settings["vehicle"] = Vehicle(**settings["vehicle"])
+        except TypeError as error:
+            raise refusal(f"vehicle of {path}", settings["vehicle"], "the fields of Vehicle", str(error)) from None
     return make(name, **settings, **({"weights": path} if tensors else {}))

@@ -14,20 +14,22 @@ from auv_fault_env.parameters import SIDES
 
 TOLERANCE, WEIGHT = 0.3, 0.5  # of a symptom that must not come: how much is nothing, and what the rest counts
 LEVEL, GAIN, SHARPNESS = 1.0, 6.0, 3.0  # truth at even odds, log odds per truth, log odds between classes
+USUAL = 0.6, 0.25  # severity of which no symptom tells: mean and standard deviation
 DEEPEST = 100.0  # largest log odds of a fault, and of an unsupported class
 
 
 class Rulebook(NamedTuple):
-    """Parsed rules, those of a class side by side: where their symptoms stand in `_asked` and `_against`.
+    """Parsed rules, those of a class side by side: where their symptoms stand in what `truths` lays out.
 
     asked (n_rules, most) and against (n_rules, most): columns, padded with one that changes nothing. starts
-    (n_supported,): first rule of each class that has rules; classes (n_supported,): its index.
+    (n_supported,): first rule of each class that has rules; classes (n_supported,): its index; n_classes: of all.
     """
 
     asked: np.ndarray
     against: np.ndarray
     starts: np.ndarray
     classes: np.ndarray
+    n_classes: int
 
 
 def merged(*books: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
@@ -59,7 +61,8 @@ def parsed(rules: Mapping[str, Sequence[str]], symptoms: Sequence[str], classes:
             against.append([column + "~<>".index(sign) * len(symptoms) for sign, column in parts if sign in "~<>"])
             owners.append(classes.index(name))
     supported, starts = np.unique(owners, return_index=True)
-    return Rulebook(_padded(asked, 2 * len(symptoms)), _padded(against, 3 * len(symptoms)), starts, supported)
+    places = _padded(asked, 2 * len(symptoms)), _padded(against, 3 * len(symptoms))
+    return Rulebook(*places, starts, supported, len(classes))
 
 
 def _padded(rows: list[list[int]], blank: int) -> np.ndarray:
@@ -80,13 +83,13 @@ def truths(book: Rulebook, symptoms: np.ndarray) -> np.ndarray:
     return np.maximum.reduceat(truth, book.starts, axis=1)
 
 
-def log_probability(book: Rulebook, truth: np.ndarray, n_classes: int) -> np.ndarray:
+def log_probability(book: Rulebook, truth: np.ndarray) -> np.ndarray:
     """Log probabilities (n_lanes, n_classes) from the classes' truths.
 
     The truest class decides on the odds of a fault, `GAIN` per truth beyond `LEVEL`; each one's truth, times
     `SHARPNESS`, on the class. Misleads: these are degrees of belief, calibrated only in the threshold.
     """
-    evidence = np.full((len(truth), n_classes), -DEEPEST)
+    evidence = np.full((len(truth), book.n_classes), -DEEPEST)
     evidence[:, book.classes] = truth
     evidence = evidence[:, 1:]
     highest = evidence.max(axis=1, keepdims=True)

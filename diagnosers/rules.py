@@ -12,14 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS, READINGS
+from auv_fault_env.channels import CHANNELS
 from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle, vehicle_of
 from diagnosers import oddities
-from diagnosers.diagnoser import Belief, Recursive
+from diagnosers.diagnoser import Belief, Recursive, same_severity
 from diagnosers.kalman import Estimate, ParameterFilter, SurgeFilter
 from diagnosers.motor_filter import MotorEstimate, MotorFilter
-from diagnosers.rulebook import Rulebook, for_sides, log_probability, merged, parsed, truths
+from diagnosers.rulebook import USUAL, Rulebook, for_sides, log_probability, merged, parsed, truths
 
 # Estimated: the vehicle's parameter, and by how many standard deviations a healthy one leaves its band once an hour.
 HULL = {"alpha": ("alpha", 1.6), "beta": ("beta", 0.9)}
@@ -41,7 +41,6 @@ FORGET = exp(-SAMPLE_TIME / 8.0)  # of counts and averages, per sample
 PUSH = 0.0017  # m/s^2, averaged unexplained acceleration, healthy, once an hour
 JUMP = 6.0  # standard deviations of the innovation that no vehicle reaches
 ODD = 1.5  # symptom of an impossible jump that is not yet forgotten
-USUAL, USUAL_STD = 0.6, 0.25  # severity of which nothing is known
 
 # Syntax: see `rulebook`.
 HULL_RULES = {"increased_drag": ("+alpha ~beta",), "decreased_drag": ("-alpha ~beta",)}
@@ -126,7 +125,7 @@ class Rules(Recursive):
         state = self._advance(state, observation)
         mean, std = _parameters(state)
         truth = truths(self._rules, _symptoms(mean, std, state))
-        chances = log_probability(self._rules, truth, self._n_classes)
+        chances = log_probability(self._rules, truth)
         return state, Belief(chances, *self._severity(mean, std, state.oddities))
 
     def _advance(self, state: RulesState, observation: np.ndarray) -> RulesState:
@@ -146,21 +145,16 @@ class Rules(Recursive):
         return channel["acceleration"] - drag * speed * np.abs(speed) - thrust - disturbance
 
     @cached_property
-    def _n_classes(self) -> int:
-        return len(self.classes)
-
-    @cached_property
     def _sensors(self) -> list[int]:
-        return [self.classes.index(f"sensor:{channel}") for channel in READINGS]
+        return oddities.sensor_columns(self.classes)
 
     def _severity(self, mean: np.ndarray, std: np.ndarray, odd: oddities.Oddities) -> tuple[np.ndarray, np.ndarray]:
-        severity, error = (np.full((len(mean), self._n_classes), value) for value in (USUAL, USUAL_STD))
-        severity[:, 0] = error[:, 0] = 0.0
+        severity, error = same_severity((len(mean), self._rules.n_classes), *USUAL)
         known, change = self._changes
         information = std**-2.0 @ change.T**2
         fitted = ((mean - 1.0) * std**-2.0) @ change.T / information
         severity[:, known] = np.minimum(np.maximum(fitted, 0.0), 1.0)
-        error[:, known] = np.minimum(information**-0.5, USUAL_STD)
+        error[:, known] = np.minimum(information**-0.5, USUAL[1])
         oddities.write_severity(severity, self._sensors, odd)
         return severity, error
 

@@ -61,4 +61,14 @@ def percent(clean: float, noisy: np.ndarray) -> tuple[str, str]:
 def scaled(estimates: tuple[float, np.ndarray], unit: float, form: str) -> tuple[str, str]:
     """Both estimates in the thesis' unit as text."""
     clean, noisy = estimates[0] * unit, estimates[1] * unit
-    return format(clean, form), f"{noisy.mean():{form}} ± {noisy.std(ddof=1):{form}}"
+    return format(clean, form), spread(noisy, form)
+
+
+def spread(values: np.ndarray, form: str = ".0f", unit: str = "") -> str:
+    """Mean and standard deviation over networks or seeds, (n,), as text."""
+    return f"{values.mean():{form}} ± {values.std(ddof=1):{form}}{unit}"
+
+
+def share(values: np.ndarray) -> str:
+    """The same of shares, in per cent."""
+    return spread(100 * values, ".1f", " %")

@@ -7,7 +7,7 @@ import numpy as np
 from auv_fault_env.faults import labels
 from auv_fault_env.parameters import SAMPLE_RATE
 from diagnosers.fault_map import ALPHA_WINDOW, BETA_WINDOW, MODES_5_2, NOMINAL, severity
-from training.comparison import ALPHA, BETA, Comparison
+from training.comparison import ALPHA, BETA, Comparison, share, spread
 from training.kalman_network_study import (
     CHECKPOINTS,
     GRADE,
@@ -23,7 +23,6 @@ from training.kalman_network_study import (
     responses,
     severity_error,
 )
-from training.raw_network_page import share, spread
 from training.reproduce_page import SPEED_CHANGES
 from training.thesis_networks import rms
 

@@ -8,7 +8,7 @@ from auv_fault_env.channels import CHANNELS
 from auv_fault_env.faults import labels
 from auv_fault_env.parameters import SAMPLE_RATE
 from diagnosers.fault_map import MODES_5_1
-from training.comparison import Comparison
+from training.comparison import Comparison, share, spread
 from training.raw_network_study import (
     CHECKPOINTS,
     DRAGS,
@@ -41,16 +41,6 @@ def sections(view: Comparison, study: RawStudy, columns: list[str]) -> list[dict
         confusion_section(view, study, columns),
         settings_section(view, study),
     ]
-
-
-def spread(values: np.ndarray, form: str = ".0f", unit: str = "") -> str:
-    """Mean and standard deviation over the networks, (n_networks,)."""
-    return f"{values.mean():{form}} ± {values.std(ddof=1):{form}}{unit}"
-
-
-def share(values: np.ndarray) -> str:
-    """The same of shares, in percent."""
-    return spread(100 * values, ".1f", " %")
 
 
 def accuracy(outputs: np.ndarray) -> np.ndarray:

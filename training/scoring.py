@@ -58,7 +58,8 @@ def judge(records: dict[str, Record], truth: dict[str, Truth]) -> Judged:
     alarm, false = (metrics.alarms(record.log_normal, threshold, PERSISTENCE) for record in (faulty, healthy))
     decision = np.where(alarm, faulty.fault, NORMAL)
     some = healthy_beside(len(so.fault), len(calm.fault))
-    lanes = np.arange(len(so.fault))
+    given = 0, np.arange(len(so.fault)), so.fault  # the true class, at the first instant
+    severity = faulty.severity_mean[given]
     return Judged(
         threshold,
         int(metrics.rising(false).sum()),
@@ -67,13 +68,9 @@ def judge(records: dict[str, Record], truth: dict[str, Truth]) -> Judged:
         metrics.isolation_time(decision, so.fault, so.onset, HORIZON),
         metrics.detection_delay(alarm, so.onset, HORIZON),
         np.concatenate([so.fault, calm.fault[some]]),
-        np.concatenate(
-            [at_decision(decision, so)[lanes], at_decision(np.where(false, healthy.fault, NORMAL), calm)[some]]
-        ),
-        faulty.severity_mean[0, lanes, so.fault],
-        metrics.covered(
-            faulty.severity_mean[0, lanes, so.fault], faulty.severity_std[0, lanes, so.fault], so.severity[0]
-        ),
+        np.concatenate([at_decision(decision, so), at_decision(np.where(false, healthy.fault, NORMAL), calm)[some]]),
+        severity,
+        metrics.covered(severity, faulty.severity_std[given], so.severity[0]),
         np.concatenate([_flat(faulty.log_probability[1:]), _flat(healthy.log_probability[1:, some])]),
         np.concatenate([so.label[1:].ravel(), calm.label[1:, some].ravel()]),
     )

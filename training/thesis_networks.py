@@ -7,7 +7,7 @@ Source: thesis V.C.2 (training set, random selection, backpropagation). Learning
 not in it. Rumelhart, Hinton & Williams, "Learning representations by back-propagating errors", Nature 323, 1986.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -55,12 +55,12 @@ def initial(lanes: Sequence[Lane], n_inputs: int, n_outputs: int) -> Networks:
 
 
 def train(
-    groups: Mapping[str, Sequence[Lane]],
+    groups: Mapping[Hashable, Sequence[Lane]],
     inputs: np.ndarray,
     targets: np.ndarray,
     checkpoints: Sequence[int],
     bar: tqdm,
-) -> dict[str, Networks]:
+) -> dict[Hashable, Networks]:
     """Train the networks of all groups together; by group, what they were after each number of presentations.
 
     Parameters

@@ -170,7 +170,7 @@ def run_lanes(lanes: range, faulty: bool, thesis: bool) -> Episodes:
         schedules=None if faulty else [()] * n,
         missions=[MISSIONS["thesis"]] * n if thesis else None,
     )
-    random = np.random.default_rng(lanes.start)
+    random = np.random.default_rng([lanes.start, 1])  # another stream than that of the manoeuvres
     onset = np.where(np.isfinite(rollout.onset), rollout.onset, random.uniform(*FAULTS.onset, n))
     instants = np.vstack([sample_at(onset + SEVERITY_AT), random.integers(0, N_SAMPLES, (N_RANDOM, n))])
     at = instants, np.arange(n)

@@ -8,6 +8,7 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import SIDES
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import make
+from training.rollouts import roll_out
 
 N_HEALTHY, ONSET = 24, 8.0  # lanes; s
 SEVERE = {
@@ -25,12 +26,8 @@ SEVERE = {
 def run(schedules, first_seed, n_samples=300):
     """Observations (n_samples, n_lanes, n_channels) of the thesis' mission."""
     n_lanes = len(schedules)
-    fleet = Fleet(n_lanes)
     seeds = range(first_seed, first_seed + n_lanes)
-    rows = [fleet.reset(seeds, schedules=schedules, missions=["thesis"] * n_lanes)]
-    while len(rows) < n_samples:
-        rows.append(fleet.step(rows[-1][:, :1] * [1.0, 0.0, 0.0]))
-    return np.array(rows, np.float64)
+    return roll_out(Fleet(n_lanes), seeds, n_samples, None, schedules, ["thesis"] * n_lanes).observations
 
 
 @pytest.fixture(scope="module", params=["limits", "cusum", "rules"])

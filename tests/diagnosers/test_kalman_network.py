@@ -3,17 +3,12 @@ import pytest
 
 from auv_fault_env.faults import classes
 from diagnosers import load, make
-from diagnosers.checks import check_diagnoser
 from diagnosers.fault_map import MODES_5_2, fault_map, normalise
 from diagnosers.kalman_network import KalmanNetwork, outputs
 
 from .runs import final_belief
 
 CLASSES = classes()
-
-
-def test_keeps_the_rules():
-    check_diagnoser(make("kalman_network"))
 
 
 @pytest.mark.parametrize(

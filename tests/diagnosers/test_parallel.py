@@ -3,7 +3,6 @@ import pytest
 
 from auv_fault_env.faults import classes
 from diagnosers import Belief, load, make
-from diagnosers.checks import check_diagnoser
 
 from .runs import final_belief
 
@@ -13,10 +12,6 @@ CLASSES = classes()
 def saying(part, belief):
     """The part, made to say a fixed belief."""
     part.step = lambda state, observation: (state, Belief(np.log(belief)[None], *np.zeros((2, 1, len(CLASSES)))))
-
-
-def test_keeps_the_rules():
-    check_diagnoser(make("parallel"))
 
 
 def test_the_pool_by_hand():

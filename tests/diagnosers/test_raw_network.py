@@ -6,7 +6,6 @@ import pytest
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.faults import classes
 from diagnosers import make, networks
-from diagnosers.checks import check_diagnoser
 from diagnosers.raw_network import ARCHITECTURE, HYPOTHESES, RawNetwork, inputs, scores
 
 from .runs import final_belief
@@ -21,10 +20,6 @@ def mirrored(names):
     """For every name the place of that of the other side."""
     swapped = [re.sub("port|starboard", lambda side: OTHER[side[0]], name) for name in names]
     return [list(names).index(name) for name in swapped]
-
-
-def test_keeps_the_rules():
-    check_diagnoser(make("raw_network"))
 
 
 def test_inputs_are_those_of_one_shaft_and_the_speed():

@@ -12,6 +12,7 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import PRESETS
 from auv_fault_env.schedules import FaultEvent
 from diagnosers.residuals import RESIDUALS, UNITS, residuals
+from training.rollouts import roll_out
 
 VEHICLE = PRESETS["thesis1992"]
 COLUMN = {name: index for index, name in enumerate(CHANNELS)}
@@ -33,10 +34,8 @@ MOVED = {  # residuals that each kind of fault enters; the others must stay
 def run(n_lanes=64, n_samples=150, schedule=(), mission="thesis", **scales):
     """Observations (n_samples, n_lanes, n_channels) of nominal vehicles."""
     fleet = Fleet(n_lanes, **{"disturbance": 0.0, "healthy_band": 0.0, **scales})
-    rows = [fleet.reset(range(n_lanes), schedules=[schedule] * n_lanes, missions=[mission] * n_lanes)]
-    while len(rows) < n_samples:
-        rows.append(fleet.step(rows[-1][:, :1] * [1.0, 0.0, 0.0]))
-    return np.array(rows, np.float64)
+    rollout = roll_out(fleet, range(n_lanes), n_samples, None, [schedule] * n_lanes, [mission] * n_lanes)
+    return rollout.observations.astype(np.float64)
 
 
 def normalised(observations):

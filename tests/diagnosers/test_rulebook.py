@@ -47,7 +47,7 @@ def test_a_class_is_as_true_as_its_truest_rule_and_classes_may_come_in_any_order
 def test_belief_from_truths():
     book = parsed({"one": ("+a",), "two": ("+b",)}, SYMPTOMS, CLASSES)
     truth = np.array([[LEVEL, LEVEL - 50.0], [LEVEL + 2.0, LEVEL + 2.0], [1e6, 0.0]])
-    chances = log_probability(book, truth, len(CLASSES))
+    chances = log_probability(book, truth)
     np.testing.assert_allclose(np.exp(chances).sum(axis=1), 1.0)
     np.testing.assert_allclose(np.exp(chances[0, :2]), 0.5)
     assert chances[1, 0] == pytest.approx(-2.0 * GAIN, rel=1e-4) and chances[1, 1] == chances[1, 2]

@@ -61,6 +61,12 @@ def test_load_refuses_a_header_that_names_no_diagnoser(path, header):
     refused(diagnosers.load, path)
 
 
+def test_load_refuses_a_vehicle_with_other_parameters(path):
+    settings = {"vehicle": {"mass": 1.0}}
+    save_file({}, path, metadata={storage.HEADER: json.dumps({"diagnoser": "limits", "settings": settings})})
+    assert "mass" in refused(diagnosers.load, path)
+
+
 def test_a_missing_file_is_refused(tmp_path):
     assert "existing" in refused(storage.read, tmp_path / "nothing.safetensors")
 
