@@ -1,38 +1,56 @@
-"""How this package compiles: two decorators, and a disk cache that notices edits in every compiled file.
+"""How the project compiles: two decorators, and a disk cache that notices edits in every compiled file.
 
 numba's own disk cache watches only the file of the cached function, not those it calls. Here the cache folder is named
-after a digest of all files that end up in compiled code, so an edit in any of them compiles anew.
+after a digest of that file and of every file of the project that it imports, so an edit in any of them compiles anew.
 """
 
 import atexit
 import contextlib
 import hashlib
 import os
+import re
 import shutil
 import tempfile
+from functools import cache
 from pathlib import Path
 
 from numba import config, njit
 
-COMPILED = ("compiling", "errors", "channels", "parameters", "noise", "physics", "layout", "lanes", "episodes")
+IMPORT = re.compile(r"^from (\w+)(?:\.(\w+))? import (\([^)]*\)|.*)", re.MULTILINE)
 OPTIONS = dict(error_model="numpy", fastmath={"contract"}, nogil=True)
 
 scalar = njit(forceinline=True, **OPTIONS)
 
 
-def digest() -> str:
-    """Digest of the source of all compiled files."""
-    folder = Path(__file__).parent
-    return hashlib.sha256(b"".join((folder / f"{name}.py").read_bytes() for name in COMPILED)).hexdigest()[:16]
+@cache
+def imported(file: Path) -> frozenset[Path]:
+    """The files whose names a file imports at its top, of its own package and of those that lie beside it."""
+    modules = {
+        file.parent.parent / package / f"{name}.py"
+        for package, module, names in IMPORT.findall(file.read_text(encoding="utf-8"))
+        for name in ([module] if module else re.findall(r"\w+", names))
+    }
+    return frozenset(filter(Path.is_file, modules))
 
 
-def cache_folder() -> Path:
+@cache
+def digest(file: Path) -> str:
+    """Digest of the source of a file and of all that it imports, directly or not."""
+    found, new = set(), {file}
+    while new:
+        found |= new
+        new = frozenset().union(*map(imported, new)) - found
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(found))).hexdigest()[:16]
+
+
+@cache
+def cache_folder(name: str) -> Path:
     """Where compiled code is kept: in NUMBA_CACHE_DIR, this package or the user's cache, the first that is writable."""
     bases = [config.CACHE_DIR] if config.CACHE_DIR else []
     bases += [Path(__file__).parent / "__pycache__", "~/.cache/auv_fault_env"]
     for base in bases:
         with contextlib.suppress(OSError, RuntimeError):  # the latter where nobody knows the home directory
-            folder = Path(base).expanduser() / digest()
+            folder = Path(base).expanduser() / name
             folder.mkdir(parents=True, exist_ok=True)
             if os.access(folder, os.W_OK):
                 return folder
@@ -41,12 +59,10 @@ def cache_folder() -> Path:
     return folder
 
 
-FOLDER = cache_folder()
-
-
 def kernel(function):
     """Compile a loop over lanes and keep it on disk."""
-    outer, config.CACHE_DIR = config.CACHE_DIR, str(FOLDER)
+    folder = cache_folder(digest(Path(function.__code__.co_filename).resolve()))
+    outer, config.CACHE_DIR = config.CACHE_DIR, str(folder)
     try:
         return njit(cache=True, **OPTIONS)(function)
     finally:

@@ -18,12 +18,11 @@ from auv_fault_env.parameters import SAMPLE_TIME, SHAFT, SIDES, Vehicle
 from auv_fault_env.physics import RPM, Shaft, armature_current, limited, motor, spin_rate, surge_acceleration
 
 RESIDUALS = (*(f"{side}_{kind}" for side in SIDES for kind in ("voltage", "torque")), "surge")
-UNITS = ("V", "N m", "V", "N m", "m/s^2")
 STANDSTILL = 5.0  # times the standard deviation of a shaft speed reading: below, the shaft is taken to stand
 
 
 class Residuals(NamedTuple):
-    """Residuals and the standard deviation that sensor noise gives each, (n_lanes, 5): `RESIDUALS` in `UNITS`.
+    """Residuals and the standard deviation that sensor noise gives each, (n_lanes, 5): `RESIDUALS`, V, N m and m/s^2.
 
     The standard deviation misses the disturbance (in ``surge``) and the healthy band: divide by it for sensitivity,
     not for a test of health.

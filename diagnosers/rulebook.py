@@ -12,6 +12,7 @@ import numpy as np
 from auv_fault_env.errors import known_name
 from auv_fault_env.parameters import SIDES
 
+ASKED, AGAINST = "+-", "~<>"  # signs of symptoms that a rule asks for, and of those that speak against it
 TOLERANCE, WEIGHT = 0.3, 0.5  # of a symptom that must not come: how much is nothing, and what the rest counts
 LEVEL, GAIN, SHARPNESS = 1.0, 6.0, 3.0  # truth at even odds, log odds per truth, log odds between classes
 USUAL = 0.6, 0.25  # severity of which no symptom tells: mean and standard deviation
@@ -51,14 +52,17 @@ def for_sides(book: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
 
 
 def parsed(rules: Mapping[str, Sequence[str]], symptoms: Sequence[str], classes: Sequence[str]) -> Rulebook:
-    """The rules of each class, any of which suffices; a class or symptom that is not known is refused."""
+    """The rules of each class, any of which suffices; a class, sign or symptom that is not known is refused."""
     columns = {name: k for k, name in enumerate(symptoms)}
     asked, against, owners = [], [], []
     for name in sorted(rules, key=lambda name: classes.index(known_name("class of a rule", name, classes))):
         for text in rules[name]:
-            parts = [(part[0], columns[known_name("symptom", part[1:], columns)]) for part in text.split()]
-            asked.append([column + "+-".index(sign) * len(symptoms) for sign, column in parts if sign in "+-"])
-            against.append([column + "~<>".index(sign) * len(symptoms) for sign, column in parts if sign in "~<>"])
+            parts = [
+                (known_name("sign", part[0], ASKED + AGAINST), columns[known_name("symptom", part[1:], columns)])
+                for part in text.split()
+            ]
+            asked.append([column + ASKED.index(sign) * len(symptoms) for sign, column in parts if sign in ASKED])
+            against.append([column + AGAINST.index(sign) * len(symptoms) for sign, column in parts if sign in AGAINST])
             owners.append(classes.index(name))
     supported, starts = np.unique(owners, return_index=True)
     places = _padded(asked, 2 * len(symptoms)), _padded(against, 3 * len(symptoms))

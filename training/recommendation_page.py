@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from training.comparison import Comparison
-from training.scoring import HORIZON, Judged, judge, summary
+from training.scoring import DECIDED_AT, HORIZON, Judged, judge_all
 from training.validation import compare, contestants
 from training.validation_page import isolation_over_time
 from training.verdicts import Difference, difference
@@ -18,9 +18,7 @@ def section(view: Comparison, columns: list[str]) -> dict[str, Any]:
     entrants, failures = contestants(NAMES)
     beliefs = compare(entrants, LANES, HOURS, SEED)
     failures |= beliefs.failures
-    judged = {name: judge(records, beliefs.truth) for name, records in beliefs.records.items()}
-    scores = {name: summary(one, beliefs.truth["faulty"], SEED) for name, one in judged.items()}
-    return page(view, judged, scores, failures, columns)
+    return page(view, *judge_all(beliefs, SEED), failures, columns)
 
 
 def page(
@@ -51,7 +49,7 @@ def page(
 
 def measured_row(view: Comparison, name: str, score: Mapping[str, Any] | None) -> list[str]:
     """What one diagnoser achieves."""
-    quantity = f"{name}: restricted mean isolation time; share isolated; macro-F1 at 10 s"
+    quantity = f"{name}: restricted mean isolation time; share isolated; macro-F1 at {DECIDED_AT:g} s"
     if score is None:
         return ["VI.B", quantity, "-", "-", "-", "not judged", "It could not take part.", view.command]
     isolation = score["isolation"]
@@ -70,7 +68,7 @@ THESIS = {"parallel": "would certainly be capable", "integrated": "another appro
 
 def against_row(view: Comparison, judged: Mapping[str, Judged], name: str, other: str) -> list[str]:
     """Whether one diagnoser beats another on the same vehicles."""
-    quantity = f"{name} minus {other}: isolation time; macro-F1 at 10 s"
+    quantity = f"{name} minus {other}: isolation time; macro-F1 at {DECIDED_AT:g} s"
     if not {name, other} <= judged.keys():
         why = "One of them could not take part."
         return ["VI.B", quantity, THESIS[name], "-", "-", "not judged", why, view.command]

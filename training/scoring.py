@@ -10,7 +10,7 @@ from auv_fault_env.schedules import ScheduleSampler
 from training import metrics
 from training.intervals import f1_interval, interval, poisson_interval
 from training.metrics import NORMAL, Times
-from training.validation import Record, Truth
+from training.validation import Beliefs, Record, Truth
 
 MEAN_TIME = 3600.0  # s between false alarms that the thresholds are set for
 PERSISTENCE = 3  # samples in a row for an alarm, the same for all: outlives a spike, and costs 0.2 s
@@ -48,6 +48,12 @@ class Judged(NamedTuple):
     def right(self) -> np.ndarray:
         """Whether the most probable class is the true one, (n_beliefs,)."""
         return self.log_probability.argmax(axis=1) == self.truth
+
+
+def judge_all(beliefs: Beliefs, seed: int) -> tuple[dict[str, Judged], dict[str, dict[str, Any]]]:
+    """What every contestant did, and its figures; `seed` is that of the bootstrap intervals."""
+    judged = {name: judge(records, beliefs.truth) for name, records in beliefs.records.items()}
+    return judged, {name: summary(one, beliefs.truth["faulty"], seed) for name, one in judged.items()}
 
 
 def judge(records: dict[str, Record], truth: dict[str, Truth]) -> Judged:

@@ -33,7 +33,7 @@ class KalmanNetworkTrainer:
     data = (
         f"trained on {POINTS} x {POINTS} points of the fault map, validated on {VALIDATION_POINTS} x "
         f"{VALIDATION_POINTS} others; calibrated on {LANES} episodes of 60 s, half with the thesis' stimulus, half "
-        "with random missions and manoeuvres; default faults, band and noise"
+        "with random missions and manoeuvres; faults that mostly come alone and stay, default band and noise"
     )
 
     def __init__(self, seed: int) -> None:
@@ -109,10 +109,10 @@ def _filtered(network: FeedForward) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     """Output nodes' sums (n, 5), true class and severity (n,) of samples from the calibration episodes."""
     parts = []
     for rollout in lessons("calibration", LANES):
-        filter = ParameterFilter()
-        estimate = filter.initial(rollout.observations.shape[1])
+        parameters = ParameterFilter()
+        estimate = parameters.initial(rollout.observations.shape[1])
         for k, observation in enumerate(rollout.observations):
-            estimate = filter.update(estimate, observation)
+            estimate = parameters.update(estimate, observation)
             if k % EVERY == 0:
                 parts.append((network.recall(points(estimate)), rollout.label[k], rollout.severity[k]))
     sums, label, grown = (np.concatenate(part) for part in zip(*parts, strict=True))

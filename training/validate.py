@@ -11,7 +11,7 @@ from training import timing
 from training.arguments import Validate
 from training.report import print_tables, write_report
 from training.runs import run_folder, write_json
-from training.scoring import judge, summary
+from training.scoring import judge_all
 from training.seeds import seeds
 from training.validation import Contestant, compare, contestants, left_out
 from training.validation_page import page
@@ -47,14 +47,14 @@ def validate(arguments: Validate, names: list[str]) -> dict[str, Any]:
     failures |= beliefs.failures
     if not beliefs.records:
         raise refusal("diagnosers", list(names), "at least one that works", "see above what ails them")
-    judged = {name: judge(records, beliefs.truth) for name, records in beliefs.records.items()}
-    truth, seed = beliefs.truth["faulty"], arguments.seed
-    scores = {name: summary(one, truth, seed) | costs[name] for name, one in judged.items()}
+    seed = arguments.seed
+    judged, scores = judge_all(beliefs, seed)
+    scores = {name: score | costs[name] for name, score in scores.items()}
     others = {INTEGRATED: [name for name in ranked() if name != INTEGRATED], FILTER_BANK: BELOW_FILTER_BANK}
     against = {name: differences(judged, name, than, seed) for name, than in others.items()}
     command = f"auv-fault validate --seed {seed} --lanes {arguments.lanes} --hours {arguments.hours:g}"
     command += f" --diagnosers {' '.join(arguments.diagnosers)}" if arguments.diagnosers else ""
-    sections = page(judged, scores, truth, against, failures, verdicts(scores, against))
+    sections = page(judged, scores, beliefs.truth["faulty"], against, failures, verdicts(scores, against))
     return sections | {"command": command, "scores": scores, "failures": failures}
 
 

@@ -9,7 +9,7 @@ from auv_fault_env.faults import classes
 from diagnosers import ranked
 from training import metrics
 from training.scoring import DECIDED_AT, HORIZON, MEAN_TIME, PERSISTENCE, Judged
-from training.validation import UNTOLD, Truth
+from training.validation import SEVERITY_AT, UNTOLD, Truth
 from training.verdicts import FILTER_BANK, INTEGRATED, ORACLE, Difference
 
 Scores = Mapping[str, Mapping[str, Any]]
@@ -20,7 +20,7 @@ LEADERBOARD = (
     "median [s]",
     "detection, restricted mean [s]",
     f"macro-F1 at {DECIDED_AT:g} s",
-    "severity MAE at 20 s",
+    f"severity MAE at {SEVERITY_AT:g} s",
     "90 % covers",
     "ECE",
     "log loss [nat]",
@@ -246,7 +246,7 @@ def severity(judged: Mapping[str, Judged], truth: Truth) -> dict[str, Any]:
         "truth": np.round(truth.severity[0, lanes].astype(float), 4).tolist(),
         "estimates": {name: np.round(judged[name].severity[lanes].astype(float), 4).tolist() for name in wanted},
     }
-    caption = f"Severity estimated 20 s after onset, given the true class, of {len(lanes)} vehicles."
+    caption = f"Severity estimated {SEVERITY_AT:g} s after onset, given the true class, of {len(lanes)} vehicles."
     return _figure("Severity", "severities", "severity", caption, data)
 
 

@@ -7,8 +7,8 @@ from auv_fault_env.faults import classes
 from diagnosers import ranked
 from training.intervals import paired_bootstrap, paired_f1
 from training.metrics import confusion, macro_f1, restricted_mean
-from training.scoring import Judged
-from training.validation import UNTOLD
+from training.scoring import DECIDED_AT, Judged
+from training.validation import SEVERITY_AT, UNTOLD
 
 ORACLE, INTEGRATED, FILTER_BANK = "oracle", "integrated", "filter_bank"
 BELOW_FILTER_BANK = ("limits", "cusum", "rules", "raw_network", "kalman_network")
@@ -55,7 +55,7 @@ def verdicts(
     return [
         _beats(INTEGRATED, "every other ranked diagnoser", others, against.get(INTEGRATED, {})),
         _ratio(scores, "restricted mean isolation time", ORACLE, lambda score: score["isolation"]["restricted_mean"]),
-        _ratio(scores, "severity MAE at 20 s", ORACLE + UNTOLD, lambda score: score["severity_mae"]),
+        _ratio(scores, f"severity MAE at {SEVERITY_AT:g} s", ORACLE + UNTOLD, lambda score: score["severity_mae"]),
         _calibrated(scores),
         _beats(FILTER_BANK, ", ".join(BELOW_FILTER_BANK), BELOW_FILTER_BANK, against.get(FILTER_BANK, {})),
         _quick(scores),
@@ -63,7 +63,8 @@ def verdicts(
 
 
 def _beats(name: str, whom: str, others: Sequence[str], found: Mapping[str, Difference]) -> list[str]:
-    target = f"{name} beats {whom}: isolates sooner and has the higher macro-F1 at 10 s, 95 % intervals apart from zero"
+    target = f"{name} beats {whom}: isolates sooner and has the higher macro-F1 at {DECIDED_AT:g} s, "
+    target += "95 % intervals apart from zero"
     if not found:
         return [target, OPEN, f"Either {name} or all the others did not take part."]
     missing = [other for other in others if other not in found]

@@ -12,19 +12,53 @@ import pytest
 from auv_fault_env import compiling
 
 PACKAGE = Path(compiling.__file__).parent
+COMPILED = [
+    path
+    for package in (PACKAGE, *(PACKAGE.parent / name for name in ("diagnosers", "training")))
+    for path in sorted(package.glob("*.py"))
+    if "auv_fault_env.compiling" in path.read_text(encoding="utf-8")
+]
 SCRIPT = """
 from auv_fault_env.physics import Motion, Motor, advance
+from mine.loop import total
 side = Motor(1000.0, 50.0, 6.0, 0.2, 5e-6)
 print(repr(tuple(advance(Motion(0.3, 20.0, 0.0, 0.0, 0.0), -0.08, 0.0, side, side))))
+print(total(3))
 """
+MINE = {  # another package, of whose files only the first is watched by numba itself
+    "__init__": "",
+    "loop": """
+from auv_fault_env.compiling import kernel
+from mine.part import term
+
+@kernel
+def total(n):
+    sum = 0.0
+    for i in range(n):
+        sum += term(i)
+    return sum
+""",
+    "part": """
+from auv_fault_env.compiling import scalar
+from mine import (
+    sizes,
+)
+
+@scalar
+def term(i):
+    return sizes.FACTOR * i
+""",
+    "sizes": "FACTOR = 2.0\n",
+}
 
 
 def run(folder):
-    """What `advance` gives in a fresh process that imports the package from `folder`."""
+    """What a kernel of each package gives in a fresh process that imports them from `folder`."""
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     environment |= {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     command = [sys.executable, "-W", "ignore", "-c", SCRIPT]
-    return subprocess.run(command, cwd=folder, env=environment, check=True, capture_output=True, text=True).stdout
+    printed = subprocess.run(command, cwd=folder, env=environment, check=True, capture_output=True, text=True).stdout
+    return printed.splitlines()
 
 
 def cached(folder):
@@ -39,31 +73,57 @@ def edit(path, old, new):
     os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns))
 
 
+@pytest.fixture
+def project(tmp_path):
+    """This package, and `MINE` beside it."""
+    shutil.copytree(PACKAGE, tmp_path / PACKAGE.name, ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "mine").mkdir()
+    for name, text in MINE.items():
+        (tmp_path / "mine" / f"{name}.py").write_text(text, encoding="utf-8")
+    return tmp_path
+
+
 @pytest.mark.slow
-def test_cache_is_used_until_a_compiled_file_is_edited(tmp_path):
-    package = tmp_path / "auv_fault_env"
-    shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
-    first = run(tmp_path)
-    files = cached(tmp_path)
+def test_cache_is_used_until_a_compiled_file_is_edited(project):
+    package = project / PACKAGE.name
+    first = run(project)
+    files = cached(project)
     assert files
-    assert run(tmp_path) == first and cached(tmp_path) == files
+    assert run(project) == first and cached(project) == files
     edit(package / "physics.py", "RPM = 30.0 / math.pi", "RPM = 20.0 / math.pi")
-    assert run(tmp_path) == first and cached(tmp_path) > files  # compiled anew; `advance` itself does not use RPM
+    assert run(project) == first and cached(project) > files  # compiled anew; `advance` itself does not use RPM
     edit(package / "parameters.py", "SAMPLE_RATE = 10.0", "SAMPLE_RATE = 20.0")
-    assert run(tmp_path) != first
+    assert run(project)[0] != first[0]
     edit(package / "parameters.py", "SAMPLE_RATE = 20.0", "SAMPLE_RATE = 10.0")
     edit(package / "physics.py", "135135.0 + x", "135136.0 + x")
-    assert run(tmp_path) != first
+    assert run(project)[0] != first[0]
 
 
-def imported(name):
-    """Modules of this package that a module imports."""
-    tree = ast.parse((PACKAGE / f"{name}.py").read_text(encoding="utf-8"))
-    froms = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
-    return {module.removeprefix("auv_fault_env.") for module in froms if module.startswith("auv_fault_env.")}
+@pytest.mark.slow
+def test_cache_of_another_package_notices_edits_in_its_own_files_alone(project):
+    physics, total = run(project)
+    files = cached(project)
+    edit(project / "mine" / "part.py", "FACTOR * i", "FACTOR + i")
+    assert run(project) == [physics, "9.0"] and total == "6.0"
+    edit(project / "mine" / "sizes.py", "FACTOR = 2.0", "FACTOR = 3.0")
+    assert run(project) == [physics, "12.0"]
+    assert all("loop" in path.name for path in cached(project) - files)
 
 
-def test_digest_covers_every_file_that_ends_up_in_compiled_code():
-    decorated = {path.stem for path in PACKAGE.glob("*.py") if {"compiling"} & imported(path.stem)}
-    needed = decorated | {"compiling"} | {module for name in decorated for module in imported(name)}
-    assert needed - {"errors"} <= set(compiling.COMPILED)
+def imported(path):
+    """Files of the project whose names a file imports, by its syntax tree."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    found = set()
+    for node in tree.body:
+        assert not (isinstance(node, ast.Import) and node.names[0].name.startswith(("auv_fault_env", "diagnosers")))
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0
+            modules = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+            found |= {PACKAGE.parent / f"{module.replace('.', '/')}.py" for module in modules}
+    return {file for file in found if file.is_file()}
+
+
+@pytest.mark.parametrize("path", COMPILED, ids=lambda path: f"{path.parent.name}.{path.stem}")
+def test_digest_follows_every_import_of_a_file_that_is_compiled(path):
+    assert compiling.imported(path) == imported(path)
+    assert PACKAGE / "compiling.py" in compiling.imported(path)

@@ -6,7 +6,7 @@ import pytest
 from auv_fault_env.errors import InputError
 from auv_fault_env.faults import CATALOGUE, Fault, classes
 from auv_fault_env.fleet import Fleet
-from auv_fault_env.missions import MISSIONS, Mission
+from auv_fault_env.missions import MISSIONS
 from auv_fault_env.schedules import FaultEvent, ScheduleSampler
 from diagnosers import make
 from diagnosers.filter_bank import FilterBank
@@ -18,9 +18,9 @@ from training.seeds import seeds
 CLASSES = list(classes())
 
 
-def episodes(n_lanes: int, n_samples: int, *events: FaultEvent, mission: Mission = MISSIONS["thesis"]) -> Rollout:
+def episodes(n_lanes: int, n_samples: int, *events: FaultEvent) -> Rollout:
     lanes = seeds("calibration", n_lanes, 50_000)
-    return roll_out(Fleet(n_lanes), lanes, n_samples, None, [events] * n_lanes, [mission] * n_lanes)
+    return roll_out(Fleet(n_lanes), lanes, n_samples, None, [events] * n_lanes, [MISSIONS["thesis"]] * n_lanes)
 
 
 def beliefs(bank: FilterBank, observations: np.ndarray) -> np.ndarray:
@@ -80,16 +80,27 @@ def test_a_fault_is_found_named_and_measured():
     assert (belief.log_probability[:, 0] < -20.0).all()
 
 
-def test_a_fault_stays_without_evidence():
-    bank = FilterBank()
-    rolled = episodes(4, 150, FaultEvent("seal_friction:starboard", 5.0, 0.8, end=10.0))
-    log_probability = beliefs(bank, rolled.observations)[:, :, 0]
-    assert (log_probability[99] < -20.0).all()
-    state = bank.initial(1)
-    hazard = bank.hypotheses().log_hazard
-    certain = np.where(np.arange(hazard.size) == 7, 0.0, -1e6)[None]
-    after, belief = bank.step(state._replace(log_weight=certain), rolled.observations[0, :1].astype(np.float64))
-    assert after.log_weight[0].argmax() == 7 and belief.log_probability[0, 0] < -0.9e6
+def test_a_repair_shows_in_the_severity_alone():
+    rolled = episodes(8, 300, FaultEvent("seal_friction:starboard", 5.0, 0.8, end=10.0))
+    bank, column = FilterBank(), CLASSES.index("seal_friction:starboard")
+    bank.reset(8)
+    for k, observation in enumerate(rolled.observations):
+        log_probability, severity, _ = bank.update(observation)
+        if k == 100:
+            np.testing.assert_allclose(severity[:, column], 0.8, atol=0.1)
+        if k >= 100:
+            assert (log_probability[:, 0] < -300.0).all()  # -650 at most, over 48 vehicles
+    assert (log_probability.argmax(axis=1) == column).all()
+    assert (severity[:, column] < 0.2).all()
+
+
+def test_no_way_leads_back_to_normal():
+    bank, observation = FilterBank(), episodes(1, 1).observations[0].astype(np.float64)
+    n_hypotheses = bank.hypotheses().log_hazard.size
+    faulty = np.where(np.arange(n_hypotheses) == 7, 0.0, -1e6)[None]
+    after, belief = bank.step(bank.initial(1)._replace(log_weight=faulty), observation)
+    assert after.log_weight[0].argmax() == 7
+    np.testing.assert_allclose(belief.log_probability[0, 0], -1e6, atol=150.0)  # eight readings of six deviations: 144
 
 
 @pytest.mark.slow
@@ -119,35 +130,6 @@ def test_a_new_catalogue_entry_gets_its_hypotheses(monkeypatch):
     assert beliefs(bank, episodes(1, 2).observations).shape[2] == len(CLASSES) + 1
 
 
-@pytest.mark.parametrize(
-    ("true", "severity"), [("increased_drag", 0.7), ("thrust_loss", 0.4)], ids=["drag as thrust", "thrust as drag"]
-)
-def test_drag_and_thrust_part_only_when_the_speed_changes(true, severity, monkeypatch):
-    # The catalogue's propeller faults shed torque as well, which the motors show at any speed; so here is one without.
-    weak = Fault("thrust_loss", "propeller", scale={"port_beta": 0.5, "starboard_beta": 0.5}, source="of this test")
-    monkeypatch.setitem(CATALOGUE, "thrust_loss", weak)
-    mission = Mission(((0.0, 0.3), (25.0, 0.6)))
-    rolled = episodes(32, 300, FaultEvent(true, 5.0, severity, ramp=15.0), mission=mission)
-    right = np.exp(beliefs(FilterBank(), rolled.observations)[:, :, list(classes()).index(true)]).mean(axis=1)
-    assert right[245] < 0.5
-    assert right[299] > 0.8
-
-
-@pytest.mark.parametrize(
-    ("true", "other", "severity"),
-    [
-        ("sensor_scale:speed", "increased_drag", 0.25),  # the propeller's torque shows the advance ratio
-        ("seal_friction:port", "sensor:port_current", 0.25),  # the shaft of a stiff seal is slower at the same voltage
-        ("sensor_bias:port_current", "seal_friction:port", 0.5),  # a current sensor does not slow the shaft
-    ],
-)
-def test_pairs_that_the_motors_tell_apart_at_constant_speed(true, other, severity):
-    rolled = episodes(32, 245, FaultEvent(true, 5.0, severity, ramp=15.0), mission=Mission(((0.0, 0.3),)))
-    probability = np.exp(beliefs(FilterBank(), rolled.observations)[-1])
-    assert probability[:, CLASSES.index(CATALOGUE[true].diagnosis)].mean() > 0.9
-    assert probability[:, CLASSES.index(other)].mean() < 0.05
-
-
 def test_classes_share_the_hazard_evenly():
     hypotheses = table(3, 1e-3)
     share = np.bincount(hypotheses.diagnosis, weights=np.exp(hypotheses.log_hazard))
@@ -167,17 +149,24 @@ def test_the_oracle_untold_is_the_bank():
     np.testing.assert_array_equal(beliefs(Oracle(), rolled.observations), beliefs(FilterBank(), rolled.observations))
 
 
-def test_told_is_better_than_untold():
-    n_lanes, severity = 32, 0.6
-    rolled = episodes(n_lanes, 200, FaultEvent("propeller_damage:port", 5.0, severity))
-    column, score = CLASSES.index("propeller_damage:port"), {}
-    for told in (False, True):
-        oracle = Oracle()
-        oracle.reset(n_lanes)
-        if told:
-            oracle.tell(rolled.healthy, np.full(n_lanes, severity))
-        score[told] = np.mean([oracle.update(seen).log_probability[:, column] for seen in rolled.observations][55:])
-    assert score[True] > score[False]
+@pytest.mark.parametrize(
+    ("fault", "severity", "told_severity", "sample", "gain"),
+    [
+        ("motor_overheating:port", 0.3, False, 100, 0.15),  # hides in the healthy band; measured 0.22 to 0.38
+        ("propeller_damage:port", 0.6, True, 199, 0.12),  # looks like half a lost propeller; measured 0.17 to 0.19
+    ],
+    ids=["the vehicle", "the severity"],
+)
+def test_told_is_better_than_untold(fault, severity, told_severity, sample, gain):
+    n_lanes = 32
+    rolled = episodes(n_lanes, sample + 1, FaultEvent(fault, 5.0, severity))
+    told = Oracle()
+    told.reset(n_lanes)
+    told.tell(rolled.healthy, np.full(n_lanes, severity) if told_severity else None)
+    told_probability = np.exp([told.update(seen).log_probability for seen in rolled.observations][-1])
+    probability = np.exp(beliefs(Oracle(), rolled.observations)[-1])
+    column = CLASSES.index(fault)
+    assert told_probability[:, column].mean() > probability[:, column].mean() + gain
 
 
 def test_the_oracle_refuses_what_is_no_truth():

@@ -64,3 +64,5 @@ def test_unknown_names_are_refused():
         parsed({"four": ("+a",)}, SYMPTOMS, CLASSES)
     with pytest.raises(InputError, match="symptom"):
         parsed({"one": ("+d",)}, SYMPTOMS, CLASSES)
+    with pytest.raises(InputError, match="sign"):
+        parsed({"one": ("+a *b",)}, SYMPTOMS, CLASSES)

@@ -1,0 +1,80 @@
+"""What all diagnosers share: readings that fail are held, nonsense is refused, and a belief becomes a word."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from auv_fault_env.channels import CHANNELS
+from auv_fault_env.errors import InputError
+from diagnosers import UNKNOWN, Belief, Recursive, decide
+from diagnosers.diagnoser import same_severity
+
+
+@dataclass(frozen=True)
+class Echo(Recursive):
+    """Says what observation it has been given."""
+
+    def initial(self, n_lanes):
+        return ()
+
+    def step(self, state, observation):
+        return state, Belief(observation.copy(), observation, observation)
+
+
+def test_silent_channels_hold_their_last_reading_and_are_zero_before_the_first():
+    echo, readings = Echo(), np.full((1, len(CHANNELS)), 2.0)
+    echo.reset(1)
+    readings[0, 3] = np.nan
+    assert (echo.update(readings).log_probability == [*[2.0] * 3, 0.0, *[2.0] * 8]).all()
+    assert np.isnan(readings[0, 3])
+    assert (echo.update(np.full((1, len(CHANNELS)), 5.0)).log_probability == 5.0).all()
+    assert (echo.update(np.full((1, len(CHANNELS)), np.nan)).log_probability == 5.0).all()
+
+
+@pytest.mark.parametrize(
+    ("observation", "thing"),
+    [
+        (np.zeros((2, len(CHANNELS))), "observation's shape"),
+        (np.full((1, len(CHANNELS)), np.inf), "infinity"),
+        ([["fast"] * len(CHANNELS)], "observation"),
+    ],
+)
+def test_nonsense_is_refused(observation, thing):
+    echo = Echo()
+    echo.reset(1)
+    with pytest.raises(InputError, match=thing):
+        echo.update(observation)
+
+
+def test_an_update_needs_a_reset():
+    with pytest.raises(InputError, match="call reset"):
+        Echo().update(np.zeros((1, len(CHANNELS))))
+
+
+@pytest.mark.parametrize(
+    ("probability", "word"),
+    [
+        ([0.6, 0.4, 0.0], "normal"),
+        ([0.5, 0.5, 0.0], "normal"),
+        ([0.4, 0.4, 0.2], "drag"),
+        ([0.1, 0.2, 0.7], "loss"),
+        ([0.1, 0.46, 0.44], "drag"),
+        ([0.0, 1e-300, 0.0], "drag"),  # all but certain of nothing: still the likeliest
+    ],
+)
+def test_a_belief_becomes_a_word(probability, word):
+    with np.errstate(divide="ignore"):
+        belief = Belief(np.log([probability]), *np.zeros((2, 1, 3)))
+    assert decide(belief, ("normal", "drag", "loss")) == [word]
+
+
+def test_a_fault_like_several_is_unknown_and_the_alarm_can_be_set():
+    belief = Belief(np.log([[0.4, 0.36, 0.24]]), *np.zeros((2, 1, 3)))
+    assert decide(belief, ("normal", "drag", "loss"), name=0.7) == [UNKNOWN]
+    assert decide(belief, ("normal", "drag", "loss"), alarm=0.3) == ["normal"]
+
+
+def test_same_severity_is_none_for_normal():
+    mean, std = same_severity((2, 3), 0.6, 0.2)
+    assert mean.tolist() == [[0.0, 0.6, 0.6]] * 2 and std.tolist() == [[0.0, 0.2, 0.2]] * 2
