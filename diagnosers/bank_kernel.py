@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.compiling import kernel, scalar
+from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import RPM
 from diagnosers import bank_motor, bank_surge
 from diagnosers.bank_algebra import N_STATES, SEVERITY, SPREAD, inform, mix, widened
@@ -13,6 +14,7 @@ from diagnosers.bank_sensors import Seen, look
 from diagnosers.hypotheses import N_ROWS, PORT, STARBOARD, SURGE
 
 FIRST_READING, N_READINGS = 4, 8  # of an observation
+RUN_IN = 60.0  # s of constant hazard; then it falls as 1/age: who has run so long is likely sound
 MOTOR_READING = (0, 2, 5)  # first reading of a subsystem's motor, counted among the readings
 motor_update, surge_update = bank_motor.update, bank_surge.update
 
@@ -24,7 +26,7 @@ class BankState(NamedTuple):
     filters (n_lanes, 20, n_filters): means and packed covariances of five states. turning (n_lanes, n_filters): the
     shaft speed [rad/s] that each motor filter believes in. readings (n_lanes, 8): the last ones, NaN before the first.
     healthy (n_lanes, n_parameters): the vehicle without its fault. prior (n_lanes, 3, n_grades): mean, variance and
-    least value of the severity by grade.
+    least value of the severity by grade. age (n_lanes,): samples so far.
     """
 
     log_weight: np.ndarray
@@ -34,6 +36,7 @@ class BankState(NamedTuple):
     readings: np.ndarray
     healthy: np.ndarray
     prior: np.ndarray
+    age: np.ndarray
 
 
 class Work(NamedTuple):
@@ -107,12 +110,17 @@ def log_sum(one, other):
 
 @kernel
 def switch(old, new, table, walk, newcomers):
-    """Let normal vehicles turn faulty: weights, severities, and every hypothesis' share of newcomers."""
-    new.log_weight[0] = old.log_weight[0] + table.log_hazard[0]
+    """Let normal vehicles turn faulty: weights, severities, and every hypothesis' share of newcomers.
+
+    The hazard falls with age. A constant one would give the vehicle up in the end, by exp(-hazard) per sample, to any
+    fault that is too slight to be told from the healthy band.
+    """
+    seasoned = max(1.0, old.age * SAMPLE_TIME / RUN_IN)
+    new.log_weight[0] = old.log_weight[0] + table.log_hazard[0] / seasoned
     new.severity[:, 0] = 0.0
     newcomers[0] = 0.0
     for j in range(1, table.log_hazard.size):
-        joining = old.log_weight[0] + table.log_hazard[j]
+        joining = old.log_weight[0] + table.log_hazard[j] - math.log(seasoned)
         new.log_weight[j] = log_sum(old.log_weight[j], joining)
         share = math.exp(joining - new.log_weight[j])
         centre, variance = old.prior[0, table.grade[j]], old.prior[1, table.grade[j]]
@@ -246,6 +254,7 @@ def lane_of(state, lane):
         state.readings[lane],
         state.healthy[lane],
         state.prior[lane],
+        state.age[lane],
     )
 
 

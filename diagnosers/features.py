@@ -131,7 +131,7 @@ class Features:
         features = np.empty((len(observation), len(FEATURES)), np.float32)
         extra = np.stack([surge.mean[:, 4] / self.vehicle.disturbance_std, observation[:, SPEED] - surge.mean[:, 0]], 1)
         _fold(before, *past, signals, means, stds, extra, self.shares, features)
-        features[:, -2 * (len(CLASSES) - 1) :] = _told(belief)
+        features[:, -2 * (len(CLASSES) - 1) :] = _told(belief, self.bank.classes)
         return FeatureState(surge, parameters, motors, bank, past), features
 
     def _signals(self, before, observation, surge, parameters, motors) -> np.ndarray:
@@ -156,10 +156,11 @@ class Features:
         return np.concatenate(mean, axis=1) - 1.0, np.sqrt(np.concatenate(variance, axis=1))
 
 
-def _told(belief: Belief) -> np.ndarray:
+def _told(belief: Belief, names: tuple[str, ...]) -> np.ndarray:
     """The bank's log odds of every fault class against normal, bent, and its severities, (n_lanes, 2 n_faults)."""
-    odds = (belief.log_probability[:, 1:] - belief.log_probability[:, :1]) / EVIDENCE
-    return np.concatenate([odds / (1.0 + 0.25 * np.abs(odds)), belief.severity_mean[:, 1:]], axis=1)
+    known = [names.index(name) for name in CLASSES[1:]]  # the catalogue may have grown since
+    odds = (belief.log_probability[:, known] - belief.log_probability[:, :1]) / EVIDENCE
+    return np.concatenate([odds / (1.0 + 0.25 * np.abs(odds)), belief.severity_mean[:, known]], axis=1)
 
 
 @scalar

@@ -2,6 +2,7 @@
 
 import math
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -60,7 +61,8 @@ class FilterBank(Recursive):
     grades
         Ranges of the severity, each a hypothesis of its own. Within its grade the severity is a state.
     hazard
-        Probability per sample that a fault begins; shared by classes, then faults, then grades.
+        Probability per sample that a fault begins; shared by classes, then faults, then grades. It holds for a minute
+        and falls with the age of the vehicle thereafter.
     walk_std
         Random walk of the severity per square root of a second, for faults that grow.
     """
@@ -75,7 +77,7 @@ class FilterBank(Recursive):
         vehicle_of(self.vehicle)
         finite_in_range("hazard", self.hazard, 1e-12, 0.5)
         finite_in_range("walk_std", self.walk_std, 0.0, 10.0)
-        if not self.grades:
+        if not isinstance(self.grades, Sequence) or not self.grades:
             raise refusal("grades", self.grades, "at least one range of severity", "give one")
         object.__setattr__(self, "grades", tuple(pair_in_range("grade", grade, 0.0, 1.0) for grade in self.grades))
 
@@ -112,7 +114,7 @@ class FilterBank(Recursive):
         filters[:, N_STATES - 1] = severity[:, 0, hypotheses.hypothesis]
         filters[:, variances[-1]] = severity[:, 1, hypotheses.hypothesis]
         unknown = np.full((n_lanes, filters.shape[2]), np.nan), np.full((n_lanes, len(READINGS)), np.nan)
-        return BankState(log_weight, severity, filters, *unknown, healthy, prior)
+        return BankState(log_weight, severity, filters, *unknown, healthy, prior, np.zeros(n_lanes))
 
     def _prior_std(self, subsystem: int, spread: float) -> list[float]:
         """Standard deviations of a filter's states at the start, but for the severity; a uniform band's is a third."""
@@ -125,7 +127,7 @@ class FilterBank(Recursive):
     def hypotheses(self, n_grades: int | None = None) -> Table:
         """The hypotheses of the catalogue as it is; made anew when it has changed."""
         n_grades = len(self.grades) if n_grades is None else n_grades
-        key = n_grades, *map(id, CATALOGUE.values())
+        key = n_grades, *CATALOGUE.values()
         if self.__dict__.get("_tables", (None,))[0] != key:
             self.__dict__["_tables"] = key, table(n_grades, self.hazard)
         return self.__dict__["_tables"][1]
@@ -133,9 +135,12 @@ class FilterBank(Recursive):
     def step(self, state: BankState, observation: np.ndarray) -> tuple[BankState, Belief]:
         """The next state and the belief."""
         n_lanes, n_classes = len(observation), len(self.classes)
-        new = BankState(*(np.empty_like(part) for part in state[:5]), *state[5:])
+        new = BankState(*(np.empty_like(part) for part in state[:5]), *state[5:-1], state.age + 1.0)
         belief = Belief(*(np.empty((n_lanes, n_classes)) for _ in Belief._fields))
-        arguments = state, new, observation, self.hypotheses(state.prior.shape[2]), self.constants, belief
+        hypotheses = self.hypotheses(state.prior.shape[2])
+        if state.log_weight.shape[1] != hypotheses.log_hazard.size:
+            raise refusal("catalogue", "faults added or removed", "that of the reset", "call reset(n_lanes) again")
+        arguments = state, new, observation, hypotheses, self.constants, belief
         _in_shares(n_lanes, arguments)
         return new, belief
 

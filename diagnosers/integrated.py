@@ -22,6 +22,7 @@ N_OUTPUTS = 3 * N_CLASSES  # score, severity and its spread of every class
 WIDTHS = (256, 128)  # of the encoder's hidden layers
 N_MEMORY = 64  # units of the recurrent layer, and of the encoder's last
 CALM = 0.5  # s, over which the first opinion is averaged: single samples are noisy, and a label must not flicker
+LEAST_BEND = 0.05  # of the bank's bent log odds: keeps the straightened ones finite, at 380 nats
 LEAST_STD = 0.02  # of a severity: finer than anybody can know it
 
 
@@ -30,7 +31,8 @@ class Network(nn.Module):
 
     The encoder sees one sample; its opinion is added to the log odds of the filter bank, which it so corrects. The
     recurrent layer sees the encoded samples and the averaged opinion, and adds to it what follows from the past.
-    Calibration (one sharpness, a bias per class) is learnt last, on lanes of its own.
+    Last, on lanes of its own, it is calibrated: how far it leans on the bank once more, as a logarithmic pool of both
+    (the bank never forgets a fault, and so steadies the label), one sharpness, and a bias per class.
     """
 
     def __init__(self, memory: type[nn.Module] = nn.GRU):
@@ -44,6 +46,7 @@ class Network(nn.Module):
             nn.init.zeros_(layer.bias)
         self.trust = nn.Parameter(torch.full((N_CLASSES - 1,), EVIDENCE))
         self.memory = memory(N_MEMORY + N_CLASSES, N_MEMORY)
+        self.register_buffer("lean", torch.zeros(1))
         self.register_buffer("sharpness", torch.ones(1))
         self.register_buffer("bias", torch.zeros(N_CLASSES))
 
@@ -53,16 +56,24 @@ class Network(nn.Module):
         bank = nn.functional.pad(self.trust * features[..., BANK_ODDS], (1, 2 * N_CLASSES))
         return encoded, self.opinion(encoded) + bank
 
-    def recall(self, encoded: torch.Tensor, opinion: torch.Tensor, units: torch.Tensor | None = None):
+    def recall(
+        self, encoded: torch.Tensor, opinion: torch.Tensor, units: torch.Tensor | None = None
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         """Outputs (n_samples, n_lanes, 3 n_classes) from encoded samples and averaged opinions; and the units after."""
         recalled, units = self.memory(torch.cat([encoded, opinion[..., :N_CLASSES] / EVIDENCE], dim=-1), units)
         return opinion + self.correction(recalled), units
 
-    def read(self, outputs: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    def pooled(self, outputs: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
+        """Scores (..., n_classes) before calibration: the network's own, leaning on the bank's log odds."""
+        bent = features[..., BANK_ODDS]
+        odds = EVIDENCE * bent / (1.0 - 0.25 * bent.abs()).clamp(min=LEAST_BEND)
+        return outputs[..., :N_CLASSES] + self.lean * nn.functional.pad(odds, (1, 0))
+
+    def read(self, outputs: torch.Tensor, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Log probability, severity mean and standard deviation, each (..., n_classes)."""
-        scores, mean, spread = outputs.split(N_CLASSES, dim=-1)
-        log_probability = torch.log_softmax(self.sharpness * scores + self.bias, dim=-1)
-        return log_probability, torch.sigmoid(mean), nn.functional.softplus(spread) + LEAST_STD
+        _, mean, spread = outputs.split(N_CLASSES, dim=-1)
+        scores = self.sharpness * self.pooled(outputs, features) + self.bias
+        return torch.log_softmax(scores, dim=-1), torch.sigmoid(mean), nn.functional.softplus(spread) + LEAST_STD
 
     def tensors(self) -> dict[str, np.ndarray]:
         """A copy of weights and calibration, by name."""
@@ -121,13 +132,14 @@ class Integrated(Recursive):
 
     def step(self, state: IntegratedState, observation: np.ndarray) -> tuple[IntegratedState, Belief]:
         """The next state and the belief."""
-        following, features = self._features.step(state.features, observation)
+        following, seen = self._features.step(state.features, observation)
+        features = torch.from_numpy(seen)
         with torch.inference_mode():
-            encoded, opinion = self._network.look(torch.from_numpy(features))
+            encoded, opinion = self._network.look(features)
             before = torch.from_numpy(state.opinion)
             opinion = calmed(opinion, torch.where(before.isnan(), opinion, before))
             outputs, units = self._network.recall(encoded[None], opinion[None], torch.from_numpy(state.units)[None])
-            belief = [part[0].numpy().astype(np.float64) for part in self._network.read(outputs)]
+            belief = [part[0].numpy().astype(np.float64) for part in self._network.read(outputs, features[None])]
         for severity in belief[1:]:
             severity[:, 0] = 0.0
         belief[0] -= np.logaddexp.reduce(belief[0], axis=1, keepdims=True)

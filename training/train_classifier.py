@@ -1,6 +1,5 @@
 """The training loop: epochs with validation, early stop, a log and a checkpoint after each, whatever the trainer."""
 
-import hashlib
 import inspect
 import math
 import shutil
@@ -12,6 +11,7 @@ from typing import Any
 
 from tqdm import tqdm
 
+from auv_fault_env.compiling import digest
 from auv_fault_env.errors import refusal
 from training import checkpoint
 from training.checkpoint import LOG, Progress
@@ -40,7 +40,7 @@ def train(trainer: Trainer, name: str, seed: int, folder: Path, epochs: int | No
     that is not finite.
     """
     last = trainer.epochs if epochs is None else epochs
-    origin = {"diagnoser": name, "seed": seed, "code": _digest(trainer)}
+    origin = {"diagnoser": name, "seed": seed, "code": digest(Path(inspect.getfile(type(trainer))))}
     progress = _begun(trainer, folder, origin)
     with _log(folder / LOG, progress) as log, tqdm(initial=len(progress.history), total=last, unit="epoch") as bar:
         while len(progress.history) < last and not _stalled(progress, trainer.patience):
@@ -52,11 +52,6 @@ def train(trainer: Trainer, name: str, seed: int, folder: Path, epochs: int | No
             bar.update()
     trainer.restore(progress.best)
     return progress
-
-
-def _digest(trainer: Trainer) -> str:
-    """Of the module of the trainer: changed code does not go on where the old one stopped."""
-    return hashlib.sha256(Path(inspect.getfile(type(trainer))).read_bytes()).hexdigest()[:16]
 
 
 def _begun(trainer: Trainer, folder: Path, origin: dict[str, Any]) -> Progress:

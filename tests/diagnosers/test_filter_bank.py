@@ -104,17 +104,29 @@ def test_no_way_leads_back_to_normal():
 
 
 @pytest.mark.slow
-def test_half_an_hour_leaves_every_number_finite():
-    bank, fleet = FilterBank(), Fleet(2)
-    bank.reset(2)
-    observation = fleet.reset([3, 4], schedules=[(), [FaultEvent("propeller_loss:port", 60.0, 1.0)]])
+def test_half_an_hour_leaves_healthy_vehicles_normal_and_every_number_finite():
+    bank, fleet = FilterBank(), Fleet(3)
+    bank.reset(3)
+    observation = fleet.reset([4, 6, 5], schedules=[(), (), [FaultEvent("propeller_loss:port", 60.0, 1.0)]])
     for k in range(18_000):
         command = 0.3 + 0.15 * (-1) ** (k // 100)
-        observation = fleet.step(np.tile([command, 0.0, 0.0], (2, 1)))
+        observation = fleet.step(np.tile([command, 0.0, 0.0], (3, 1)))
         belief = bank.update(observation)
-    assert belief.log_probability[1, 0] < -1e3
+    assert (belief.log_probability[:2, 0] > np.log(0.5)).all()  # with a hazard that stays as it is: -6 and -8
+    assert belief.log_probability[2, 0] < -1e3
     assert all(np.isfinite(part).all() for part in bank._state[0].filters)
     assert not any(np.isnan(part).any() for part in belief)
+
+
+def test_the_hazard_holds_for_a_minute_and_falls_with_age_thereafter():
+    bank, observation = FilterBank(), episodes(1, 1).observations[0].astype(np.float64)
+    state = bank.initial(1)
+    begun = [
+        bank.step(state._replace(age=np.array([age])), observation)[1].log_probability[0, 1:]
+        for age in (0.0, 600.0, 6000.0)
+    ]
+    np.testing.assert_allclose(begun[1], begun[0], rtol=1e-12)
+    np.testing.assert_allclose(begun[2], begun[0] - np.log(10.0), atol=1e-3)
 
 
 def test_a_new_catalogue_entry_gets_its_hypotheses(monkeypatch):
