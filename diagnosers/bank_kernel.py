@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auv_fault_env.channels import COMMANDS, READINGS
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import RPM
@@ -13,9 +14,10 @@ from diagnosers.bank_algebra import N_STATES, SEVERITY, SPREAD, inform, mix, wid
 from diagnosers.bank_sensors import Seen, look
 from diagnosers.hypotheses import N_ROWS, PORT, STARBOARD, SURGE
 
-FIRST_READING, N_READINGS = 4, 8  # of an observation
+FIRST_READING, N_READINGS = len(COMMANDS), len(READINGS)  # of an observation
+RUDDER, STERN_PLANE = COMMANDS.index("rudder"), COMMANDS.index("stern_plane")
 RUN_IN = 60.0  # s of constant hazard; then it falls as 1/age: who has run so long is likely sound
-MOTOR_READING = (0, 2, 5)  # first reading of a subsystem's motor, counted among the readings
+MOTOR_READING = (0, READINGS.index("port_voltage"), READINGS.index("starboard_voltage"))  # first, by subsystem
 motor_update, surge_update = bank_motor.update, bank_surge.update
 
 
@@ -265,7 +267,7 @@ def step_lanes(first, last, old, new, observation, table, constants, belief):
     reading, log_spacing = np.zeros(N_READINGS), np.zeros(N_READINGS)
     repeated, zero = np.zeros(N_READINGS, np.bool_), np.zeros(N_READINGS, np.bool_)
     for lane in range(first, last):
-        rudder, plane = observation[lane, 2], observation[lane, 3]
+        rudder, plane = observation[lane, RUDDER], observation[lane, STERN_PLANE]
         seen = Seen(reading, repeated, zero, log_spacing, rudder * rudder + plane * plane)
         before, after = lane_of(old, lane), lane_of(new, lane)
         look(observation[lane, FIRST_READING:], before.readings, constants.sensors, seen)

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -67,7 +67,7 @@ class FilterBank(Recursive):
         Random walk of the severity per square root of a second, for faults that grow.
     """
 
-    name: ClassVar[str] = "filter_bank"
+    name = "filter_bank"
     vehicle: str | Vehicle = "thesis1992"
     grades: tuple[tuple[float, float], ...] = ((0.1, 0.4), (0.4, 0.7), (0.7, 1.0))
     hazard: float = 1e-3

@@ -1,7 +1,6 @@
 """A reference, not a competitor: the filter bank told what no diagnoser can know."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -23,7 +22,7 @@ class Oracle(FilterBank):
     no upper bound for a diagnoser that reads what the bank's model leaves out, such as the controllers' commands.
     """
 
-    name: ClassVar[str] = "oracle"
+    name = "oracle"
 
     def tell(self, healthy: np.ndarray, severity: np.ndarray | None = None) -> None:
         """Tell the truth of every lane after a `reset`, whose state it replaces; the next reset forgets it.

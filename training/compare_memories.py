@@ -14,12 +14,12 @@ from torch import nn
 from tqdm import tqdm
 
 from diagnosers import storage
-from diagnosers.integrated import WEIGHTS
+from diagnosers.integrated import PACKAGED
 from training.runs import write_json
 from training.seeds import SPAN
 from training.train_integrated import LANES, MEMORY_RATE, IntegratedTrainer, simulated, tried
 
-CARD = WEIGHTS.with_suffix(".json")
+CARD = PACKAGED.with_suffix(".json")
 LESSONS = 12
 SEED = 1  # that of the weights in the package is 0
 
@@ -60,7 +60,7 @@ def compare() -> list[dict[str, float | str]]:
 
 def _behind_the_encoder(form: type[nn.Module]) -> IntegratedTrainer:
     trainer = IntegratedTrainer(SEED, form)
-    learnt = {name: torch.from_numpy(tensor) for name, tensor in storage.read(WEIGHTS)[0].items()}
+    learnt = {name: torch.from_numpy(tensor) for name, tensor in storage.read(PACKAGED)[0].items()}
     fresh = ("memory", "correction", "sharpness", "bias")
     kept = {name: tensor for name, tensor in learnt.items() if not name.startswith(fresh)}
     trainer.network.load_state_dict(kept, strict=False)

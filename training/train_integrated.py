@@ -2,9 +2,10 @@
 
 import re
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import cache
 from itertools import chain, islice
 from math import cos, pi
 from typing import Any, NamedTuple
@@ -174,7 +175,7 @@ class IntegratedTrainer:
                     label.append(batch.label[::CALIBRATED_EVERY].flatten())
         before, after = calibrate(network, torch.cat(scores), torch.cat(label))
         figures = {"calibration_loss_before": before, "calibration_loss": after, "sharpness": float(network.sharpness)}
-        return Integrated(network.tensors()), figures
+        return Integrated(weights=network.tensors()), figures
 
 
 @contextmanager
@@ -238,7 +239,8 @@ def batches(taught: Lesson) -> Iterator[Lesson]:
         yield Lesson(*(part[:, k::step].contiguous() for part in taught))
 
 
-def image(names: Sequence[str]) -> torch.Tensor:
+@cache
+def image(names: tuple[str, ...]) -> torch.Tensor:
     """For each name the place of its mirror image: port and starboard exchanged."""
     swap = {"port": "starboard", "starboard": "port"}
     mirrored_name = lambda name: re.sub("starboard|port", lambda side: swap[side[0]], name)  # noqa: E731

@@ -9,7 +9,7 @@ from auv_fault_env.faults import CATALOGUE, Fault
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import UNKNOWN, decide, make, storage
-from diagnosers.integrated import CLASSES, N_OUTPUTS, WEIGHTS, Integrated, Network, calmed
+from diagnosers.integrated import CLASSES, N_OUTPUTS, PACKAGED, Integrated, Network, calmed
 from training.rollouts import manoeuvres, roll_out
 
 
@@ -29,7 +29,7 @@ def watched(fault, severity, lanes=16, seconds=50, onset=10.0):
 
 def test_weights_of_the_package_are_small_and_complete():
     assert sum(path.stat().st_size for path in storage.WEIGHTS.iterdir()) < 2e6
-    tensors, header = storage.read(WEIGHTS)
+    tensors, header = storage.read(PACKAGED)
     assert header["diagnoser"] == "integrated"
     assert tensors["sharpness"] > 0.0
 
@@ -74,14 +74,14 @@ def test_a_calm_opinion_follows_within_its_time():
     "break_it", [lambda t: t.pop("trust"), lambda t: t.update(trust=t["trust"][:-1]), lambda t: t["bias"].fill(np.nan)]
 )
 def test_weights_of_another_architecture_are_refused(break_it):
-    tensors = storage.read(WEIGHTS)[0]
+    tensors = storage.read(PACKAGED)[0]
     break_it(tensors)
     with pytest.raises(InputError, match=r"^tensor"):
-        Integrated(tensors)
+        Integrated(weights=tensors)
 
 
 def test_a_truncated_file_is_refused(tmp_path):
     path = tmp_path / "integrated.safetensors"
-    path.write_bytes(WEIGHTS.read_bytes()[:-100])
+    path.write_bytes(PACKAGED.read_bytes()[:-100])
     with pytest.raises(InputError, match=r"weights file: got .*integrated.safetensors.*complete safetensors"):
         make("integrated", weights=path)
