@@ -22,7 +22,6 @@ from diagnosers.filter_bank import FilterBank
 from diagnosers.residuals import RESIDUALS, residuals
 
 MEMORIES = (1.0, 4.0, 15.0)  # s, time constants of the running means
-WARM_UP = 5.0  # s, in which the filters find the vehicle; an older one looks no older
 BURST = 2.0  # s, of the running mean square
 LIMIT = 30.0  # standard deviations: what lies beyond is an outlier, and its size says nothing
 SCALE = (0.3, 0.3, 0.3, 0.3, 0.3, 0.03, 3.0, 0.4, 400.0, 3.0, 0.4, 400.0)  # of the channels, for numbers near 1
@@ -235,5 +234,5 @@ def _fold(before, observation, means, squares, slots, slow, age, signals, estima
         at = _fold_estimates(estimates[lane], stds[lane], slow[lane], old, shares[-1], out, at)
         out[at] = _squashed(extra[lane, 0])
         out[at + 1] = _squashed(2.0 * extra[lane, 1] / SPEED_NOISE)
-        out[at + 2] = max(0.0, 1.0 - SAMPLE_TIME / WARM_UP * old)
+        out[at + 2] = 1.0 / (1.0 + 0.1 * old)
         age[lane] += 1

@@ -22,7 +22,6 @@ N_OUTPUTS = 3 * N_CLASSES  # score, severity and its spread of every class
 WIDTHS = (256, 128)  # of the encoder's hidden layers
 N_MEMORY = 64  # units of the recurrent layer, and of the encoder's last
 CALM = 0.5  # s, over which the first opinion is averaged: single samples are noisy, and a label must not flicker
-LEAST_BEND = 0.05  # of the bank's bent log odds: keeps the straightened ones finite, at 380 nats
 LEAST_STD = 0.02  # of a severity: finer than anybody can know it
 
 
@@ -65,9 +64,8 @@ class Network(nn.Module):
 
     def pooled(self, outputs: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
         """Scores (..., n_classes) before calibration: the network's own, leaning on the bank's log odds."""
-        bent = features[..., BANK_ODDS]
-        odds = EVIDENCE * bent / (1.0 - 0.25 * bent.abs()).clamp(min=LEAST_BEND)
-        return outputs[..., :N_CLASSES] + self.lean * nn.functional.pad(odds, (1, 0))
+        bank = EVIDENCE * features[..., BANK_ODDS]
+        return outputs[..., :N_CLASSES] + self.lean * nn.functional.pad(bank, (1, 0))
 
     def read(self, outputs: torch.Tensor, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Log probability, severity mean and standard deviation, each (..., n_classes)."""

@@ -29,11 +29,11 @@ KEPT, KEPT_EVERY = 6, 6  # epochs whose lessons the encoder looks back on, and a
 GLANCES = 150  # steps of the encoder per lesson
 MIXED, GLANCED = 8, 256  # lessons drawn for such a step, and samples of each
 BATCH = 32  # episodes per step of the memory
-LOOKING = 3  # epochs in which the encoder learns alone
+LOOKING = 6  # epochs in which the encoder learns alone
 RATE, MEMORY_RATE = 1e-3, 2e-3  # of Adam at the highest; they fall to zero as a cosine over all epochs
 SEVERITY_WEIGHT = 0.1  # of the severity's likelihood beside the cross-entropy
 TRIED = 2  # lessons to validate and to calibrate on
-LEAN = 0.3  # on the bank, in the pool of both; tried on calibration lanes: 0, 0.2, 0.3, 0.4, 0.7, 1, 2.3
+LEAN = 0.4  # on the bank, in the pool of both; tried on calibration lanes: 0, 0.2, 0.4, 0.7, 1, 1.5
 CALIBRATED_EVERY = 10  # samples: neighbours tell the same
 
 
@@ -53,8 +53,8 @@ class IntegratedTrainer:
     them. Half of all episodes are learnt from as mirror images, port and starboard exchanged.
     """
 
-    epochs = 22
-    patience = 22
+    epochs = 20
+    patience = 20
     data = (
         f"training: {LESSONS * LANES} episodes of 60 s an epoch, half of them mirrored, half with the thesis' "
         "stimulus, half with random missions and manoeuvres; single, compound, incipient and intermittent "
