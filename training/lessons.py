@@ -9,10 +9,9 @@ from training.rollouts import Rollout, manoeuvres, roll_out
 from training.seeds import seeds
 
 N_SAMPLES = 600  # 60 s
-SCHEDULES = ScheduleSampler(compound=0.05, intermittent=0.05, repaired=0.0)  # faults stay; after a repair, reset
 
 
-def lessons(purpose: str, n_lanes: int, first: int = 0) -> Iterator[Rollout]:
+def lessons(purpose: str, n_lanes: int, first: int = 0, schedules: ScheduleSampler | None = None) -> Iterator[Rollout]:
     """Two rollouts of half of n_lanes each, 60 s long: the thesis' speed changes, then random missions and manoeuvres.
 
     Band and noise are the fleet's defaults.
@@ -23,8 +22,10 @@ def lessons(purpose: str, n_lanes: int, first: int = 0) -> Iterator[Rollout]:
         Which seeds: `training.seeds.seeds` from the first-th on.
     n_lanes
         Lanes of both together, an even number.
+    schedules
+        Distribution of the faults; the fleet's own if not given.
     """
     chosen, half = seeds(purpose, n_lanes, first), n_lanes // 2
-    fleet = Fleet(half, schedules=SCHEDULES)
+    fleet = Fleet(half, schedules=schedules)
     yield roll_out(fleet, chosen[:half], N_SAMPLES, missions=[MISSIONS["thesis"]] * half)
     yield roll_out(fleet, chosen[half:], N_SAMPLES, manoeuvres(chosen[half], N_SAMPLES, half))

@@ -15,6 +15,7 @@ import torch
 from torch import nn
 
 from auv_fault_env.parameters import PRESETS
+from auv_fault_env.schedules import ScheduleSampler
 from diagnosers.features import FEATURES, Features
 from diagnosers.integrated import CLASSES, Integrated, Network, calmed
 from training.learner import Learner
@@ -22,6 +23,7 @@ from training.lessons import lessons
 from training.rollouts import Rollout
 from training.seeds import SPAN
 
+SCHEDULES = ScheduleSampler(compound=0.05, intermittent=0.05, repaired=0.0)  # faults stay; after a repair, reset
 LANES = 512  # episodes simulated together
 LESSONS = 4  # such simulations per epoch
 SIMULATORS, AHEAD = 2, 4  # simulations at a time, and ahead of their use: the filter bank takes more time than all else
@@ -209,7 +211,7 @@ def simulated(purpose: str, firsts: Iterable[int]) -> Iterator[Lesson]:
 
 def lesson(purpose: str, first: int) -> Lesson:
     """`LANES` episodes from the first-th seed of a purpose on, as the network sees them."""
-    rollouts = list(lessons(purpose, LANES, first))
+    rollouts = list(lessons(purpose, LANES, first, SCHEDULES))
     parts = [encoded(rollout) for rollout in rollouts], [r.label for r in rollouts], [r.severity for r in rollouts]
     return Lesson(*(torch.from_numpy(np.concatenate(part, axis=1)) for part in parts))
 

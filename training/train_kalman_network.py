@@ -33,7 +33,7 @@ class KalmanNetworkTrainer:
     data = (
         f"trained on {POINTS} x {POINTS} points of the fault map, validated on {VALIDATION_POINTS} x "
         f"{VALIDATION_POINTS} others; calibrated on {LANES} episodes of 60 s, half with the thesis' stimulus, half "
-        "with random missions and manoeuvres; faults that mostly come alone and stay, default band and noise"
+        "with random missions and manoeuvres; default faults, band and noise"
     )
 
     def __init__(self, seed: int) -> None:

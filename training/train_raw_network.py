@@ -31,8 +31,7 @@ class RawNetworkTrainer:
     patience = 15
     data = (
         f"training: {LANES} episodes of 60 s an epoch, half with the thesis' stimulus, half with random missions and "
-        "manoeuvres, faults that mostly come alone and stay, default band and noise, one sample in "
-        f"{EVERY}; validated likewise; no calibration needed"
+        f"manoeuvres, default faults, band and noise, one sample in {EVERY}; validated likewise; no calibration needed"
     )
 
     def __init__(self, seed: int) -> None:
