@@ -19,6 +19,7 @@ SEVERITY = N_STATES - 1
 SPREAD = N_STATES + SEVERITY * (SEVERITY + 3) // 2  # row of the severity's variance
 N_PACKED = SPREAD + 1
 CEILING = 36.0  # of a squared normalised innovation: what one outlier may say
+FARTHEST = 0.9  # of a deviation from the nominal vehicle, relative; healthy ones are within 0.1
 LOG_TWO_PI = math.log(2.0 * math.pi)
 LEAST_VARIANCE = 1e-12  # of a severity; below, it is known
 
@@ -94,6 +95,14 @@ def inform(x, part, severity, variance, shift, growth):
 
 
 @kernel
+def bound(x, part, first_row):
+    """Keep the healthy deviations, from `first_row` on, where parameters keep their sign: far off, filters diverge."""
+    for i in range(first_row, SEVERITY):
+        for f in range(part[0], part[1]):
+            x[i, f] = min(max(x[i, f], -FARTHEST), FARTHEST)
+
+
+@kernel
 def cross(x, part, gradient, crossed):
     """Covariances (5, n_filters) of the states with a quantity of that gradient (5, n_filters)."""
     first, last = part
@@ -116,6 +125,7 @@ def condition(x, part, gradient, innovation, variance, delivered, crossed, gain,
     for f in range(first, last):
         head = gradient[0, f] * crossed[0, f] + gradient[1, f] * crossed[1, f] + gradient[2, f] * crossed[2, f]
         total = variance[f] + head + gradient[3, f] * crossed[3, f] + gradient[4, f] * crossed[4, f]
+        total = max(total, variance[f])  # rounding must not make a covariance speak of less than no doubt
         square = innovation[f] * innovation[f] / total
         bounded = innovation[f] if square <= CEILING else math.copysign(math.sqrt(CEILING * total), innovation[f])
         evidence[f] -= delivered[f] * 0.5 * (LOG_TWO_PI + logarithm(total) + min(square, CEILING))

@@ -10,7 +10,7 @@ from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import RPM
 from diagnosers import bank_motor, bank_surge
-from diagnosers.bank_algebra import N_STATES, SEVERITY, SPREAD, inform, mix, widened
+from diagnosers.bank_algebra import N_STATES, SEVERITY, SPREAD, bound, inform, mix, widened
 from diagnosers.bank_sensors import Seen, look
 from diagnosers.hypotheses import N_ROWS, PORT, STARBOARD, SURGE
 
@@ -190,6 +190,7 @@ def update_motor(m, old, new, seen, table, constants, work):
         constants.water,
         work,
     )
+    bound(new.filters, part, 0)
     learn(m, new, table, old.prior)
 
 
@@ -212,6 +213,7 @@ def update_surge(old, new, seen, table, constants, work):
     for m, shaft in ((PORT, work.port), (STARBOARD, work.starboard)):
         take_shaft(shaft, m, old, new, table, work)
     surge_update(new.filters, part, base, table.slope, table.offset, seen, work.port, work.starboard, constants, work)
+    bound(new.filters, part, 2)  # behind speed and disturbance
     learn(SURGE, new, table, old.prior)
 
 

@@ -199,3 +199,14 @@ def test_settings_survive_storage(tmp_path):
     bank = dataclasses.replace(FilterBank(), hazard=1e-3)
     bank.save(tmp_path / "bank.safetensors")
     assert load(tmp_path / "bank.safetensors") == bank
+
+
+def test_hypotheses_that_explain_nothing_do_not_diverge():
+    bank, lanes = FilterBank(grades=((0.1, 1.0),)), 64
+    lost = [(FaultEvent("sensor_dropout:port_rpm", 5.0, 1.0),)] * lanes
+    bank.reset(lanes)
+    for observation in roll_out(Fleet(lanes), range(7000, 7000 + lanes), 500, schedules=lost).observations:
+        belief = bank.update(observation)
+        assert np.isfinite(belief.log_probability).all()
+    deviations = bank._state[0].filters[:, 2:4]
+    assert np.abs(deviations).max() <= 0.9 + 1e-12
