@@ -20,7 +20,7 @@ from training.seeds import SPAN
 from training.train_integrated import LANES, MEMORY_RATE, IntegratedTrainer, simulated, tried
 
 CARD = PACKAGED.with_suffix(".json")
-LESSONS = 12
+LESSONS = 6
 SEED = 1  # that of the weights in the package is 0
 
 

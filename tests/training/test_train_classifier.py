@@ -198,7 +198,7 @@ def test_checkpoint_of_another_training_is_refused(tmp_path, monkeypatch, toy, c
     capsys.readouterr()
     assert run(output, "--seed", "1") == 2
     refused(capsys, "checkpoint in", "'seed': 0", "'seed': 1", "--restart")
-    monkeypatch.setattr("training.train_classifier._digest", lambda _: "changed")
+    monkeypatch.setattr("training.train_classifier.digest", lambda _: "changed")
     assert run(output) == 2
     refused(capsys, "'code': 'changed'", "--restart")
     assert run(output, "--restart", "--seed", "1") == 0
