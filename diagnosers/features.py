@@ -131,7 +131,7 @@ class Features:
         features = np.empty((len(observation), len(FEATURES)), np.float32)
         extra = np.stack([surge.mean[:, 4] / self.vehicle.disturbance_std, observation[:, SPEED] - surge.mean[:, 0]], 1)
         _fold(before, *past, signals, means, stds, extra, self.shares, features)
-        features[:, -2 * (len(CLASSES) - 1) :] = _told(belief, self.bank.classes)
+        features[:, -2 * (len(CLASSES) - 1) :] = _told(belief, self.bank)
         return FeatureState(surge, parameters, motors, bank, past), features
 
     def _signals(self, before, observation, surge, parameters, motors) -> np.ndarray:
@@ -156,9 +156,11 @@ class Features:
         return np.concatenate(mean, axis=1) - 1.0, np.sqrt(np.concatenate(variance, axis=1))
 
 
-def _told(belief: Belief, names: tuple[str, ...]) -> np.ndarray:
+def _told(belief: Belief, bank: FilterBank) -> np.ndarray:
     """The bank's log odds of every fault class against normal, bent, and its severities, (n_lanes, 2 n_faults)."""
-    known = [names.index(name) for name in CLASSES[1:]]  # the catalogue may have grown since
+    known: slice | list[int] = slice(1, None)
+    if belief.log_probability.shape[1] != len(CLASSES):  # the catalogue has grown since this module was loaded
+        known = [bank.classes.index(name) for name in CLASSES[1:]]
     odds = (belief.log_probability[:, known] - belief.log_probability[:, :1]) / EVIDENCE
     return np.concatenate([odds / (1.0 + 0.25 * np.abs(odds)), belief.severity_mean[:, known]], axis=1)
 

@@ -134,12 +134,13 @@ class FilterBank(Recursive):
 
     def step(self, state: BankState, observation: np.ndarray) -> tuple[BankState, Belief]:
         """The next state and the belief."""
-        n_lanes, n_classes = len(observation), len(self.classes)
+        n_lanes = len(observation)
         new = BankState(*(np.empty_like(part) for part in state[:5]), *state[5:-1], state.age + 1.0)
-        belief = Belief(*(np.empty((n_lanes, n_classes)) for _ in Belief._fields))
         hypotheses = self.hypotheses(state.prior.shape[2])
         if state.log_weight.shape[1] != hypotheses.log_hazard.size:
             raise refusal("catalogue", "faults added or removed", "that of the reset", "call reset(n_lanes) again")
+        n_classes = int(hypotheses.diagnosis.max()) + 1
+        belief = Belief(*(np.empty((n_lanes, n_classes)) for _ in Belief._fields))
         arguments = state, new, observation, hypotheses, self.constants, belief
         _in_shares(n_lanes, arguments)
         return new, belief

@@ -133,13 +133,13 @@ class Integrated(Recursive):
         features = torch.from_numpy(seen)
         with torch.inference_mode():
             encoded, opinion = self._network.look(features)
-            before = torch.from_numpy(state.opinion)
-            opinion = calmed(opinion, torch.where(before.isnan(), opinion, before))
+            before = np.where(np.isnan(state.opinion), opinion.numpy(), state.opinion)
+            opinion = calmed(opinion, torch.from_numpy(before))
             outputs, units = self._network.recall(encoded[None], opinion[None], torch.from_numpy(state.units)[None])
             belief = [part[0].numpy().astype(np.float64) for part in self._network.read(outputs, features[None])]
         for severity in belief[1:]:
             severity[:, 0] = 0.0
-        belief[0] -= np.logaddexp.reduce(belief[0], axis=1, keepdims=True)
+        belief[0] -= np.log(np.exp(belief[0]).sum(axis=1, keepdims=True))
         return IntegratedState(following, units[0].numpy(), opinion.numpy()), Belief(*belief)
 
     def tensors(self) -> dict[str, np.ndarray]:
