@@ -16,6 +16,7 @@ from auv_fault_env.channels import CHANNELS, COMMANDS, READINGS
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.faults import classes
 from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle
+from auv_fault_env.physics import limited
 from diagnosers import kalman, motor_filter
 from diagnosers.diagnoser import Belief
 from diagnosers.filter_bank import FilterBank
@@ -38,7 +39,7 @@ ESTIMATES = (
 N_SIGNALS, N_ESTIMATES, N_COMMANDS, N_READINGS = len(SIGNALS), len(ESTIMATES), len(COMMANDS), len(READINGS)
 NOISE = tuple(CHANNELS[name].noise for name in READINGS)
 SPEED_NOISE, SPEED = CHANNELS["speed"].noise, list(CHANNELS).index("speed")
-COMMAND = list(CHANNELS).index("speed_command")
+COMMAND, RUDDER, STERN_PLANE = (COMMANDS.index(name) for name in ("speed_command", "rudder", "stern_plane"))
 
 
 CLASSES = classes()
@@ -166,12 +167,6 @@ def _told(belief: Belief, bank: FilterBank) -> np.ndarray:
 
 
 @scalar
-def _bounded(value):
-    """The value within `LIMIT`, so that one outlier does not fill a running mean."""
-    return min(max(value, -LIMIT), LIMIT)
-
-
-@scalar
 def _squashed(value):
     """The value, bent towards +-4 where it is large: nothing a sensor delivers may drown the rest."""
     return value / (1.0 + 0.25 * abs(value))
@@ -181,7 +176,7 @@ def _squashed(value):
 def _fold_signals(signals, means, squares, age, shares, features, at):
     """Signals, their running means and mean squares."""
     for k in range(N_SIGNALS):
-        now = _bounded(signals[k])
+        now = limited(signals[k], -LIMIT, LIMIT)
         rest = now - means[k, 0]
         squares[k] += SAMPLE_TIME / BURST * (rest * rest - squares[k])
         features[at] = _squashed(now)
@@ -230,7 +225,7 @@ def _fold(before, observation, means, squares, slots, slow, age, signals, estima
             out[c] = _squashed(row[c] / SCALE[c])
         at = len(SCALE)
         out[at] = 5.0 * (row[COMMAND] - row[SPEED])
-        out[at + 1] = 10.0 * (row[2] * row[2] + row[3] * row[3])
+        out[at + 1] = 10.0 * (row[RUDDER] * row[RUDDER] + row[STERN_PLANE] * row[STERN_PLANE])
         at = _fold_signals(signals[lane], means[lane], squares[lane], old, shares, out, at + 2)
         at = _fold_readings(before[lane], row, slots[lane], old, out, at)
         at = _fold_estimates(estimates[lane], stds[lane], slow[lane], old, shares[-1], out, at)

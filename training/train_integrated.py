@@ -35,7 +35,7 @@ LOOKING = 6  # epochs in which the encoder learns alone
 RATE, MEMORY_RATE = 1e-3, 2e-3  # of Adam at the highest; they fall to zero as a cosine over all epochs
 SEVERITY_WEIGHT = 0.1  # of the severity's likelihood beside the cross-entropy
 TRIED = 2  # lessons to validate and to calibrate on
-LEAN = 0.4  # on the bank, in the pool of both; tried on calibration lanes: 0, 0.2, 0.4, 0.7, 1, 1.5
+LEAN = 0.4  # on the bank, in the pool of both; chosen on calibration lanes
 CALIBRATED_EVERY = 10  # samples: neighbours tell the same
 
 
@@ -219,10 +219,8 @@ def lesson(purpose: str, first: int) -> Lesson:
 def encoded(rollout: Rollout) -> np.ndarray:
     """The features of a rollout, (n_samples, n_lanes, n_features) float32."""
     encoder = Features(PRESETS["thesis1992"])
-    state, features = (
-        encoder.initial(rollout.label.shape[1]),
-        np.empty((*rollout.label.shape, len(FEATURES)), np.float32),
-    )
+    state = encoder.initial(rollout.label.shape[1])
+    features = np.empty((*rollout.label.shape, len(FEATURES)), np.float32)
     for k, observation in enumerate(rollout.observations.astype(np.float64)):
         state, features[k] = encoder.step(state, observation)
     return features
@@ -260,18 +258,15 @@ def calibrate(network: Network, scores: torch.Tensor, label: torch.Tensor) -> tu
     """Fit sharpness and bias to scores (n, n_classes) of lanes not trained on; returns the losses before and after."""
     sharpness, bias = torch.ones(1, requires_grad=True), torch.zeros(scores.shape[1], requires_grad=True)
     optimiser = torch.optim.LBFGS([sharpness, bias], max_iter=100, line_search_fn="strong_wolfe")
-    history: list[float] = []
 
-    def closure() -> torch.Tensor:
+    def loss() -> torch.Tensor:
         optimiser.zero_grad()
-        loss = nn.functional.cross_entropy(sharpness * scores + bias, label)
-        loss.backward()
-        history.append(loss.item())
-        return loss
+        value = nn.functional.cross_entropy(sharpness * scores + bias, label)
+        value.backward()
+        return value
 
-    optimiser.step(closure)
+    before = optimiser.step(loss).item()
     with torch.no_grad():
         network.sharpness.copy_(sharpness)
         network.bias.copy_(bias)
-        kept = nn.functional.cross_entropy(sharpness * scores + bias, label).item()
-    return history[0], kept
+    return before, loss().item()
