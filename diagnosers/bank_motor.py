@@ -71,15 +71,15 @@ def slopes(part, trial, out, step, on_rpm, on_current):
 
 
 @kernel
-def nudge(values, by_severity, part, k, step):
-    """Move the parameters by `step` of severity, or in proportion to the k-th healthy deviation."""
+def nudge(values, by_severity, x, part, k, step):
+    """Move the parameters by `step` of the k-th state: a healthy deviation, or the severity."""
     for r in range(N_MOTOR_ROWS):
         for f in range(part[0], part[1]):
             values[r, f] += step * by_severity[r, f] if k == SEVERITY else 0.0
     if k < SEVERITY:
         row = DEVIATIONS[k]
         for f in range(part[0], part[1]):
-            values[row, f] *= 1.0 + step
+            values[row, f] *= 1.0 + step / (1.0 + x[k, f])
 
 
 @kernel
@@ -88,7 +88,7 @@ def differentiate(x, part, base, slope, offset, readings, start, speed, water, w
     values, out, trial = work.values, work.expected, work.trial
     for k in range(-2, N_STATES):
         if k >= 0:
-            nudge(values, work.by_severity, part, k, STEP)
+            nudge(values, work.by_severity, x, part, k, STEP)
         shift = STEP if k == -1 else 0.0
         expect(values, part, readings, work.delivered, start, speed, shift, water, out if k == -2 else trial)
         if k == -1:

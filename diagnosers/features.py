@@ -24,6 +24,7 @@ from diagnosers.residuals import RESIDUALS, residuals
 
 MEMORIES = (1.0, 4.0, 15.0)  # s, time constants of the running means
 BURST = 2.0  # s, of the running mean square
+YOUNG = 5.0  # s, in which the filters settle; how old a vehicle is thereafter must not tell of faults
 LIMIT = 30.0  # standard deviations: what lies beyond is an outlier, and its size says nothing
 SCALE = (0.3, 0.3, 0.3, 0.3, 0.3, 0.03, 3.0, 0.4, 400.0, 3.0, 0.4, 400.0)  # of the channels, for numbers near 1
 SIGNALS = (
@@ -58,7 +59,7 @@ def _names() -> tuple[str, ...]:
         *(f"{name}:{part}" for name in ESTIMATES for part in ("now", "std", "change")),
         "disturbance",
         "speed_correction",
-        "age",
+        "youth",
         *(f"bank_{part}:{name}" for part in ("odds", "severity") for name in CLASSES[1:]),
     )
 
@@ -231,5 +232,5 @@ def _fold(before, observation, means, squares, slots, slow, age, signals, estima
         at = _fold_estimates(estimates[lane], stds[lane], slow[lane], old, shares[-1], out, at)
         out[at] = _squashed(extra[lane, 0])
         out[at + 1] = _squashed(2.0 * extra[lane, 1] / SPEED_NOISE)
-        out[at + 2] = 1.0 / (1.0 + 0.1 * old)
+        out[at + 2] = max(0.0, 1.0 - SAMPLE_TIME / YOUNG * old)
         age[lane] += 1

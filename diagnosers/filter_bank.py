@@ -148,11 +148,10 @@ class FilterBank(Recursive):
 
 def _in_shares(n_lanes: int, arguments: tuple) -> None:
     """Run the kernel over all lanes, in threads where there are many: it releases the interpreter's lock."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    n_threads = cores if n_lanes >= PARALLEL_LANES else 1
-    shares = list(pairwise(np.linspace(0, n_lanes, n_threads + 1).astype(int).tolist()))
-    if n_threads == 1:
-        step_lanes(*shares[0], *arguments)
+    if n_lanes < PARALLEL_LANES:
+        step_lanes(0, n_lanes, *arguments)
         return
-    with ThreadPoolExecutor(n_threads) as threads:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    shares = pairwise(np.linspace(0, n_lanes, cores + 1).astype(int).tolist())
+    with ThreadPoolExecutor(cores) as threads:
         list(threads.map(lambda share: step_lanes(*share, *arguments), shares))

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import torch
@@ -16,13 +16,17 @@ from diagnosers.features import BANK_ODDS, EVIDENCE, FEATURES, Features, Feature
 from diagnosers.networks import Weights, tensors_of
 
 PACKAGED = storage.WEIGHTS / "integrated.safetensors"
+Array = TypeVar("Array", np.ndarray, torch.Tensor)
 CLASSES = classes()
 N_CLASSES = len(CLASSES)
 N_OUTPUTS = 3 * N_CLASSES  # score, severity and its spread of every class
 WIDTHS = (256, 128)  # of the encoder's hidden layers
 N_MEMORY = 64  # units of the recurrent layer, and of the encoder's last
 CALM = 0.5  # s, over which the first opinion is averaged: single samples are noisy, and a label must not flicker
+SETTLING = 1.0  # s, over which the belief is averaged to say which fault it is
+RELEASE = 5.0  # s, in which the odds of any fault fall: a fault that has begun stays, whatever some samples look like
 LEAST_STD = 0.02  # of a severity: finer than anybody can know it
+LEAST = np.finfo(float).tiny  # share of a fault, so that its logarithm is finite
 
 
 class Network(nn.Module):
@@ -78,9 +82,36 @@ class Network(nn.Module):
         return {name: tensor.detach().numpy().copy() for name, tensor in self.state_dict().items()}
 
 
-def calmed(opinion: torch.Tensor, before: torch.Tensor) -> torch.Tensor:
-    """The opinion averaged over `CALM`, given the average before; (n_lanes, 3 n_classes)."""
-    return before + (opinion - before) * (SAMPLE_TIME / (SAMPLE_TIME + CALM))
+def calmed(opinion: Array, before: Array) -> Array:
+    """The opinion averaged over `CALM`, given the average before; (n_lanes, 3 n_classes), of numpy or torch."""
+    return before + (opinion - before) * share_of(CALM)
+
+
+def share_of(time: float) -> float:
+    """Share by which a sample moves an average over this time [s]."""
+    return SAMPLE_TIME / (SAMPLE_TIME + time)
+
+
+class Steady(NamedTuple):
+    """What steadies the belief: log odds of any fault (n_lanes,), averaged fault probabilities (n_lanes, n_faults).
+
+    The odds rise at once and fall slowly; they are NaN before the first sample.
+    """
+
+    odds: np.ndarray
+    faults: np.ndarray
+
+    def after(self, log_probability: np.ndarray) -> "Steady":
+        """The same one sample later, given that sample's own belief (n_lanes, n_classes)."""
+        odds = np.logaddexp.reduce(log_probability[:, 1:], axis=1) - log_probability[:, 0]
+        faults = self.faults + share_of(SETTLING) * (np.exp(log_probability[:, 1:]) - self.faults)
+        return Steady(np.fmax(odds, self.odds + share_of(RELEASE) * (odds - self.odds)), faults)
+
+    def log_probability(self) -> np.ndarray:
+        """The steadied belief, (n_lanes, n_classes)."""
+        faults = np.log(np.maximum(self.faults / self.faults.sum(axis=1, keepdims=True), LEAST))
+        faulty = faults - np.logaddexp.reduce(faults, axis=1, keepdims=True) - np.logaddexp(0.0, -self.odds)[:, None]
+        return np.concatenate([-np.logaddexp(0.0, self.odds)[:, None], faulty], axis=1)
 
 
 def network_of(weights: Weights) -> Network:
@@ -101,6 +132,7 @@ class IntegratedState(NamedTuple):
     features: FeatureState
     units: np.ndarray
     opinion: np.ndarray
+    steady: Steady
 
 
 class Integrated(Recursive):
@@ -112,7 +144,8 @@ class Integrated(Recursive):
 
     When it misleads: on vehicles, noise or faults far from those it was trained on, its probabilities are no
     frequencies. It was trained on episodes of a minute whose faults begin within half of one, and stay: reset it after
-    a repair. Another nominal ``vehicle`` changes the filters and residuals, not what the network makes of them.
+    a repair. The odds of a fault fall over seconds at the soonest, so a false alarm lasts. Another nominal ``vehicle``
+    changes the filters and residuals, not what the network makes of them.
     """
 
     name = "integrated"
@@ -125,7 +158,8 @@ class Integrated(Recursive):
     def initial(self, n_lanes: int) -> IntegratedState:
         """Filters at their start, an empty memory."""
         units, opinion = np.zeros((n_lanes, N_MEMORY), np.float32), np.full((n_lanes, N_OUTPUTS), np.nan, np.float32)
-        return IntegratedState(self._features.initial(n_lanes), units, opinion)
+        steady = Steady(np.full(n_lanes, np.nan), np.zeros((n_lanes, N_CLASSES - 1)))
+        return IntegratedState(self._features.initial(n_lanes), units, opinion, steady)
 
     def step(self, state: IntegratedState, observation: np.ndarray) -> tuple[IntegratedState, Belief]:
         """The next state and the belief."""
@@ -133,14 +167,15 @@ class Integrated(Recursive):
         features = torch.from_numpy(seen)
         with torch.inference_mode():
             encoded, opinion = self._network.look(features)
-            before = np.where(np.isnan(state.opinion), opinion.numpy(), state.opinion)
-            opinion = calmed(opinion, torch.from_numpy(before))
-            outputs, units = self._network.recall(encoded[None], opinion[None], torch.from_numpy(state.units)[None])
-            belief = [part[0].numpy().astype(np.float64) for part in self._network.read(outputs, features[None])]
-        for severity in belief[1:]:
-            severity[:, 0] = 0.0
-        belief[0] -= np.log(np.exp(belief[0]).sum(axis=1, keepdims=True))
-        return IntegratedState(following, units[0].numpy(), opinion.numpy()), Belief(*belief)
+            opinion = calmed(opinion.numpy(), np.where(np.isnan(state.opinion), opinion, state.opinion))
+            calm = torch.from_numpy(opinion)
+            outputs, units = self._network.recall(encoded[None], calm[None], torch.from_numpy(state.units)[None])
+            told, *severity = (part[0].numpy().astype(float) for part in self._network.read(outputs, features[None]))
+        for moment in severity:
+            moment[:, 0] = 0.0
+        steady = state.steady.after(told)
+        belief = Belief(steady.log_probability(), *severity)
+        return IntegratedState(following, units[0].numpy(), opinion, steady), belief
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Weights and calibration, by name."""
