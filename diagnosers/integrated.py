@@ -1,85 +1,33 @@
-"""The thesis' second recommendation (VI.B): one network on the sensors and on what the Kalman filters make of them."""
+"""The thesis' second recommendation (VI.B): one network on the sensors and on what the Kalman filters make of them.
+
+Recalled in numpy: a vehicle's computer needs no PyTorch for it, and one sample takes a third of the time.
+"""
 
 from dataclasses import asdict
 from itertools import pairwise
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-import torch
-from torch import nn
+from scipy.special import expit
 
 from auv_fault_env.faults import classes
-from auv_fault_env.parameters import SAMPLE_TIME, Vehicle, vehicle_of
+from auv_fault_env.parameters import Vehicle, vehicle_of
 from diagnosers import storage
 from diagnosers.diagnoser import Belief, Recursive
 from diagnosers.features import BANK_ODDS, EVIDENCE, FEATURES, Features, FeatureState
-from diagnosers.networks import Weights, tensors_of
+from diagnosers.modes import log_softmax
+from diagnosers.steady import Steady, share_of, unsteadied
+from diagnosers.storage import Shapes, Weights, tensors_of
 
 PACKAGED = storage.WEIGHTS / "integrated.safetensors"
-Array = TypeVar("Array", np.ndarray, torch.Tensor)
+Array = TypeVar("Array")
 CLASSES = classes()
 N_CLASSES = len(CLASSES)
 N_OUTPUTS = 3 * N_CLASSES  # score, severity and its spread of every class
 WIDTHS = (256, 128)  # of the encoder's hidden layers
 N_MEMORY = 64  # units of the recurrent layer, and of the encoder's last
 CALM = 0.5  # s, over which the first opinion is averaged: single samples are noisy, and a label must not flicker
-SETTLING = 1.0  # s, over which the belief is averaged to say which fault it is
-RELEASE = 5.0  # s, in which the odds of any fault fall: a fault that has begun stays, whatever some samples look like
 LEAST_STD = 0.02  # of a severity: finer than anybody can know it
-LEAST = np.finfo(float).tiny  # share of a fault, so that its logarithm is finite
-
-
-class Network(nn.Module):
-    """Features to class scores and severities: an encoder with a first opinion, and a memory that corrects it.
-
-    The encoder sees one sample; its opinion is added to the log odds of the filter bank, which it so corrects. The
-    recurrent layer sees the encoded samples and the averaged opinion, and adds to it what follows from the past.
-    Last, on lanes of its own, it is calibrated: how far it leans on the bank once more, as a logarithmic pool of both
-    (the bank never forgets a fault, and so steadies the label), one sharpness, and a bias per class.
-    """
-
-    def __init__(self, memory: type[nn.Module] = nn.GRU):
-        super().__init__()
-        widths = (len(FEATURES), *WIDTHS, N_MEMORY)
-        layers = [(nn.Linear(before, after), nn.SiLU()) for before, after in pairwise(widths)]
-        self.encoder = nn.Sequential(*(part for layer in layers for part in layer))
-        self.opinion, self.correction = (nn.Linear(N_MEMORY, N_OUTPUTS) for _ in range(2))
-        for layer in (self.opinion, self.correction):
-            nn.init.zeros_(layer.weight)
-            nn.init.zeros_(layer.bias)
-        self.trust = nn.Parameter(torch.full((N_CLASSES - 1,), EVIDENCE))
-        self.memory = memory(N_MEMORY + N_CLASSES, N_MEMORY)
-        self.register_buffer("lean", torch.zeros(1))
-        self.register_buffer("sharpness", torch.ones(1))
-        self.register_buffer("bias", torch.zeros(N_CLASSES))
-
-    def look(self, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Encoded samples (..., n_memory) and the first opinion of each (..., 3 n_classes)."""
-        encoded = self.encoder(features)
-        bank = nn.functional.pad(self.trust * features[..., BANK_ODDS], (1, 2 * N_CLASSES))
-        return encoded, self.opinion(encoded) + bank
-
-    def recall(
-        self, encoded: torch.Tensor, opinion: torch.Tensor, units: torch.Tensor | None = None
-    ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Outputs (n_samples, n_lanes, 3 n_classes) from encoded samples and averaged opinions; and the units after."""
-        recalled, units = self.memory(torch.cat([encoded, opinion[..., :N_CLASSES] / EVIDENCE], dim=-1), units)
-        return opinion + self.correction(recalled), units
-
-    def pooled(self, outputs: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
-        """Scores (..., n_classes) before calibration: the network's own, leaning on the bank's log odds."""
-        bank = EVIDENCE * features[..., BANK_ODDS]
-        return outputs[..., :N_CLASSES] + self.lean * nn.functional.pad(bank, (1, 0))
-
-    def read(self, outputs: torch.Tensor, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Log probability, severity mean and standard deviation, each (..., n_classes)."""
-        _, mean, spread = outputs.split(N_CLASSES, dim=-1)
-        scores = self.sharpness * self.pooled(outputs, features) + self.bias
-        return torch.log_softmax(scores, dim=-1), torch.sigmoid(mean), nn.functional.softplus(spread) + LEAST_STD
-
-    def tensors(self) -> dict[str, np.ndarray]:
-        """A copy of weights and calibration, by name."""
-        return {name: tensor.detach().numpy().copy() for name, tensor in self.state_dict().items()}
 
 
 def calmed(opinion: Array, before: Array) -> Array:
@@ -87,40 +35,73 @@ def calmed(opinion: Array, before: Array) -> Array:
     return before + (opinion - before) * share_of(CALM)
 
 
-def share_of(time: float) -> float:
-    """Share by which a sample moves an average over this time [s]."""
-    return SAMPLE_TIME / (SAMPLE_TIME + time)
+def _linear(name: str, n_inputs: int, n_outputs: int) -> Shapes:
+    return {f"{name}.weight": (n_outputs, n_inputs), f"{name}.bias": (n_outputs,)}
 
 
-class Steady(NamedTuple):
-    """What steadies the belief: log odds of any fault (n_lanes,), averaged fault probabilities (n_lanes, n_faults).
-
-    The odds rise at once and fall slowly; they are NaN before the first sample.
-    """
-
-    odds: np.ndarray
-    faults: np.ndarray
-
-    def after(self, log_probability: np.ndarray) -> "Steady":
-        """The same one sample later, given that sample's own belief (n_lanes, n_classes)."""
-        odds = np.logaddexp.reduce(log_probability[:, 1:], axis=1) - log_probability[:, 0]
-        faults = self.faults + share_of(SETTLING) * (np.exp(log_probability[:, 1:]) - self.faults)
-        return Steady(np.fmax(odds, self.odds + share_of(RELEASE) * (odds - self.odds)), faults)
-
-    def log_probability(self) -> np.ndarray:
-        """The steadied belief, (n_lanes, n_classes)."""
-        faults = np.log(np.maximum(self.faults / self.faults.sum(axis=1, keepdims=True), LEAST))
-        faulty = faults - np.logaddexp.reduce(faults, axis=1, keepdims=True) - np.logaddexp(0.0, -self.odds)[:, None]
-        return np.concatenate([-np.logaddexp(0.0, self.odds)[:, None], faulty], axis=1)
+def _architecture() -> Shapes:
+    """The tensors of `integrated_network.Network` with its gated recurrent unit, by name."""
+    widths, gates, shapes = (len(FEATURES), *WIDTHS, N_MEMORY), 3 * N_MEMORY, {}
+    for k, (before, after) in enumerate(pairwise(widths)):
+        shapes |= _linear(f"encoder.{2 * k}", before, after)
+    shapes |= _linear("opinion", N_MEMORY, N_OUTPUTS) | _linear("correction", N_MEMORY, N_OUTPUTS)
+    shapes |= {"memory.weight_ih_l0": (gates, N_MEMORY + N_CLASSES), "memory.weight_hh_l0": (gates, N_MEMORY)}
+    shapes |= {"memory.bias_ih_l0": (gates,), "memory.bias_hh_l0": (gates,)}
+    return shapes | {"trust": (N_CLASSES - 1,), "lean": (1,), "sharpness": (1,), "bias": (N_CLASSES,)}
 
 
-def network_of(weights: Weights) -> Network:
-    """The network with these tensors, if they have its architecture; else refused in one line."""
-    network = Network()
-    shapes = {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()}
-    tensors = tensors_of(weights, shapes)
-    network.load_state_dict({name: torch.from_numpy(tensor.copy()) for name, tensor in tensors.items()})
-    return network.requires_grad_(False).eval()
+ARCHITECTURE = _architecture()
+
+
+class Layer(NamedTuple):
+    """A linear layer: weight (n_inputs, n_outputs) and bias (n_outputs,)."""
+
+    weight: np.ndarray
+    bias: np.ndarray
+
+    def __call__(self, inputs: np.ndarray) -> np.ndarray:
+        """Outputs (n_lanes, n_outputs) of inputs (n_lanes, n_inputs)."""
+        return inputs @ self.weight + self.bias
+
+
+class Recall:
+    """What `integrated_network.Network` computes, one sample at a time, float32 in numpy."""
+
+    def __init__(self, tensors: dict[str, np.ndarray]):
+        def layer(weight: str, bias: str) -> Layer:
+            return Layer(np.ascontiguousarray(tensors[weight].T), tensors[bias])
+
+        depth = len(WIDTHS) + 1
+        self.encoder = [layer(f"encoder.{2 * k}.weight", f"encoder.{2 * k}.bias") for k in range(depth)]
+        self.opinion, self.correction = (layer(f"{name}.weight", f"{name}.bias") for name in ("opinion", "correction"))
+        self.heard, self.kept = (layer(f"memory.weight_{name}_l0", f"memory.bias_{name}_l0") for name in ("ih", "hh"))
+        self.trust, self.lean = tensors["trust"], EVIDENCE * tensors["lean"]
+        self.sharpness, self.bias = tensors["sharpness"], tensors["bias"]
+
+    def look(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As `Network.look`."""
+        encoded = features
+        for layer in self.encoder:
+            weighted = layer(encoded)
+            encoded = weighted * expit(weighted)
+        opinion = self.opinion(encoded)
+        opinion[:, 1:N_CLASSES] += self.trust * features[:, BANK_ODDS]
+        return encoded, opinion
+
+    def recall(self, encoded: np.ndarray, opinion: np.ndarray, units: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As `Network.recall`, of one sample."""
+        heard = self.heard(np.concatenate([encoded, opinion[:, :N_CLASSES] / EVIDENCE], axis=1))
+        kept, gates = self.kept(units), 2 * N_MEMORY
+        reset, update = np.split(expit(heard[:, :gates] + kept[:, :gates]), 2, axis=1)
+        fresh = np.tanh(heard[:, gates:] + reset * kept[:, gates:])
+        units = fresh + update * (units - fresh)
+        return opinion + self.correction(units), units
+
+    def read(self, outputs: np.ndarray, features: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As `Network.read`, float64."""
+        scores, mean, spread = np.split(outputs.astype(np.float64), 3, axis=1)
+        scores[:, 1:] += self.lean * features[:, BANK_ODDS]
+        return log_softmax(self.sharpness * scores + self.bias), expit(mean), np.logaddexp(0.0, spread) + LEAST_STD
 
 
 class IntegratedState(NamedTuple):
@@ -153,33 +134,29 @@ class Integrated(Recursive):
 
     def __init__(self, vehicle: str | Vehicle = "thesis1992", weights: Weights = PACKAGED):
         self.vehicle = vehicle_of(vehicle)
-        self._network, self._features = network_of(weights), Features(self.vehicle)
+        self._tensors = tensors_of(weights, ARCHITECTURE)
+        self._recall, self._features = Recall(self._tensors), Features(self.vehicle)
 
     def initial(self, n_lanes: int) -> IntegratedState:
         """Filters at their start, an empty memory."""
         units, opinion = np.zeros((n_lanes, N_MEMORY), np.float32), np.full((n_lanes, N_OUTPUTS), np.nan, np.float32)
-        steady = Steady(np.full(n_lanes, np.nan), np.zeros((n_lanes, N_CLASSES - 1)))
-        return IntegratedState(self._features.initial(n_lanes), units, opinion, steady)
+        return IntegratedState(self._features.initial(n_lanes), units, opinion, unsteadied(n_lanes, N_CLASSES - 1))
 
     def step(self, state: IntegratedState, observation: np.ndarray) -> tuple[IntegratedState, Belief]:
         """The next state and the belief."""
-        following, seen = self._features.step(state.features, observation)
-        features = torch.from_numpy(seen)
-        with torch.inference_mode():
-            encoded, opinion = self._network.look(features)
-            opinion = calmed(opinion.numpy(), np.where(np.isnan(state.opinion), opinion, state.opinion))
-            calm = torch.from_numpy(opinion)
-            outputs, units = self._network.recall(encoded[None], calm[None], torch.from_numpy(state.units)[None])
-            told, *severity = (part[0].numpy().astype(float) for part in self._network.read(outputs, features[None]))
+        following, features = self._features.step(state.features, observation)
+        encoded, opinion = self._recall.look(features)
+        opinion = calmed(opinion, np.where(np.isnan(state.opinion), opinion, state.opinion))
+        outputs, units = self._recall.recall(encoded, opinion, state.units)
+        told, *severity = self._recall.read(outputs, features)
         for moment in severity:
             moment[:, 0] = 0.0
         steady = state.steady.after(told)
-        belief = Belief(steady.log_probability(), *severity)
-        return IntegratedState(following, units[0].numpy(), opinion, steady), belief
+        return IntegratedState(following, units, opinion, steady), Belief(steady.log_probability(), *severity)
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Weights and calibration, by name."""
-        return self._network.tensors()
+        return {name: tensor.copy() for name, tensor in self._tensors.items()}
 
     def settings(self) -> dict[str, Any]:
         """The nominal vehicle; what has been learnt is in `tensors`."""

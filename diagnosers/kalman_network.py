@@ -18,8 +18,8 @@ from diagnosers.diagnoser import Belief, Recursive
 from diagnosers.fault_map import MODES_5_2, normalise, severity
 from diagnosers.kalman import Estimate, ParameterFilter
 from diagnosers.modes import PRIOR_SEVERITY, log_softmax, shares, spread
-from diagnosers.networks import FeedForward, Shapes, Weights, shapes, tensors_of
-from diagnosers.storage import WEIGHTS
+from diagnosers.networks import FeedForward, shapes
+from diagnosers.storage import WEIGHTS, Shapes, Weights, tensors_of
 
 PACKAGED = WEIGHTS / "kalman_network.safetensors"
 ARCHITECTURE = shapes(2, 8, 5)

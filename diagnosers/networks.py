@@ -1,15 +1,11 @@
-"""The thesis' kind of network (V.A): feedforward, one hidden layer of sigmoids, in PyTorch; and its tensors by name."""
+"""The thesis' kind of network (V.A): feedforward, one hidden layer of sigmoids, in PyTorch."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import torch
 
-from diagnosers import storage
-
-Shapes = dict[str, tuple[int, ...]]
-Weights = str | Path | Mapping[str, np.ndarray]  # where tensors are, or themselves
+from diagnosers.storage import Shapes
 
 
 def shapes(n_inputs: int, n_hidden: int, n_outputs: int) -> Shapes:
@@ -30,13 +26,6 @@ def drawn(architecture: Shapes, seed: int) -> dict[str, np.ndarray]:
         name: (bounds[name.split("_")[0]] * random.uniform(-1.0, 1.0, shape)).astype(np.float32)
         for name, shape in architecture.items()
     }
-
-
-def tensors_of(weights: Weights, architecture: Shapes) -> dict[str, np.ndarray]:
-    """The tensors themselves or from their file, if they have this architecture; else refused in one line."""
-    given = isinstance(weights, Mapping)
-    tensors, path = (weights, "the network") if given else (storage.read(weights)[0], weights)
-    return storage.checked(path, tensors, architecture)
 
 
 class FeedForward(torch.nn.Module):

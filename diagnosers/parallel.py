@@ -17,8 +17,8 @@ from diagnosers.diagnoser import Belief, Recursive
 from diagnosers.kalman import Estimate
 from diagnosers.kalman_network import KalmanNetwork
 from diagnosers.modes import log_softmax
-from diagnosers.networks import Weights, tensors_of
 from diagnosers.raw_network import RawNetwork
+from diagnosers.storage import Weights, tensors_of
 
 PRIOR_NORMAL = 0.5  # all faults share the rest evenly
 RAW, KALMAN = "raw_network.", "kalman_network."  # before the names of their tensors

@@ -16,8 +16,8 @@ from auv_fault_env.parameters import SIDES
 from diagnosers.diagnoser import Belief, Recursive, same_severity
 from diagnosers.fault_map import MODES_5_1
 from diagnosers.modes import PRIOR_SEVERITY, log_softmax, shares, spread
-from diagnosers.networks import FeedForward, Weights, shapes, tensors_of
-from diagnosers.storage import WEIGHTS
+from diagnosers.networks import FeedForward, shapes
+from diagnosers.storage import WEIGHTS, Weights, tensors_of
 
 PACKAGED = WEIGHTS / "raw_network.safetensors"
 ARCHITECTURE = shapes(4, 6, 4)

@@ -13,6 +13,8 @@ from safetensors.numpy import save_file
 
 from auv_fault_env.errors import refusal
 
+Shapes = dict[str, tuple[int, ...]]  # of tensors, by name
+Weights = str | Path | Mapping[str, np.ndarray]  # where tensors are, or themselves
 HEADER = "auv_fault"
 WEIGHTS = Path(__file__).parent / "weights"  # those that come with the package, each with its card
 
@@ -65,3 +67,10 @@ def checked(
         if not np.isfinite(tensor).all():
             raise refusal(f"tensor {name} of {path}", "NaN or infinity", "finite weights", "train anew")
     return dict(tensors)
+
+
+def tensors_of(weights: Weights, architecture: Shapes) -> dict[str, np.ndarray]:
+    """The tensors themselves or from their file, if they have this architecture; else refused in one line."""
+    given = isinstance(weights, Mapping)
+    tensors, path = (weights, "the network") if given else (read(weights)[0], weights)
+    return checked(path, tensors, architecture)

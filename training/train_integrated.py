@@ -17,7 +17,8 @@ from torch import nn
 from auv_fault_env.parameters import PRESETS
 from auv_fault_env.schedules import ScheduleSampler
 from diagnosers.features import FEATURES, Features
-from diagnosers.integrated import CLASSES, Integrated, Network, calmed
+from diagnosers.integrated import CLASSES, Integrated, calmed
+from diagnosers.integrated_network import Network
 from training.learner import Learner
 from training.lessons import lessons
 from training.rollouts import Rollout

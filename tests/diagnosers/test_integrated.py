@@ -9,7 +9,8 @@ from auv_fault_env.faults import CATALOGUE, Fault
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import UNKNOWN, decide, make, storage
-from diagnosers.integrated import CLASSES, N_OUTPUTS, PACKAGED, RELEASE, Integrated, Network, Steady, calmed
+from diagnosers.integrated import ARCHITECTURE, CLASSES, N_MEMORY, N_OUTPUTS, PACKAGED, Integrated, Recall, calmed
+from diagnosers.integrated_network import Network
 from training.rollouts import manoeuvres, roll_out
 
 
@@ -53,35 +54,6 @@ def test_a_fault_of_no_class_is_not_called_normal(monkeypatch):
     assert UNKNOWN in words
 
 
-def belief_of(fault, probability):
-    """Log probabilities (1, 4) of normal and three faults, `fault` having all that normal has not."""
-    shares = np.full(3, 1e-6)
-    shares[fault] = 1.0
-    return np.log(np.concatenate([[1.0 - probability], probability * shares / shares.sum()]))[None]
-
-
-def test_the_odds_of_a_fault_rise_at_once_and_fall_slowly():
-    steady = Steady(np.full(1, np.nan), np.zeros((1, 3))).after(belief_of(0, 0.01))
-    assert np.allclose(np.exp(steady.log_probability()[0, 0]), 0.99)
-    steady = steady.after(belief_of(1, 0.999))
-    assert np.allclose(np.exp(steady.log_probability()[0, 0]), 0.001)
-    for _ in range(round(10 * RELEASE)):
-        steady = steady.after(belief_of(1, 0.01))
-    risen, fallen = np.log(0.999 / 0.001), np.log(0.01 / 0.99)
-    assert np.isclose((steady.odds[0] - fallen) / (risen - fallen), np.exp(-1.0), rtol=0.05)
-    assert np.isclose(np.exp(steady.log_probability()).sum(), 1.0)
-
-
-def test_one_odd_sample_does_not_rename_a_fault():
-    steady = Steady(np.full(1, np.nan), np.zeros((1, 3)))
-    for fault in (2, 2, 2, 2, 0, 2):
-        steady = steady.after(belief_of(fault, 0.99))
-        assert steady.log_probability()[0, 1:].argmax() == 2
-    for _ in range(20):
-        steady = steady.after(belief_of(0, 0.99))
-    assert steady.log_probability()[0, 1:].argmax() == 0
-
-
 def test_an_untrained_network_says_what_the_bank_says():
     network = Network().requires_grad_(False)
     odds = torch.randn(5, len(CLASSES) - 1)
@@ -93,10 +65,29 @@ def test_an_untrained_network_says_what_the_bank_says():
 
 
 def test_a_calm_opinion_follows_within_its_time():
-    before, opinion = torch.zeros(1, N_OUTPUTS), torch.ones(1, N_OUTPUTS)
+    before, opinion = np.zeros((1, N_OUTPUTS)), np.ones((1, N_OUTPUTS))
     for _ in range(5):  # half a second
         before = calmed(opinion, before)
-    assert 0.55 < float(before[0, 0]) < 0.7
+    assert 0.55 < before[0, 0] < 0.7
+
+
+def test_the_architecture_is_that_of_the_network_in_torch():
+    assert {name: tuple(tensor.shape) for name, tensor in Network().state_dict().items()} == ARCHITECTURE
+
+
+def test_numpy_recalls_what_torch_does():
+    network, tensors = Network(), storage.read(PACKAGED)[0]
+    network.load_state_dict({name: torch.from_numpy(tensor) for name, tensor in tensors.items()})
+    recall, random = Recall(tensors), np.random.default_rng(0)
+    features = random.normal(size=(40, 3, network.encoder[0].in_features)).astype(np.float32)
+    units = np.zeros((3, N_MEMORY), np.float32)
+    with torch.inference_mode():
+        outputs, _ = network.recall(*network.look(torch.from_numpy(features)))
+        told = network.read(outputs, torch.from_numpy(features))
+    for k, sample in enumerate(features):
+        ours, units = recall.recall(*recall.look(sample), units)
+        for one, other in zip(recall.read(ours, sample), told, strict=True):
+            np.testing.assert_allclose(one, other[k], atol=1e-4)
 
 
 @pytest.mark.parametrize(
