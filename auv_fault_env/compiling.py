@@ -59,6 +59,13 @@ def cache_folder(name: str) -> Path:
     return folder
 
 
+def n_threads() -> int:
+    """Threads that share the lanes of a large batch: the cores of this process, or OMP_NUM_THREADS if that is fewer."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    asked = os.environ.get("OMP_NUM_THREADS", "")
+    return min(cores, int(asked)) if asked.isdigit() and int(asked) else cores
+
+
 def kernel(function):
     """Compile a loop over lanes and keep it on disk."""
     folder = cache_folder(digest(Path(function.__code__.co_filename).resolve()))

@@ -10,6 +10,7 @@ import numpy as np
 
 from auv_fault_env import episodes, lanes, layout
 from auv_fault_env.channels import CHANNELS, COMMANDS
+from auv_fault_env.compiling import n_threads
 from auv_fault_env.errors import finite_in_range, one_per_lane, refusal, whole_number
 from auv_fault_env.faults import CATALOGUE, matrices
 from auv_fault_env.missions import Mission, MissionSampler, mission_of
@@ -40,7 +41,7 @@ class Fleet:
     healthy_band
         Factor on the spread of healthy vehicles; 0 for the nominal one.
     parallel
-        Share the blocks among threads, one per core. By default in fleets of at least 512 lanes.
+        Share the blocks among threads, `compiling.n_threads` of them. By default in fleets of at least 512 lanes.
     schedules
         Distribution of the schedules of lanes that are reset without one.
     missions
@@ -293,8 +294,8 @@ def checked_actions(actions, shape: tuple[int, ...]) -> np.ndarray:
 def _shares(n_lanes: int, parallel: bool) -> list[tuple[int, int]]:
     """First and last block of every thread. Plain threads: OpenMP's spin on shared cores, and abort in a fork."""
     blocks = -(-n_lanes // layout.LANES)
-    threads = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, blocks)
-    edges = np.linspace(0, blocks, (threads if parallel else 1) + 1).astype(int).tolist()
+    threads = min(n_threads(), blocks) if parallel else 1
+    edges = np.linspace(0, blocks, threads + 1).astype(int).tolist()
     return list(itertools.pairwise(edges))
 
 

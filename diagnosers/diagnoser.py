@@ -93,7 +93,7 @@ class Recursive(ABC):
         if "_state" not in self.__dict__:
             raise refusal("update", "no reset before", "an update after a reset", "call reset(n_lanes) first")
         state, held = self.__dict__["_state"]
-        observation = _filled(observation, held)
+        observation = filled(observation, held)
         state, belief = self.step(state, observation)
         self.__dict__["_state"] = state, observation
         return belief
@@ -119,7 +119,7 @@ def same_severity(shape: tuple[int, int], mean: float, std: float) -> tuple[np.n
     return severities
 
 
-def _filled(observation: np.ndarray, held: np.ndarray) -> np.ndarray:
+def filled(observation: np.ndarray, held: np.ndarray) -> np.ndarray:
     """The observation as a float64 copy of its own, with held values where there is no reading."""
     try:
         observation = np.array(observation, np.float64, order="C")

@@ -1,7 +1,6 @@
 """The classical diagnoser: one Kalman filter per hypothesis, and Bayes' rule over them, with switching."""
 
 import math
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -12,11 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.channels import CHANNELS, READINGS
+from auv_fault_env.compiling import n_threads
 from auv_fault_env.errors import finite_in_range, pair_in_range, refusal
 from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import ENERGY_WEIGHT, PARAMETERS, SAMPLE_TIME, SIDES, Vehicle, nominal, vehicle_of
 from auv_fault_env.physics import Constants as Plant
-from diagnosers.bank_algebra import N_PACKED, N_STATES, entry
+from diagnosers.bank_algebra import N_PACKED, N_STATES, SEVERITY, SPREAD, entry
 from diagnosers.bank_kernel import BankState, step_lanes
 from diagnosers.bank_motor import DEVIATIONS
 from diagnosers.diagnoser import Belief, Recursive
@@ -116,6 +116,28 @@ class FilterBank(Recursive):
         unknown = np.full((n_lanes, filters.shape[2]), np.nan), np.full((n_lanes, len(READINGS)), np.nan)
         return BankState(log_weight, severity, filters, *unknown, healthy, prior, np.zeros(n_lanes))
 
+    def at_onset(self, state: BankState, lanes: np.ndarray) -> BankState:
+        """The state if on these lanes (indices) a fault began with the next sample, or none did, all classes as likely.
+
+        Every fault's filters go on from those of the normal vehicle, with the severities of the prior. As long as
+        nothing switches, differences of the beliefs are log-likelihood ratios of the classes from then on.
+        """
+        hypotheses = self.hypotheses(state.prior.shape[2])
+        new = BankState(*(part.copy() for part in state))
+        severity = state.prior[lanes][:, :2, hypotheses.grade]
+        severity[:, :, 0] = 0.0
+        first = hypotheses.first.astype(np.int64)
+        normal = np.repeat(first[:-1], np.diff(first))
+        filters = state.filters[lanes][:, :, normal]
+        filters[:, [entry(SEVERITY, i) for i in range(SEVERITY)]] = 0.0
+        filters[:, SEVERITY] = severity[:, 0, hypotheses.hypothesis]
+        filters[:, SPREAD] = severity[:, 1, hypotheses.hypothesis]
+        members = np.bincount(hypotheses.diagnosis)
+        new.log_weight[lanes] = -np.log(members.size * members[hypotheses.diagnosis])
+        new.severity[lanes], new.filters[lanes] = severity, filters
+        new.turning[lanes] = state.turning[lanes][:, normal]
+        return new
+
     def _prior_std(self, subsystem: int, spread: float) -> list[float]:
         """Standard deviations of a filter's states at the start, but for the severity; a uniform band's is a third."""
         std = {name: spread * spec.band / math.sqrt(3.0) for name, spec in PARAMETERS.items()}
@@ -148,10 +170,9 @@ class FilterBank(Recursive):
 
 def _in_shares(n_lanes: int, arguments: tuple) -> None:
     """Run the kernel over all lanes, in threads where there are many: it releases the interpreter's lock."""
-    if n_lanes < PARALLEL_LANES:
+    if n_lanes < PARALLEL_LANES or n_threads() == 1:
         step_lanes(0, n_lanes, *arguments)
         return
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    shares = pairwise(np.linspace(0, n_lanes, cores + 1).astype(int).tolist())
-    with ThreadPoolExecutor(cores) as threads:
+    shares = pairwise(np.linspace(0, n_lanes, n_threads() + 1).astype(int).tolist())
+    with ThreadPoolExecutor(n_threads()) as threads:
         list(threads.map(lambda share: step_lanes(*share, *arguments), shares))

@@ -1,0 +1,128 @@
+"""Diagnosers of other people, for a benchmark beside ours: three ways to join, none of which touches this package.
+
+A class in an importable module or in a file, named on the command line; naming it runs its code::
+
+    auv-fault benchmark --diagnoser my_package.my_module:MyDiagnoser
+    auv-fault benchmark --diagnoser path/to/my_file.py:MyDiagnoser
+
+An installed package that declares an entry point in its pyproject.toml; it then always takes part::
+
+    [project.entry-points."auv_fault.diagnosers"]
+    mine = "my_package.my_module:MyDiagnoser"
+
+A file that imports its neighbours needs their folder in PYTHONPATH. The class needs no arguments. It is a `Diagnoser`,
+most easily a subclass of `Recursive`::
+
+    class MyDiagnoser(Recursive):
+        name = "mine"
+
+        def initial(self, n_lanes):
+            return ()
+
+        def step(self, state, observation):
+            return state, Belief(log_probability, severity_mean, severity_std)
+
+or has the interface of the DX competitions, one sample in, detection and isolation out (see `SampleSystem`)::
+
+    class MySystem:
+        faults = ("increased_drag", "propeller_loss:port", "unknown")
+
+        def Initialize(self): ...
+
+        def Input(self, sample):
+            return sample["port_current"].iloc[0] > 9.0, [0.2, 0.7, 0.1]
+"""
+
+import hashlib
+import importlib.util
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+
+from auv_fault_env.errors import refusal
+from diagnosers.diagnoser import Diagnoser
+from diagnosers.registry import NAMES
+from diagnosers.sample_adapter import SampleAdapter
+
+GROUP = "auv_fault.diagnosers"
+FORM = "module:Class or path/to/file.py:Class"
+
+
+@dataclass(frozen=True)
+class ThirdParty:
+    """Where the class of a diagnoser is, `FORM`; called, it makes one. Plain data, so any process can be told of it."""
+
+    target: str
+
+    def __call__(self) -> Diagnoser:
+        """A diagnoser ready for `reset`; one in the manner of the DX competitions comes in a `SampleAdapter`."""
+        kind = self.kind
+        try:
+            made = kind()
+        except Exception as error:  # foreign code again
+            raise refusal(f"diagnoser {self.target}", error, "a class to call without arguments", "mend it") from error
+        if isinstance(made, Diagnoser):
+            return made
+        if callable(getattr(made, "Input", None)):
+            return SampleAdapter(kind)
+        allowed = "an object with classes, reset and update, or with Input"
+        raise refusal(f"diagnoser {self.target}", made, allowed, "see diagnosers.third_party")
+
+    @property
+    def kind(self) -> type:
+        """The class; its module is imported, which runs it."""
+        place, _, name = self.target.rpartition(":")
+        try:
+            found = getattr(_module(place), name, None)
+        except (Exception, SystemExit) as error:  # importing runs foreign code
+            raise refusal(f"diagnoser {self.target}", error, f"what can be imported, {FORM}", "mend it") from error
+        if not isinstance(found, type):
+            raise refusal(f"diagnoser {self.target}", found, f"a class, {FORM}", "check the name of the class")
+        return found
+
+    @property
+    def source(self) -> Path:
+        """The file with the class; what it imports besides is not known."""
+        return Path(sys.modules[self.kind.__module__].__file__)
+
+
+def found(targets: Sequence[str]) -> dict[str, ThirdParty]:
+    """Third parties by name: those at the targets, and those that installed packages declare.
+
+    The name is the attribute `name` of the class, else that of the class itself; of a package, that of the entry point.
+    Raises `InputError` where a target is no class, and where two have one name. Entry points are not imported here: one
+    that is broken fails when it is made, and spoils nothing but itself.
+    """
+    parties = [ThirdParty(_absolute(target)) for target in targets]
+    named = [(getattr(party.kind, "name", party.kind.__name__), party) for party in parties]
+    named += [(point.name, ThirdParty(point.value)) for point in entry_points(group=GROUP)]
+    by_name: dict[str, ThirdParty] = {}
+    for name, party in named:
+        if name in NAMES or by_name.setdefault(name, party) != party:
+            raise refusal(f"name of {party.target}", name, "one that no other diagnoser has", "rename it")
+    return by_name
+
+
+def _absolute(target: str) -> str:
+    """The target, a file in it with its whole path: it means the same in another process."""
+    place, _, name = target.rpartition(":")
+    return f"{Path(place).resolve()}:{name}" if place.endswith(".py") else target
+
+
+def _module(place: str) -> ModuleType:
+    """The module of a name, or that of a file, under a name that no other file has."""
+    if not place.endswith(".py"):
+        return importlib.import_module(place)
+    name = f"third_party_{hashlib.sha256(place.encode()).hexdigest()[:12]}"
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(name, place)
+        sys.modules[name] = importlib.util.module_from_spec(spec)
+        try:
+            spec.loader.exec_module(sys.modules[name])
+        except BaseException:
+            del sys.modules[name]
+            raise
+    return sys.modules[name]
