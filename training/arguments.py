@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from tyro.conf import Positional, arg
+from tyro.conf import Positional, UseAppendAction, arg
 
 
 @dataclass(frozen=True)
@@ -83,4 +83,38 @@ class Validate:
     """Healthy operation on which the thresholds are set, and as much again on which false alarms are counted [h]."""
 
 
-COMMANDS: dict[str, type] = {"reproduce": Reproduce, "simulate": Simulate, "train": Train, "validate": Validate}
+@dataclass(frozen=True)
+class Benchmark:
+    """Score the diagnosers on a frozen suite; a run that was broken off goes on with the same command."""
+
+    suite: str = "standard"
+    """thesis, standard, ood_{noise,disturbance,vehicle,severity,compound,mission}, or a file of your own, FILE.json."""
+    output: Path | None = None
+    """Folder of the report and the trials, runs/benchmark-SUITE if not given; an earlier report there is replaced."""
+    diagnosers: tuple[str, ...] = ()
+    """Diagnosers to score; all of the registry if none is given."""
+    diagnoser: UseAppendAction[tuple[str, ...]] = ()
+    """One of somebody else's, module:Class or path/to/file.py:Class; repeat it for more. Naming it runs its code."""
+    stimuli: tuple[str, ...] = ("cruise", "thesis")
+    """Stimuli to run them under."""
+    hours: float = 200.0
+    """Healthy operation on which each diagnoser's thresholds are set, shared by the stimuli [h]."""
+    counting_hours: float = 50.0
+    """Other healthy operation on which its false alarms are counted, shared by the stimuli [h]."""
+    lanes: int | None = None
+    """Run about so many of the suite's faulty episodes, for a quick try; all if not given."""
+    workers: int | None = None
+    """Processes at work; one per core if not given. The results are the same for any number."""
+    backend: Literal["loky", "threading", "ray"] = "loky"
+    """Processes or threads of this machine, or a Ray cluster (extra `distributed`; RAY_ADDRESS names one that runs)."""
+    seed: int = 0
+    """Seed of the bootstrap intervals; the episodes have theirs from the suite."""
+
+
+COMMANDS: dict[str, type] = {
+    "reproduce": Reproduce,
+    "simulate": Simulate,
+    "train": Train,
+    "validate": Validate,
+    "benchmark": Benchmark,
+}

@@ -55,7 +55,7 @@ def alarms(log_normal: np.ndarray, threshold: float, persistence: int) -> np.nda
     (n_samples, n_lanes) bool. It says nothing of merit by itself: a threshold high enough detects everything at once.
     Read every figure made from it beside the measured false-alarm rate.
     """
-    return _running_maximum(log_normal, persistence) < threshold
+    return running_maximum(log_normal, persistence) < threshold
 
 
 def rising(alarm: np.ndarray) -> np.ndarray:
@@ -69,27 +69,58 @@ def rising(alarm: np.ndarray) -> np.ndarray:
     return alarm & ~before
 
 
+class Edges(NamedTuple):
+    """Where alarms would begin, (n_edges,) each: one begins for the thresholds above `low` and up to `high`."""
+
+    low: np.ndarray
+    high: np.ndarray
+
+
+def edges(log_normal: np.ndarray, persistence: int) -> Edges:
+    """Every alarm that some threshold would raise on these lanes, in the order of time and then of lanes.
+
+    An alarm begins at sample k for thresholds in (m[k], m[k-1]], m being the maximum over the last `persistence`
+    samples. Misleads as `rising` does.
+    """
+    depth = running_maximum(log_normal, persistence)
+    before = np.concatenate([np.full_like(depth[:1], np.inf), depth[:-1]])
+    falls = depth < before
+    return Edges(depth[falls], before[falls])
+
+
+def count_alarms(found: Edges, threshold: np.ndarray | float) -> np.ndarray:
+    """How many alarms begin at a threshold, exactly the sum of `rising` over the lanes; misleads as that does."""
+    low, high = np.sort(found.low), np.sort(found.high)
+    return np.searchsorted(low, threshold, side="left") - np.searchsorted(high, threshold, side="left")
+
+
+def threshold_within(found: Edges, allowed: int) -> float:
+    """The largest threshold up to which no lower one gives more alarms than allowed; see `threshold_for`."""
+    low, high = np.sort(found.low), np.sort(found.high)
+    above = np.searchsorted(low, low, side="right") - np.searchsorted(high, low, side="right")
+    too_many = low[above > allowed]
+    return min(float(too_many[0]), 0.0) if too_many.size else 0.0
+
+
+def allowed_alarms(duration: float, mean_time: float) -> int:
+    """How many alarms so much operation may have, one per mean time, both in seconds."""
+    finite_in_range("mean time between false alarms", mean_time, SAMPLE_TIME, math.inf)
+    return math.floor(duration / mean_time + 1e-9)
+
+
 def threshold_for(log_normal: np.ndarray, mean_time: float, persistence: int) -> float:
     """The threshold that allows one false alarm per `mean_time` [s] on these healthy lanes, and not one more.
 
     The largest one up to which no lower threshold gives more rising edges than the lanes' total time allows. (Raised
-    further, alarms merge, and the count falls again to one per lane: such thresholds are no use.) An alarm begins at
-    sample k for thresholds in (m[k], m[k-1]], m being the maximum over the last `persistence` samples; so counting the
-    ends of these intervals is exact. At most 0: p(normal) below 1. Misleads on lanes that also serve for scoring, and
+    further, alarms merge, and the count falls again to one per lane: such thresholds are no use.) Exact: it counts the
+    ends of the `edges`. At most 0: p(normal) below 1. Misleads on lanes that also serve for scoring, and
     on few hours: with n alarms allowed, the true rate scatters by 1/sqrt(n). Read it beside the rate on other lanes.
     """
-    finite_in_range("mean time between false alarms", mean_time, SAMPLE_TIME, math.inf)
-    allowed = math.floor(log_normal.size * SAMPLE_TIME / mean_time + 1e-9)
-    depth = _running_maximum(log_normal, persistence)
-    before = np.concatenate([np.full_like(depth[:1], np.inf), depth[:-1]])
-    falls = depth < before
-    begin, end = np.sort(depth[falls]), np.sort(before[falls])
-    above = np.searchsorted(begin, begin, side="right") - np.searchsorted(end, begin, side="right")
-    too_many = begin[above > allowed]
-    return min(float(too_many[0]), 0.0) if too_many.size else 0.0
+    allowed = allowed_alarms(log_normal.size * SAMPLE_TIME, mean_time)
+    return threshold_within(edges(log_normal, persistence), allowed)
 
 
-def _running_maximum(values: np.ndarray, window: int) -> np.ndarray:
+def running_maximum(values: np.ndarray, window: int) -> np.ndarray:
     """Maximum of the last `window` samples, infinite before there are as many."""
     window = whole_number("persistence", window)
     padded = np.concatenate([np.full_like(values[:1], np.inf).repeat(window - 1, axis=0), values])
@@ -168,8 +199,10 @@ def confusion(label: np.ndarray, decision: np.ndarray, n_classes: int, weights: 
     With `weights` (..., n_lanes) one matrix for each row of weights. At one instant: early, a cautious diagnoser looks
     bad; read it beside the isolation times.
     """
-    weights = np.ones(len(label)) if weights is None else weights
-    cells = (label * n_classes + decision)[:, None] == np.arange(n_classes**2)
+    cell = label.astype(np.int64) * n_classes + decision
+    if weights is None:
+        return np.bincount(cell, minlength=n_classes**2).reshape(n_classes, n_classes).astype(float)
+    cells = cell[:, None] == np.arange(n_classes**2)
     return (weights @ cells.astype(float)).reshape(*weights.shape[:-1], n_classes, n_classes)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from training import diagnosis_plots, network_plots
+from training import benchmark_plots, bounds_plots, diagnosis_plots, network_plots
 from training.plot_style import COMMAND, PORT, SPEED, STARBOARD, STYLE, TRUTH, legend_above
 
 Series = Sequence[float]
@@ -111,6 +111,13 @@ PLOTS: dict[str, Callable[..., Figure]] = {
     "confusion_matrix": diagnosis_plots.confusion_matrix,
     "reliability_diagrams": diagnosis_plots.reliability_diagrams,
     "severities": diagnosis_plots.severities,
+    "curves": benchmark_plots.curves,
+    "cost_delay": benchmark_plots.cost_delay,
+    "class_delays": benchmark_plots.class_delays,
+    "episodes": benchmark_plots.episodes,
+    "isolability_maps": bounds_plots.isolability_maps,
+    "sensor_removal": bounds_plots.sensor_removal,
+    "cramer_rao": bounds_plots.cramer_rao,
     "recall": network_plots.recall,
     "confusion_by_size": network_plots.confusion_by_size,
     "decision_surfaces": network_plots.decision_surfaces,

@@ -11,7 +11,7 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.layout import Plan
 from auv_fault_env.missions import Mission
 from auv_fault_env.parameters import SAMPLE_TIME
-from auv_fault_env.schedules import PROFILE, Schedule
+from auv_fault_env.schedules import PROFILE, Events, Schedule
 
 
 class Rollout(NamedTuple):
@@ -64,7 +64,7 @@ def roll_out(
     return Rollout(observations, label, severity, onset, fleet.plan.healthy.copy())
 
 
-def targets(plan: Plan, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
+def targets(plan: Plan | Events, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
     """Label and severity over time, each (n_samples, n_lanes), of the worst fault that has begun and not ended.
 
     An intermittent fault counts as present between its bursts: a vehicle with a loose contact is not healthy.
@@ -91,8 +91,13 @@ def manoeuvres(seed: int, n_samples: int, n_lanes: int) -> np.ndarray:
     third of them uses rudder and stern plane as well, up to 0.3 rad.
     """
     random = np.random.default_rng(seed)
-    time = np.arange(n_samples)[:, None, None] * SAMPLE_TIME
     half, phase = random.uniform(2.0, 12.0, (n_lanes, 3)), random.uniform(0.0, 24.0, (n_lanes, 3))
     amplitude = random.uniform(0.0, 1.0, (n_lanes, 3)) * [0.15, 0.3, 0.3]
     amplitude *= random.uniform(size=(n_lanes, 3)) < [0.5, 0.3, 0.3]
+    return square_waves(amplitude, half, phase, n_samples)
+
+
+def square_waves(amplitude: np.ndarray, half: np.ndarray, phase: np.ndarray, n_samples: int) -> np.ndarray:
+    """Square waves (n_samples, n_lanes, n_inputs) from their amplitudes, half-periods [s] and phases [s]."""
+    time = np.arange(n_samples)[:, None, None] * SAMPLE_TIME
     return amplitude * np.where(np.floor((time + phase) / half) % 2 == 0, 1.0, -1.0)

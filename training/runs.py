@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
@@ -16,7 +16,18 @@ from typing import Any, NamedTuple
 
 from auv_fault_env.errors import refusal
 
-PACKAGES = ("auv-fault", "gymnasium", "matplotlib", "numba", "numpy", "pyarrow", "safetensors", "scipy", "torch")
+PACKAGES = (
+    "auv-fault",
+    "gymnasium",
+    "joblib",
+    "matplotlib",
+    "numba",
+    "numpy",
+    "pyarrow",
+    "safetensors",
+    "scipy",
+    "torch",
+)
 MANIFEST = "manifest.json"
 
 
@@ -31,11 +42,24 @@ unfinished: list[Unfinished] = []
 
 
 @contextmanager
-def run_folder(output: Path, name: str, arguments: Any) -> Iterator[Path]:
+def run_folder(
+    output: Path, name: str, arguments: Any, notes: Mapping[str, Any] | None = None, keeps: Sequence[str] = ()
+) -> Iterator[Path]:
     """A folder to write into; on success it becomes `output` with a manifest, on any failure it disappears.
 
     An earlier run at `output` is replaced; anything else there, and a place that cannot be written, is refused. Only a
     killed process (SIGKILL) can leave something: a hidden folder beside `output`.
+
+    Parameters
+    ----------
+    output
+        Where the run is to be.
+    name, arguments
+        Of the command.
+    notes
+        What the manifest says besides.
+    keeps
+        What is taken over of an earlier run.
     """
     output = free_place(output)
     run = Unfinished([], _missing_parents(output))
@@ -45,10 +69,9 @@ def run_folder(output: Path, name: str, arguments: Any) -> Iterator[Path]:
         aside = Path(tempfile.mkdtemp(prefix=f".{output.name}-", dir=output.parent))
         run.folder.append(aside)
         yield aside
-        manifest = json.dumps(_manifest(name, arguments), indent=2, default=str)
-        (aside / MANIFEST).write_text(manifest, encoding="utf-8")
+        write_manifest(aside, name, arguments, notes)
         aside.chmod(0o755)
-        _replace(output, aside)
+        _replace(output, aside, keeps)
     except BaseException as error:
         abandon()
         if isinstance(error, OSError):
@@ -99,7 +122,19 @@ def _missing_parents(path: Path) -> list[Path]:
     return [parent for parent in path.parents if not parent.exists()]
 
 
-def _replace(output: Path, aside: Path) -> None:
+def write_manifest(folder: Path, name: str, arguments: Any, notes: Mapping[str, Any] | None = None) -> None:
+    """Write what was asked for, and what made it: by this file a folder is known as that of a run."""
+    manifest = {
+        "command": f"auv-fault {name}",
+        "arguments": asdict(arguments),
+        "given": sys.argv[1:],
+        **(notes or {}),
+        **provenance(),
+    }
+    (folder / MANIFEST).write_text(json.dumps(manifest, indent=2, default=str), encoding="utf-8")
+
+
+def _replace(output: Path, aside: Path, keeps: Sequence[str]) -> None:
     old = aside.with_name(aside.name + "-old")
     if output.exists():
         output.rename(old)
@@ -109,16 +144,9 @@ def _replace(output: Path, aside: Path) -> None:
         if old.exists():
             old.rename(output)
         raise
+    for kept in filter(Path.exists, (old / name for name in keeps)):
+        kept.rename(output / kept.name)
     shutil.rmtree(old, ignore_errors=True)
-
-
-def _manifest(name: str, arguments: Any) -> dict[str, Any]:
-    return {
-        "command": f"auv-fault {name}",
-        "arguments": asdict(arguments),
-        "given": sys.argv[1:],
-        **provenance(),
-    }
 
 
 def provenance() -> dict[str, Any]:

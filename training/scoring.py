@@ -5,25 +5,24 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_fault_env.faults import classes
-from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.schedules import ScheduleSampler
 from training import metrics
 from training.intervals import f1_interval, interval, poisson_interval
-from training.metrics import NORMAL, Times
-from training.validation import Beliefs, Record, Truth
+from training.metrics import NORMAL, Edges, Times
+from training.records import DECIDED, HORIZON, PERSISTENCE, Calm, Record, Truth, calm
+from training.validation import Beliefs
 
 MEAN_TIME = 3600.0  # s between false alarms that the thresholds are set for
-PERSISTENCE = 3  # samples in a row for an alarm, the same for all: outlives a spike, and costs 0.2 s
-HORIZON = 30.0  # s after onset
-DECIDED_AT = 10.0  # s after onset
+DECIDED_AT = 10.0  # s after onset, one of `DECIDED`
 HEALTHY_PER_FAULTY = ScheduleSampler().healthy / (1.0 - ScheduleSampler().healthy)  # in what is judged at an instant
 
 
 class Judged(NamedTuple):
     """What a diagnoser did on the lanes of the suite, for figures and for paired comparisons.
 
-    isolation, detection, severity (estimate given the true class), covered: by faulty lane. label, decision: at
-    `DECIDED_AT`, by lane, some of them healthy. log_probability and truth: beliefs at random instants.
+    isolation, detection, severity (estimate given the true class), covered: by faulty lane. label (n_lanes,),
+    decisions (n_decided, n_lanes): at the instants `DECIDED`, some of the lanes being healthy. log_probability and
+    truth: beliefs at random instants.
     """
 
     threshold: float
@@ -33,11 +32,16 @@ class Judged(NamedTuple):
     isolation: Times
     detection: Times
     label: np.ndarray
-    decision: np.ndarray
+    decisions: np.ndarray
     severity: np.ndarray
     covered: np.ndarray
     log_probability: np.ndarray
     truth: np.ndarray
+
+    @property
+    def decision(self) -> np.ndarray:
+        """The decisions at `DECIDED_AT`, (n_lanes,)."""
+        return self.decisions[DECIDED.index(DECIDED_AT)]
 
     @property
     def confidence(self) -> np.ndarray:
@@ -59,26 +63,31 @@ def judge_all(beliefs: Beliefs, seed: int) -> tuple[dict[str, Judged], dict[str,
 def judge(records: dict[str, Record], truth: dict[str, Truth]) -> Judged:
     """Set the threshold on its lanes, count false alarms on theirs, and judge the faulty ones at that threshold."""
     threshold = metrics.threshold_for(records["threshold"].log_normal, MEAN_TIME, PERSISTENCE)
-    faulty, healthy = records["faulty"], records["counting"]
-    so, calm = truth["faulty"], truth["counting"]
-    alarm, false = (metrics.alarms(record.log_normal, threshold, PERSISTENCE) for record in (faulty, healthy))
+    return judge_at(threshold, records["faulty"], truth["faulty"], calm(records["counting"], truth["counting"].onset))
+
+
+def judge_at(threshold: float, faulty: Record, so: Truth, healthy: Calm) -> Judged:
+    """Judge the record of faulty lanes and what is left of healthy ones at a threshold of log p(normal)."""
+    alarm = metrics.alarms(faulty.log_normal, threshold, PERSISTENCE)
     decision = np.where(alarm, faulty.fault, NORMAL)
-    some = healthy_beside(len(so.fault), len(calm.fault))
+    some = healthy_beside(len(so.fault), len(healthy.least))
+    decided = decision[metrics.sample_at(so.onset + np.array(DECIDED)[:, None]), np.arange(len(so.onset))]
+    healthy_decided = np.where(healthy.depth < threshold, healthy.fault, NORMAL)[:, some]
     given = 0, np.arange(len(so.fault)), so.fault  # the true class, at the first instant
-    severity = faulty.severity_mean[given]
+    severity, calm_beliefs = faulty.severity_mean[given], healthy.log_probability[:, some]
     return Judged(
         threshold,
-        int(metrics.rising(false).sum()),
-        int(false.any(axis=0).sum()),
-        false.size * SAMPLE_TIME / 3600.0,
+        int(metrics.count_alarms(Edges(healthy.low, healthy.high), threshold)),
+        int((healthy.least < threshold).sum()),
+        float(healthy.hours.sum()),
         metrics.isolation_time(decision, so.fault, so.onset, HORIZON),
         metrics.detection_delay(alarm, so.onset, HORIZON),
-        np.concatenate([so.fault, calm.fault[some]]),
-        np.concatenate([at_decision(decision, so), at_decision(np.where(false, healthy.fault, NORMAL), calm)[some]]),
+        np.concatenate([so.fault, np.full(len(some), NORMAL)]),
+        np.concatenate([decided, healthy_decided], axis=1),
         severity,
         metrics.covered(severity, faulty.severity_std[given], so.severity[0]),
-        np.concatenate([_flat(faulty.log_probability[1:]), _flat(healthy.log_probability[1:, some])]),
-        np.concatenate([so.label[1:].ravel(), calm.label[1:, some].ravel()]),
+        np.concatenate([_flat(faulty.log_probability[1:]), _flat(calm_beliefs)]),
+        np.concatenate([so.label[1:].ravel(), np.full(calm_beliefs.shape[:2], NORMAL).ravel()]),
     )
 
 
@@ -88,11 +97,6 @@ def healthy_beside(n_faulty: int, n_healthy: int) -> np.ndarray:
     return np.linspace(0, n_healthy - 1, wanted).astype(np.int64)
 
 
-def at_decision(decision: np.ndarray, truth: Truth) -> np.ndarray:
-    """The decision `DECIDED_AT` after onset, by lane."""
-    return decision[metrics.sample_at(truth.onset + DECIDED_AT), np.arange(len(truth.onset))]
-
-
 def _flat(log_probability: np.ndarray) -> np.ndarray:
     return log_probability.reshape(-1, log_probability.shape[-1]).astype(np.float64)
 
@@ -100,7 +104,22 @@ def _flat(log_probability: np.ndarray) -> np.ndarray:
 def summary(judged: Judged, truth: Truth, seed: int) -> dict[str, Any]:
     """Every figure of a diagnoser as plain data; `truth` is that of the faulty lanes."""
     names, error = classes(), metrics.severity_error(judged.severity, truth.severity[0])
-    matrix = metrics.confusion(judged.label, judged.decision, len(names))
+    return {
+        **alarm_summary(judged, MEAN_TIME, seed),
+        "macro_f1": float(metrics.macro_f1(metrics.confusion(judged.label, judged.decision, len(names)))),
+        "macro_f1_interval": f1_interval(judged.label, judged.decision, len(names), seed),
+        "severity_mae": float(error.mean()),
+        "severity_mae_interval": interval(error, seed),
+        "severity_coverage": float(judged.covered.mean()),
+        "ece": metrics.expected_calibration_error(judged.confidence, judged.right),
+        "brier": metrics.brier(judged.log_probability, judged.truth),
+        "log_loss": finite(metrics.log_loss(judged.log_probability, judged.truth)),
+        "isolation_by_class": mean_by_class(judged.isolation, truth),
+    }
+
+
+def alarm_summary(judged: Judged, mean_time: float, seed: int) -> dict[str, Any]:
+    """The figures that hang on the threshold, which was set for one false alarm per `mean_time` [s]."""
     rate = poisson_interval(judged.false_alarms, judged.hours)
     return {
         "threshold": judged.threshold,
@@ -109,23 +128,16 @@ def summary(judged: Judged, truth: Truth, seed: int) -> dict[str, Any]:
         "hours": judged.hours,
         "false_alarms_per_hour": judged.false_alarms / judged.hours,
         "false_alarms_per_hour_interval": rate,
-        "rate_as_set": rate[0] <= 3600.0 / MEAN_TIME <= rate[1],
+        "rate_as_set": rate[0] <= 3600.0 / mean_time <= rate[1],
         "isolation": _times(judged.isolation, seed),
         "detection": _times(judged.detection, seed),
-        "macro_f1": float(metrics.macro_f1(matrix)),
-        "macro_f1_interval": f1_interval(judged.label, judged.decision, len(names), seed),
-        "severity_mae": float(error.mean()),
-        "severity_mae_interval": interval(error, seed),
-        "severity_coverage": float(judged.covered.mean()),
-        "ece": metrics.expected_calibration_error(judged.confidence, judged.right),
-        "brier": metrics.brier(judged.log_probability, judged.truth),
-        "log_loss": finite(metrics.log_loss(judged.log_probability, judged.truth)),
-        "isolation_by_class": {
-            name: float(judged.isolation.time[truth.fault == k].mean())
-            for k, name in enumerate(names)
-            if (truth.fault == k).any()
-        },
     }
+
+
+def mean_by_class(times: Times, truth: Truth) -> dict[str, float]:
+    """Restricted mean [s] of the lanes of each class that occurs."""
+    faults = enumerate(classes())
+    return {name: float(times.time[truth.fault == k].mean()) for k, name in faults if (truth.fault == k).any()}
 
 
 def _times(times: Times, seed: int) -> dict[str, Any]:

@@ -17,3 +17,13 @@ def seeds(purpose: str, count: int, first: int = 0) -> range:
     if not 0 <= first + count <= SPAN:
         raise refusal("number of seeds", count, f"up to {SPAN - first}", "ask for fewer")
     return range(start + first, start + first + count)
+
+
+def purpose_of(seed: int) -> str | None:
+    """The purpose that a seed is kept for; None for those of examples and users.
+
+    >>> purpose_of(3000000001), purpose_of(7)
+    ('validation', None)
+    """
+    block = seed // SPAN - 1
+    return PURPOSES[block] if 0 <= block < len(PURPOSES) else None

@@ -26,7 +26,8 @@ def cost(contestant: Contestant, first_seed: int) -> dict[str, Any]:
 
 def durations(contestant: Contestant, episodes: Episodes, n_samples: int) -> np.ndarray:
     """Duration of each of n updates [us], going round the episodes' samples."""
-    diagnoser, observations = started(contestant, episodes), episodes.rollout.observations
+    rollout = episodes.rollout
+    diagnoser, observations = started(contestant, rollout.healthy, episodes.full_severity), rollout.observations
     stamps = np.empty((n_samples, 2), np.int64)
     for k in range(n_samples):
         observation = observations[k % len(observations)]
@@ -42,5 +43,4 @@ def _lanes(episodes: Episodes, n_lanes: int, n_samples: int) -> Episodes:
     rollout = episodes.rollout._replace(
         observations=episodes.rollout.observations[:n_samples][:, chosen], healthy=episodes.rollout.healthy[chosen]
     )
-    truth = episodes.truth._replace(fault=episodes.truth.fault[chosen])
-    return episodes._replace(rollout=rollout, truth=truth, full_severity=episodes.full_severity[chosen])
+    return episodes._replace(rollout=rollout, full_severity=episodes.full_severity[chosen])

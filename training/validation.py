@@ -9,18 +9,18 @@ false alarms.
 import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from tqdm import tqdm
 
-from auv_fault_env.faults import classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.schedules import PROFILE, ScheduleSampler
 from diagnosers import Diagnoser, make
-from training.metrics import class_order, sample_at
+from training.metrics import sample_at
+from training.records import Record, Recorder, Truth, joined
 from training.rollouts import Rollout, manoeuvres, roll_out
 from training.seeds import seeds
 
@@ -34,19 +34,6 @@ TOLD_ON_HEALTHY = 0.6  # severity that the oracle is told where there is no faul
 UNTOLD = ", severities unknown"
 
 
-class Truth(NamedTuple):
-    """What is so: fault class and onset [s], (n_lanes,); label and severity at the instants, (n_instants, n_lanes).
-
-    The first instant is `SEVERITY_AT` after onset, the others random. Healthy lanes have class 0 and, so that they can
-    be judged at the same instants as faulty ones, an onset at which nothing happens.
-    """
-
-    fault: np.ndarray
-    onset: np.ndarray
-    label: np.ndarray
-    severity: np.ndarray
-
-
 class Episodes(NamedTuple):
     """Lanes of the suite: the rollout, the truth, the instants (n_instants, n_lanes), the fault's full severity."""
 
@@ -54,20 +41,6 @@ class Episodes(NamedTuple):
     truth: Truth
     instants: np.ndarray
     full_severity: np.ndarray
-
-
-class Record(NamedTuple):
-    """What a diagnoser believed, classes in the order of `classes()`, lanes last or before the classes.
-
-    log p(normal) and the most probable fault at all times, (n_samples, n_lanes); the whole belief at the instants,
-    (n_instants, n_lanes, n_classes).
-    """
-
-    log_normal: np.ndarray
-    fault: np.ndarray
-    log_probability: np.ndarray
-    severity_mean: np.ndarray
-    severity_std: np.ndarray
 
 
 class Contestant(NamedTuple):
@@ -139,14 +112,13 @@ def watch_all(
 
 def left_out(failures: dict[str, str], name: str, error: Exception) -> None:
     """Note why a diagnoser is out of the comparison, and say so at once."""
-    failures[name] = " ".join(f"{type(error).__name__}: {error}".split())
+    failures[name] = explained(error)
     tqdm.write(f"{name} is left out: {failures[name]}", file=sys.stderr)
 
 
-def joined(parts: Sequence[Any]) -> Any:
-    """Tuples of arrays as one, put together along the axis of the lanes: the only one of vectors, else the second."""
-    columns = zip(*parts, strict=True)
-    return type(parts[0])(*(np.concatenate(arrays, axis=min(arrays[0].ndim - 1, 1)) for arrays in columns))
+def explained(error: Exception) -> str:
+    """The kind of an exception and what it says, in one line."""
+    return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 def suite(part: str, count: int, seed: int) -> Iterator[Episodes]:
@@ -179,31 +151,23 @@ def run_lanes(lanes: range, faulty: bool, thesis: bool) -> Episodes:
     return Episodes(rollout, truth, instants, full)
 
 
-def started(contestant: Contestant, episodes: Episodes) -> Diagnoser:
-    """The diagnoser at the start of the episodes; a reference that can be told the truth is told it."""
+def started(contestant: Contestant, healthy: np.ndarray, full_severity: np.ndarray) -> Diagnoser:
+    """The diagnoser at the start of episodes; a reference that can be told the truth is told it.
+
+    healthy (n_lanes, n_parameters): the vehicles without their faults; full_severity (n_lanes,) of the faults to come.
+    """
     diagnoser = contestant.diagnoser
-    diagnoser.reset(episodes.truth.fault.size)
+    diagnoser.reset(len(healthy))
     if hasattr(diagnoser, "tell"):
-        diagnoser.tell(episodes.rollout.healthy, episodes.full_severity if contestant.severities else None)
+        diagnoser.tell(healthy, full_severity if contestant.severities else None)
     return diagnoser
 
 
 def watch(contestant: Contestant, episodes: Episodes) -> Record:
-    """What a contestant believes along the episodes; one that says NaN is refused."""
-    diagnoser, observations, instants = started(contestant, episodes), episodes.rollout.observations, episodes.instants
-    order = class_order(diagnoser.classes, classes())
-    n_samples, n_lanes, _ = observations.shape
-    over_time, whole = (n_samples, n_lanes), (*instants.shape, len(order))
-    record = Record(
-        np.empty(over_time, np.float32), np.empty(over_time, np.int8), *(np.empty(whole, np.float32) for _ in range(3))
-    )
-    for k, observation in enumerate(observations):
-        belief = [np.asarray(values)[:, order] for values in diagnoser.update(observation)]
-        if any(np.isnan(values).any() for values in belief):
-            raise ValueError(f"its belief is NaN at {k * SAMPLE_TIME:.1f} s")
-        record.log_normal[k] = belief[0][:, 0]
-        record.fault[k] = 1 + belief[0][:, 1:].argmax(axis=1)
-        instant, lane = np.nonzero(instants == k)
-        for kept, values in zip(record[2:], belief, strict=True):
-            kept[instant, lane] = values[lane]
-    return record
+    """What a contestant believes along the episodes; one whose belief is none is refused."""
+    rollout = episodes.rollout
+    diagnoser = started(contestant, rollout.healthy, episodes.full_severity)
+    recorder = Recorder(diagnoser.classes, len(rollout.observations), episodes.instants)
+    for k, observation in enumerate(rollout.observations):
+        recorder.note(k, diagnoser.update(observation))
+    return recorder.record

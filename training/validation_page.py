@@ -1,6 +1,6 @@
 """The page of `auv-fault validate`: verdicts, leaderboard, differences, figures."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,24 +8,23 @@ import numpy as np
 from auv_fault_env.faults import classes
 from diagnosers import ranked
 from training import metrics
-from training.scoring import DECIDED_AT, HORIZON, MEAN_TIME, PERSISTENCE, Judged
-from training.validation import SEVERITY_AT, UNTOLD, Truth
+from training.cells import row_name, with_interval
+from training.leaderboard import (
+    ALARMS,
+    Scores,
+    alarm_cells,
+    by_class,
+    compute,
+    figure_section,
+    in_order,
+    leaderboard,
+    left_out,
+)
+from training.records import PERSISTENCE, Truth
+from training.scoring import DECIDED_AT, HORIZON, MEAN_TIME, Judged
+from training.validation import SEVERITY_AT, UNTOLD
 from training.verdicts import FILTER_BANK, INTEGRATED, ORACLE, Difference
 
-Scores = Mapping[str, Mapping[str, Any]]
-LEADERBOARD = (
-    "diagnoser",
-    "isolation, restricted mean [s]",
-    "isolated",
-    "median [s]",
-    "detection, restricted mean [s]",
-    f"macro-F1 at {DECIDED_AT:g} s",
-    f"severity MAE at {SEVERITY_AT:g} s",
-    "90 % covers",
-    "ECE",
-    "log loss [nat]",
-    "× oracle",
-)
 SCATTERED = 400  # lanes in the scatter of severities
 
 
@@ -38,31 +37,26 @@ def page(
     verdicts: list[list[str]],
 ) -> dict[str, Any]:
     """The report as plain data; `truth` is that of the faulty lanes."""
-    names = in_order(scores)
+    references = [name for name in scores if name not in ranked()]
+    names = in_order(scores, references)
     sections = [
         {
             "heading": "Are the targets met?",
             "text": [],
             "table": {"columns": ["target", "verdict", "figures"], "rows": verdicts},
         },
-        leaderboard(scores, names),
+        leaderboard(scores, references),
         *([left_out(failures)] if failures else []),
         *(paired(name, by) for name, by in against.items() if by),
         isolation_over_time(judged, names),
-        by_class(scores, names),
+        isolation_by_class(scores, names),
         *(confusion(name, judged[name]) for name in (INTEGRATED, FILTER_BANK) if name in judged),
-        alarms(scores, names),
+        alarms(scores, names, references),
         calibration(judged, scores, names),
         severity(judged, truth),
-        cost(scores, names),
+        compute(scores, names, references),
     ]
     return {"title": "Diagnosers on the validation suite", "intro": intro(truth, scores), "sections": sections}
-
-
-def in_order(scores: Scores) -> list[str]:
-    """Names by restricted mean isolation time, those that compete first."""
-    compete = set(ranked())
-    return sorted(scores, key=lambda name: (name not in compete, scores[name]["isolation"]["restricted_mean"]))
 
 
 def intro(truth: Truth, scores: Scores) -> list[str]:
@@ -83,56 +77,13 @@ def intro(truth: Truth, scores: Scores) -> list[str]:
     ]
 
 
-def leaderboard(scores: Scores, names: Iterable[str]) -> dict[str, Any]:
-    """The main table."""
-    rows = [
-        [
-            _row_name(name),
-            _with_interval(score["isolation"]["restricted_mean"], score["isolation"]["interval"], 2),
-            _percent(score["isolation"]["probability"]),
-            _seconds(score["isolation"]["median"]),
-            f"{score['detection']['restricted_mean']:.2f}",
-            _with_interval(score["macro_f1"], score["macro_f1_interval"], 2),
-            _with_interval(score["severity_mae"], score["severity_mae_interval"], 3),
-            _percent(score["severity_coverage"]),
-            f"{score['ece']:.3f}",
-            _number(score["log_loss"], 2),
-            _of_oracle(scores, name),
-        ]
-        for name, score in ((name, scores[name]) for name in names)
-    ]
-    return {
-        "heading": "Leaderboard",
-        "text": [
-            "By restricted mean isolation time. A short one with few faults isolated means that some are missed and "
-            "the rest found at once. Macro-F1 is over the classes and normal, one healthy vehicle to four faulty ones. "
-            "Severity error and coverage of the 90 % interval are those of the estimate given the true class. "
-            "Calibration error and log loss are of beliefs at random instants of the same vehicles. The last column is "
-            "the isolation time relative to the oracle's."
-        ],
-        "table": {
-            "columns": list(LEADERBOARD),
-            "rows": rows,
-        },
-    }
-
-
-def left_out(failures: Mapping[str, str]) -> dict[str, Any]:
-    """Diagnosers that could not be compared."""
-    return {
-        "heading": "Left out",
-        "text": ["These could not be made, or failed on the way; nothing of them is shown."],
-        "table": {"columns": ["diagnoser", "why"], "rows": [list(item) for item in failures.items()]},
-    }
-
-
 def paired(name: str, by: Mapping[str, Difference]) -> dict[str, Any]:
     """How one differs from the others on the same vehicles."""
     rows = [
         [
             other,
-            _with_interval(difference.isolation[0], difference.isolation[1:], 2, "+"),
-            _with_interval(difference.macro_f1[0], difference.macro_f1[1:], 3, "+"),
+            with_interval(difference.isolation[0], difference.isolation[1:], 2, "+"),
+            with_interval(difference.macro_f1[0], difference.macro_f1[1:], 3, "+"),
             "yes" if difference.better else "no",
         ]
         for other, difference in by.items()
@@ -158,21 +109,19 @@ def isolation_over_time(judged: Mapping[str, Judged], names: Sequence[str]) -> d
     caption = (
         "Share of the faults isolated for good by a time since onset; the area above a line is its restricted mean."
     )
-    return _figure("How soon are faults isolated?", "isolation_curves", "isolation", caption, data)
+    return figure_section("How soon are faults isolated?", "isolation_curves", "isolation", caption, data)
 
 
 def _isolated_at(judged: Judged, time: np.ndarray) -> np.ndarray:
     return (judged.isolation.time <= time[:, None]) & ~judged.isolation.censored
 
 
-def by_class(scores: Scores, names: Sequence[str]) -> dict[str, Any]:
+def isolation_by_class(scores: Scores, names: Sequence[str]) -> dict[str, Any]:
     """Restricted mean isolation time by class and diagnoser."""
-    kinds = next(iter(scores.values()))["isolation_by_class"]
-    rows = [[kind, *(f"{scores[name]['isolation_by_class'][kind]:.1f}" for name in names)] for kind in kinds]
     return {
         "heading": "Isolation time by class",
         "text": [f"Restricted mean [s] of the vehicles with that fault; {HORIZON:g} is never within the horizon."],
-        "table": {"columns": ["class", *names], "rows": rows},
+        "table": {"columns": ["class", *names], "rows": by_class("isolation", scores, names)},
     }
 
 
@@ -185,22 +134,11 @@ def confusion(name: str, judged: Judged) -> dict[str, Any]:
         f"Decisions of {name} {DECIDED_AT:g} s after onset, per cent of each true class (rows); normal means that no "
         "alarm stands. Shares below 0.5 % are not written."
     )
-    return _figure(f"Confusion of {name}", "confusion_matrix", f"confusion-{name}", caption, data)
+    return figure_section(f"Confusion of {name}", "confusion_matrix", f"confusion-{name}", caption, data)
 
 
-def alarms(scores: Scores, names: Iterable[str]) -> dict[str, Any]:
+def alarms(scores: Scores, names: Iterable[str], references: Collection[str]) -> dict[str, Any]:
     """Thresholds and the false alarms counted."""
-    rows = [
-        [
-            _row_name(name),
-            f"{score['threshold']:.3g}",
-            _percent(score["detection"]["probability"]),
-            f"{score['false_alarms']} ({score['false_alarm_vehicles']})",
-            _with_interval(score["false_alarms_per_hour"], score["false_alarms_per_hour_interval"], 2),
-            _as_set(score),
-        ]
-        for name, score in ((name, scores[name]) for name in names)
-    ]
     return {
         "heading": "Alarms",
         "text": [
@@ -210,15 +148,8 @@ def alarms(scores: Scores, names: Iterable[str]) -> dict[str, Any]:
             "and then is no wonder; far outside means that the threshold does not carry over to other vehicles."
         ],
         "table": {
-            "columns": [
-                "diagnoser",
-                "threshold, log p(normal)",
-                "detected",
-                "false alarms (vehicles)",
-                "per hour",
-                "as set",
-            ],
-            "rows": rows,
+            "columns": ["diagnoser", *ALARMS],
+            "rows": [[row_name(name, references), *alarm_cells(scores[name], MEAN_TIME)] for name in names],
         },
     }
 
@@ -233,7 +164,7 @@ def calibration(judged: Mapping[str, Judged], scores: Scores, names: Iterable[st
         "Share of beliefs that were right against their confidence, at random instants; a point's area is the share of "
         "the beliefs in its bin. Below the diagonal: too sure of itself."
     )
-    return _figure(
+    return figure_section(
         "Are beliefs to be believed?", "reliability_diagrams", "reliability", caption, {"diagrams": diagrams}
     )
 
@@ -247,64 +178,4 @@ def severity(judged: Mapping[str, Judged], truth: Truth) -> dict[str, Any]:
         "estimates": {name: np.round(judged[name].severity[lanes].astype(float), 4).tolist() for name in wanted},
     }
     caption = f"Severity estimated {SEVERITY_AT:g} s after onset, given the true class, of {len(lanes)} vehicles."
-    return _figure("Severity", "severities", "severity", caption, data)
-
-
-def cost(scores: Scores, names: Iterable[str]) -> dict[str, Any]:
-    """What an update costs."""
-    rows = [
-        [_row_name(name), *(f"{scores[name][key]:.3g}" for key in ("p50_us", "p99_us", "many_lanes_us"))]
-        for name in names
-    ]
-    return {
-        "heading": "Cost",
-        "text": [
-            "Wall-clock microseconds of an update; a sample comes every 100,000. Other work on the machine shows."
-        ],
-        "table": {
-            "columns": ["diagnoser", "one vehicle, median", "99th percentile", "per vehicle of 4096"],
-            "rows": rows,
-        },
-    }
-
-
-def _figure(heading: str, plot: str, name: str, caption: str, data: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "heading": heading,
-        "text": [],
-        "figures": [{"plot": plot, "name": name, "caption": caption, "data": data}],
-    }
-
-
-def _row_name(name: str) -> str:
-    return name if name in ranked() else f"{name} *"
-
-
-def _as_set(score: Mapping[str, Any]) -> str:
-    if score["rate_as_set"]:
-        return "yes"
-    return "no, more" if score["false_alarms_per_hour"] > 3600.0 / MEAN_TIME else "no, fewer"
-
-
-def _with_interval(value: float, interval: Sequence[float], digits: int, sign: str = "") -> str:
-    form = f"{sign}.{digits}f"
-    between = " to " if sign else "–"
-    return f"{value:{form}} ({interval[0]:{form}}{between}{interval[1]:{form}})"
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"
-
-
-def _seconds(time: float | None) -> str:
-    return f"> {HORIZON:g}" if time is None else f"{time:.1f}"
-
-
-def _number(value: float | None, digits: int) -> str:
-    return "infinite" if value is None else f"{value:.{digits}f}"
-
-
-def _of_oracle(scores: Scores, name: str) -> str:
-    if ORACLE not in scores:
-        return "–"
-    return f"{scores[name]['isolation']['restricted_mean'] / scores[ORACLE]['isolation']['restricted_mean']:.2f}"
+    return figure_section("Severity", "severities", "severity", caption, data)

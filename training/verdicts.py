@@ -3,10 +3,12 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from auv_fault_env.faults import classes
 from diagnosers import ranked
 from training.intervals import paired_bootstrap, paired_f1
-from training.metrics import confusion, macro_f1, restricted_mean
+from training.metrics import Times, confusion, macro_f1, restricted_mean
 from training.scoring import DECIDED_AT, Judged
 from training.validation import SEVERITY_AT, UNTOLD
 
@@ -28,7 +30,18 @@ class Difference(NamedTuple):
         return self.isolation[2] < 0.0 < self.macro_f1[1]
 
 
-def difference(a: Judged, b: Judged, seed: int) -> Difference:
+class ByLane(NamedTuple):
+    """What a paired comparison needs of a diagnoser: isolation times of faulty lanes, and what was named at an instant.
+
+    label and decision hold true classes and those named, some of the lanes being healthy.
+    """
+
+    isolation: Times
+    label: np.ndarray
+    decision: np.ndarray
+
+
+def difference(a: Judged | ByLane, b: Judged | ByLane, seed: int) -> Difference:
     """How a differs from b on the same lanes."""
     f1 = [float(macro_f1(confusion(a.label, one.decision, len(classes())))) for one in (a, b)]
     return Difference(

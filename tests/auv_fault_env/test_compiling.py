@@ -127,3 +127,14 @@ def imported(path):
 def test_digest_follows_every_import_of_a_file_that_is_compiled(path):
     assert compiling.imported(path) == imported(path)
     assert PACKAGE / "compiling.py" in compiling.imported(path)
+
+
+@pytest.mark.parametrize(
+    ("asked", "threads"), [(None, 3), ("", 3), ("1", 1), ("2", 2), ("8", 3), ("0", 3), ("many", 3)]
+)
+def test_threads_are_the_cores_or_as_many_as_the_environment_allows(monkeypatch, asked, threads):
+    monkeypatch.setattr(compiling.os, "sched_getaffinity", lambda process: {0, 1, 2}, raising=False)
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    if asked is not None:
+        monkeypatch.setenv("OMP_NUM_THREADS", asked)
+    assert compiling.n_threads() == threads

@@ -6,7 +6,7 @@ import pytest
 from auv_fault_env.faults import classes
 from auv_fault_env.parameters import PARAMETERS
 from diagnosers import REGISTRY, Belief, Entry, Recursive
-from training import cli, metrics, scoring, timing, validate, validation
+from training import cli, metrics, records, scoring, timing, validate, validation
 
 N_CLASSES = len(classes())
 TINY = ["--lanes", "40", "--hours", "0.2"]
@@ -174,7 +174,7 @@ def test_threshold_holds_on_its_lanes_and_is_set_on_no_others():
     beliefs = validation.compare(entrants, lanes=4, hours=3.0, seed=0)
     judged = scoring.judge(beliefs.records["random"], beliefs.truth)
     log_normal = beliefs.records["random"]["threshold"].log_normal
-    count = lambda level: metrics.rising(metrics.alarms(log_normal, level, scoring.PERSISTENCE)).sum()  # noqa: E731
+    count = lambda level: metrics.rising(metrics.alarms(log_normal, level, records.PERSISTENCE)).sum()  # noqa: E731
     assert count(judged.threshold) <= 3 < count(np.nextafter(np.float32(judged.threshold), np.float32(0)))
     assert judged.hours == pytest.approx(3.0, abs=0.02)
 
@@ -192,7 +192,7 @@ def test_the_oracle_is_told_and_comes_a_second_time_without_severities(tmp_path)
 
 def test_suite_is_as_it_says():
     chunks = list(validation.suite("faulty", 200, 0))
-    truth = validation.joined([episodes.truth for episodes in chunks])
+    truth = records.joined([episodes.truth for episodes in chunks])
     assert [len(episodes.truth.fault) for episodes in chunks] == [100, 100]
     assert (truth.fault > 0).all() and np.unique(truth.fault).size > 14
     assert (truth.onset >= 5.0).all() and (truth.onset <= 30.0).all()
