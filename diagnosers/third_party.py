@@ -10,8 +10,10 @@ An installed package that declares an entry point in its pyproject.toml; it then
     [project.entry-points."auv_fault.diagnosers"]
     mine = "my_package.my_module:MyDiagnoser"
 
-A file that imports its neighbours needs their folder in PYTHONPATH. The class needs no arguments. It is a `Diagnoser`,
-most easily a subclass of `Recursive`::
+A file that imports its neighbours needs their folder in PYTHONPATH. A benchmark that is run again takes over what the
+same file has given before: give it another --output after a change in what the file imports or reads. The class needs
+no arguments. One with a method `tell` is told the truth about the vehicles, as the oracle is, and is not ranked. It is
+a `Diagnoser`, most easily a subclass of `Recursive`::
 
     class MyDiagnoser(Recursive):
         name = "mine"
@@ -48,6 +50,7 @@ from diagnosers.registry import NAMES
 from diagnosers.sample_adapter import SampleAdapter
 
 GROUP = "auv_fault.diagnosers"
+LONGEST_NAME = 60  # it becomes part of the names of files
 FORM = "module:Class or path/to/file.py:Class"
 
 
@@ -93,17 +96,24 @@ def found(targets: Sequence[str]) -> dict[str, ThirdParty]:
     """Third parties by name: those at the targets, and those that installed packages declare.
 
     The name is the attribute `name` of the class, else that of the class itself; of a package, that of the entry point.
-    Raises `InputError` where a target is no class, and where two have one name. Entry points are not imported here: one
-    that is broken fails when it is made, and spoils nothing but itself.
+    Raises `InputError` where a target is no class, where two have one name, and where a name is too long. Entry points
+    are not imported here: one that is broken fails when it is made, and spoils nothing but itself.
     """
     parties = [ThirdParty(_absolute(target)) for target in targets]
-    named = [(getattr(party.kind, "name", party.kind.__name__), party) for party in parties]
+    named = [(_name_of(party.kind), party) for party in parties]
     named += [(point.name, ThirdParty(point.value)) for point in entry_points(group=GROUP)]
     by_name: dict[str, ThirdParty] = {}
     for name, party in named:
+        if len(name) > LONGEST_NAME:
+            raise refusal(f"name of {party.target}", name, f"up to {LONGEST_NAME} characters", "shorten it")
         if name in NAMES or by_name.setdefault(name, party) != party:
             raise refusal(f"name of {party.target}", name, "one that no other diagnoser has", "rename it")
     return by_name
+
+
+def _name_of(kind: type) -> str:
+    name = getattr(kind, "name", None)
+    return name if isinstance(name, str) and name else kind.__name__
 
 
 def _absolute(target: str) -> str:

@@ -4,6 +4,7 @@ import functools
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
@@ -38,27 +39,36 @@ def main(arguments: Benchmark) -> None:
     output = arguments.output or Path("runs") / f"benchmark-{plan.suite.name}"
     suite = {"suite": plan.suite.name, "hash": plan.suite.hash}
     folder = opened(output, arguments, suite)
+    try:
+        results = _results(arguments, plan, entrants, folder, workers)
+        report = page(results)
+        with run_folder(output, "benchmark", arguments, suite, keeps=[TRIALS]) as aside:
+            write_json(aside / "results.json", results)
+            write_csv(aside / "results.csv", results)
+            write_report(report, aside)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("the trials that are done are kept, and the same command goes on from there") from None
+    print_tables(report["sections"][: 1 + len(plan.stimuli)])  # what was run, and the leaderboards
+    print(f"\nreport: {output / 'index.html'}")
+
+
+def _results(
+    arguments: Benchmark, plan: Plan, entrants: Mapping[str, Entrant], folder: Path, workers: int
+) -> dict[str, Any]:
+    """All results, from trials that are run if they are not in the folder."""
     made, failures = _made(entrants)
     trials = plan.trials([one.entrant for one in made.values()])
     paths = {trial_store.path_of(folder, one, made[one.entrant.name].fingerprint): one for one in trials}
-    try:
-        failures |= run_missing(paths, workers, arguments.backend)
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt("the trials that are done are kept, and the same command goes on from there") from None
+    failures |= run_missing(paths, workers, arguments.backend)
+    paths = {path: trial for path, trial in paths.items() if trial.entrant.name not in failures}
+    scores = scored(plan, paths, arguments.seed, failures)
     working = {name: one for name, one in made.items() if name not in failures}
     if not working:
         raise refusal("diagnosers", list(entrants), "at least one that works", "see above what ails them")
-    paths = {path: trial for path, trial in paths.items() if trial.entrant.name in working}
-    results = header(arguments, plan, working, failures) | scored(plan, paths, arguments.seed)
+    results = header(arguments, plan, working, failures) | scores
     if plan.suite == load(STANDARD):  # the bounds are those of its faults
         results["bounds"] = bounds(plan.stimuli, arguments.seed, workers, arguments.backend)
-    with run_folder(output, "benchmark", arguments, suite, keeps=[TRIALS]) as aside:
-        write_json(aside / "results.json", results)
-        write_csv(aside / "results.csv", results)
-        report = page(results)
-        write_report(report, aside)
-    print_tables(report["sections"][: 1 + len(plan.stimuli)])  # what was run, and the leaderboards
-    print(f"\nreport: {output / 'index.html'}")
+    return results
 
 
 def _plan(arguments: Benchmark) -> Plan:
@@ -71,7 +81,9 @@ def _plan(arguments: Benchmark) -> Plan:
         finite_in_range(f"hours of the part {name}", value, 0.05, MOST_HOURS)
     finite_in_range("seed", arguments.seed, 0, LAST_SEED)
     lanes = whole_number("lanes", len(suite.episodes) if arguments.lanes is None else arguments.lanes)
-    return Plan(suite, load(STANDARD).conditions, stimuli, hours, max(1, round(len(suite.episodes) / lanes)))
+    plan = Plan(suite, load(STANDARD).conditions, stimuli, hours, max(1, round(len(suite.episodes) / lanes)))
+    plan.check_seeds()
+    return plan
 
 
 def _entrants(arguments: Benchmark) -> dict[str, Entrant]:
@@ -114,7 +126,7 @@ def _made(entrants: Mapping[str, Entrant]) -> tuple[dict[str, Made], dict[str, s
             compute = timing.cost(Contestant(diagnoser), first)
             compute["numbers"] = sum(tensor.size for tensor in tensors.values())
             fingerprint, weights = trial_store.fingerprint(entrant, diagnoser), trial_store.weights_digest(diagnoser)
-            made[name] = Made(entrant, fingerprint, weights, compute)
-        except Exception as error:  # whatever ails one diagnoser, the others are scored
+            made[name] = Made(entrant, fingerprint, weights, compute, hasattr(diagnoser, "tell"))
+        except (Exception, SystemExit) as error:  # whatever ails one diagnoser, the others are scored
             left_out(failures, name, error)
     return made, failures

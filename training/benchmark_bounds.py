@@ -46,6 +46,7 @@ MISNAMED = 0.01
 AMOC_RATES = np.geomspace(0.02, 500.0, 23)  # false alarms per hour
 CALIBRATED_AT = (1.0, 3.0, 10.0)  # s after onset
 LEVELS = (0.01, 0.05, 0.2)
+FEWEST = 8  # episodes of a class that are compared with its bound: the interval of fewer is far too narrow
 
 
 def bounds_of(stimulus: Stimulus, seed: int, n_lanes: int) -> dict[str, Any]:
@@ -149,11 +150,12 @@ def _calibration(own: np.ndarray, healthy: np.ndarray) -> dict[str, dict[str, fl
 
 
 def check(results: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Has any diagnoser beaten a bound? One row per stimulus, diagnoser and class with abrupt faults, and one for all.
+    """Has any diagnoser beaten a bound? One row per stimulus, diagnoser and class, and one for all of them together.
 
-    A bound is beaten when the intervals do not meet, the measured one being lower. Detection is compared at the rate
-    of false alarms that the diagnoser may really have, the upper end of its interval. Among hundreds of comparisons
-    some intervals miss their truth: one narrow miss proves nothing, several of one diagnoser do.
+    Only abrupt faults count, and classes with at least `FEWEST` of them. A bound is beaten when the intervals do not
+    meet, the measured one being lower. Detection is compared at the rate of false alarms that the diagnoser may really
+    have, the upper end of its interval. Among hundreds of comparisons some intervals miss their truth: one narrow miss
+    proves nothing, several of one diagnoser do.
 
     Parameters
     ----------
@@ -177,7 +179,7 @@ def _checked(
     what = {"stimulus": stimulus, "diagnoser": name}
     for k, kind in enumerate(results["classes"]):
         of_class = abrupt & (fault == k)
-        if of_class.any() and kind in bounds["classes"]:
+        if of_class.sum() >= FEWEST and kind in bounds["classes"]:
             bound = _at_rate(bounds["classes"][kind], bounds["amoc"]["false_alarms_per_hour"], rate)
             yield (
                 what | {"what": "detection", "class": kind} | _row(np.array(lanes["detection"])[of_class], bound, seed)

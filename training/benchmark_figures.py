@@ -12,9 +12,12 @@ from training.leaderboard import Scores, figure_section, in_order
 DRAWN = 3  # episodes drawn of each diagnoser
 TOP = 2  # diagnosers whose confusion is drawn
 SCATTERED = 4  # diagnosers whose severities are drawn
+BOUND = {"detection": "bound", "isolation": "bound at 1 % misnamed"}
 LEFT = {
-    "detection": " Left of the line the bound.",
-    "isolation": " Left of the line the bound for at most one confusion in a hundred with the most similar class.",
+    "detection": " Left of the line the bound, of abrupt faults; it has an interval of its own, see below.",
+    "isolation": " Left of the line the least for abrupt faults if the most similar class is given this name in one of "
+    "a hundred cases at most: who confuses the two more often can be below it, and so can the oracle, which is told "
+    "severities.",
 }
 WIDTH = 44  # characters of a line above a drawn episode
 
@@ -78,7 +81,7 @@ def isolation_over_time(view: View) -> dict[str, Any]:
 def alarms_against_delay(view: View) -> dict[str, Any]:
     """AMOC curves: delay, and share detected, against the rate of false alarms."""
     shared = {"references": list(view.references), "logarithmic": True, "marks": [0.1, 1.0]}
-    x_label = "false alarms per hour"
+    x_label = "false alarms per hour, as set"
     delay = {
         "panels": view.lines(lambda score: (score["amoc"]["false_alarms_per_hour"], score["amoc"]["delay"])),
         "labels": (x_label, "detection delay, restricted mean [s]"),
@@ -94,8 +97,8 @@ def alarms_against_delay(view: View) -> dict[str, Any]:
         "top": 1.0,
     }
     bound = (
-        " Dotted black: the bound, which no diagnoser can be below, even told the vehicle and the severity of the "
-        "fault; it is that of abrupt faults, and ramps only take longer."
+        " Dotted black: the bound at the rate that is really had, which no diagnoser can be below, even told the "
+        "vehicle and the severity of the fault; it is that of abrupt faults, and ramps only take longer."
         if view.bounds
         else ""
     )
@@ -103,8 +106,9 @@ def alarms_against_delay(view: View) -> dict[str, Any]:
         "Delay against false alarms",
         "curves",
         "amoc-delay",
-        "Detection delay against the rate of false alarms, along all thresholds; dotted lines: one in 10 h and one per "
-        f"hour.{bound}",
+        "Detection delay against the rate of false alarms that a threshold is set for, under the standard conditions "
+        "and all stimuli together; what is really had here may differ, see False alarms. Dotted lines: one in 10 h and "
+        f"one per hour.{bound}",
         delay | shared,
     )
     caption = "Share of the faults detected, likewise."
@@ -153,7 +157,7 @@ def _class_delays(view: View, kind: str, stimulus: str) -> dict[str, Any]:
     columns = {}
     if stimulus in view.bounds:
         bounds = view.bounds[stimulus]["classes"]
-        columns["bound"] = [_bound(bounds[name], kind) if name in bounds else None for name in classes]
+        columns[BOUND[kind]] = [_bound(bounds[name], kind) if name in bounds else None for name in classes]
     columns |= {
         row_name(name, view.references): [scores[name][f"{kind}_by_class"][of_class] for of_class in classes]
         for name in view.names
@@ -243,7 +247,7 @@ def calibration(view: View) -> dict[str, Any]:
 
 
 def severity(view: View) -> dict[str, Any]:
-    """Estimated against true severity for the best diagnosers under the first stimulus."""
+    """Estimated against true severity for the best diagnosers, under the stimulus that suits the first of them."""
     stimulus = view.best_under(view.names[0])
     scatters = {name: view.scores[stimulus][name]["severity_scatter"] for name in view.names[:SCATTERED]}
     truth = scatters[view.names[0]]["truth"]

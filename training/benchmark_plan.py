@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from itertools import product
+from itertools import chain, combinations, product
 from typing import NamedTuple
 
+from auv_fault_env.errors import refusal
 from training.stimuli import STIMULI, Stimulus
 from training.suites import Conditions, Episode, Suite
-from training.trials import AT_ONCE, FAULTY, PARTS, THRESHOLD, Entrant, Trial
+from training.trials import AT_ONCE, COUNTING, FAULTY, PARTS, THRESHOLD, Entrant, Trial
 
 APART = 100_000  # healthy lanes, from one stimulus to the next: each has vehicles of its own
 MOST_HOURS = 1000.0  # of healthy operation, for which the seeds between two stimuli are enough
@@ -49,6 +50,16 @@ class Plan(NamedTuple):
         first = self.suite.healthy[part] + APART * list(STIMULI).index(stimulus.name)
         seconds = 3600.0 * self.hours[part] / len(self.stimuli)
         return range(first, first + math.ceil(seconds / self.conditions(part).duration))
+
+    def check_seeds(self) -> None:
+        """Refuse a suite in which a vehicle serves two purposes: nothing is scored on what a threshold is set on."""
+        taken: dict[str, set[int]] = {FAULTY: {episode.seed for episode in self.suite.episodes}}
+        for part in (THRESHOLD, COUNTING):
+            taken[part] = set(chain.from_iterable(self.seeds(part, stimulus) for stimulus in self.stimuli))
+        for one, other in combinations(taken, 2):
+            if both := taken[one] & taken[other]:
+                thing = f"suite {self.suite.name}, seed of a {one} and of a {other} lane"
+                raise refusal(thing, min(both), "vehicles that serve once", "move one of them and seal the file")
 
     def conditions(self, part: str) -> Conditions:
         """What the vehicles of a part run under."""

@@ -140,7 +140,8 @@ def _readings(axes: Sequence[Axes], episode: Mapping[str, Any]) -> None:
 
 def _belief(axis: Axes, episode: Mapping[str, Any]) -> None:
     axis.plot(episode["time"], np.maximum(episode["log_normal"], DEEPEST), color=TRUTH, lw=1.2, label="ln p(normal)")
-    axis.axhline(episode["threshold"], color=PORT, lw=1.0, ls="--", label="threshold")
+    if episode["threshold"] is not None:
+        axis.axhline(episode["threshold"], color=PORT, lw=1.0, ls="--", label="threshold")
     axis.set_yscale("symlog", linthresh=1.0)
     axis.yaxis.set_major_formatter("{x:g}")
 

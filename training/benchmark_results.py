@@ -1,6 +1,7 @@
 """The results of a benchmark, put together from its trials; their form is told in `training.benchmark_scores`."""
 
 import csv
+import shlex
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -18,22 +19,27 @@ from training.benchmark_plan import Plan
 from training.benchmark_scores import RANKED_AT, Material, judged_at, rounded, score, thresholds
 from training.records import DECIDED, HORIZON, PERSISTENCE
 from training.runs import provenance
+from training.scoring import finite
 from training.stimuli import Cruise, Stimulus
 from training.trials import COUNTING, FAULTY, THRESHOLD, Entrant, Known, Trial, known
-from training.validation import SEVERITY_AT
+from training.validation import SEVERITY_AT, left_out
 from training.worst_episodes import worst_episodes
 
-BOUNDED = 360  # lanes that the bounds are computed on, 20 of each class
+BOUNDED = 1080  # lanes that the bounds are computed on, 60 of each class: from few lanes they come out too high
 ROW = ("restricted_mean", "probability", "median")
 
 
 class Made(NamedTuple):
-    """A diagnoser that could be made: how to make more, what its beliefs depend on, what it has learnt, its cost."""
+    """A diagnoser that could be made: how to make more, what its beliefs depend on, what it has learnt, its cost.
+
+    told: whether it is told the truth about the vehicles, and so does not compete.
+    """
 
     entrant: Entrant
     fingerprint: str
     weights: str | None
     compute: dict[str, float]
+    told: bool
 
 
 def header(arguments: Benchmark, plan: Plan, made: Mapping[str, Made], failures: Mapping[str, str]) -> dict[str, Any]:
@@ -61,7 +67,7 @@ def header(arguments: Benchmark, plan: Plan, made: Mapping[str, Made], failures:
             "stimuli": {stimulus.name: stimulus.budget for stimulus in plan.stimuli},
         },
         "classes": list(classes()),
-        "references": [name for name in made if name in NAMES and name not in names],
+        "references": [name for name, one in made.items() if one.told or (name in NAMES and name not in names)],
         "third_parties": {name: one.entrant.make.target for name, one in made.items() if name not in NAMES},
         "failures": dict(failures),
         "weights": {name: one.weights for name, one in made.items()},
@@ -73,15 +79,15 @@ def header(arguments: Benchmark, plan: Plan, made: Mapping[str, Made], failures:
 def command(arguments: Benchmark) -> str:
     """The command line that gives these results, without what they do not depend on."""
     given = {name: getattr(arguments, name) for name in ("suite", "stimuli", "hours", "counting_hours", "seed")}
-    words = [f"--{name.replace('_', '-')} {_words(value)}" for name, value in given.items()]
-    words += [f"--diagnosers {_words(arguments.diagnosers)}"] if arguments.diagnosers else []
-    words += [f"--diagnoser {target}" for target in arguments.diagnoser]
-    words += [f"--lanes {arguments.lanes}"] if arguments.lanes else []
-    return " ".join(["auv-fault benchmark", *words])
+    words = [word for name, value in given.items() for word in (f"--{name.replace('_', '-')}", *_words(value))]
+    words += ["--diagnosers", *arguments.diagnosers] if arguments.diagnosers else []
+    words += [word for target in arguments.diagnoser for word in ("--diagnoser", target)]
+    words += ["--lanes", str(arguments.lanes)] if arguments.lanes else []
+    return shlex.join(["auv-fault", "benchmark", *words])
 
 
-def _words(value: Any) -> str:
-    return " ".join(value) if isinstance(value, tuple) else f"{value:g}" if isinstance(value, float) else str(value)
+def _words(value: Any) -> Sequence[str]:
+    return value if isinstance(value, tuple) else [f"{value:.12g}" if isinstance(value, float) else str(value)]
 
 
 def _ends(plan: Plan, part: str) -> list[int]:
@@ -90,31 +96,46 @@ def _ends(plan: Plan, part: str) -> list[int]:
     return [min(found), max(found)]
 
 
-def scored(plan: Plan, paths: Mapping[Path, Trial], seed: int) -> dict[str, Any]:
-    """Thresholds, the truth and every score."""
+def scored(plan: Plan, paths: Mapping[Path, Trial], seed: int, failures: dict[str, str]) -> dict[str, Any]:
+    """Thresholds, the truth and every score; who fails on the worst episodes, run once more, joins the failures."""
     files = _files(paths)
     names = list(dict.fromkeys(name for name, _, _ in files))
-    stimuli = {stimulus.name: stimulus for stimulus in plan.stimuli}
+    stimuli = [stimulus.name for stimulus in plan.stimuli]
     episodes = plan.suite.episodes[:: plan.every]
     so = known(plan.suite.conditions, episodes)
     results: dict[str, Any] = {"thresholds": {}, "episodes": told(episodes, so), "decided": {}, "scores": {}}
     results["scores"] = {stimulus: {} for stimulus in stimuli}
     for name in tqdm(names, desc="scores", unit="diagnoser"):
-        setting = trial_store.read(list(chain(*(files[name, stimulus, THRESHOLD] for stimulus in stimuli))), THRESHOLD)
-        results["thresholds"][name] = thresholds(setting)
-        passive = None
-        if Cruise.name in stimuli:
-            passive = trial_store.read(files[name, Cruise.name, FAULTY], FAULTY)
-        for stimulus in stimuli:
-            parts = {part: trial_store.read(files[name, stimulus, part], part) for part in (COUNTING, FAULTY)}
-            material = Material(setting, parts[COUNTING], parts[FAULTY], passive)
-            judged = judged_at(material, so)
-            one = paths[files[name, stimulus, FAULTY][0]]._replace(episodes=episodes)
-            results["decided"][stimulus] = judged[RANKED_AT].label.tolist()
-            results["scores"][stimulus][name] = score(material, judged, so, seed) | {
-                "worst": worst_episodes(one, material.faulty, judged[RANKED_AT], so)
+        materials = _materials(files, name, stimuli)
+        judged = {stimulus: judged_at(material, so) for stimulus, material in materials.items()}
+        trials = {stimulus: paths[files[name, stimulus, FAULTY][0]]._replace(episodes=episodes) for stimulus in stimuli}
+        try:
+            worst = {
+                stimulus: worst_episodes(trials[stimulus], materials[stimulus].faulty, one[RANKED_AT], so)
+                for stimulus, one in judged.items()
             }
+        except (Exception, SystemExit) as error:  # whatever ails one diagnoser, the others are scored
+            left_out(failures, name, error)
+            continue
+        results["thresholds"][name] = {
+            rate: finite(level) for rate, level in thresholds(materials[stimuli[0]].setting).items()
+        }
+        for stimulus, one in judged.items():
+            results["decided"][stimulus] = one[RANKED_AT].label.tolist()
+            of_stimulus = score(materials[stimulus], one, so, seed)
+            results["scores"][stimulus][name] = of_stimulus | {"worst": worst[stimulus]}
     return results
+
+
+def _materials(
+    files: Mapping[tuple[str, str, str], list[Path]], name: str, stimuli: Sequence[str]
+) -> dict[str, Material]:
+    """By stimulus what a diagnoser is scored on."""
+    setting = trial_store.read(list(chain(*(files[name, stimulus, THRESHOLD] for stimulus in stimuli))), THRESHOLD)
+    faulty = {stimulus: trial_store.read(files[name, stimulus, FAULTY], FAULTY) for stimulus in stimuli}
+    counting = {stimulus: trial_store.read(files[name, stimulus, COUNTING], COUNTING) for stimulus in stimuli}
+    passive = faulty.get(Cruise.name)
+    return {one: Material(setting, counting[one], faulty[one], passive) for one in stimuli}
 
 
 def bounds(stimuli: Sequence[Stimulus], seed: int, workers: int, backend: str) -> dict[str, Any]:

@@ -2,8 +2,9 @@
 
 The results, lists instead of arrays, numbers rounded where they only serve a figure. A `stimulus` is a name of
 `STIMULI`, a `diagnoser` one of the registry or of a third party, a `rate` is "1 h" or "10 h" (mean time between false
-alarms); classes are indices into `classes`, 0 is normal; None stands for infinite. `Times` is {"restricted_mean",
-"interval", "probability", "median"}, in seconds, censored at `settings.horizon`; every "..._interval" is [low, high]::
+alarms); classes are indices into `classes`, 0 is normal; None stands for infinite, below any number where it is a
+threshold. `Times` is {"restricted_mean", "interval", "probability", "median"}, in seconds, censored at
+`settings.horizon`; every "..._interval" is [low, high]::
 
     command         the command line, as text
     suite           name, about, hash, plant {preset, sensor_noise, disturbance, healthy_band}, duration [s],

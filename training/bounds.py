@@ -90,9 +90,8 @@ def bootstrap(bound: Callable[[np.ndarray], float], n_lanes: int, seed: int, n: 
 def mean_inverse_ratio(llr: np.ndarray) -> np.ndarray:
     """Mean of exp(-llr) over lanes (..., n_lanes) with the fault: 1 if these are likelihood ratios, less is honest too.
 
-    It is the chance, under the rival, of readings that the fault can produce. Above 1 the ratios are too large at
-    their low end, and bounds from them too high; late, where they are large, few lanes carry the mean, and chance low
-    values are the rule.
+    It is the chance, under the rival, of readings that the fault can produce. Above 1 the low ones are too low, and
+    bounds from them too high; late, where they are large, few lanes carry the mean, and chance low values are the rule.
     """
     return np.exp(np.minimum(-llr, LARGEST_EXPONENT)).mean(axis=-1)
 

@@ -136,9 +136,9 @@ def _ceiling(results: Results) -> dict[str, Any]:
         "heading": "How much a stimulus can help",
         "text": [
             "The rate against the most dangerous rival in cruise at 1 ft/s, and the largest one found over periodic "
-            "speed profiles with a root mean square of 0.25 ft/s about it. Their ratio is the largest possible "
-            "speed-up of isolation. Profiles: period, share of the period above the mission speed, and "
-            "roundness from square (0) to sine (1). The search is short: a better profile may exist."
+            "speed profiles with a root mean square of 0.25 ft/s about it. Their ratio is the largest speed-up of "
+            "isolation that was found; more may be possible, as the search is short and tries no other profiles. "
+            "Profiles: period, share of the period above the mission speed, and roundness from square (0) to sine (1)."
         ],
         "table": {
             "columns": ["fault", "cruise [nat/s] (rival)", "best [nat/s]", "speed-up", "best profile"],

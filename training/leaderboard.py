@@ -79,7 +79,7 @@ def by_class(kind: str, scores: Scores, names: Sequence[str]) -> list[list[str]]
 def alarm_cells(score: Mapping[str, Any], mean_time: float) -> list[str]:
     """What `ALARMS` asks of a score whose threshold is set for one false alarm per mean time [s]."""
     return [
-        f"{score['threshold']:.3g}",
+        "none, no alarm" if score["threshold"] is None else f"{score['threshold']:.3g}",
         percent(score["detection"]["probability"]),
         f"{score['false_alarms']} ({score['false_alarm_vehicles']})",
         with_interval(score["false_alarms_per_hour"], score["false_alarms_per_hour_interval"], 2),
@@ -103,9 +103,13 @@ def compute(costs: Scores, names: Iterable[str], references: Collection[str]) ->
         ],
         "table": {
             "columns": ["diagnoser", "one vehicle, median", "99th percentile", "per vehicle of 4096"],
-            "rows": [[row_name(name, references), *(f"{costs[name][key]:.3g}" for key in keys)] for name in names],
+            "rows": [[row_name(name, references), *(_micro(costs[name][key]) for key in keys)] for name in names],
         },
     }
+
+
+def _micro(duration: float) -> str:
+    return f"{duration:,.0f}" if duration >= 100.0 else f"{duration:.3g}"
 
 
 def left_out(failures: Mapping[str, str]) -> dict[str, Any]:

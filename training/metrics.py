@@ -15,6 +15,7 @@ from auv_fault_env.errors import finite_in_range, refusal, whole_number
 from auv_fault_env.parameters import SAMPLE_TIME
 
 NORMAL = 0
+ROUNDING = 1e-9  # s: 61 samples of 0.1 s are a little more than 6.1 s
 N_BINS = 15  # of confidence, as in Guo et al., "On calibration of modern neural networks", ICML 2017
 
 
@@ -135,7 +136,7 @@ def detection_delay(alarm: np.ndarray, onset: np.ndarray, horizon: float) -> Tim
     rate and the isolation time.
     """
     time = np.arange(len(alarm))[:, None] * SAMPLE_TIME
-    hit = rising(alarm) & (time > onset) & (time <= onset + horizon + 1e-9)
+    hit = rising(alarm) & (time > onset + ROUNDING) & (time <= onset + horizon + ROUNDING)
     delay = hit.argmax(axis=0) * SAMPLE_TIME - onset
     return _censored(delay, hit.any(axis=0), horizon)
 
@@ -158,11 +159,11 @@ def isolation_time(decision: np.ndarray, label: np.ndarray, onset: np.ndarray, h
     wrong = (decision != label) & (index <= end)
     start = np.where(wrong, index, -1).max(axis=0) + 1
     time = start * SAMPLE_TIME - onset
-    return _censored(time, (start <= end) & (time > 0.0), horizon)
+    return _censored(time, (start <= end) & (time > ROUNDING), horizon)
 
 
 def _censored(time: np.ndarray, happened: np.ndarray, horizon: float) -> Times:
-    return Times(np.where(happened, time, horizon), ~happened)
+    return Times(np.where(happened, np.minimum(time, horizon), horizon), ~happened)
 
 
 def restricted_mean(times: Times) -> float:

@@ -14,6 +14,7 @@ PERSISTENCE = 3  # samples in a row for an alarm, the same for all: outlives a s
 DECIDED = (1.0, 2.0, 5.0, 10.0, 20.0)  # s after onset, instants at which decisions are judged
 HORIZON = 30.0  # s after onset, up to which it is watched
 UNNORMALISED = 1e-3  # how far a sum of probabilities may be from 1
+LARGEST_SEVERITY = 1e6  # of what may still be an honest estimate of a number from 0 to 1, and its spread
 
 
 class Truth(NamedTuple):
@@ -117,6 +118,8 @@ def _ailment(belief: Any, shape: tuple[int, int]) -> str | None:
             return f"{name} has shape {np.shape(values)} instead of {shape}"
     if any(np.isnan(values).any() for values in belief):
         return "belief is NaN"
+    if np.max(np.abs(belief[1:])) > LARGEST_SEVERITY or np.min(belief[2]) < 0.0:
+        return "severity is infinite, or its standard deviation negative,"
     total = np.exp(np.asarray(belief[0], np.float64)).sum(axis=1)
     worst = total[np.abs(total - 1.0).argmax()]
     return f"probabilities sum to {worst:.6g}" if abs(worst - 1.0) > UNNORMALISED else None

@@ -92,7 +92,7 @@ def judge_at(threshold: float, faulty: Record, so: Truth, healthy: Calm) -> Judg
 
 
 def healthy_beside(n_faulty: int, n_healthy: int) -> np.ndarray:
-    """Indices of the healthy lanes judged beside the faulty ones at an instant, spread over both stimuli."""
+    """Indices of the healthy lanes judged beside the faulty ones at an instant, spread evenly over these."""
     wanted = min(round(HEALTHY_PER_FAULTY * n_faulty), n_healthy)
     return np.linspace(0, n_healthy - 1, wanted).astype(np.int64)
 
@@ -122,7 +122,7 @@ def alarm_summary(judged: Judged, mean_time: float, seed: int) -> dict[str, Any]
     """The figures that hang on the threshold, which was set for one false alarm per `mean_time` [s]."""
     rate = poisson_interval(judged.false_alarms, judged.hours)
     return {
-        "threshold": judged.threshold,
+        "threshold": finite(judged.threshold),
         "false_alarms": judged.false_alarms,
         "false_alarm_vehicles": judged.false_alarm_vehicles,
         "hours": judged.hours,

@@ -42,6 +42,8 @@ HEALTHY_PARTS = ("threshold", "counting")
 COLUMNS = ("seed", "faults", "legs", "start_speed")
 LAST_CALM = 30.0  # s, latest instant that stands for an onset on healthy lanes
 STEERING, CALM_ONSET, INSTANTS = 4, 5, 6  # streams of a lane's noise key, beside those of the fleet
+NAME = re.compile(r"[\w-]{1,60}")
+LARGEST_SEED = 2**62  # leaves room for healthy lanes after it
 CLOSING = re.compile(r' "hash": "([0-9a-f]{64})"\n}\n\Z')
 
 
@@ -80,6 +82,8 @@ class Conditions:
 
     def __post_init__(self):
         finite_in_range("duration", self.duration, LAST_CALM + HORIZON + SAMPLE_TIME, 3600.0)
+        if not self.missions:
+            raise refusal("missions", self.missions, "at least one", "give the distribution of healthy lanes' missions")
         Fleet(1, **self.plant)
 
     @property
@@ -124,6 +128,10 @@ class Suite:
     hash: str = ""
 
     def __post_init__(self):
+        if not isinstance(self.name, str) or not NAME.fullmatch(self.name):
+            raise refusal("name", self.name, "letters, digits, hyphens and underscores", "take another")
+        if not self.episodes:
+            raise refusal("episodes", self.episodes, "at least one", "give a faulty episode")
         for part in HEALTHY_PARTS:
             _own_seed(f"first seed of {part}", self.healthy.get(part))
         for episode in self.episodes:
@@ -140,14 +148,14 @@ class Suite:
 
 
 def _own_seed(thing: str, seed: Any) -> None:
-    if purpose_of(whole_number(thing, seed, 0)) not in ("test", None):
-        raise refusal(thing, seed, "none that diagnosers are trained or chosen on", "take one of the test seeds")
+    if whole_number(thing, seed, 0) > LARGEST_SEED or purpose_of(seed) not in ("test", None):
+        raise refusal(thing, seed, f"up to {LARGEST_SEED}, none that diagnosers are trained on", "take a test seed")
 
 
 def _checked_onset(episode: Episode, last: float) -> None:
     thing = f"faults of the episode with seed {episode.seed}"
-    if not episode.schedule:
-        raise refusal(thing, [], "at least one", "name a fault")
+    if not any(event.severity > 0.0 for event in episode.schedule):
+        raise refusal(thing, episode.schedule, "at least one, its severity above 0", "name a fault")
     finite_in_range(f"{thing}, first onset", min(event.onset for event in episode.schedule), SAMPLE_TIME, last)
 
 

@@ -10,6 +10,7 @@ import os
 import re
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -39,8 +40,9 @@ def weights_digest(diagnoser: Diagnoser) -> str | None:
 def fingerprint(entrant: Entrant, diagnoser: Diagnoser) -> str:
     """What the beliefs of a diagnoser depend on: its code, weights and settings. A foreign file's imports go unseen."""
     source = getattr(entrant.make, "source", None) or inspect.getsourcefile(type(diagnoser))
+    of_file = getattr(entrant.make, "target", "").rpartition(":")[2]  # which of the classes in a foreign file
     settings = diagnoser.settings() if hasattr(diagnoser, "settings") else {}
-    return repr((digest(Path(source).resolve()), weights_digest(diagnoser), settings))
+    return repr((digest(Path(source).resolve()) + of_file, weights_digest(diagnoser), settings))
 
 
 def path_of(folder: Path, trial: Trial, made_by: str) -> Path:
@@ -52,14 +54,18 @@ def path_of(folder: Path, trial: Trial, made_by: str) -> Path:
 
 def write(path: Path, outcome: Watched | Calm) -> None:
     """Write an outcome, aside first, so that a file is whole whenever the process dies."""
-    handle, aside = tempfile.mkstemp(prefix=".", suffix=".npz", dir=path.parent)
     try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, **outcome._asdict())
-        os.chmod(aside, 0o644)
-        os.replace(aside, path)
-    finally:
-        Path(aside).unlink(missing_ok=True)
+        handle, aside = tempfile.mkstemp(prefix=".", suffix=".npz", dir=path.parent)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                np.savez_compressed(file, **outcome._asdict())
+            os.chmod(aside, 0o644)
+            os.replace(aside, path)
+        finally:
+            Path(aside).unlink(missing_ok=True)
+    except OSError as error:
+        allowed = f"a place that can be written ({error.strerror or error})"
+        raise refusal("trial", str(path), allowed, "make room, and run the same command again") from None
 
 
 def read(paths: Sequence[Path], part: str) -> Any:
@@ -72,6 +78,6 @@ def _read(path: Path, kind: type) -> Any:
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return kind(**arrays)
-    except (OSError, ValueError, TypeError, zipfile.BadZipFile) as error:
+    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile, zlib.error) as error:
         shown = f"{type(error).__name__}: {error}"
         raise refusal(f"trial {path}", shown, "a whole file", "delete it and run the same command again") from None

@@ -115,7 +115,7 @@ def watch(trial: Trial) -> tuple[np.ndarray, Record, np.ndarray, np.ndarray]:
     observations = np.empty((conditions.n_samples, *observation.shape), np.float32)
     for k in range(conditions.n_samples):
         observations[k] = observation
-        belief = recorder.note(k, diagnoser.update(observation))
+        belief = recorder.note(k, diagnoser.update(observation.copy()))  # it must not steer by what it is given
         speed = observation[:, MISSION_SPEED] + trial.stimulus.offset(k, observation, belief)
         observation = fleet.step(np.column_stack([speed, deflections[k]]))
         spent += fleet.outcomes

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterator, Mapping
+from concurrent.futures.process import BrokenProcessPool
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -34,14 +35,15 @@ def attempt(path: Path, trial: Trial) -> tuple[Path, str, Watched | Calm | str]:
     """Where the trial's outcome belongs, its diagnoser, the outcome, or why there is none."""
     try:
         return path, trial.entrant.name, run(trial)
-    except Exception as error:  # whatever ails one diagnoser, the others are scored
+    except (Exception, SystemExit) as error:  # whatever ails one diagnoser, the others are scored
         return path, trial.entrant.name, explained(error)
 
 
 def run_missing(trials: Mapping[Path, Trial], workers: int, backend: str) -> dict[str, str]:
     """Run the trials whose outcome is not there yet, and write it; says why diagnosers failed, by name.
 
-    Of a diagnoser that has failed no more trials are begun.
+    Of a diagnoser that has failed no more trials are begun. One that ends its whole process, or takes all memory, ends
+    the run.
     """
     failures: dict[str, str] = {}
     todo = {path: trial for path, trial in trials.items() if not path.exists()}
@@ -63,7 +65,11 @@ def run_missing(trials: Mapping[Path, Trial], workers: int, backend: str) -> dic
 def _outcomes(jobs: Iterator[Any], workers: int, backend: str) -> Iterator[Any]:
     """What comes of the jobs, in any order: one by one as they end, or in rounds where joblib can only wait for all."""
     if backend != RAY:
-        yield from Parallel(n_jobs=workers, backend=backend, return_as="generator_unordered")(jobs)
+        try:
+            yield from Parallel(n_jobs=workers, backend=backend, return_as="generator_unordered")(jobs)
+        except BrokenProcessPool:
+            remedy = "take fewer --workers, or leave out the diagnoser at fault; what is done is kept"
+            raise refusal("workers", "a process that has died", "enough memory, sound diagnosers", remedy) from None
         return
     with Parallel(n_jobs=workers, backend=backend) as parallel:
         while round_of_jobs := list(islice(jobs, ROUND)):

@@ -11,7 +11,7 @@ from training import metrics
 from training.benchmark_scores import rounded
 from training.metrics import NORMAL
 from training.records import HORIZON, PERSISTENCE
-from training.scoring import Judged
+from training.scoring import Judged, finite
 from training.trials import Known, Trial, Watched, watch
 
 WORST = 3
@@ -35,7 +35,7 @@ def worst_episodes(trial: Trial, faulty: Watched, judged: Judged, so: Known) -> 
             "why": why(alarm[:, k], faulty.fault[:, lane], so, lane),
             "time": rounded(np.arange(0, len(alarm), EVERY) * SAMPLE_TIME),
             "log_normal": rounded(np.maximum(faulty.log_normal[::EVERY, lane], np.finfo(np.float32).min)),
-            "threshold": judged.threshold,
+            "threshold": finite(judged.threshold),
             "alarm": alarm[::EVERY, k].tolist(),
             "fault": faulty.fault[::EVERY, lane].tolist(),
             "readings": {name: rounded(shown[:, k, column]) for column, name in enumerate(READ)},

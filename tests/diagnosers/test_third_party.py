@@ -120,6 +120,14 @@ def test_a_name_that_is_taken_is_refused(place):
     assert list(found([f"{path}:Mine", f"{path}:Mine"])) == ["mine"]
 
 
+def test_a_name_is_text_that_a_file_can_have(place):
+    text = OURS + "class Other(Mine):\n    name = property(lambda self: 3)\nclass Long(Mine):\n    name = 61 * 'x'"
+    path = written(place, "mine_of_a_test", text)
+    assert list(found([f"{path}:Other"])) == ["Other"]
+    with pytest.raises(InputError, match="up to 60 characters; shorten it"):
+        found([f"{path}:Long"])
+
+
 def test_a_system_of_one_sample_becomes_a_diagnoser_of_lanes(place):
     pytest.importorskip("pandas")
     path = written(place, "theirs_of_a_test", THEIRS)

@@ -1,6 +1,8 @@
 import csv
+import errno
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -12,8 +14,8 @@ import pytest
 
 from auv_fault_env.faults import classes
 from diagnosers import REGISTRY, Belief, Entry, Recursive
-from training import benchmark, cli, runs, timing
-from training.arguments import Simulate
+from training import benchmark, benchmark_figures, benchmark_results, cli, plots, runs, timing
+from training.arguments import Benchmark, Simulate
 from training.suites import load
 
 TINY = ["--hours", "0.1", "--counting-hours", "0.05"]
@@ -48,6 +50,48 @@ class Undefined(Even):
 class Breaking(Even):
     def spoilt(self, k, probability):
         raise RuntimeError("no\nidea")
+
+
+class Leaving(Even):
+    def spoilt(self, k, probability):
+        raise SystemExit("enough")
+
+
+class Boundless(Even):
+    def spoilt(self, k, probability):
+        return super().spoilt(k, probability)._replace(severity_mean=np.full_like(probability, np.inf))
+
+
+class Doubtless(Even):
+    def spoilt(self, k, probability):
+        return super().spoilt(k, probability)._replace(severity_std=np.full_like(probability, -1.0))
+
+
+class BreakingAgain(Even):
+    """Breaks the second time that it is to watch three lanes: those to count alarms on, and then the worst."""
+
+    seen = []
+
+    def initial(self, n_lanes):
+        self.seen.append(n_lanes)
+        if self.seen.count(3) > 1:
+            raise RuntimeError("not again")
+        return super().initial(n_lanes)
+
+
+class Certain(Even):
+    """Says that a fault is certain, now and then, healthy or not."""
+
+    def spoilt(self, k, probability):
+        certain = np.zeros_like(probability)
+        certain[:, k // 5 % 2] = 1.0
+        with np.errstate(divide="ignore"):
+            return super().spoilt(k, certain)
+
+
+class Told(Even):
+    def tell(self, healthy, severity):
+        pass
 
 
 @pytest.fixture(autouse=True)
@@ -200,6 +244,10 @@ def test_an_output_of_another_suite_or_run_is_refused(mine, capfd):
         (Unnormalised, "ValueError: its probabilities sum to 1.5 at 63.0 s"),
         (Undefined, "ValueError: its belief is NaN at 64.0 s"),
         (Breaking, "RuntimeError: no idea"),
+        (BreakingAgain, "RuntimeError: not again"),
+        (Leaving, "SystemExit: enough"),
+        (Boundless, "ValueError: its severity is infinite, or its standard deviation negative, at 0.0 s"),
+        (Doubtless, "ValueError: its severity is infinite, or its standard deviation negative, at 0.0 s"),
     ],
 )
 def test_one_that_fails_is_left_out_in_one_line_and_the_others_stay(mine, capfd, monkeypatch, kind, why):
@@ -212,6 +260,82 @@ def test_one_that_fails_is_left_out_in_one_line_and_the_others_stay(mine, capfd,
     assert sum(line.rstrip() == f"limits is left out: {why}" for line in lines) == 1
     assert cli.main(command(mine, "--diagnosers", "limits", "--stimuli", "cruise", "--workers", "1")) == 2
     assert "at least one that works" in capfd.readouterr().err
+
+
+def test_one_that_no_threshold_can_quieten_never_alarms_and_spoils_nothing(mine, monkeypatch):
+    monkeypatch.setitem(REGISTRY, "limits", Entry(Certain))
+    run = command(mine, "--diagnosers", "limits", "null", "--stimuli", "cruise", "--workers", "1", output="page")
+    assert cli.main(run) == 0
+    results = results_of(mine, "page")
+    assert results["thresholds"]["limits"] == {"1 h": None, "10 h": None}
+    certain = results["scores"]["cruise"]["limits"]
+    assert certain["rates"]["1 h"]["threshold"] is None and certain["detection"]["probability"] == 0.0
+    assert [plots.PLOTS["episodes"]([benchmark_figures._episode(view_of(results), "cruise", certain["worst"][0])]).axes]
+
+
+def view_of(results):
+    return benchmark_figures.View.of(results)
+
+
+def test_one_that_is_told_the_truth_is_not_ranked(mine, monkeypatch):
+    monkeypatch.setitem(REGISTRY, "limits", Entry(Told))
+    assert cli.main(command(mine, "--diagnosers", "limits", "--stimuli", "cruise", "--workers", "1")) == 0
+    assert results_of(mine)["references"] == ["limits"]
+
+
+def test_a_process_that_dies_ends_the_run_in_one_line(mine, capfd):
+    dying = mine.parent / "dying.py"
+    dying.write_text(
+        "import os\nfrom diagnosers.anchors import Null\n"
+        "class Dying(Null):\n    name = 'dying'\n    def initial(self, n):\n"
+        f"        if os.getpid() != {os.getpid()}: os._exit(3)\n        return super().initial(n)\n",
+        encoding="utf-8",
+    )
+    more = ["--diagnoser", f"{dying}:Dying", "--diagnosers", "null", "--stimuli", "cruise", "--workers", "2"]
+    assert cli.main(command(mine, *more)) == 2
+    last = capfd.readouterr().err.replace("\r", "\n").strip().split("\n")[-1]
+    assert last.startswith("auv-fault benchmark: workers: got 'a process that has died'")
+
+
+def test_a_full_disk_ends_the_run_in_one_line(mine, capfd, monkeypatch):
+    def full(*arguments, **arrays):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", full)
+    assert cli.main(command(mine, "--diagnosers", "null", "--workers", "1")) == 2
+    last = capfd.readouterr().err.replace("\r", "\n").strip().split("\n")[-1]
+    assert last.startswith("auv-fault benchmark: trial:") and "No space left on device" in last
+    assert not outcomes(mine)
+
+
+@pytest.mark.parametrize("where", ["_made", "scored"])
+def test_a_run_that_is_stopped_says_what_it_leaves(mine, capfd, monkeypatch, where):
+    def stopped(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(benchmark, where, stopped)
+    assert cli.main(command(mine, "--diagnosers", "null", "--stimuli", "cruise", "--workers", "1")) == 130
+    assert "trials that are done are kept" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "healthy", [{"counting": 4_900_000_001}, {"counting": 4_000_000_003}, {"threshold": 4_010_000_001}]
+)
+def test_a_suite_whose_vehicles_serve_twice_is_refused(mine, capfd, healthy):
+    suite = load(str(mine))
+    mine.write_text(replace(suite, healthy=suite.healthy | healthy).text(), encoding="utf-8")
+    assert cli.main(command(mine, "--diagnosers", "null")) == 2
+    message = capfd.readouterr().err
+    assert message.count("\n") == 1 and "vehicles that serve once" in message
+    assert [path.name for path in mine.parent.iterdir()] == ["mine.json"]
+
+
+def test_the_command_of_the_results_can_be_pasted():
+    asked = Benchmark(suite="my suite.json", diagnoser=("a b.py:C", "m:D"), hours=12.3456789, lanes=3)
+    words = shlex.split(benchmark_results.command(asked))
+    assert words[:4] == ["auv-fault", "benchmark", "--suite", "my suite.json"]
+    assert ["--hours", "12.3456789"] == words[words.index("--hours") :][:2]
+    assert words[-6:] == ["--diagnoser", "a b.py:C", "--diagnoser", "m:D", "--lanes", "3"]
 
 
 def test_somebody_elses_diagnoser_takes_part(mine):

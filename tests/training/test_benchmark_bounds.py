@@ -7,7 +7,7 @@ from auv_fault_env.faults import classes
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers import make
 from training import metrics
-from training.benchmark_bounds import AMOC_RATES, RATES, bounds_of, check
+from training.benchmark_bounds import AMOC_RATES, FEWEST, RATES, bounds_of, check
 from training.bounds import bootstrap, delay_bound, detection_power
 from training.information import HORIZON, suite_like, told
 from training.stimuli import Thesis
@@ -69,7 +69,7 @@ def log_normal(name, lanes):
 
 
 def results(delay, isolation, upper=1.5):
-    """Two abrupt episodes and an incipient one of the first class, one diagnoser, bounds of 3 s and of 5 s."""
+    """Abrupt episodes of the first class and an incipient one, a diagnoser's, and bounds of 3 s and of 5 s."""
     kind = classes()[1]
     bound = {
         "classes": {
@@ -79,13 +79,13 @@ def results(delay, isolation, upper=1.5):
         "amoc": {"false_alarms_per_hour": AMOC_RATES.tolist()},
     }
     score = {
-        "by_lane": {"detection": [*delay, 0.1], "isolation": [*isolation, 0.1]},
+        "by_lane": {"detection": [*delay * FEWEST, 0.1], "isolation": [*isolation * FEWEST, 0.1]},
         "rates": {"1 h": {"false_alarms_per_hour_interval": [0.5, upper]}},
     }
     return {
         "bounds": {"thesis": bound},
         "scores": {"thesis": {"bold": score}},
-        "episodes": {"fault": [1, 1, 1], "abrupt": [True, True, False]},
+        "episodes": {"fault": [1] * (2 * FEWEST + 1), "abrupt": [True] * 2 * FEWEST + [False]},
         "classes": list(classes()),
         "seeds": {"bootstrap": 0},
     }
@@ -99,6 +99,12 @@ def test_check_looks_at_abrupt_episodes_only_and_names_who_beats_a_bound():
     ]
     assert rows[0]["measured"][0] == pytest.approx(4.1)
     assert [row["beaten"] for row in check(results([0.5, 0.6], [1.0, 2.0]))] == [True, True]
+
+
+def test_check_leaves_out_classes_with_few_episodes():
+    found = results([0.1, 0.1], [6.0, 7.0])
+    found["episodes"]["abrupt"][FEWEST - 1 :] = [False] * (FEWEST + 2)
+    assert [row["what"] for row in check(found)] == ["isolation"]
 
 
 def test_check_allows_a_diagnoser_what_its_false_alarms_allow():

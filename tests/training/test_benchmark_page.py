@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from auv_fault_env.faults import classes
-from training import benchmark_page, plots
+from training import benchmark_page, leaderboard, plots
 from training.report import write_report
 
-N_EPISODES, N_HEALTHY, HORIZON = 72, 18, 30.0
+N_EPISODES, N_HEALTHY, HORIZON = 144, 36, 30.0
 NAMES = ("integrated", "filter_bank", "cusum", "mine", "oracle", "null")
 STIMULI = ("cruise", "thesis")
 RATES = {"1 h": 3600.0, "10 h": 36000.0}
@@ -163,7 +163,7 @@ def made_up(stimuli=STIMULI, names=NAMES, least=None):
             "listed": 2052,
             "every": 1,
         },
-        "seeds": {"faulty": [10, 81], "threshold": [100, 200], "counting": [300, 400], "bootstrap": 0},
+        "seeds": {"faulty": [10, 153], "threshold": [100, 200], "counting": [300, 400], "bootstrap": 0},
         "settings": {
             "persistence": 3,
             "horizon": HORIZON,
@@ -235,12 +235,27 @@ def test_what_was_run_says_suite_seeds_and_third_parties(page):
     said = dict(rows(page, "What was run"))
     assert said["suite"] == "standard, all of 2052 episodes of 65 s"
     assert said["hash of the suite"] == "ab" * 32
-    assert "faulty 10–81" in said["seeds"] and "bootstrap 0" in said["seeds"]
+    assert "faulty 10–153" in said["seeds"] and "bootstrap 0" in said["seeds"]
     assert said["third party: mine"] == "/somewhere/mine.py:Mine"
     assert said["revision"] == "unknown"
     assert rows(page, "Left out") == [["rules", "RuntimeError: no idea"]]
     digests = {row[0]: row[-1] for row in rows(page, "Compute")}
     assert digests["integrated"] == "0123456789abcdef" and digests["oracle *"] == "nothing learnt"
+
+
+def test_the_introduction_reads_as_sentences(page):
+    assert page["intro"][0].startswith("The suite: Every class, every severity. 144 episodes with a fault")
+
+
+def test_the_bound_of_isolation_says_for_whom_it_holds(page):
+    (section,) = [section for section in page["sections"] if section["heading"] == "Isolation time by class"]
+    assert next(iter(section["figures"][0]["data"]["delays"])) == "bound at 1 % misnamed"
+    assert "who confuses the two more often can be below it" in section["figures"][0]["caption"]
+
+
+def test_long_durations_are_written_in_full():
+    costs = {"a": {"p50_us": 41.04, "p99_us": 4843.2, "many_lanes_us": 1.234}}
+    assert leaderboard.compute(costs, ["a"], ())["table"]["rows"] == [["a", "41", "4,843", "1.23"]]
 
 
 def test_a_shortened_run_says_so(results):

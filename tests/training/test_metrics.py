@@ -72,6 +72,15 @@ def test_alarm_before_or_at_onset_is_no_detection():
     np.testing.assert_array_equal(found.censored, [row[2] for row in rows.values()])
 
 
+def test_nothing_at_the_very_onset_is_found_though_samples_are_not_exact_multiples():
+    onset = np.round(np.arange(1, 300) * 0.1, 2)
+    at_onset = np.arange(650)[:, None] >= np.arange(1, 300)  # alarm and right answer begin in the sample of the onset
+    assert metrics.detection_delay(at_onset, onset, 30.0).censored.all()
+    assert metrics.isolation_time(np.where(at_onset, 7, 0), np.full(299, 7), onset, 30.0).censored.all()
+    later = np.arange(650)[:, None] >= np.arange(2, 301)
+    np.testing.assert_allclose(metrics.detection_delay(later, onset, 30.0).time, 0.1)
+
+
 def test_isolated_is_the_last_stretch_that_is_right_up_to_the_horizon():
     rows = {  # onset at 0.15 s, horizon at 0.55 s: sample 5 is the last that counts
         "for good": ([0, 0, 2, 7, 7, 7, 7], 0.15, False),
@@ -108,6 +117,14 @@ def test_kaplan_meier_median_by_hand():
     few = Times(np.array([1.0, 30.0, 30.0]), np.array([False, True, True]))
     assert metrics.kaplan_meier_median(few) == math.inf
     assert metrics.kaplan_meier_median(Times(np.full(2, 30.0), np.ones(2, bool))) == math.inf
+
+
+def test_what_happens_at_the_very_horizon_does_not_outlive_those_where_nothing_does():
+    onset = np.tile(np.round(np.arange(50, 300) * 0.1, 2), 5)
+    right = (np.arange(650)[:, None] >= metrics.sample_at(onset + 30.0)) & (np.arange(1250) < 250)  # a fifth, at last
+    found = metrics.isolation_time(np.where(right, 7, 0), np.full(1250, 7), onset, 30.0)
+    assert metrics.probability(found) == pytest.approx(0.2)
+    assert found.time.max() == 30.0 and metrics.kaplan_meier_median(found) == math.inf
 
 
 def test_confusion_and_macro_f1_by_hand():

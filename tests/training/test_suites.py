@@ -13,7 +13,7 @@ SUITES = {name: suites.load(name) for name in suites.NAMES}
 
 def small(n=2, **changes):
     suite = SUITES["thesis"]
-    return replace(suite, episodes=suite.episodes[:n], **changes)
+    return replace(suite, **{"episodes": suite.episodes[:n]} | changes)
 
 
 def written(path, suite):
@@ -128,6 +128,10 @@ def test_the_refusal_names_both_hashes_and_the_remedy(tmp_path):
         ('"counting"', '"count"', ["first seed of counting", "None"]),
         ('"columns"', '"collumns"', []),
         ('"missions"', '"mission"', ["KeyError", "missions"]),
+        ('"missions": [', '"missions": [], "was": [', ["missions", "at least one"]),
+        ('"episodes": [', '"episodes": [], "were": [', ["episodes", "at least one"]),
+        ('"name": "thesis"', '"name": "../thesis"', ["name", "../thesis"]),
+        ('"counting": 4010000000', '"counting": 18446744073709551615', ["first seed of counting", "test seed"]),
         ('"onset": ', '"onset": 9', ["first onset", "to 34.9"]),
     ],
 )
@@ -142,6 +146,13 @@ def test_a_sealed_file_that_makes_no_sense_is_refused_with_the_place(tmp_path, o
         suites.load(str(path))
     for word in ("mine.json", *words):
         assert word in str(refused.value)
+
+
+def test_a_faulty_episode_has_a_fault():
+    first = small(1).episodes[0]
+    for schedule in ((), tuple(replace(event, severity=0.0) for event in first.schedule)):
+        with pytest.raises(InputError, match="its severity above 0"):
+            small(episodes=(first._replace(schedule=schedule),))
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", "[1]", "null"])

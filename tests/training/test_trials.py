@@ -1,3 +1,4 @@
+import contextlib
 import functools
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ from auv_fault_env.faults import CATALOGUE, classes
 from auv_fault_env.missions import Mission
 from auv_fault_env.parameters import PARAMETERS
 from diagnosers import Belief, Recursive, make
+from diagnosers.third_party import ThirdParty
 from training import metrics, records, trial_store, trials
 from training.metrics import Edges
 from training.records import PERSISTENCE, Record, calm, joined
@@ -200,12 +202,44 @@ def test_an_outcome_is_read_as_it_was_written(tmp_path, part):
         assert kept.dtype == value.dtype
 
 
-def test_a_damaged_outcome_is_refused(tmp_path):
+@pytest.mark.parametrize("kept", [0, 1, 0.1, 0.5, 0.99])
+def test_a_damaged_outcome_is_refused(tmp_path, kept):
     path = tmp_path / "a.npz"
     trial_store.write(path, run(trial(part=COUNTING)))
-    path.write_bytes(path.read_bytes()[:-100])
+    content = path.read_bytes()
+    path.write_bytes(content[: round(kept * len(content))] if kept < 1 else content[:1])
     with pytest.raises(InputError, match=r"a\.npz.*delete it"):
         trial_store.read([path], COUNTING)
+
+
+def test_an_outcome_with_any_spoilt_byte_is_refused_or_read(tmp_path):
+    path = tmp_path / "a.npz"
+    trial_store.write(path, run(trial(part=FAULTY, n=1)))
+    content = path.read_bytes()
+    for k in range(0, len(content), 97):
+        path.write_bytes(content[:k] + bytes([content[k] ^ 0x5A]) + content[k + 1 :])
+        with contextlib.suppress(InputError):
+            trial_store.read([path], FAULTY)
+
+
+def test_two_classes_of_one_file_are_told_apart(tmp_path):
+    path = tmp_path / "two_of_a_test.py"
+    path.write_text("from diagnosers.anchors import Null\nclass A(Null): ...\nclass B(Null): ...\n")
+    parties = [ThirdParty(f"{path}:{name}") for name in "AB"]
+    first, second = (trial_store.fingerprint(Entrant("x", party), party()) for party in parties)
+    assert first != second
+
+
+class Steering(Told):
+    def update(self, observation):
+        observation[:] = 0.9
+        return super().update(np.zeros_like(observation))
+
+
+def test_a_diagnoser_cannot_steer_the_vehicle_by_what_it_is_given():
+    still, steered = (watch(trial(Entrant(kind.name, kind))) for kind in (Told, Steering))
+    for a, b in zip((still[0], *still[2:]), (steered[0], *steered[2:]), strict=True):
+        np.testing.assert_array_equal(a, b)
 
 
 def test_the_place_of_an_outcome_hangs_on_all_that_it_is_made_from(tmp_path):
