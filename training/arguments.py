@@ -68,6 +68,26 @@ class Train:
 
 
 @dataclass(frozen=True)
+class TrainStimulus:
+    """Train a policy that varies the speed so that faults show sooner; the same command goes on after a break."""
+
+    output: Path | None = None
+    """Folder of policy, card and report, runs/train-stimulus-DIAGNOSER-BUDGET if not given."""
+    seed: int = 0
+    """Seed of all that is random."""
+    budget: float = 0.0762
+    """Root mean square of the speed offsets that it may spend [m/s]; the default is the thesis' 0.25 ft/s."""
+    diagnoser: str = "filter_bank"
+    """Diagnoser whose beliefs it sees: filter_bank or integrated."""
+    steps: int = 2_000_000
+    """Decisions to train on, one second each, rounded up to whole epochs."""
+    install: bool = False
+    """Copy policy and card into the package; works on a finished run too."""
+    restart: bool = False
+    """Discard the checkpoint and train anew; a finished run at the output is replaced once the new one is complete."""
+
+
+@dataclass(frozen=True)
 class Validate:
     """Compare the diagnosers on episodes of their own: isolation time, macro-F1, severity, calibration, speed."""
 
@@ -115,6 +135,7 @@ COMMANDS: dict[str, type] = {
     "reproduce": Reproduce,
     "simulate": Simulate,
     "train": Train,
+    "train-stimulus": TrainStimulus,
     "validate": Validate,
     "benchmark": Benchmark,
 }

@@ -20,6 +20,7 @@ from training.report import print_tables, write_report
 from training.runs import earlier_run, free_place, run_folder, write_json, write_manifest
 from training.seeds import seeds
 from training.stimuli import STIMULI
+from training.stimuli_closed_loop import ClosedLoop
 from training.suites import STANDARD, load
 from training.trials import COUNTING, THRESHOLD, Entrant
 from training.validation import Contestant, left_out
@@ -66,8 +67,9 @@ def _results(
     if not working:
         raise refusal("diagnosers", list(entrants), "at least one that works", "see above what ails them")
     results = header(arguments, plan, working, failures) | scores
-    if plan.suite == load(STANDARD):  # the bounds are those of its faults
-        results["bounds"] = bounds(plan.stimuli, arguments.seed, workers, arguments.backend)
+    if plan.suite == load(STANDARD):  # the bounds are those of its faults, whoever watches
+        without_belief = [one for one in plan.stimuli if not isinstance(one, ClosedLoop)]
+        results["bounds"] = bounds(without_belief, arguments.seed, workers, arguments.backend)
     return results
 
 

@@ -5,6 +5,7 @@ Trials depend on nothing but what they are made from, so any process on any mach
 
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -111,12 +112,13 @@ def watch(trial: Trial) -> tuple[np.ndarray, Record, np.ndarray, np.ndarray]:
     diagnoser = started(Contestant(trial.entrant.make()), fleet.plan.healthy.copy(), so.full_severity)
     _use_one_thread()
     recorder = Recorder(diagnoser.classes, conditions.n_samples, so.instants)
+    stimulus = replace(trial.stimulus)  # one of its own, for it may remember the episode
     deflections, spent = conditions.deflections(seeds), np.zeros_like(fleet.outcomes)
     observations = np.empty((conditions.n_samples, *observation.shape), np.float32)
     for k in range(conditions.n_samples):
         observations[k] = observation
         belief = recorder.note(k, diagnoser.update(observation.copy()))  # it must not steer by what it is given
-        speed = observation[:, MISSION_SPEED] + trial.stimulus.offset(k, observation, belief)
+        speed = observation[:, MISSION_SPEED] + stimulus.offset(k, observation, belief)
         observation = fleet.step(np.column_stack([speed, deflections[k]]))
         spent += fleet.outcomes
     _, energy, cost, _ = spent

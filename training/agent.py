@@ -1,0 +1,31 @@
+"""The network that PPO trains: what is kept of it is a `LearnedPolicy`, the rest serves the training."""
+
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.policies import ActorCriticPolicy
+from torch import nn
+
+from training.policy import HIDDEN, LAYERS
+
+LOG_STD = -1.6  # of an action at first: 0.2, or 0.05 m/s, within the usual budgets
+SOURCES = dict(zip(LAYERS, ("mlp_extractor.policy_net.0", "mlp_extractor.policy_net.2", "action_net.0"), strict=True))
+
+
+class Agent(ActorCriticPolicy):
+    """Actor and critic of two hidden layers each; the actor's mean action goes through tanh, so that it has bounds."""
+
+    def __init__(self, *arguments: Any, **settings: Any):
+        super().__init__(*arguments, net_arch=[HIDDEN, HIDDEN], log_std_init=LOG_STD, **settings)
+        self.action_net = nn.Sequential(self.action_net, nn.Tanh())
+
+    def tensors(self) -> dict[str, np.ndarray]:
+        """A copy of all parameters, by name."""
+        return {name: parameter.detach().numpy().copy() for name, parameter in self.named_parameters()}
+
+    def learned(self) -> dict[str, np.ndarray]:
+        """A copy of the tensors of a `LearnedPolicy`, whose actions are this actor's deterministic ones."""
+        own = self.tensors()
+        return {
+            f"{to}_{part}": own[f"{source}.{part}"] for to, source in SOURCES.items() for part in ("weight", "bias")
+        }

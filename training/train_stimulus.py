@@ -1,0 +1,125 @@
+"""``auv-fault train-stimulus``: a policy that chooses the speed so that a fault shows sooner, within a budget.
+
+It runs and goes on as ``auv-fault train`` does: checkpoint and TensorBoard log lie in ``OUTPUT-unfinished`` until all
+is done, and the same command goes on after the last complete epoch and ends with the same policy, bit for bit, on one
+machine. Whole epochs are trained: `--steps` is rounded up to them.
+"""
+
+import shutil
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from safetensors import SafetensorError
+
+from auv_fault_env.channels import MAXIMUM_COMMAND
+from auv_fault_env.errors import finite_in_range, known_name, refusal, whole_number
+from diagnosers.registry import ranked
+from training.active_features import FEATURES
+from training.arguments import TrainStimulus
+from training.checkpoint import LOG, Progress, unfinished_folder
+from training.policy import LearnedPolicy
+from training.report import write_report
+from training.runs import earlier_run, free_place, provenance, run_folder, write_json
+from training.stimulus_trainer import StimulusTrainer
+from training.train import install
+from training.train_classifier import train
+from training.train_page import page
+
+SETTINGS = ("diagnoser", "budget", "seed", "steps")
+
+
+def main(arguments: TrainStimulus) -> None:
+    """Train, or go on with a training that was broken off; a finished one is left as it is."""
+    trainer, name = trainer_of(arguments), name_of(arguments.diagnoser, arguments.budget)
+    output = free_place(arguments.output or Path("runs") / f"train-{name}")
+    unfinished = unfinished_folder(output)
+    if arguments.restart:
+        shutil.rmtree(unfinished, ignore_errors=True)
+    if arguments.restart or unfinished.exists() or not _is_finished(output, arguments):
+        made = _run(arguments, trainer, output, unfinished)
+        print(f"{made['figures']['decisions_per_second']:.0f} decisions per second, 10 samples of 0.1 s each")
+        print(f"report: {output / 'index.html'}")
+    else:
+        print(f"already trained: {output}; --restart trains anew")
+    if arguments.install:
+        install(output, name)
+
+
+def name_of(diagnoser: str, budget: float) -> str:
+    """The name of a policy's files."""
+    return f"stimulus-{diagnoser}-{budget:g}"
+
+
+def trainer_of(arguments: TrainStimulus) -> StimulusTrainer:
+    """The trainer that is asked for; bad arguments are refused."""
+    seed = int(finite_in_range("seed", arguments.seed, 0, 2**62))
+    budget = finite_in_range("budget", arguments.budget, 0.001, MAXIMUM_COMMAND)
+    diagnoser = known_name("diagnoser", arguments.diagnoser, ranked())
+    steps = whole_number("steps", arguments.steps)
+    return StimulusTrainer(seed, budget, diagnoser, steps)
+
+
+def _is_finished(output: Path, arguments: TrainStimulus) -> bool:
+    """Whether this very training is at the output; another training there is refused: it may have taken hours."""
+    manifest = earlier_run(output)
+    if manifest is None or manifest["command"] != "auv-fault train-stimulus":
+        return False
+    got = {name: manifest["arguments"][name] for name in SETTINGS}
+    if got != {name: getattr(arguments, name) for name in SETTINGS}:
+        remedy = "choose another --output, or add --restart to replace it"
+        raise refusal(f"training in {output}", got, "that of this command", remedy)
+    return True
+
+
+def _run(arguments: TrainStimulus, trainer: StimulusTrainer, output: Path, unfinished: Path) -> dict[str, Any]:
+    name = name_of(arguments.diagnoser, arguments.budget)
+    try:
+        progress = train(trainer, name, arguments.seed, unfinished)
+        policy, figures = trainer.finish()
+        made = card(arguments, trainer, progress, figures)
+        with run_folder(output, "train-stimulus", arguments) as folder:
+            shutil.copytree(unfinished / LOG, folder / LOG)
+            write_run(folder, name, policy, made)
+    except KeyboardInterrupt:
+        same = "the same command without --restart" if arguments.restart else "the same command"
+        raise KeyboardInterrupt(f"{same} goes on after the last complete epoch") from None
+    except (OSError, SafetensorError) as error:
+        allowed = f"a place that can be written ({getattr(error, 'strerror', None) or error})"
+        raise refusal("output", str(output), allowed, "make room and repeat the command: it goes on") from None
+    shutil.rmtree(unfinished, ignore_errors=True)
+    return made
+
+
+def card(
+    arguments: TrainStimulus, trainer: StimulusTrainer, progress: Progress, figures: dict[str, float]
+) -> dict[str, Any]:
+    """How the policy was made: command, seed, data, versions, what it took, and what came out, as plain data."""
+    options = " ".join(f"--{name} {getattr(arguments, name)}" for name in SETTINGS)
+    made_with = provenance()
+    made_with["versions"]["stable-baselines3"] = version("stable-baselines3")
+    seconds = sum(epoch["seconds"] for epoch in progress.history)
+    decisions = len(progress.history) * (trainer.decisions + trainer.tried)
+    return {
+        **{name: getattr(arguments, name) for name in SETTINGS},
+        "command": f"auv-fault train-stimulus {options}",
+        "data": trainer.data,
+        "features": FEATURES,
+        **made_with,
+        "epochs": len(progress.history),
+        "best_epoch": progress.best_epoch,
+        "seconds": round(seconds, 1),
+        "validation": progress.history[progress.best_epoch - 1]["validation"],
+        "figures": figures | {"decisions_per_second": decisions / seconds},
+        "history": progress.history,
+    }
+
+
+def write_run(folder: Path, name: str, policy: LearnedPolicy, made: dict[str, Any]) -> None:
+    """Write policy, card and report."""
+    policy.save(folder / f"{name}.safetensors")
+    write_json(folder / f"{name}.json", made)
+    title = f"Training of a stimulus for {policy.diagnoser} within {policy.budget:g} m/s"
+    results = page(made) | {"title": title}
+    write_json(folder / "results.json", results)
+    write_report(results, folder)
