@@ -56,7 +56,8 @@ def intro(view: View) -> list[str]:
         f"{view.horizon:g} s after onset. Faults not isolated by then count with {view.horizon:g} s. Intervals are "
         "95 % bootstrap intervals over episodes.",
         "References, marked *, are not ranked: those that are told the true healthy parameters and severities, as the "
-        "oracle is, and null and random, which anchor the scale.",
+        "oracle is, and null and random, which anchor the scale: one never alarms, the other does so by chance at the "
+        "rate set, so both isolate at the horizon and score as if all were called normal.",
     ]
 
 
