@@ -18,7 +18,8 @@ from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import Belief
 from training.bounds import late_rate
-from training.information import HORIZON, run, untold
+from training.information import run, untold
+from training.records import HORIZON
 from training.seeds import seeds
 from training.stimuli import BUDGET, Cruise, Stimulus
 

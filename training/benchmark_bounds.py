@@ -27,6 +27,7 @@ import numpy as np
 
 from auv_fault_env.faults import classes
 from auv_fault_env.parameters import SAMPLE_RATE
+from training.benchmark_scores import MEAN_TIMES
 from training.bounds import (
     asymptotic_delay,
     bootstrap,
@@ -36,12 +37,13 @@ from training.bounds import (
     mean_inverse_ratio,
     neyman_pearson_power,
 )
-from training.information import HORIZON, suite_like, told, untold
+from training.information import suite_like, told, untold
 from training.intervals import interval
+from training.records import HORIZON
 from training.stimuli import Stimulus
 
 PER_HOUR = 3600.0 * SAMPLE_RATE  # samples
-RATES = {"1 h": PER_HOUR, "10 h": 10.0 * PER_HOUR}  # samples between false alarms
+RATES = {rate: time * SAMPLE_RATE for rate, time in MEAN_TIMES.items()}  # samples between false alarms
 MISNAMED = 0.01
 AMOC_RATES = np.geomspace(0.02, 500.0, 23)  # false alarms per hour
 CALIBRATED_AT = (1.0, 3.0, 10.0)  # s after onset

@@ -22,11 +22,11 @@ from auv_fault_env.schedules import FaultEvent
 from diagnosers import make
 from diagnosers.hypotheses import Table
 from diagnosers.oracle import Oracle
+from training.records import HORIZON
 from training.rollouts import manoeuvres
 from training.seeds import seeds
 from training.stimuli import Stimulus
 
-HORIZON = 30.0  # s after onset
 FIRST_SEED = 960_000_000  # within those of tests, beyond those of the suites and the timing
 ONSET, SEVERITY, SPEED = (5.0, 30.0), (0.2, 1.0), (0.2, 0.5)  # as in the suites
 

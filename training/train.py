@@ -9,6 +9,8 @@ complete epoch and ends with the same weights, bit for bit. They are the same on
 import os
 import shutil
 import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +26,8 @@ from training.train_classifier import train
 from training.train_page import page
 from training.trainer import Trainer, trainer_of
 
+SETTINGS = ("name", "seed", "epochs")
+
 
 def main(arguments: Train) -> None:
     """Train, or go on with a training that was broken off; a finished one is left as it is."""
@@ -35,7 +39,7 @@ def main(arguments: Train) -> None:
     unfinished = unfinished_folder(output)
     if arguments.restart:
         shutil.rmtree(unfinished, ignore_errors=True)
-    if arguments.restart or unfinished.exists() or not _is_finished(output, arguments):
+    if arguments.restart or unfinished.exists() or not is_finished(output, "train", arguments, SETTINGS):
         _run(arguments, trainer, output, unfinished)
         print(f"report: {output / 'index.html'}")
     else:
@@ -44,21 +48,36 @@ def main(arguments: Train) -> None:
         install(output, arguments.name)
 
 
-def _is_finished(output: Path, arguments: Train) -> bool:
-    """Whether this very training is at the output; another training there is refused: it may have taken hours."""
+def is_finished(output: Path, name: str, arguments: Any, settings: Sequence[str]) -> bool:
+    """Whether this very training is at the output; another training there is refused: it may have taken hours.
+
+    `name` is that of the command, `settings` the arguments that make a training what it is.
+    """
     manifest = earlier_run(output)
-    if manifest is None or manifest["command"] != "auv-fault train":
+    if manifest is None or manifest["command"] != f"auv-fault {name}":
         return False
-    settings = ("name", "seed", "epochs")
-    got = {name: manifest["arguments"][name] for name in settings}
-    if got != {name: getattr(arguments, name) for name in settings}:
+    got = {setting: manifest["arguments"][setting] for setting in settings}
+    if got != {setting: getattr(arguments, setting) for setting in settings}:
         remedy = "choose another --output, or add --restart to replace it"
         raise refusal(f"training in {output}", got, "that of this command", remedy)
     return True
 
 
-def _run(arguments: Train, trainer: Trainer, output: Path, unfinished: Path) -> None:
+@contextmanager
+def to_be_repeated(output: Path, restart: bool) -> Iterator[None]:
+    """Whatever breaks a training off, say that the same command goes on."""
     try:
+        yield
+    except KeyboardInterrupt:
+        same = "the same command without --restart" if restart else "the same command"
+        raise KeyboardInterrupt(f"{same} goes on after the last complete epoch") from None
+    except (OSError, SafetensorError) as error:
+        allowed = f"a place that can be written ({getattr(error, 'strerror', None) or error})"
+        raise refusal("output", str(output), allowed, "make room and repeat the command: it goes on") from None
+
+
+def _run(arguments: Train, trainer: Trainer, output: Path, unfinished: Path) -> None:
+    with to_be_repeated(output, arguments.restart):
         progress = train(trainer, arguments.name, arguments.seed, unfinished, arguments.epochs)
         begin = time.perf_counter()
         diagnoser, figures = trainer.finish()
@@ -66,12 +85,6 @@ def _run(arguments: Train, trainer: Trainer, output: Path, unfinished: Path) -> 
         with run_folder(output, "train", arguments) as folder:
             shutil.copytree(unfinished / LOG, folder / LOG)
             write_run(folder, diagnoser, card(arguments, trainer.data, progress, figures, seconds))
-    except KeyboardInterrupt:
-        same = "the same command without --restart" if arguments.restart else "the same command"
-        raise KeyboardInterrupt(f"{same} goes on after the last complete epoch") from None
-    except (OSError, SafetensorError) as error:
-        allowed = f"a place that can be written ({getattr(error, 'strerror', None) or error})"
-        raise refusal("output", str(output), allowed, "make room and repeat the command: it goes on") from None
     shutil.rmtree(unfinished, ignore_errors=True)
 
 

@@ -10,19 +10,17 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from safetensors import SafetensorError
-
 from auv_fault_env.channels import MAXIMUM_COMMAND
-from auv_fault_env.errors import finite_in_range, known_name, refusal, whole_number
+from auv_fault_env.errors import finite_in_range, known_name, whole_number
 from diagnosers.registry import ranked
 from training.active_features import FEATURES
 from training.arguments import TrainStimulus
 from training.checkpoint import LOG, Progress, unfinished_folder
 from training.policy import LearnedPolicy
 from training.report import write_report
-from training.runs import earlier_run, free_place, provenance, run_folder, write_json
+from training.runs import free_place, provenance, run_folder, write_json
 from training.stimulus_trainer import StimulusTrainer
-from training.train import install
+from training.train import install, is_finished, to_be_repeated
 from training.train_classifier import train
 from training.train_page import page
 
@@ -36,7 +34,7 @@ def main(arguments: TrainStimulus) -> None:
     unfinished = unfinished_folder(output)
     if arguments.restart:
         shutil.rmtree(unfinished, ignore_errors=True)
-    if arguments.restart or unfinished.exists() or not _is_finished(output, arguments):
+    if arguments.restart or unfinished.exists() or not is_finished(output, "train-stimulus", arguments, SETTINGS):
         made = _run(arguments, trainer, output, unfinished)
         print(f"{made['figures']['decisions_per_second']:.0f} decisions per second, 10 samples of 0.1 s each")
         print(f"report: {output / 'index.html'}")
@@ -60,33 +58,15 @@ def trainer_of(arguments: TrainStimulus) -> StimulusTrainer:
     return StimulusTrainer(seed, budget, diagnoser, steps)
 
 
-def _is_finished(output: Path, arguments: TrainStimulus) -> bool:
-    """Whether this very training is at the output; another training there is refused: it may have taken hours."""
-    manifest = earlier_run(output)
-    if manifest is None or manifest["command"] != "auv-fault train-stimulus":
-        return False
-    got = {name: manifest["arguments"][name] for name in SETTINGS}
-    if got != {name: getattr(arguments, name) for name in SETTINGS}:
-        remedy = "choose another --output, or add --restart to replace it"
-        raise refusal(f"training in {output}", got, "that of this command", remedy)
-    return True
-
-
 def _run(arguments: TrainStimulus, trainer: StimulusTrainer, output: Path, unfinished: Path) -> dict[str, Any]:
     name = name_of(arguments.diagnoser, arguments.budget)
-    try:
+    with to_be_repeated(output, arguments.restart):
         progress = train(trainer, name, arguments.seed, unfinished)
         policy, figures = trainer.finish()
         made = card(arguments, trainer, progress, figures)
         with run_folder(output, "train-stimulus", arguments) as folder:
             shutil.copytree(unfinished / LOG, folder / LOG)
             write_run(folder, name, policy, made)
-    except KeyboardInterrupt:
-        same = "the same command without --restart" if arguments.restart else "the same command"
-        raise KeyboardInterrupt(f"{same} goes on after the last complete epoch") from None
-    except (OSError, SafetensorError) as error:
-        allowed = f"a place that can be written ({getattr(error, 'strerror', None) or error})"
-        raise refusal("output", str(output), allowed, "make room and repeat the command: it goes on") from None
     shutil.rmtree(unfinished, ignore_errors=True)
     return made
 

@@ -9,7 +9,8 @@ from diagnosers import make
 from training import metrics
 from training.benchmark_bounds import AMOC_RATES, FEWEST, RATES, bounds_of, check
 from training.bounds import bootstrap, delay_bound, detection_power
-from training.information import HORIZON, suite_like, told
+from training.information import suite_like, told
+from training.records import HORIZON
 from training.stimuli import Thesis
 
 N_LANES, MEAN_TIME, PERSISTENCE = 36, 600.0, 3
