@@ -21,7 +21,7 @@ from training.active_features import FLOOR, HIGH, LOW, MISSION_SPEED, features
 from training.declaration import NONE, Declaration
 from training.rollouts import targets
 from training.stimulus import BUDGET, EPISODE
-from training.watch import Watch
+from training.fleet_watch import Watch
 
 DECISION = round(SAMPLE_RATE)  # samples of a decision, one second
 LIMIT = 120  # decisions of an episode at most
