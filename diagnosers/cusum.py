@@ -41,6 +41,7 @@ MISSIONS = ("thesis", 0.2, 0.45)  # of the signatures: a name or a speed [m/s]
 ONSET, AGES = 5.0, (2.0, 6.0, 14.0, 24.0)  # s, of the faults of the signatures, and how old they are
 SEVERITIES = (0.3, 0.6, 1.0)
 WIDTH = 0.5  # of a signature, in logarithms of statistics
+IN_CACHE = 32  # lanes whose distances to all signatures a processor's cache holds
 SEVERITY_STD = 0.15  # half the distance between the severities of the signatures
 
 
@@ -55,17 +56,17 @@ class CusumState(NamedTuple):
 
 
 class Signatures(NamedTuple):
-    """Statistics that faults leave, sorted by class.
+    """Statistics that faults leave, sorted by class and severity.
 
-    pattern (n, 24), class index (n,), severity (n,), log weight (n,) in its class; starts (n_classes - 1,): first row
-    of every class but normal.
+    pattern (n, 24), class index (n,), log weight (n,) in its class; starts (n_classes - 1,): first row of every class
+    but normal; grades ((n_classes - 1) * 3,): first row of every severity in every class.
     """
 
     pattern: np.ndarray
     label: np.ndarray
-    severity: np.ndarray
     weight: np.ndarray
     starts: np.ndarray
+    grades: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,9 @@ class Cusum(Recursive):
     def step(self, state: CusumState, observation: np.ndarray) -> tuple[CusumState, Belief]:
         """One step of the charts, and what they say."""
         state = self._advance(state, observation)
-        return state, self._belief(state.charts)
+        shares = range(0, len(observation), IN_CACHE)
+        beliefs = [self._belief(state.charts[first : first + IN_CACHE]) for first in shares]
+        return state, Belief(*map(np.concatenate, zip(*beliefs, strict=True)))
 
     def _advance(self, state: CusumState, observation: np.ndarray) -> CusumState:
         surge = self._filter.update(state.surge, observation)
@@ -133,12 +136,14 @@ class Cusum(Recursive):
     def _belief(self, charts: np.ndarray) -> Belief:
         odds = np.minimum(GAIN * ((charts / LIMITS).max(axis=1, keepdims=True) - 1.0), DEEPEST)
         bank, pattern = self._signatures, np.log1p(charts / LIMITS)
-        closeness = bank.weight - 0.5 * cdist(pattern, bank.pattern, "sqeuclidean") / WIDTH**2
-        nearest = np.maximum.reduceat(closeness, bank.starts, axis=1)
-        share = np.exp(closeness - nearest[:, bank.label - 1])
-        total, first, second = (
-            np.add.reduceat(share * factor, bank.starts, axis=1) for factor in (1.0, bank.severity, bank.severity**2)
-        )
+        share = cdist(pattern, bank.pattern, "sqeuclidean")
+        share *= -0.5 / WIDTH**2
+        share += bank.weight
+        nearest = np.maximum.reduceat(share, bank.starts, axis=1)
+        share -= nearest[:, bank.label - 1]
+        np.exp(share, out=share)
+        by_grade = np.add.reduceat(share, bank.grades, axis=1).reshape(len(charts), -1, len(SEVERITIES))
+        total, first, second = np.moveaxis(by_grade @ np.vander(SEVERITIES, 3, increasing=True), 2, 0)
         mean, none = first / total, np.zeros((len(charts), 1))
         std = np.sqrt(np.maximum(second / total - mean**2, 0.0) + SEVERITY_STD**2)
         fault = nearest + np.log(total)
@@ -163,8 +168,9 @@ class Cusum(Recursive):
             if k in [int(SAMPLE_RATE * (ONSET + age)) for age in AGES]:
                 patterns.append(np.log1p(state.charts / LIMITS))
         label = np.array([self.classes.index(fault.diagnosis) for fault, _, _ in cases] * len(AGES))
-        severity = np.array([severity for _, severity, _ in cases] * len(AGES))
-        order = np.argsort(label, kind="stable")
-        label, starts = label[order], np.unique(label[order], return_index=True)[1]
-        weight = -np.log(np.bincount(label)[label])
-        return Signatures(np.concatenate(patterns)[order], label, severity[order], weight, starts)
+        grade = np.array([SEVERITIES.index(severity) for _, severity, _ in cases] * len(AGES))
+        order = np.lexsort((grade, label))
+        label, grade = label[order], grade[order]
+        starts = np.unique(label, return_index=True)[1]
+        grades = np.unique(label * len(SEVERITIES) + grade, return_index=True)[1]
+        return Signatures(np.concatenate(patterns)[order], label, -np.log(np.bincount(label)[label]), starts, grades)

@@ -86,7 +86,7 @@ def cost_delay(
             axis.locator_params(axis="x", nbins=6)
         axes[0].set_ylabel("isolation, restricted mean [s]")
         handles = [Line2D([], [], marker=marker, color=TRUTH, ls="") for marker in markers.values()]
-        axes[-1].legend(handles, markers, title="stimulus", loc="best")
+        figure.legend(handles, markers, title="stimulus", loc="outside lower center", ncols=6, frameon=False)
         legend_above(figure, axes, columns=6)
     return figure
 

@@ -22,7 +22,7 @@ COLUMNS = (
     "log loss [nat]",
     "× oracle",
 )
-ALARMS = ("threshold, log p(normal)", "detected", "false alarms (vehicles)", "per hour", "as set")
+ALARMS = ("threshold, log p(normal)", "isolation [s]", "detected", "false alarms (vehicles)", "per hour", "as set")
 
 
 def in_order(scores: Scores, references: Collection[str]) -> list[str]:
@@ -80,6 +80,7 @@ def alarm_cells(score: Mapping[str, Any], mean_time: float) -> list[str]:
     """What `ALARMS` asks of a score whose threshold is set for one false alarm per mean time [s]."""
     return [
         "none, no alarm" if score["threshold"] is None else f"{score['threshold']:.3g}",
+        f"{score['isolation']['restricted_mean']:.2f}",
         percent(score["detection"]["probability"]),
         f"{score['false_alarms']} ({score['false_alarm_vehicles']})",
         with_interval(score["false_alarms_per_hour"], score["false_alarms_per_hour_interval"], 2),
