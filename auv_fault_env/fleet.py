@@ -140,13 +140,7 @@ class Fleet:
         chosen, observations = self._chosen(lanes), self._checked_observations(observations)
         if seeds is not None:
             seeds = [whole_number("seed", seed, 0) for seed in one_per_lane("seeds", seeds, chosen.size)]
-        events = legs = None
-        if schedules is not None:
-            events = events_of([schedule_of(one) for one in one_per_lane("schedules", schedules, chosen.size)])
-        if missions is not None:
-            legs = _legs_of([mission_of(one) for one in one_per_lane("missions", missions, chosen.size)])
-        if self._faults != tuple(CATALOGUE.values()):
-            self._read_catalogue()
+        events, legs = _planned(schedules, missions, chosen.size)
         key = self._next_episode(chosen, seeds)
         spread = 2.0 * uniforms(key, 0, len(PARAMETERS)) - 1.0
         self._plan.healthy[chosen] = self._nominal * (1.0 + self._band * spread)
@@ -189,6 +183,8 @@ class Fleet:
         return chosen.astype(np.int64)
 
     def _set_events(self, chosen: np.ndarray, events: Events):
+        if self._faults != tuple(CATALOGUE.values()):
+            self._read_catalogue()
         width, plan = events.fault.shape[1], self._plan
         empty = no_events(self.n_lanes, max(width, plan.fault.shape[1]))
         fault, profile = _widened(plan.fault, empty.fault), _widened(plan.profile, empty.profile)
@@ -256,6 +252,20 @@ class Fleet:
             allowed = f"finite numbers of shape {self._plan.healthy.shape}"
             raise refusal("healthy parameters", values, allowed, "give one row per lane")
         self._plan.healthy[:] = values
+        self._refresh_all()
+
+    def replan(self, schedules: Sequence[Schedule] | None = None, missions: Sequence[Mission] | None = None) -> None:
+        """Replace schedules, missions or both, one per lane, from the next step on; times count from the reset."""
+        if not self.changes:
+            raise refusal("replan", "no reset before", "another plan after a reset of all lanes", "call reset() first")
+        events, legs = _planned(schedules, missions, self.n_lanes)
+        if events is not None:
+            self._set_events(np.arange(self.n_lanes), events)
+        if legs is not None:
+            self._set_legs(np.arange(self.n_lanes), legs[0])
+        self._refresh_all()
+
+    def _refresh_all(self):
         self.arrays.due[:] = episodes.STALE
         self._due = self.n_lanes
 
@@ -309,6 +319,18 @@ def _widened(values: np.ndarray, blank: np.ndarray) -> np.ndarray:
     """The values, with the columns that only `blank` has behind them."""
     missing = blank[:, values.shape[1] :]
     return np.concatenate([values, missing], axis=1) if missing.size else values
+
+
+def _planned(
+    schedules: Sequence[Schedule] | None, missions: Sequence[Mission] | None, n_lanes: int
+) -> tuple[Events | None, tuple[np.ndarray, np.ndarray] | None]:
+    """Events of the schedules, legs and start speeds of the missions, one per lane; None stays None."""
+    events = legs = None
+    if schedules is not None:
+        events = events_of([schedule_of(one) for one in one_per_lane("schedules", schedules, n_lanes)])
+    if missions is not None:
+        legs = _legs_of([mission_of(one) for one in one_per_lane("missions", missions, n_lanes)])
+    return events, legs
 
 
 def _legs_of(missions: Sequence[Mission]) -> tuple[np.ndarray, np.ndarray]:

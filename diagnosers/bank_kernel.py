@@ -17,6 +17,7 @@ from diagnosers.hypotheses import N_ROWS, PORT, STARBOARD, SURGE
 FIRST_READING, N_READINGS = len(COMMANDS), len(READINGS)  # of an observation
 RUDDER, STERN_PLANE = COMMANDS.index("rudder"), COMMANDS.index("stern_plane")
 RUN_IN = 60.0  # s of constant hazard; then it falls as 1/age: who has run so long is likely sound
+IMPOSSIBLE = -1e30  # log probability of a class without hypotheses: finite, also as float32
 MOTOR_READING = (0, READINGS.index("port_voltage"), READINGS.index("starboard_voltage"))  # first, by subsystem
 motor_update, surge_update = bank_motor.update, bank_surge.update
 
@@ -26,7 +27,7 @@ class BankState(NamedTuple):
 
     log_weight (n_lanes, n_hypotheses): log probabilities. severity (n_lanes, 2, n_hypotheses): mean and variance.
     filters (n_lanes, 20, n_filters): means and packed covariances of five states. turning (n_lanes, n_filters): the
-    shaft speed [rad/s] that each motor filter believes in. readings (n_lanes, 8): the last ones, NaN before the first.
+    shaft speed [rad/s] that each motor filter believes in. readings (n_lanes, 8): the last ones heard, NaN before.
     healthy (n_lanes, n_parameters): the vehicle without its fault. prior (n_lanes, 3, n_grades): mean, variance and
     least value of the severity by grade. age (n_lanes,): samples so far.
     """
@@ -169,12 +170,14 @@ def update_motor(m, old, new, seen, table, constants, work):
     """All filters of one motor."""
     part, at = (table.first[m], table.first[m + 1]), MOTOR_READING[m]
     recall(m, old, new, table, constants.walk, work)
+    if seen.silent[at + 2] and not math.isnan(old.turning[part[0]]):
+        seen.reading[at + 2] = old.turning[part[0]] * RPM  # for want of a reading, what the normal vehicle predicts
     for f in range(part[0], part[1]):
         before = old.turning[f]
         before = seen.reading[at + 2] / RPM if math.isnan(before) else before
         work.start[f] = max(before, 0.0)
         own = table.slot[SURGE, table.hypothesis[f]]
-        work.speed[f] = old.filters[0, own] if table.owns_speed[f] else seen.reading[0]
+        work.speed[f] = old.filters[0, own] if table.owns_speed[f] or seen.silent[0] else seen.reading[0]
     base = work.base[m]
     motor_update(
         new.filters,
@@ -233,7 +236,7 @@ def weigh(log_weight, slot, evidence):
 @kernel
 def summarise(log_weight, severity, diagnosis, log_probability, mean, std):
     """Fill a lane's belief: sums over the hypotheses of a class, and the mixture's moments of the severity."""
-    log_probability[:] = -np.inf
+    log_probability[:] = IMPOSSIBLE
     mean[:] = 0.0
     std[:] = 0.0
     for j in range(log_weight.size):
@@ -268,12 +271,14 @@ def step_lanes(first, last, old, new, observation, table, constants, belief):
     work = workspace(old.log_weight.shape[1], old.filters.shape[2])
     reading, log_spacing = np.zeros(N_READINGS), np.zeros(N_READINGS)
     repeated, zero = np.zeros(N_READINGS, np.bool_), np.zeros(N_READINGS, np.bool_)
+    silent, held = np.zeros(N_READINGS, np.bool_), np.zeros(N_READINGS, np.bool_)
     for lane in range(first, last):
         rudder, plane = observation[lane, RUDDER], observation[lane, STERN_PLANE]
-        seen = Seen(reading, repeated, zero, log_spacing, rudder * rudder + plane * plane)
+        seen = Seen(reading, repeated, zero, silent, held, log_spacing, rudder * rudder + plane * plane)
         before, after = lane_of(old, lane), lane_of(new, lane)
         look(observation[lane, FIRST_READING:], before.readings, constants.sensors, seen)
-        after.readings[:] = reading
+        for c in range(N_READINGS):
+            after.readings[c] = reading[c] if held[c] or not silent[c] else np.nan
         after.turning[:] = 0.0
         for m in range(3):
             for r in range(N_ROWS):

@@ -18,6 +18,7 @@ DEVIATIONS = (TORQUE_CONSTANT, RESISTANCE, COULOMB_FRICTION, C1)  # parameters w
 STEP = 1e-4  # of the forward differences
 STANDING = 10.0  # rpm; below, the shaft may stand, and where it begins to turn no linear model tells
 STANDING_BLUR = 15.0  # rpm, standard deviation of the prediction there
+BLIND_BLUR = 1e4  # rpm, of a motor whose voltage nobody has ever heard: it is not judged
 
 
 @kernel
@@ -99,10 +100,10 @@ def differentiate(x, part, base, slope, offset, readings, start, speed, water, w
 
 
 @kernel
-def decorrelate(part, readings, work):
+def decorrelate(part, readings, blind, work):
     """Fill innovations and variances of both measurements; take out of the current what the rpm reading explains."""
     values, by_voltage = work.values, work.by_voltage
-    still = STANDING_BLUR**2 if readings[2] < STANDING else 0.0
+    still = BLIND_BLUR**2 if blind else STANDING_BLUR**2 if readings[2] < STANDING else 0.0
     for f in range(part[0], part[1]):
         ohms = values[RESISTANCE, f]
         deaf = ohms * values[CURRENT + NOISE, f] / max(values[CURRENT + GAIN, f], LEAST_GAIN)
@@ -155,8 +156,11 @@ def update(x, part, base, slope, offset, seen, channel, start, speed, turning, w
     form(work.values, work.by_severity, x, part, base, slope, offset)
     for k in range(3):
         deliver(work.values, part, VOLTAGE + 5 * k, seen, channel + k, work.delivered[k], evidence)
+    if seen.held[channel]:  # the controller holds the voltage between two readings
+        for f in range(part[0], part[1]):
+            work.delivered[0, f] = 1.0
     differentiate(x, part, base, slope, offset, readings, start, speed, water, work)
-    decorrelate(part, readings, work)
+    decorrelate(part, readings, seen.silent[channel] and not seen.held[channel], work)
     innovation, variance, delivered = work.innovation, work.variance, work.delivered
     relocate(x, part, work.second, innovation[1], 1.0)
     condition(x, part, work.gradient, innovation[0], variance[0], delivered[2], work.crossed, work.shift, evidence)

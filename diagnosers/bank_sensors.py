@@ -15,27 +15,35 @@ LEAST_GAIN = 1e-3
 class Seen(NamedTuple):
     """A sample of one lane.
 
-    Readings (8,), which of them repeat the last one or are zero, and log_spacing (8,), the logarithm of the distance of
-    float32 numbers there; rudder and stern plane, squared and summed [rad^2].
+    Readings (8,), which of them repeat the last one or are zero; which are silent, and of these which have been heard
+    before, whose last reading stands in; log_spacing (8,), the logarithm of the distance of values that the sensor can
+    show there; rudder and stern plane, squared and summed [rad^2].
     """
 
     reading: np.ndarray
     repeated: np.ndarray
     zero: np.ndarray
+    silent: np.ndarray
+    held: np.ndarray
     log_spacing: np.ndarray
     deflection: float
 
 
 @kernel
 def look(observation, last, sensors, seen):
-    """Fill `seen` from the readings (8,) and the last ones; sensors (8, 3): full scale, and noise."""
+    """Fill `seen` from the readings (8,), NaN for silence, and the last ones, NaN before the first.
+
+    sensors (8, 4): full scale, noise, and resolution where that is coarser than float32.
+    """
     for c in range(len(last)):
-        value = observation[c]
+        seen.silent[c] = math.isnan(observation[c])
+        seen.held[c] = seen.silent[c] and not math.isnan(last[c])
+        value = observation[c] if not seen.silent[c] else last[c] if seen.held[c] else 0.0
         clipped = value <= sensors[c, 0] or value >= sensors[c, 1]
         seen.reading[c] = value
         seen.repeated[c] = value == last[c] and not clipped
         seen.zero[c] = value == 0.0
-        seen.log_spacing[c] = math.log(max(abs(value), sensors[c, 2]) * 2.0**-23)
+        seen.log_spacing[c] = math.log(max(max(abs(value), sensors[c, 2]) * 2.0**-23, sensors[c, 3]))
 
 
 @kernel
@@ -43,12 +51,12 @@ def deliver(values, part, sensor, seen, channel, delivered, evidence):
     """Find which filters hold a reading for delivered (1, else 0), and add the log probability of that.
 
     `sensor` is the sensor's first row of values. A lost sample is a single value, where a delivered one has a density:
-    it counts over the spacing of such values.
+    it counts over the spacing of such values. Of a silent sensor nothing is learnt.
     """
     for f in range(part[0], part[1]):
         stuck, dropout = values[sensor + STUCK, f], values[sensor + DROPOUT, f]
-        delivered[f] = 1.0
-        if stuck > 0.0 or dropout > 0.0:
+        delivered[f] = 0.0 if seen.silent[channel] else 1.0
+        if not seen.silent[channel] and (stuck > 0.0 or dropout > 0.0):
             share = (1.0 - stuck) * (1.0 - dropout)
             if (seen.repeated[channel] and stuck > 0.0) or (seen.zero[channel] and dropout > 0.0):
                 delivered[f], share = 0.0, 1.0 - share

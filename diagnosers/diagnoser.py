@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -56,11 +56,12 @@ class Recursive(ABC):
     """A diagnoser as a pure recursion: `initial` makes a state, `step` takes state and observation to the next.
 
     A subclass gives these two, and is a frozen dataclass if it has settings. A channel may be silent: NaN means no
-    reading, and the last one is held (zero before the first). The values of a disconnected sensor (zeros) pass as they
-    are.
+    reading, and the last one is held (zero before the first), but for channels that are not in `held`: these silences
+    are the diagnoser's to understand. The values of a disconnected sensor (zeros) pass as they are.
     """
 
     name: str
+    held: ClassVar[slice] = slice(None)  # of the channels
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -93,7 +94,7 @@ class Recursive(ABC):
         if "_state" not in self.__dict__:
             raise refusal("update", "no reset before", "an update after a reset", "call reset(n_lanes) first")
         state, held = self.__dict__["_state"]
-        observation = filled(observation, held)
+        observation = filled(observation, held, self.held)
         state, belief = self.step(state, observation)
         self.__dict__["_state"] = state, observation
         return belief
@@ -119,15 +120,16 @@ def same_severity(shape: tuple[int, int], mean: float, std: float) -> tuple[np.n
     return severities
 
 
-def filled(observation: np.ndarray, held: np.ndarray) -> np.ndarray:
-    """The observation as a float64 copy of its own, with held values where there is no reading."""
+def filled(observation: np.ndarray, held: np.ndarray, channels: slice = slice(None)) -> np.ndarray:
+    """The observation as a float64 copy of its own, with held values where these channels have no reading."""
     try:
         observation = np.array(observation, np.float64, order="C")
     except (TypeError, ValueError):
         raise refusal("observation", observation, f"numbers of shape {held.shape}", "give one row per lane") from None
     if observation.shape != held.shape:
         raise refusal("observation's shape", observation.shape, f"{held.shape}", "give one row per lane of the reset")
-    np.copyto(observation, held, where=np.isnan(observation))
+    silent = np.isnan(observation[:, channels])
+    np.copyto(observation[:, channels], held[:, channels], where=silent)
     if np.isinf(observation).any():
         raise refusal("observation", "infinity", "finite readings, NaN for none", "mend the reading")
     return observation

@@ -1,20 +1,30 @@
 """The classical diagnoser: one Kalman filter per hypothesis, and Bayes' rule over them, with switching."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS, READINGS
+from auv_fault_env.channels import CHANNELS, COMMANDS, READINGS
 from auv_fault_env.compiling import n_threads
-from auv_fault_env.errors import finite_in_range, pair_in_range, refusal
-from auv_fault_env.faults import CATALOGUE
-from auv_fault_env.parameters import ENERGY_WEIGHT, PARAMETERS, SAMPLE_TIME, SIDES, Vehicle, nominal, vehicle_of
+from auv_fault_env.errors import finite_in_range, known_name, pair_in_range, refusal
+from auv_fault_env.faults import CATALOGUE, fault_of
+from auv_fault_env.parameters import (
+    ENERGY_WEIGHT,
+    HULL,
+    PARAMETERS,
+    SAMPLE_TIME,
+    SHAFT,
+    SIDES,
+    Vehicle,
+    nominal,
+    vehicle_of,
+)
 from auv_fault_env.physics import Constants as Plant
 from diagnosers.bank_algebra import N_PACKED, N_STATES, SEVERITY, SPREAD, entry
 from diagnosers.bank_kernel import BankState, step_lanes
@@ -28,7 +38,7 @@ LEAST_SEVERITY = 0.1  # that a hypothesis may fall back to: below, it is the nor
 
 
 class Constants(NamedTuple):
-    """What the compiled code gets of a bank besides its table; sensors (8, 3): full scale and noise."""
+    """What the compiled code gets of a bank besides its table; sensors (8, 4): full scale, noise and resolution."""
 
     water: Plant
     opening: float
@@ -45,7 +55,8 @@ class FilterBank(Recursive):
     Each hypothesis has filters of surge and of both motors (shared with the normal vehicle where its fault does not
     reach), whose states are the healthy vehicle's deviations from nominal and the fault's severity. Their likelihoods
     weigh the hypotheses; a normal vehicle may turn faulty at any sample and then stays so, as in the interacting
-    multiple model algorithm. All in logarithms: p(normal) may be 1e-100 and still be graded.
+    multiple model algorithm. All in logarithms: p(normal) may be 1e-100 and still be graded. A silent reading (NaN) is
+    predicted, not held, but for the voltage; nothing is learnt from it, nor of a motor without any voltage reading.
     Sources: Willsky, "A survey of design methods for failure detection in dynamic systems", Automatica 12, 1976,
     doi:10.1016/0005-1098(76)90041-8; Blom & Bar-Shalom 1988, doi:10.1109/9.1299; de Benito 1990, as the thesis
     cites it.
@@ -65,13 +76,31 @@ class FilterBank(Recursive):
         and falls with the age of the vehicle thereafter.
     walk_std
         Random walk of the severity per square root of a second, for faults that grow.
+    faults
+        Names of the faults that are held possible; the whole catalogue if None. The classes of the others keep their
+        place with probability 0.
+    shafts
+        2, or 1: that of port, whose propeller gives all the thrust. Leave the other side's faults out of `faults`.
+    band
+        Relative half-width of the healthy band by parameter of `Vehicle`, where it is not the default.
+    noise
+        Standard deviation by reading [its unit], where it is not the default.
+    resolution
+        Distance of neighbouring values by reading [its unit], where it is coarser than float32: between values so far
+        apart a healthy sensor repeats itself.
     """
 
     name = "filter_bank"
+    held = slice(0, len(COMMANDS))
     vehicle: str | Vehicle = "thesis1992"
     grades: tuple[tuple[float, float], ...] = ((0.1, 0.4), (0.4, 0.7), (0.7, 1.0))
     hazard: float = 1e-3
     walk_std: float = 0.015
+    faults: tuple[str, ...] | None = None
+    shafts: int = 2
+    band: Mapping[str, float] = field(default_factory=dict)
+    noise: Mapping[str, float] = field(default_factory=dict)
+    resolution: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self):
         vehicle_of(self.vehicle)
@@ -80,6 +109,26 @@ class FilterBank(Recursive):
         if not isinstance(self.grades, Sequence) or not self.grades:
             raise refusal("grades", self.grades, "at least one range of severity", "give one")
         object.__setattr__(self, "grades", tuple(pair_in_range("grade", grade, 0.0, 1.0) for grade in self.grades))
+        if self.faults is not None:
+            object.__setattr__(self, "faults", tuple(fault_of(name).name for name in self.faults))
+        self._check_vehicle()
+
+    def _check_vehicle(self):
+        if self.shafts not in (1, 2):
+            raise refusal("shafts", self.shafts, "1 or 2", "count the shafts")
+        for name, width in self.band.items():
+            finite_in_range(f"healthy band of {known_name('parameter', name, (*HULL, *SHAFT))}", width, 0.0, 1.0)
+        for kind, numbers, least in (("noise", self.noise, 1e-9), ("resolution", self.resolution, 0.0)):
+            for name, value in numbers.items():
+                finite_in_range(f"{kind} of {known_name('reading', name, READINGS)}", value, least, CHANNELS[name].high)
+
+    @property
+    def healthy(self) -> np.ndarray:
+        """The nominal vehicle, (n_parameters,), with its own noise and its thrust shared by the shafts it has."""
+        vehicle = vehicle_of(self.vehicle)
+        thrust = {"port_beta": vehicle.beta / self.shafts, "starboard_beta": vehicle.beta * (self.shafts - 1) / 2}
+        noise = {f"{name}_noise": value for name, value in self.noise.items()}
+        return np.array(list((nominal(vehicle) | thrust | noise).values()))
 
     @cached_property
     def constants(self) -> Constants:
@@ -87,8 +136,9 @@ class FilterBank(Recursive):
         vehicle = vehicle_of(self.vehicle)
         water = Plant(*(getattr(vehicle, name) for name in Plant._fields[:-1]), ENERGY_WEIGHT)
         memory = math.exp(-SAMPLE_TIME / vehicle.disturbance_time)
-        channels = [CHANNELS[name] for name in READINGS]
-        sensors = np.array([(channel.low, channel.high, channel.noise) for channel in channels])
+        scales = [(CHANNELS[name].low, CHANNELS[name].high) for name in READINGS]
+        fine = [(self.noise.get(name, CHANNELS[name].noise), self.resolution.get(name, 0.0)) for name in READINGS]
+        sensors = np.hstack([scales, fine])
         walk = SAMPLE_TIME * self.walk_std**2
         return Constants(water, opening_share(vehicle), vehicle.disturbance_std**2, memory, walk, sensors)
 
@@ -96,8 +146,7 @@ class FilterBank(Recursive):
         """The state before any observation: a normal vehicle, somewhere in the healthy band."""
         low, high = np.array(self.grades).T
         moments = np.stack([(low + high) / 2, (high - low) ** 2 / 12, np.maximum(low, LEAST_SEVERITY)])
-        healthy = np.tile(list(nominal(vehicle_of(self.vehicle)).values()), (n_lanes, 1))
-        return self._begun(healthy, np.tile(moments, (n_lanes, 1, 1)), 1.0)
+        return self._begun(np.tile(self.healthy, (n_lanes, 1)), np.tile(moments, (n_lanes, 1, 1)), 1.0)
 
     def _begun(self, healthy: np.ndarray, prior: np.ndarray, spread: float) -> BankState:
         """A state around these healthy vehicles (n_lanes, n_parameters), `spread` times the healthy band wide."""
@@ -140,10 +189,12 @@ class FilterBank(Recursive):
 
     def _prior_std(self, subsystem: int, spread: float) -> list[float]:
         """Standard deviations of a filter's states at the start, but for the severity; a uniform band's is a third."""
-        std = {name: spread * spec.band / math.sqrt(3.0) for name, spec in PARAMETERS.items()}
+        own = {name: self.band.get(name.split("_", 1)[1] if name.startswith(SIDES) else name) for name in PARAMETERS}
+        widths = {name: spec.band if own[name] is None else own[name] for name, spec in PARAMETERS.items()}
+        std = {name: spread * width / math.sqrt(3.0) for name, width in widths.items()}
         if subsystem != SURGE:
             return [std[OWN[subsystem][row]] for row in DEVIATIONS]
-        thrust = math.hypot(*(std[f"{side}_beta"] for side in SIDES)) / len(SIDES)
+        thrust = math.hypot(*(std[f"{side}_beta"] for side in SIDES[: self.shafts])) / self.shafts
         return [START_SPEED_STD, math.sqrt(self.constants.disturbance_variance), std["alpha"], thrust]
 
     def hypotheses(self, n_grades: int | None = None) -> Table:
@@ -151,7 +202,8 @@ class FilterBank(Recursive):
         n_grades = len(self.grades) if n_grades is None else n_grades
         key = n_grades, *CATALOGUE.values()
         if self.__dict__.get("_tables", (None,))[0] != key:
-            self.__dict__["_tables"] = key, table(n_grades, self.hazard)
+            faults = tuple(CATALOGUE) if self.faults is None else self.faults
+            self.__dict__["_tables"] = key, table(n_grades, self.hazard, faults)
         return self.__dict__["_tables"][1]
 
     def step(self, state: BankState, observation: np.ndarray) -> tuple[BankState, Belief]:
@@ -161,8 +213,7 @@ class FilterBank(Recursive):
         hypotheses = self.hypotheses(state.prior.shape[2])
         if state.log_weight.shape[1] != hypotheses.log_hazard.size:
             raise refusal("catalogue", "faults added or removed", "that of the reset", "call reset(n_lanes) again")
-        n_classes = int(hypotheses.diagnosis.max()) + 1
-        belief = Belief(*(np.empty((n_lanes, n_classes)) for _ in Belief._fields))
+        belief = Belief(*(np.empty((n_lanes, len(self.classes))) for _ in Belief._fields))
         arguments = state, new, observation, hypotheses, self.constants, belief
         _in_shares(n_lanes, arguments)
         return new, belief

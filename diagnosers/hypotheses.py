@@ -4,6 +4,7 @@ The vehicle falls into three subsystems, surge and the two motors. Each is obser
 hypothesis has one in every subsystem that its fault touches; elsewhere it shares the filter of the normal vehicle.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -67,37 +68,39 @@ def _log_hazard(diagnoses: list[str], n_grades: int, hazard: float) -> np.ndarra
     return np.log(np.concatenate([[1.0 - hazard], np.repeat(share, n_grades)]))
 
 
-def _touched(names: tuple[str, ...]) -> np.ndarray:
-    """Which faults of the catalogue change one of these parameters, (n_faults,)."""
-    changed = {name: {*fault.scale, *fault.offset} for name, fault in CATALOGUE.items()}
-    return np.array([not parameters.isdisjoint(names) for parameters in changed.values()])
+def _touched(faults: Sequence[str], names: tuple[str, ...]) -> np.ndarray:
+    """Which faults change one of these parameters, (n_faults,)."""
+    changed = ({*CATALOGUE[name].scale, *CATALOGUE[name].offset} for name in faults)
+    return np.array([not parameters.isdisjoint(names) for parameters in changed])
 
 
-def table(n_grades: int, hazard: float) -> Table:
-    """The hypotheses of today's catalogue, ``1 + n_faults * n_grades``; hazard is that of all faults per sample."""
-    order, effect, diagnoses = list(PARAMETERS), matrices(), [fault.diagnosis for fault in CATALOGUE.values()]
-    n_hypotheses = 1 + len(CATALOGUE) * n_grades
-    fault = np.repeat(np.arange(len(CATALOGUE)), n_grades)
+def table(n_grades: int, hazard: float, faults: Sequence[str]) -> Table:
+    """The hypotheses of these faults, ``1 + n_faults * n_grades``; hazard is that of all of them per sample."""
+    order, diagnoses = list(PARAMETERS), [CATALOGUE[name].diagnosis for name in faults]
+    chosen = [list(CATALOGUE).index(name) for name in faults]
+    scale, shift = (effect[chosen] for effect in matrices()[:2])
+    n_hypotheses = 1 + len(faults) * n_grades
+    fault = np.repeat(np.arange(len(faults)), n_grades)
     slot, rows = np.zeros((3, n_hypotheses), np.int64), np.zeros((3, N_ROWS), np.int64)
     first, hypothesis, slope, offset, owns_speed = [0], [], [], [], []
     for subsystem, names in OWN.items():
-        owners = np.concatenate([[0], 1 + np.flatnonzero(_touched(names + SEEN[subsystem])[fault])])
+        owners = np.concatenate([[0], 1 + np.flatnonzero(_touched(faults, names + SEEN[subsystem])[fault])])
         slot[subsystem] = first[-1]
         slot[subsystem, owners] = first[-1] + np.arange(owners.size)
         rows[subsystem, : len(names)] = [order.index(name) for name in names]
         effects = np.zeros((2, owners.size, N_ROWS))
-        effects[0, 1:, : len(names)] = (effect.scale - 1.0)[fault[owners[1:] - 1]][:, rows[subsystem, : len(names)]]
-        effects[1, 1:, : len(names)] = effect.offset[fault[owners[1:] - 1]][:, rows[subsystem, : len(names)]]
+        effects[0, 1:, : len(names)] = (scale - 1.0)[fault[owners[1:] - 1]][:, rows[subsystem, : len(names)]]
+        effects[1, 1:, : len(names)] = shift[fault[owners[1:] - 1]][:, rows[subsystem, : len(names)]]
         slope.append(effects[0])
         offset.append(effects[1])
-        owns_speed.append(np.concatenate([[False], _touched(_sensors("speed"))[fault[owners[1:] - 1]]]))
+        owns_speed.append(np.concatenate([[False], _touched(faults, _sensors("speed"))[fault[owners[1:] - 1]]]))
         hypothesis.append(owners)
         first.append(first[-1] + owners.size)
     names = list(classes())
     return Table(
         _log_hazard(diagnoses, n_grades, hazard),
         np.concatenate([[0], np.array([names.index(name) for name in diagnoses])[fault]]),
-        np.concatenate([[0], np.tile(np.arange(n_grades), len(CATALOGUE))]),
+        np.concatenate([[0], np.tile(np.arange(n_grades), len(faults))]),
         np.array(first, np.uint64),  # unsigned, so that loops over filters vectorise
         np.concatenate(hypothesis),
         slot,

@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode
 from diagnosers import Recursive
 from training.active_features import FEATURES
 from training.active_vector_env import LIMIT, ActiveDiagnosisVectorEnv, lane_info
-from training.stimulus import BUDGET
+from training.stimulus import BUDGET, LARGEST
 
 __all__ = ["FEATURES", "NAME", "ActiveDiagnosisEnv", "ActiveDiagnosisVectorEnv"]
 NAME = "auv_fault_env/ActiveDiagnosis-v0"
@@ -45,7 +45,7 @@ class ActiveDiagnosisEnv(gym.Env):
     | `speed_error` | measured speed minus mission speed [m/s] |
     | `last_offset` | the last action, 0 at the start |
     | `time` | log(1 + time since the start [s]) |
-    | `spent` | share spent of the squared offsets that `budget` allows over 65 s, up to 4 |
+    | `left` | log(1 + time [s]) for which 0.25 m/s can be held with what is left of the squares that `budget` allows |
 
     ## Rewards
     ``l(after) - l(before) - cost_weight * (mean squared deviation of the true speed from the mission speed)``, with
@@ -79,7 +79,7 @@ class ActiveDiagnosisEnv(gym.Env):
     )
     ```
     `diagnoser`: a name of `diagnosers.NAMES` or a `Recursive`. `amplitude`: offset [m/s] of the action 1. `budget`:
-    root mean square of the offsets [m/s], by which `spent` is measured; nothing enforces it but who reads the `cost`.
+    root mean square of the offsets over 65 s [m/s], which `left` counts down; nothing enforces it but who reads `cost`.
     `cost_weight` [s^2/m^2]. `declare`: probability, from 0.5 on. `horizon`: decisions by which every fault of a given
     schedule must have begun; raise it along with another `max_episode_steps`.
 
@@ -104,7 +104,7 @@ class ActiveDiagnosisEnv(gym.Env):
     def __init__(
         self,
         diagnoser: str | Recursive = "filter_bank",
-        amplitude: float = 0.25,
+        amplitude: float = LARGEST,
         budget: float = BUDGET,
         cost_weight: float = 10.0,
         declare: float = 0.9,

@@ -19,9 +19,9 @@ from auv_fault_env.truth import FleetTruth
 from diagnosers import Recursive, make
 from training.active_features import FLOOR, HIGH, LOW, MISSION_SPEED, features
 from training.declaration import NONE, Declaration
-from training.rollouts import targets
-from training.stimulus import BUDGET, EPISODE
 from training.fleet_watch import Watch
+from training.rollouts import targets
+from training.stimulus import BUDGET, EPISODE, LARGEST
 
 DECISION = round(SAMPLE_RATE)  # samples of a decision, one second
 LIMIT = 120  # decisions of an episode at most
@@ -62,7 +62,7 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         num_envs: int = 1,
         max_episode_steps: int = LIMIT,
         diagnoser: str | Recursive = "filter_bank",
-        amplitude: float = 0.25,
+        amplitude: float = LARGEST,
         budget: float = BUDGET,
         cost_weight: float = 10.0,
         declare: float = 0.9,
@@ -166,8 +166,8 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
 
     def _features(self) -> np.ndarray:
         time = self._steps * (DECISION * SAMPLE_TIME)
-        spent = self._spent * (DECISION * SAMPLE_TIME) / (self.budget**2 * EPISODE)
-        return features(self._watch.belief, self._watch.estimate, self._readings, self._action, time, spent)
+        left = np.maximum(self.budget**2 * EPISODE - self._spent * (DECISION * SAMPLE_TIME), 0.0)
+        return features(self._watch.belief, self._watch.estimate, self._readings, self._action, time, left)
 
     def _info(self, paid: np.ndarray) -> dict[str, Any]:
         """Information of the last second; paid (2, n_lanes): cost and energy."""

@@ -67,7 +67,7 @@ def _results(
     if not working:
         raise refusal("diagnosers", list(entrants), "at least one that works", "see above what ails them")
     results = header(arguments, plan, working, failures) | scores
-    if plan.suite == load(STANDARD):  # the bounds are those of its faults, whoever watches
+    if plan.suite == load(STANDARD) and plan.every == 1:  # the bounds are those of its faults, whoever watches
         without_belief = [one for one in plan.stimuli if not isinstance(one, ClosedLoop)]
         results["bounds"] = bounds(without_belief, arguments.seed, workers, arguments.backend)
     return results
@@ -75,7 +75,8 @@ def _results(
 
 def _plan(arguments: Benchmark) -> Plan:
     suite = load(arguments.suite)
-    stimuli = [STIMULI[known_name("stimulus", name, STIMULI)]() for name in dict.fromkeys(arguments.stimuli)]
+    names = dict.fromkeys(known_name("stimulus", name, STIMULI) for name in arguments.stimuli)
+    stimuli = [STIMULI[name](arguments.budget) for name in names]
     if not stimuli:
         raise refusal("stimuli", arguments.stimuli, f"some of {', '.join(STIMULI)}", "name one")
     hours = {THRESHOLD: arguments.hours, COUNTING: arguments.counting_hours}

@@ -146,7 +146,7 @@ class Bank:
         self.filters = np.ascontiguousarray(state.filters[:, :, : self.n_filters])
         self.slope, self.offset = (part[:, : self.n_filters].copy() for part in (table.slope, table.offset))
         self.turning, self.last = np.zeros((self.n_lanes, 2)), np.full((self.n_lanes, N_READINGS), np.nan)
-        self.work, flags = workspace(1, self.n_filters), [np.zeros(N_READINGS, bool) for _ in range(2)]
+        self.work, flags = workspace(1, self.n_filters), [np.zeros(N_READINGS, bool) for _ in range(4)]
         self.seen = Seen(np.zeros(N_READINGS), *flags, np.zeros(N_READINGS), 0.0)
         self.rows = slice(0, rows)
 

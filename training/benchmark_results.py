@@ -78,7 +78,8 @@ def header(arguments: Benchmark, plan: Plan, made: Mapping[str, Made], failures:
 
 def command(arguments: Benchmark) -> str:
     """The command line that gives these results, without what they do not depend on."""
-    given = {name: getattr(arguments, name) for name in ("suite", "stimuli", "hours", "counting_hours", "seed")}
+    names = ("suite", "stimuli", "budget", "hours", "counting_hours", "seed")
+    given = {name: getattr(arguments, name) for name in names}
     words = [word for name, value in given.items() for word in (f"--{name.replace('_', '-')}", *_words(value))]
     words += ["--diagnosers", *arguments.diagnosers] if arguments.diagnosers else []
     words += [word for target in arguments.diagnoser for word in ("--diagnoser", target)]

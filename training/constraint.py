@@ -1,24 +1,39 @@
-"""The budget of speed deviation as a constraint on learning: a price on it that rises while it is overdrawn."""
+"""What binds a learning agent: an allowance that no episode can overdraw, and a price on moving a healthy vehicle."""
 
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
-from training.outcomes import Outcomes
+from auv_fault_env.faults import NORMAL
+from training.active_features import FEATURES, bent_allowance
+from training.outcomes import HEALTHY_SHARE, Outcomes
+from training.stimulus import EPISODE, LARGEST
 from training.vec_env import ActiveVecEnv
 
+DECLARED = 10.0  # nats
+PRICE = 0.3  # nats per decision at full budget, at first
 RATE = 0.02  # nats per decision, by which the price rises or falls at most after a rollout
+LEFT = FEATURES.index("left")
 
 
-class PricedVecEnv(VecEnvWrapper):
-    """The active environment whose rewards are less what the decisions cost at the price of the moment.
+class ConstrainedVecEnv(VecEnvWrapper):
+    """The active environment within its budget, in which offsets have a price as long as the vehicle is healthy.
 
-    To gain most subject to ``E[cost] <= budget^2`` is to gain most of ``E[gain - price (cost / budget^2 - 1)]`` at the
-    price, a Lagrange multiplier, at which the constraint just holds, or 0. Dual ascent finds it while the policy learns
-    (Altman 1999, Constrained Markov Decision Processes, ch. 3; as PPO-Lagrangian in Ray, Achiam & Amodei 2019): after
-    each rollout ``price = max(0, price + RATE overdraft)``, where ``overdraft = mean cost / budget^2 - 1``, at
-    most 1. The mean is over all decisions, those of the exploring policy: one episode may overdraw what another saves.
+    The second in which the truth changes pays nothing: what it would pay is large, whatever the agent does. A right
+    declaration pays `DECLARED`: between two faults that look alike the truth is worth less than a nat, to whoever
+    waits for the declaration it is all.
+
+    No action goes beyond what is left of an episode's squared offsets, as in `training.stimuli_closed_loop`; the
+    feature `left` tells it. An episode begins with the budget, or with a random one from `least` of it on: the agent
+    then learns all smaller ones as well.
+
+    To gain most subject to a mean cost of healthy vehicles of at most ``(HEALTHY_SHARE budget)^2`` is to gain most of
+    what is left of the rewards after paying the price, a Lagrange multiplier, at which the constraint just holds. Dual
+    ascent finds it while the agent learns (Altman 1999, Constrained Markov Decision Processes, ch. 3; as
+    PPO-Lagrangian in Ray, Achiam & Amodei 2019): after each rollout ``price = max(0, price + RATE overdraft)``,
+    ``overdraft = mean cost / (HEALTHY_SHARE budget)^2 - 1``, at most 1. The mean is over the decisions at whose end
+    nothing was wrong; the cost is that of the policy's own choice, without the noise of exploration.
 
     Attributes
     ----------
@@ -28,35 +43,71 @@ class PricedVecEnv(VecEnvWrapper):
         Of the episodes since the last reset.
     """
 
-    def __init__(self, venv: ActiveVecEnv):
+    def __init__(self, venv: ActiveVecEnv, least: float = 1.0):
         super().__init__(venv)
-        self.price = 0.0
-        self._allowed = venv.env.budget**2
-        self._costs: list[float] = []
+        self.price, self._least = PRICE, least
+        self._allowed, self.amplitude = venv.env.budget**2, venv.env.amplitude
+        self._random = np.random.default_rng(0)
+        self._healthy: list[np.ndarray] = []
+
+    def seed(self, seed: int | None = None) -> list[int | None]:
+        """Seed vehicles and budgets; counts from the next reset on."""
+        self._random = np.random.default_rng(seed)
+        return self.venv.seed(seed)
 
     def reset(self) -> np.ndarray:
         """Start an episode on every lane."""
-        self.outcomes, self._costs = Outcomes(self.num_envs), []
-        return self.venv.reset()
+        self.outcomes, self._healthy = Outcomes(self.num_envs), []
+        self._left = self._allowance(self.num_envs)
+        observation = self.venv.reset()
+        self._label = np.array([info["truth"]["label"] for info in self.venv.reset_infos], object)
+        return self._told(observation)
+
+    def _allowance(self, n: int) -> np.ndarray:
+        return EPISODE * self._allowed * self._random.uniform(self._least, 1.0, n) ** 2
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Take the actions as far as the allowance goes."""
+        most = (np.sqrt(self._left) / self.amplitude).astype(np.float32)[:, None]
+        self.venv.step_async(np.clip(actions, -most, most))
 
     def step_wait(self) -> VecEnvStepReturn:
         """The environment's step, its rewards less the priced costs."""
         observation, reward, done, infos = self.venv.step_wait()
-        cost = self.outcomes.note(infos, done)
-        self._costs.append(float(cost.mean()))
-        return observation, (reward - self.price * cost / self._allowed).astype(np.float32), done, infos
+        cost, label = self.outcomes.note(infos, done)
+        healthy = label == NORMAL
+        self._healthy.append(healthy)
+        self._left = np.maximum(self._left - cost, 0.0)
+        for lane in np.flatnonzero(done):
+            infos[lane]["terminal_observation"][LEFT] = bent_allowance(self._left[lane])
+        self._left[done] = self._allowance(int(done.sum()))
+        right = [info["declared"] == info["truth"]["label"] != NORMAL for info in infos]
+        gain = np.where(label == self._label, reward, 0.0) + DECLARED * np.array(right)
+        label[done] = [self.venv.reset_infos[lane]["truth"]["label"] for lane in np.flatnonzero(done)]
+        self._label = label
+        reward = gain - self.price * np.where(healthy, cost, 0.0) / self._allowed
+        return self._told(observation), reward.astype(np.float32), done, infos
 
-    def ascend(self) -> None:
-        """Adapt the price to the steps since the last time."""
-        overdraft = float(np.mean(self._costs)) / self._allowed - 1.0
+    def _told(self, observation: np.ndarray) -> np.ndarray:
+        observation[:, LEFT] = bent_allowance(self._left)
+        return observation
+
+    def ascend(self, observations: np.ndarray, actions: np.ndarray) -> None:
+        """Adapt the price to what would have been done without noise since the last time.
+
+        Observations (n_steps, n_lanes, n_features) and the actions (n_steps, n_lanes) that the policy means.
+        """
+        left = np.expm1(observations[..., LEFT]) * LARGEST**2
+        cost = np.minimum(np.square(self.amplitude * actions), left)[np.array(self._healthy)]
+        overdraft = float(cost.mean()) / (HEALTHY_SHARE**2 * self._allowed) - 1.0
         self.price = max(0.0, self.price + RATE * min(overdraft, 1.0))
-        self._costs = []
+        self._healthy = []
 
 
 class DualAscent(BaseCallback):
     """Adapts the price after each rollout."""
 
-    def __init__(self, env: PricedVecEnv):
+    def __init__(self, env: ConstrainedVecEnv):
         super().__init__()
         self._env = env
 
@@ -64,4 +115,6 @@ class DualAscent(BaseCallback):
         return True
 
     def _on_rollout_end(self) -> None:
-        self._env.ascend()
+        seen = self.model.rollout_buffer.observations
+        meant = self.model.predict(seen.reshape(-1, seen.shape[-1]), deterministic=True)[0]
+        self._env.ascend(seen, meant.reshape(seen.shape[:2]))

@@ -19,8 +19,8 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import PRESETS, SAMPLE_RATE, SAMPLE_TIME, nominal
 from diagnosers import Belief
 from training.greedy_model import expected_information
-from training.stimuli_closed_loop import LARGEST, ClosedLoop
-from training.stimulus import MISSION_SPEED
+from training.stimuli_closed_loop import ClosedLoop
+from training.stimulus import LARGEST, MISSION_SPEED
 
 VEHICLE = PRESETS["thesis1992"]
 GRID = LARGEST * np.array([-1.0, -0.6, -0.4, -0.25, -0.12, 0.0, 0.12, 0.25, 0.4, 0.6, 1.0])  # m/s

@@ -18,7 +18,7 @@ def interval(values: np.ndarray, seed: int, n: int = RESAMPLES) -> Interval:
     Misleads where the same lanes serve two diagnosers: overlapping intervals may hide a sure difference. Compare with
     `paired_bootstrap`.
     """
-    return _central(_resamples(len(values), seed, n) @ values / len(values))
+    return central(resamples(len(values), seed, n) @ values / len(values))
 
 
 def paired_bootstrap(a: np.ndarray, b: np.ndarray, seed: int, n: int = RESAMPLES) -> Interval:
@@ -31,7 +31,7 @@ def paired_bootstrap(a: np.ndarray, b: np.ndarray, seed: int, n: int = RESAMPLES
 
 def f1_interval(label: np.ndarray, decision: np.ndarray, n_classes: int, seed: int, n: int = RESAMPLES) -> Interval:
     """Interval of macro-F1 by resampling lanes; label and decision (n_lanes,)."""
-    return _central(_resampled_f1(label, decision, n_classes, seed, n))
+    return central(_resampled_f1(label, decision, n_classes, seed, n))
 
 
 def paired_f1(
@@ -39,7 +39,7 @@ def paired_f1(
 ) -> Interval:
     """Interval of the macro-F1 of decisions a minus that of decisions b, (n_lanes,) each, over the same resamples."""
     first, second = (_resampled_f1(label, decision, n_classes, seed, n) for decision in (a, b))
-    return _central(first - second)
+    return central(first - second)
 
 
 def poisson_interval(count: int, duration: float) -> Interval:
@@ -51,15 +51,16 @@ def poisson_interval(count: int, duration: float) -> Interval:
     return float(low / duration), float(chi2.ppf(0.975, 2 * count + 2) / 2 / duration)
 
 
-def _resamples(n_lanes: int, seed: int, n: int) -> np.ndarray:
+def resamples(n_lanes: int, seed: int | list[int], n: int = RESAMPLES) -> np.ndarray:
     """How often each lane is drawn in each resample, (n, n_lanes)."""
     return np.random.default_rng(seed).multinomial(n_lanes, np.full(n_lanes, 1.0 / n_lanes), size=n)
 
 
 def _resampled_f1(label: np.ndarray, decision: np.ndarray, n_classes: int, seed: int, n: int) -> np.ndarray:
-    return macro_f1(confusion(label, decision, n_classes, _resamples(len(label), seed, n)))
+    return macro_f1(confusion(label, decision, n_classes, resamples(len(label), seed, n)))
 
 
-def _central(values: np.ndarray) -> Interval:
+def central(values: np.ndarray) -> Interval:
+    """The interval that holds the central 95 % of the values (n,) of resamples."""
     low, high = np.percentile(values, [2.5, 97.5])
     return float(low), float(high)

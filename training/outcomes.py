@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_fault_env.faults import NORMAL
-from training.active_vector_env import LIMIT, SCHEDULES
+from training.records import HORIZON
 
-CENSORED = LIMIT - SCHEDULES.onset[1]  # s from onset: so long after it every episode of the environment lasts
+HEALTHY_SHARE = 0.1  # of the budget: by how much a healthy vehicle may be moved, root mean square
+CENSORED = HORIZON  # s from onset
 
 
 class Outcome(NamedTuple):
@@ -39,8 +40,8 @@ class Outcomes:
         self._decisions, self._cost = np.zeros(n_lanes, np.int64), np.zeros(n_lanes)
         self._fault = np.full(n_lanes, NORMAL, object)
 
-    def note(self, infos: Sequence[dict[str, Any]], done: np.ndarray) -> np.ndarray:
-        """Take a step's information as `ActiveVecEnv` gives it; the cost of the decision, (n_lanes,)."""
+    def note(self, infos: Sequence[dict[str, Any]], done: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Take a step's information as `ActiveVecEnv` gives it; cost and true label of the decision, (n_lanes,)."""
         cost = np.array([info["cost"] for info in infos])
         label = np.array([info["truth"]["label"] for info in infos], object)
         self._fault = np.where(label != NORMAL, label, self._fault)
@@ -48,7 +49,7 @@ class Outcomes:
         self._cost += cost
         self.ended += [self._outcome(lane, infos[lane]) for lane in np.flatnonzero(done).tolist()]
         self._decisions[done], self._cost[done], self._fault[done] = 0, 0.0, NORMAL
-        return cost
+        return cost, label
 
     def _outcome(self, lane: int, info: dict[str, Any]) -> Outcome:
         declared, fault = info["declared"], self._fault[lane]
@@ -63,8 +64,8 @@ def figures(outcomes: Sequence[Outcome], budget: float) -> dict[str, float]:
     """Figures of episodes; those without data are `CENSORED` for a delay and 0 for the rest.
 
     loss
-        The delay times the share spent of the squared budget where that is above 1: lower is better. A policy that
-        buys its delay with more than the budget so pays in proportion; it need not be one that keeps the budget.
+        The delay, times how often `healthy_rms` is `HEALTHY_SHARE` of the budget where that is more than once: lower
+        is better.
     delay
         Restricted mean time from onset to the right declaration [s], over the episodes with a fault; one that a wrong
         declaration ends counts as missed, even before the onset.
@@ -77,14 +78,14 @@ def figures(outcomes: Sequence[Outcome], budget: float) -> dict[str, float]:
     healthy = [one for one in outcomes if not one.faulty]
     right = [one for one in faulty if one.delay < CENSORED]
     delay = float(np.mean([one.delay for one in faulty])) if faulty else CENSORED
-    spent = _rms(outcomes)
+    healthy_rms = _rms(healthy)
     return {
-        "loss": delay * max(1.0, (spent / budget) ** 2),
+        "loss": delay * max(1.0, healthy_rms / (HEALTHY_SHARE * budget)),
         "delay": delay,
         "isolated": len(right) / max(len(faulty), 1),
         "mistaken": (sum(one.declared for one in outcomes) - len(right)) / max(len(outcomes), 1),
-        "rms": spent,
-        "healthy_rms": _rms(healthy),
+        "rms": _rms(outcomes),
+        "healthy_rms": healthy_rms,
     }
 
 

@@ -7,7 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from training import benchmark_plots, bounds_plots, diagnosis_plots, network_plots
+from training import advisory_plots, benchmark_plots, bounds_plots, diagnosis_plots, network_plots, stimulus_plots
+from training.datasets import plots as dataset_plots
+from training.field import calibration_plots, diagnosis_plot
 from training.plot_style import COMMAND, PORT, SPEED, STARBOARD, STYLE, TRUTH, legend_above
 
 Series = Sequence[float]
@@ -123,4 +125,14 @@ PLOTS: dict[str, Callable[..., Figure]] = {
     "decision_surfaces": network_plots.decision_surfaces,
     "network_response": network_plots.network_response,
     "trajectories": network_plots.trajectories,
+    "speed_ups": stimulus_plots.speed_ups,
+    "delay_cost_plane": stimulus_plots.delay_cost_plane,
+    "around_onset": stimulus_plots.around_onset,
+    "active_episodes": stimulus_plots.active_episodes,
+    "outcome_shares": advisory_plots.outcome_shares,
+    "confusion_grid": dataset_plots.confusion_grid,
+    "healthy_band": dataset_plots.healthy_band,
+    "stacked": diagnosis_plot.stacked,
+    "measured_and_simulated": calibration_plots.measured_and_simulated,
+    "mission_estimates": calibration_plots.mission_estimates,
 }

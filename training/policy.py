@@ -58,7 +58,8 @@ class LearnedPolicy:
             values = torch.from_numpy(features)
             for layer in LAYERS:
                 weight, bias = (torch.from_numpy(self.tensors[f"{layer}_{part}"]) for part in ("weight", "bias"))
-                values = torch.tanh(torch.nn.functional.linear(values, weight, bias))
+                summed = (values[:, None, :] * weight).sum(dim=2)  # the same for a lane, however many there are
+                values = torch.tanh(summed + bias)
             return values.numpy()
 
     def save(self, path: str | Path) -> None:

@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -20,12 +20,26 @@ from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.schedules import Events, Schedule, load_schedule, schedules_of, to_json
 from auv_fault_env.truth import FleetTruth
 from training.arguments import Simulate
+from training.minari_export import FORMAT as MINARI
+from training.minari_export import episodes, new_storage
 from training.report import write_report
 from training.runs import run_folder, write_json
 from training.simulate_page import page
 
 ROWS_AT_ONCE = 150_000  # held in memory, about 400 bytes each
 WRITERS = {"csv": pyarrow.csv.CSVWriter, "parquet": pyarrow.parquet.ParquetWriter}
+
+
+class Chunk(NamedTuple):
+    """Episodes of some vehicles: their numbers and seeds, (n_lanes,), and schedules by number.
+
+    columns: channels and truth, (steps + 1, n_lanes) each, the first at the start.
+    """
+
+    vehicles: np.ndarray
+    seeds: np.ndarray
+    schedules: dict[int, Schedule]
+    columns: dict[str, np.ndarray]
 
 
 def main(arguments: Simulate) -> None:
@@ -44,7 +58,7 @@ def _checked_steps(arguments: Simulate) -> int:
     if arguments.vehicles < 1:
         raise refusal("vehicles", arguments.vehicles, "a whole number from 1", "ask for at least one vehicle")
     if not arguments.formats:
-        raise refusal("formats", arguments.formats, "csv, parquet or both", "name one")
+        raise refusal("formats", arguments.formats, "csv, parquet, minari or several", "name one")
     finite_in_range("seed", arguments.seed, 0, 2**62)
     _fleet(1, arguments)
     return round(finite_in_range("duration", arguments.duration, 1 / SAMPLE_RATE, 1e5) * SAMPLE_RATE)
@@ -78,19 +92,23 @@ def _is_number(text: str) -> bool:
 def write_tables(
     folder: Path, arguments: Simulate, steps: int, schedule: Schedule | None, mission: Mission | None
 ) -> dict[str, Any]:
-    """Write the tables chunk by chunk, and schedules.json; returns the report as plain data."""
+    """Write the episodes chunk by chunk, and schedules.json; returns the report as plain data."""
     writers: dict[str, Any] = {}
     schedules: dict[int, Schedule] = {}
+    storage = new_storage(folder, arguments) if MINARI in arguments.formats else None
     with ExitStack() as stack, tqdm(total=arguments.vehicles * steps, unit="sample", unit_scale=True) as bar:
-        for table, chunk in _chunks(arguments, steps, schedule, mission, bar):
-            for kind in arguments.formats:
+        for chunk in _chunks(arguments, steps, schedule, mission, bar):
+            table = _table(chunk)
+            for kind in set(arguments.formats) & set(WRITERS):
                 if kind not in writers:
                     writer = WRITERS[kind](str(folder / f"episodes.{kind}"), table.schema)
                     writers[kind] = stack.enter_context(writer)
                 writers[kind].write_table(table)
+            if storage is not None:
+                storage.update_episodes(episodes(chunk.columns, chunk.seeds, chunk.schedules.values(), mission))
             if not schedules:
                 first = {name: table[name].slice(0, steps).to_numpy() for name in ("time", *CHANNELS)}
-            schedules |= chunk
+            schedules |= chunk.schedules
     plain = {vehicle: json.loads(to_json(events)) for vehicle, events in schedules.items()}
     write_json(folder / "schedules.json", plain)
     command = f"auv-fault simulate --vehicles {arguments.vehicles} --seed {arguments.seed}"
@@ -99,24 +117,25 @@ def write_tables(
 
 def _chunks(
     arguments: Simulate, steps: int, schedule: Schedule | None, mission: Mission | None, bar: tqdm
-) -> Iterator[tuple[pa.Table, dict[int, Schedule]]]:
+) -> Iterator[Chunk]:
     at_once = max(1, ROWS_AT_ONCE // steps)
     for first in range(0, arguments.vehicles, at_once):
         vehicles = np.arange(first, min(first + at_once, arguments.vehicles))
         fleet = _fleet(vehicles.size, arguments)
+        seeds = arguments.seed + vehicles
         observation = fleet.reset(
-            (arguments.seed + vehicles).tolist(),
+            seeds.tolist(),
             schedules=None if schedule is None else [schedule] * vehicles.size,
             missions=None if mission is None else [mission] * vehicles.size,
         )
-        table = _table(vehicles, arguments.seed, roll_out(fleet, observation, steps, bar))
+        columns = roll_out(fleet, observation, steps, bar)
         planned = schedules_of(Events(fleet.plan.fault, fleet.plan.profile))
-        yield table, dict(zip(vehicles.tolist(), planned, strict=True))
+        yield Chunk(vehicles, seeds, dict(zip(vehicles.tolist(), planned, strict=True)), columns)
 
 
 def roll_out(fleet: Fleet, observation: np.ndarray, steps: int, bar: tqdm) -> dict[str, np.ndarray]:
-    """Let every lane follow its mission; columns (steps, n_lanes) of channels and truth, at the end of each sample."""
-    samples: list[dict[str, np.ndarray]] = []
+    """Let every lane follow its mission; columns (steps + 1, n_lanes) of channels and truth, the first at the start."""
+    samples = [_sample(fleet, observation)]
     actions = np.zeros((fleet.n_lanes, 3))
     for _ in range(steps):
         actions[:, 0] = observation[:, 0]
@@ -132,10 +151,12 @@ def _sample(fleet: Fleet, observation: np.ndarray) -> dict[str, np.ndarray]:
     plant = {name: value for name, value in truth["parameters"].items() if not name.startswith(tuple(CHANNELS))}
     columns = {"time": fleet.time} | dict(zip(CHANNELS, observation.T, strict=True))
     columns |= {"truth_label": truth["label"], "truth_severity": severity.max(axis=0), "truth_onset": truth["onset"]}
+    columns |= dict(zip(("truth_reward", "truth_energy", "truth_cost"), fleet.outcomes[:3], strict=True))
     return columns | {f"truth_{name}": value for name, value in (truth["state"] | plant).items()}
 
 
-def _table(vehicles: np.ndarray, seed: int, columns: dict[str, np.ndarray]) -> pa.Table:
-    steps = len(columns["time"])
-    keys = {"vehicle": np.repeat(vehicles, steps), "seed": np.repeat(vehicles + seed, steps)}
-    return pa.table(keys | {name: values.T.ravel() for name, values in columns.items()})
+def _table(chunk: Chunk) -> pa.Table:
+    """One row per vehicle and sample, that at the start left out."""
+    steps = len(chunk.columns["time"]) - 1
+    keys = {"vehicle": np.repeat(chunk.vehicles, steps), "seed": np.repeat(chunk.seeds, steps)}
+    return pa.table(keys | {name: values[1:].T.ravel() for name, values in chunk.columns.items()})

@@ -1,9 +1,11 @@
 """The stimuli by name, all compared under the same budget of speed deviation."""
 
 from training.greedy import Greedy
+from training.learned import Learned, Learned1, Learned2, Learned3, Learned4
 from training.stimuli_open_loop import Cruise, DOptimal, Multisine, Prbs, Thesis
 from training.stimuli_triggered import TriggeredDOptimal, TriggeredPrbs, TriggeredThesis
 from training.stimulus import BUDGET, EPISODE, Stimulus
+from training.surge_ahead import TriggeredSurge
 
 __all__ = ["BUDGET", "EPISODE", "STIMULI", "Cruise", "Stimulus", "Thesis"]
 
@@ -18,4 +20,10 @@ STIMULI: dict[str, type[Stimulus]] = {
     "triggered_prbs": TriggeredPrbs,
     "triggered_d_optimal": TriggeredDOptimal,
     "greedy": Greedy,
+    "triggered_surge": TriggeredSurge,
+    "learned": Learned,
+    "learned_1": Learned1,
+    "learned_2": Learned2,
+    "learned_3": Learned3,
+    "learned_4": Learned4,
 }

@@ -7,9 +7,7 @@ import numpy as np
 
 from auv_fault_env.errors import refusal
 from diagnosers import Belief
-from training.stimulus import N_SAMPLES, Stimulus, within_channel
-
-LARGEST = 0.25  # m/s, offset: beyond it the mission would be another one
+from training.stimulus import LARGEST, N_SAMPLES, Stimulus, within_channel
 
 
 class ClosedLoop(Stimulus):

@@ -10,7 +10,8 @@ import numpy as np
 from auv_fault_env.parameters import SAMPLE_RATE
 from diagnosers import Belief
 from training.d_optimal import d_optimal
-from training.stimuli_closed_loop import LARGEST, ClosedLoop
+from training.stimuli_closed_loop import ClosedLoop
+from training.stimulus import LARGEST
 from training.waveforms import prbs, square
 
 SPELL = 20.0  # s, over which the allowance that is left is spread when the suspicion arises: a period of the thesis'

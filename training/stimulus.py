@@ -17,6 +17,7 @@ from diagnosers import Belief
 BUDGET = 0.25 * FOOT  # m/s: the thesis' 0.5 ft/s and 1.0 ft/s are a quarter of a foot per second off their mean
 EPISODE = 65.0  # s, over which a budget is kept: an episode of the suites
 N_SAMPLES = round(EPISODE * SAMPLE_RATE)
+LARGEST = 0.25  # m/s, offset of a stimulus that decides by itself: beyond it the mission would be another one
 MISSION_SPEED = list(CHANNELS).index("mission_speed")
 
 
@@ -38,6 +39,11 @@ class Stimulus(ABC):
 
     def __post_init__(self):
         finite_in_range(f"budget of {self.name}", self.budget, 0.0, MAXIMUM_COMMAND)
+
+    @property
+    def learnt(self) -> str:
+        """Digest of what it has learnt, empty for nothing: results depend on it."""
+        return ""
 
     @abstractmethod
     def offset(self, sample: int, observation: np.ndarray, belief: Belief) -> np.ndarray:

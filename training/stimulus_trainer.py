@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,24 +11,30 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.logger import Logger
 
-from training.active_vector_env import LIMIT, ActiveDiagnosisVectorEnv
+from diagnosers.filter_bank import FilterBank
+from training.active_vector_env import LIMIT, SCHEDULES, ActiveDiagnosisVectorEnv
 from training.agent import Agent
-from training.constraint import DualAscent, PricedVecEnv
+from training.constraint import ConstrainedVecEnv, DualAscent
+from training.imitation import imitate, watched
 from training.learner import Learner
+from training.lighter_bank import PRIOR, lighter_bank
 from training.outcomes import figures
 from training.policy import LearnedPolicy
+from training.records import HORIZON
 from training.seeds import SPAN, seeds
-from training.stimulus import BUDGET
 from training.train_integrated import one_thread
 from training.vec_env import ActiveVecEnv
 
-LANES = 256  # vehicles at a time
-ROLLOUT, ROLLOUTS = 64, 4  # decisions of each between two updates of the policy, and such rollouts per epoch
-PASSES, BATCH = 10, 512  # of an update over its rollout; the gradient is cheap beside the diagnoser
-RATE = 3e-4  # of Adam
+LANES = 512  # vehicles at a time
+ROLLOUT, ROLLOUTS = 32, 8  # decisions of each between two updates of the policy, and such rollouts per epoch
+PASSES, BATCH = 8, 2048  # of an update over its rollout
+RATE = 1e-3  # of Adam
 STEEPEST_CHANGE = 0.02  # nats, divergence of the policy at which an update ends
-DISCOUNT = 0.98  # per decision: what is known 50 s sooner is worth three times as much
-TRIED = 128  # vehicles to validate on
+DISCOUNT = 0.9  # per decision: what is known 10 s sooner is worth three times as much
+LEAST_BUDGET = 0.4  # share of the budget, from which episodes of the training begin
+TRIED = 384  # vehicles to validate on
+VALIDATED = round(SCHEDULES.onset[1] + HORIZON)  # decisions, by which delays are known or censored
+SETTINGS = {"n_epochs": PASSES, "batch_size": BATCH, "gamma": DISCOUNT, "target_kl": STEEPEST_CHANGE}  # of PPO
 SHOWN = ("value_loss", "approx_kl", "clip_fraction", "std")  # of what PPO logs
 GLOBAL_SEEDS = 2**32  # seeds of numpy's global generator
 
@@ -36,14 +43,15 @@ class StimulusTrainer:
     """A `training.trainer.Trainer` whose epochs are a few rollouts and updates of PPO.
 
     Every epoch begins new episodes, whose seeds depend on (seed, epoch) alone, so that a training that was broken off
-    goes on bit for bit. The environment's own price of speed is off: that of the constraint takes its place.
+    goes on bit for bit. The environment's own price of speed is off: that of the constraint takes its place. Where the
+    diagnoser is the filter bank, a lighter one stands in (`training.lighter_bank`).
 
     Parameters
     ----------
     seed
         Of all that is random.
     budget
-        Root mean square of the offsets that the policy may spend [m/s].
+        Largest root mean square of the offsets that the policy may spend [m/s].
     diagnoser
         Name of the one whose beliefs it sees.
     steps
@@ -52,23 +60,25 @@ class StimulusTrainer:
 
     data = (
         f"training: epochs of {ROLLOUTS * ROLLOUT} decisions on each of {LANES} vehicles, episodes of up to {LIMIT} s "
-        f"drawn as in auv_fault_env/ActiveDiagnosis-v0; validated on {TRIED} such episodes with seeds of their own"
+        f"drawn as in auv_fault_env/ActiveDiagnosis-v0, of the faults {', '.join(PRIOR)}; validated on {TRIED} such "
+        "episodes with seeds of their own"
     )
 
-    def __init__(self, seed: int, budget: float = BUDGET, diagnoser: str = "filter_bank", steps: int = 2_000_000):
+    def __init__(self, seed: int, budget: float = 0.1, diagnoser: str = "filter_bank", steps: int = 650_000):
         self.seed, self.budget, self.diagnoser = seed, budget, diagnoser
         self.epochs = self.patience = math.ceil(steps / self.decisions)
-        self.env, self.trial = self._environment(LANES), self._environment(TRIED)
-        settings = {"n_epochs": PASSES, "batch_size": BATCH, "gamma": DISCOUNT, "target_kl": STEEPEST_CHANGE}
+        self.env, self.trial = self._environment(LANES, LIMIT, LEAST_BUDGET), self._environment(TRIED, VALIDATED, 1.0)
         with seeded(seed % GLOBAL_SEEDS):
-            self.model = PPO(Agent, self.env, RATE, n_steps=ROLLOUT, device="cpu", **settings)
+            self.model = PPO(Agent, self.env, RATE, n_steps=ROLLOUT, device="cpu", **SETTINGS)
         self.model.set_logger(Logger(None, []))
         self.learner = Learner(self.model.policy)
         self.model.policy.optimizer = self.learner.optimiser
 
-    def _environment(self, n_lanes: int) -> PricedVecEnv:
-        settings = {"diagnoser": self.diagnoser, "budget": self.budget, "cost_weight": 0.0}
-        return PricedVecEnv(ActiveVecEnv(ActiveDiagnosisVectorEnv(n_lanes, **settings)))
+    def _environment(self, n_lanes: int, limit: int, least: float) -> ConstrainedVecEnv:
+        diagnoser = lighter_bank() if self.diagnoser == FilterBank.name else self.diagnoser
+        env = ActiveDiagnosisVectorEnv(n_lanes, limit, diagnoser=diagnoser, budget=self.budget, cost_weight=0.0)
+        env.fleet.schedules = replace(SCHEDULES, prior=PRIOR)
+        return ConstrainedVecEnv(ActiveVecEnv(env), least)
 
     @property
     def decisions(self) -> int:
@@ -78,10 +88,12 @@ class StimulusTrainer:
     @property
     def tried(self) -> int:
         """Environment steps of a validation."""
-        return LIMIT * TRIED
+        return VALIDATED * TRIED
 
     def epoch(self, number: int) -> dict[str, float]:
         """Rollouts and updates on episodes that depend on (seed, number) alone; figures of the exploring policy."""
+        if number == 0:
+            self._imitate()
         random = np.random.default_rng([self.seed, number])
         self.env.seed(seeds("training", LANES, int(random.integers(SPAN - LANES)))[0])
         with one_thread(), seeded(int(random.integers(GLOBAL_SEEDS))):
@@ -90,19 +102,25 @@ class StimulusTrainer:
         learning = {name: float(logged[f"train/{name}"]) for name in SHOWN}
         return figures(self.env.outcomes.ended, self.budget) | {"price": self.env.price} | learning
 
+    def _imitate(self) -> None:
+        """Teach the actor to go ahead on suspicion, and the critic what that is worth."""
+        self.env.seed(seeds("training", LANES, SPAN - LANES)[0])
+        with one_thread(), seeded(self.seed % GLOBAL_SEEDS):
+            imitate(self.model.policy, self.learner, watched(self.env, LIMIT, DISCOUNT))
+
     def validate(self) -> dict[str, float]:
         """Figures of the policy without noise on one episode of each of the validation seeds."""
         self.trial.seed(seeds("validation", TRIED)[0])
         policy, observation = self.policy(), self.trial.reset()
         with one_thread():
-            for _ in range(LIMIT):
+            for _ in range(VALIDATED):
                 observation, *_ = self.trial.step(policy.action(observation))
         first = {one.lane: one for one in reversed(self.trial.outcomes.ended)}
         return figures(list(first.values()), self.budget)
 
     def policy(self) -> LearnedPolicy:
         """What has been learnt so far."""
-        return LearnedPolicy(self.model.policy.learned(), self.diagnoser, self.budget, self.env.venv.env.amplitude)
+        return LearnedPolicy(self.model.policy.learned(), self.diagnoser, self.budget, self.env.amplitude)
 
     def state(self) -> dict[str, np.ndarray]:
         """Weights of actor and critic, moments of Adam, and the price, by name."""

@@ -29,7 +29,7 @@ SETTINGS = ("diagnoser", "budget", "seed", "steps")
 
 def main(arguments: TrainStimulus) -> None:
     """Train, or go on with a training that was broken off; a finished one is left as it is."""
-    trainer, name = trainer_of(arguments), name_of(arguments.diagnoser, arguments.budget)
+    trainer, name = trainer_of(arguments), name_of(arguments.diagnoser, arguments.seed)
     output = free_place(arguments.output or Path("runs") / f"train-{name}")
     unfinished = unfinished_folder(output)
     if arguments.restart:
@@ -44,9 +44,9 @@ def main(arguments: TrainStimulus) -> None:
         install(output, name)
 
 
-def name_of(diagnoser: str, budget: float) -> str:
+def name_of(diagnoser: str, seed: int) -> str:
     """The name of a policy's files."""
-    return f"stimulus-{diagnoser}-{budget:g}"
+    return f"stimulus-{diagnoser}-{seed}"
 
 
 def trainer_of(arguments: TrainStimulus) -> StimulusTrainer:
@@ -59,7 +59,7 @@ def trainer_of(arguments: TrainStimulus) -> StimulusTrainer:
 
 
 def _run(arguments: TrainStimulus, trainer: StimulusTrainer, output: Path, unfinished: Path) -> dict[str, Any]:
-    name = name_of(arguments.diagnoser, arguments.budget)
+    name = name_of(arguments.diagnoser, arguments.seed)
     with to_be_repeated(output, arguments.restart):
         progress = train(trainer, name, arguments.seed, unfinished)
         policy, figures = trainer.finish()

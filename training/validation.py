@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
-from auv_fault_env.parameters import SAMPLE_TIME
+from auv_fault_env.parameters import SAMPLE_TIME, Vehicle
 from auv_fault_env.schedules import PROFILE, ScheduleSampler
 from diagnosers import Diagnoser, make
 from training.metrics import sample_at
@@ -130,10 +130,12 @@ def suite(part: str, count: int, seed: int) -> Iterator[Episodes]:
             yield run_lanes(lanes[first : first + AT_ONCE], part == "faulty", thesis)
 
 
-def run_lanes(lanes: range, faulty: bool, thesis: bool) -> Episodes:
-    """Episodes of the lanes with these seeds."""
+def run_lanes(
+    lanes: range, faulty: bool, thesis: bool, vehicle: str | Vehicle = "thesis1992", healthy_band: float = 1.0
+) -> Episodes:
+    """Episodes of the lanes with these seeds, by vehicles in so many times the healthy band around the given one."""
     n = len(lanes)
-    fleet = Fleet(n, schedules=FAULTS)
+    fleet = Fleet(n, vehicle, healthy_band=healthy_band, schedules=FAULTS)
     rollout = roll_out(
         fleet,
         lanes,

@@ -143,7 +143,7 @@ def test_a_new_catalogue_entry_gets_its_hypotheses(monkeypatch):
 
 
 def test_classes_share_the_hazard_evenly():
-    hypotheses = table(3, 1e-3)
+    hypotheses = table(3, 1e-3, list(CATALOGUE))
     share = np.bincount(hypotheses.diagnosis, weights=np.exp(hypotheses.log_hazard))
     np.testing.assert_allclose(share[1:], 1e-3 / (len(CLASSES) - 1))
 

@@ -68,7 +68,7 @@ def test_spaces_and_features_are_the_documented_ones():
     env = gym.make(NAME)
     assert env.observation_space.shape == (len(FEATURES),) == (29,) and env.observation_space.dtype == np.float32
     assert np.isfinite([env.observation_space.low, env.observation_space.high]).all()
-    assert FEATURES[:2] == ("log_odds:normal", "log_odds:increased_drag") and FEATURES[-1] == "spent"
+    assert FEATURES[:2] == ("log_odds:normal", "log_odds:increased_drag") and FEATURES[-1] == "left"
     assert tuple(BOUNDS) == FEATURES and all(low < high for low, high in BOUNDS.values())
     for name in FEATURES[len(classes()) :]:
         assert f"`{name}`" in ActiveDiagnosisEnv.__doc__
@@ -117,7 +117,7 @@ def test_a_decision_is_ten_samples_of_plant_diagnoser_and_filter():
             "speed_error": reading[0, 4] - 0.3048,
             "last_offset": actions[k - 1, 0] if k else 0.0,
             "time": np.log1p(k),
-            "spent": cost / (0.1**2 * 65.0),
+            "left": np.log1p(max(0.1**2 * 65.0 - cost, 0.0) / 0.25**2),
         }
         assert {name: told[name] for name in wanted} == pytest.approx(wanted, rel=1e-5, abs=1e-6)
 
@@ -279,7 +279,7 @@ def test_commands_and_features_keep_their_limits():
     run = ride(env, [np.array([[-1.0], [9.0]])] * 70, seed=2, options={"schedule": GONE, "mission": 0.4})
     assert all(env.observation_space.contains(row[0]) for row in run)
     assert run[5][-1]["cost"] == pytest.approx([0.4**2, 0.6**2])  # clipped to 0 and 1 m/s, as is the action 9
-    assert run[-1][0][1, -1] == BOUNDS["spent"][1]
+    assert run[-1][0][1, -1] == BOUNDS["left"][0]
 
 
 WRONG = {

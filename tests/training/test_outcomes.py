@@ -43,14 +43,15 @@ def test_a_burst_may_be_over_when_it_is_declared():
 )
 def test_any_other_end_is_censored(last, faulty):
     (outcome,) = followed(last)
-    assert outcome.delay == CENSORED == 80.0
+    assert outcome.delay == CENSORED == 30.0
     assert outcome.faulty is faulty
 
 
 def test_lanes_begin_anew_by_themselves():
     outcomes = Outcomes(2)
     first = [info(PORT, PORT, onset=0.0, cost=0.1), info(cost=0.2)]
-    np.testing.assert_array_equal(outcomes.note(first, np.array([True, False])), [0.1, 0.2])
+    cost, label = outcomes.note(first, np.array([True, False]))
+    assert cost.tolist() == [0.1, 0.2] and label.tolist() == [PORT, "normal"]
     outcomes.note([info(cost=0.4), info(cost=0.3)], np.array([True, True]))
     ended = outcomes.ended
     assert [(one.lane, one.decisions, one.faulty) for one in ended] == [(0, 1, True), (0, 1, False), (1, 2, False)]
@@ -65,11 +66,11 @@ def test_figures_by_hand():
         Outcome(3, 10, 0.1, False, True, CENSORED),
     ]
     got = figures(outcomes, budget=0.1)
-    assert got["delay"] == pytest.approx(42.0)
+    assert got["delay"] == pytest.approx(17.0)
     assert got["isolated"] == 0.5 and got["mistaken"] == 0.5
     assert got["rms"] == pytest.approx(0.1) and got["healthy_rms"] == pytest.approx((0.1 / 30) ** 0.5)
-    assert got["loss"] == pytest.approx(42.0)
-    assert figures(outcomes, budget=0.05)["loss"] == pytest.approx(4 * 42.0)
+    assert got["loss"] == pytest.approx(17.0 * got["healthy_rms"] / 0.01)
+    assert figures(outcomes, budget=1.0)["loss"] == pytest.approx(17.0)
 
 
 def test_no_episode_is_the_worst_and_costs_nothing():

@@ -9,8 +9,9 @@ from auv_fault_env.errors import InputError
 from diagnosers import Belief, make
 from training.d_optimal import candidates, d_optimal, log_information
 from training.stimuli import BUDGET, EPISODE, STIMULI, Thesis
-from training.stimuli_closed_loop import LARGEST, ClosedLoop
+from training.stimuli_closed_loop import ClosedLoop
 from training.stimuli_triggered import SPELL, Triggered
+from training.stimulus import LARGEST
 from training.waveforms import multisine, prbs, square
 
 MISSION_SPEED = list(CHANNELS).index("mission_speed")
@@ -81,7 +82,7 @@ def test_whatever_is_believed_the_allowance_is_not_overdrawn(name):
     found = []
     for k in range(2 * N_SAMPLES):
         told = belief(random.uniform(0.001, 0.999, 3) ** 4)
-        told.log_probability[:, 1:] = np.log(random.dirichlet([0.1] * 18, 3).clip(1e-9)) + told.log_probability[:, 1:]
+        told.log_probability[:, 1:] += np.log(18.0 * random.dirichlet([0.1] * 18, 3).clip(1e-9))
         found.append(stimulus.offset(k, OBSERVATION, told))
     spent = np.sum(np.square(found), axis=0)
     assert (spent <= N_SAMPLES * 0.1**2 * (1 + 1e-9)).all() and (spent > 0.2 * N_SAMPLES * 0.1**2).all()

@@ -8,14 +8,14 @@ import pytest
 from diagnosers import storage
 from training import cli, stimulus_trainer
 from training.active_features import FEATURES, HIGH, LOW
-from training.active_vector_env import LIMIT
 from training.checkpoint import FILE, LOG
 from training.policy import LearnedPolicy
 from training.seeds import purpose_of
-from training.stimulus_trainer import StimulusTrainer, seeded
+from training.stimulus_trainer import SETTINGS, VALIDATED, StimulusTrainer, seeded
 
-SMALL = dict(LANES=4, ROLLOUT=8, ROLLOUTS=2, BATCH=16, PASSES=2, TRIED=3, LIMIT=10)
-NAME, EPOCHS = "stimulus-filter_bank-0.05", 3
+SMALL = dict(LANES=4, ROLLOUT=8, ROLLOUTS=2, TRIED=3, LIMIT=10, VALIDATED=10)
+SMALL["SETTINGS"] = SETTINGS | {"n_epochs": 2, "batch_size": 16}
+NAME, EPOCHS = "stimulus-filter_bank-0", 3
 STEPS = str(3 * 64 - 5)  # rounded up to three epochs
 
 
@@ -125,13 +125,13 @@ def test_a_trainer_learns_and_restores_all_that_the_next_epoch_needs():
 
 def test_validation_counts_one_whole_episode_of_each_vehicle(monkeypatch):
     seen = []
-    for name, value in dict(LIMIT=LIMIT, TRIED=12).items():
+    for name, value in dict(VALIDATED=VALIDATED, TRIED=12).items():
         monkeypatch.setattr(stimulus_trainer, name, value)
     monkeypatch.setattr(stimulus_trainer, "figures", lambda outcomes, budget: seen.extend(outcomes) or {"loss": budget})
     trainer = StimulusTrainer(0, budget=0.05)
     assert trainer.validate() == {"loss": 0.05}
     assert sorted(one.lane for one in seen) == list(range(12))
-    assert all(one.decisions == LIMIT or one.declared for one in seen)
+    assert all(one.decisions == VALIDATED or one.declared for one in seen)
     assert len(trainer.trial.outcomes.ended) > 12
 
 
@@ -146,8 +146,9 @@ def test_training_and_validation_have_seeds_of_their_own(monkeypatch):
     trainer.epoch(0)
     trainer.epoch(1)
     trainer.validate()
-    first, second, tried = (one for one in used if one is not None)
-    assert {purpose_of(seed) for seed in (*first, *second)} == {"training"} and set(first) != set(second)
+    imitated, first, second, tried = (one for one in used if one is not None)
+    assert {purpose_of(seed) for seed in (*imitated, *first, *second)} == {"training"}
+    assert not set(imitated) & set(first) and set(first) != set(second)
     assert {purpose_of(seed) for seed in tried} == {"validation"}
 
 

@@ -1,0 +1,89 @@
+import json
+
+import numpy as np
+import pytest
+
+from auv_fault_env.channels import CHANNELS
+from auv_fault_env.faults import NORMAL, classes
+from diagnosers import Belief
+from training.live.charts import CHARTS
+from training.live.history import History, Mark
+
+PORT_LOSS = classes().index("propeller_loss:port")
+
+
+@pytest.fixture
+def history():
+    """Four samples: from the second on the port propeller is gone, from the third on that is believed and alarmed."""
+    probability = np.full((4, len(classes())), 1e-3 / (len(classes()) - 1))
+    probability[:2, 0] = probability[2:, PORT_LOSS] = 1.0 - 1e-3
+    mean = np.full(probability.shape, 0.5)
+    mean[:, PORT_LOSS] = 0.9
+    return History(
+        np.array([69.7, 69.8, 69.9, 70.0]),
+        np.arange(4 * len(CHANNELS), dtype=np.float32).reshape(4, -1),
+        Belief(np.log(probability), mean, np.full(probability.shape, 0.1)),
+        np.array([False, False, True, True]),
+        np.array([0.3, 0.3, 0.2, 0.1]),
+        (Mark(69.8, "fault"),),
+    )
+
+
+def named(options, name):
+    return next(series for series in options["series"] if series["name"] == name)
+
+
+@pytest.mark.parametrize("truth", [False, True])
+@pytest.mark.parametrize("name", CHARTS)
+def test_every_chart_is_plain_data_with_title_and_axes(history, name, truth):
+    options = CHARTS[name](history, truth)
+    assert json.loads(json.dumps(options, allow_nan=False)) == options
+    assert options["title"]["text"]
+    assert options["xAxis"] and options["yAxis"]
+
+
+@pytest.mark.parametrize("name", [name for name in CHARTS if name != "ranking"])
+def test_fault_and_alarm_are_marked(history, name):
+    series = CHARTS[name](history, False)["series"][0]
+    assert [(line["name"], line["xAxis"]) for line in series["markLine"]["data"]] == [("fault", 69.8)]
+    ((begin, end),) = series["markArea"]["data"]
+    assert (begin["name"], begin["xAxis"], end["xAxis"]) == ("alarm", 69.9, 70.0)
+
+
+def test_the_last_minute_is_shown(history):
+    axis = CHARTS["speed"](history, False)["xAxis"]
+    assert (axis["min"], axis["max"]) == (10.0, 70.0)
+
+
+def test_lines_carry_their_channel(history):
+    column = list(CHANNELS).index("starboard_rpm")
+    line = named(CHARTS["rpm"](history, False), "starboard")
+    assert line["data"] == [[time, column + 12.0 * k] for k, time in enumerate((69.7, 69.8, 69.9, 70.0))]
+
+
+def test_the_true_speed_is_shown_only_with_the_truth(history):
+    without, given = (CHARTS["speed"](history, truth)["series"] for truth in (False, True))
+    assert [series["name"] for series in without] == ["mission", "command", "measured"]
+    assert given[-1]["name"] == "true" and [y for _, y in given[-1]["data"]] == [0.3, 0.3, 0.2, 0.1]
+
+
+def test_the_likeliest_is_on_top_and_has_the_severity(history):
+    ranking = CHARTS["ranking"](history, False)
+    assert ranking["yAxis"]["data"][-1] == "propeller_loss:port"
+    assert ranking["series"][0]["data"][-1]["value"] == 99.9
+    severity = CHARTS["severity"](history, False)
+    assert named(severity, "propeller_loss:port")["data"] == [[69.7, None], [69.8, None], [69.9, 0.9], [70.0, 0.9]]
+    assert named(severity, "low")["data"][-1][1] == pytest.approx(0.9 - 0.196)
+    assert named(severity, "95 % interval")["data"][-1][1] == pytest.approx(1.0 - (0.9 - 0.196))
+
+
+def test_verdict_needs_an_alarm_and_half_of_the_suspicion(history):
+    assert history.verdict == "propeller_loss:port"
+    assert history._replace(alarm=np.zeros(4, bool)).verdict == NORMAL
+    even = np.log(np.full((4, len(classes())), 1.0 / len(classes())))
+    assert history._replace(belief=history.belief._replace(log_probability=even)).verdict == "unknown"
+
+
+def test_alarms_begin_and_end(history):
+    alarm = np.array([True, False, True, True])
+    assert history._replace(alarm=alarm).alarms() == [(69.7, 69.8), (69.9, 70.0)]

@@ -1,0 +1,81 @@
+"""The learned stimulus: the same closed loop as the environment it was trained in, and policies that are data."""
+
+import numpy as np
+import pytest
+
+from auv_fault_env import FaultEvent, Fleet
+from auv_fault_env.channels import CHANNELS
+from auv_fault_env.errors import InputError
+from diagnosers import make, storage
+from training.active_vector_env import ActiveDiagnosisVectorEnv
+from training.constraint import ConstrainedVecEnv
+from training.learned import Learned
+from training.lighter_bank import lighter_bank
+from training.policy import SHAPES, LearnedPolicy
+from training.stimuli import STIMULI
+from training.vec_env import ActiveVecEnv
+
+SEEDS, DECISIONS = (3, 4, 5), 13
+SCHEDULES = [(), (FaultEvent("increased_drag", 12.2, 0.9),), (FaultEvent("propeller_damage:port", 11.5, 0.5),)]
+MISSIONS = [0.25, 0.3, 0.4]
+LEARNED = [name for name, stimulus in STIMULI.items() if issubclass(stimulus, Learned)]
+
+
+def drawn(seed, spread=0.3):
+    random = np.random.default_rng(seed)
+    tensors = {name: random.normal(0.0, spread, shape).astype(np.float32) for name, shape in SHAPES.items()}
+    return LearnedPolicy(tensors, "filter_bank", 0.1, 0.25)
+
+
+@pytest.fixture
+def policy(tmp_path, monkeypatch):
+    monkeypatch.setattr(storage, "WEIGHTS", tmp_path)
+    made = drawn(0, 0.12)
+    made.save(tmp_path / "stimulus-filter_bank-0.safetensors")
+    return made
+
+
+def test_it_acts_as_the_policy_does_in_its_environment(policy):
+    env = ConstrainedVecEnv(ActiveVecEnv(ActiveDiagnosisVectorEnv(3, diagnoser=lighter_bank(), budget=0.1)))
+    env.venv._seeds = list(SEEDS)
+    env.venv._options = [{"schedule": s, "mission": m} for s, m in zip(SCHEDULES, MISSIONS, strict=True)]
+    seen = env.reset()
+    fleet, bank, stimulus = Fleet(3), lighter_bank(), Learned(0.1)
+    reading = fleet.reset(SEEDS, schedules=SCHEDULES, missions=MISSIONS)
+    bank.reset(3)
+    moved = 0.0
+    for k in range(DECISIONS):
+        seen, _, done, _ = env.step(policy.action(seen))
+        assert not done.any()
+        for sample in range(10 * k, 10 * k + 10):
+            offset = stimulus.offset(sample, reading, bank.update(reading))
+            moved += float(np.abs(offset).mean())
+            command = reading[:, list(CHANNELS).index("mission_speed")] + offset
+            reading = fleet.step(np.column_stack([command, np.zeros((3, 2))]))
+        np.testing.assert_allclose(reading, env.venv.env._readings, rtol=1e-6, atol=1e-6)  # actions are float32 there
+    assert moved / (10 * DECISIONS) > 0.01
+
+
+def test_results_depend_on_the_file_of_the_policy(policy, tmp_path):
+    before = Learned().learnt
+    drawn(1).save(tmp_path / "stimulus-filter_bank-0.safetensors")
+    assert Learned().learnt != before != ""
+    assert STIMULI["thesis"]().learnt == ""
+
+
+def test_a_missing_or_damaged_policy_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(storage, "WEIGHTS", tmp_path)
+    (tmp_path / "stimulus-filter_bank-0.safetensors").write_bytes(b"\x80\x04nothing")
+    reading = Fleet(1).reset([1], schedules=[()], missions=[0.3])
+    bank = make("filter_bank")
+    bank.reset(1)
+    with pytest.raises(InputError, match=r"stimulus-filter_bank-0\.safetensors"):
+        Learned().offset(0, reading, bank.update(reading))
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_every_policy_of_the_package_was_trained_with_its_own_seed(name):
+    stimulus = STIMULI[name]()
+    policy = LearnedPolicy.load(storage.WEIGHTS / f"stimulus-filter_bank-{stimulus.seed}.safetensors")
+    assert policy.diagnoser == "filter_bank"
+    assert len({STIMULI[other]().learnt for other in LEARNED}) == len(LEARNED) == 5

@@ -1,0 +1,34 @@
+"""Random forests of scikit-learn, and runs held out from them; everything random comes from the seed."""
+
+from typing import Any
+
+import numpy as np
+
+from training.extras import needed
+
+EXTRA = "data"
+TREES = 300
+
+
+def forest(seed: int) -> Any:
+    """A random forest to be fitted, in which every class weighs the same however rare."""
+    ensemble = needed("sklearn.ensemble", EXTRA)
+    return ensemble.RandomForestClassifier(TREES, class_weight="balanced", random_state=seed)
+
+
+def shuffled_folds(label: np.ndarray, n_folds: int, seed: int) -> np.ndarray:
+    """A fold for each run (n_runs,), drawn at random; every fold has its share of each label."""
+    splitter = needed("sklearn.model_selection", EXTRA).StratifiedKFold(n_folds, shuffle=True, random_state=seed)
+    folds = np.empty(len(label), np.int64)
+    for fold, (_, members) in enumerate(splitter.split(folds, label)):
+        folds[members] = fold
+    return folds
+
+
+def cross_decide(inputs: np.ndarray, label: np.ndarray, folds: np.ndarray, seed: int) -> np.ndarray:
+    """What a forest fitted to the other folds says of each run, (n_runs,); inputs (n_runs, n_inputs).
+
+    Misleads where the folds share what a real use would not, such as a day in the pool.
+    """
+    selection = needed("sklearn.model_selection", EXTRA)
+    return selection.cross_val_predict(forest(seed), inputs, label, cv=selection.PredefinedSplit(folds))

@@ -1,0 +1,1 @@
+"""Tools for a real vehicle: its file, its logs, its calibration and its diagnosis."""

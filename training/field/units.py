@@ -1,0 +1,76 @@
+"""Units that logs use: the factor from each to the unit of the channels, and how people spell them."""
+
+import math
+
+from auv_fault_env.errors import known_name
+from auv_fault_env.parameters import FOOT
+
+STANDARD_GRAVITY = 9.80665  # m/s^2
+
+# Factors to the unit of the channels, by that unit, which comes first.
+UNITS: dict[str, dict[str, float]] = {
+    "m/s": {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001, "km/h": 1 / 3.6, "kn": 1852 / 3600, "ft/s": FOOT},
+    "m/s^2": {"m/s^2": 1.0, "cm/s^2": 0.01, "ft/s^2": FOOT, "g": STANDARD_GRAVITY, "mg": 0.001 * STANDARD_GRAVITY},
+    "rad": {"rad": 1.0, "deg": math.pi / 180, "mrad": 0.001},
+    "V": {"V": 1.0, "mV": 0.001},
+    "A": {"A": 1.0, "mA": 0.001},
+    "rpm": {"rpm": 1.0, "rev/s": 60.0, "rad/s": 30 / math.pi},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
+}
+SPELLINGS: dict[str, str] = {
+    **dict.fromkeys(("mps", "m/sec", "ms-1", "meter/s", "metre/s"), "m/s"),
+    **dict.fromkeys(("kt", "kts", "knot", "knots"), "kn"),
+    **dict.fromkeys(("kmh", "kph", "km/hr"), "km/h"),
+    **dict.fromkeys(("fps", "ft/sec"), "ft/s"),
+    **dict.fromkeys(("mps2", "m/s/s", "ms-2", "m/sec2"), "m/s^2"),
+    **dict.fromkeys(("fps2", "ft/s/s"), "ft/s^2"),
+    **dict.fromkeys(("radian", "radians"), "rad"),
+    **dict.fromkeys(("°", "degs", "degree", "degrees"), "deg"),
+    **dict.fromkeys(("volt", "volts"), "V"),
+    **dict.fromkeys(("millivolt", "millivolts"), "mV"),
+    **dict.fromkeys(("amp", "amps", "ampere", "amperes"), "A"),
+    **dict.fromkeys(("milliamp", "milliamps", "milliampere"), "mA"),
+    **dict.fromkeys(("rev/min", "r/min", "1/min", "u/min", "min-1"), "rpm"),
+    **dict.fromkeys(("rps", "r/s", "rev/sec", "1/s", "hz", "s-1"), "rev/s"),
+    **dict.fromkeys(("rad/sec", "rads-1"), "rad/s"),
+    **dict.fromkeys(("sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("msec", "millis", "millisecond", "milliseconds"), "ms"),
+    **dict.fromkeys(("usec", "µs", "μs", "microsecond", "microseconds"), "us"),  # micro sign; mu
+    **dict.fromkeys(("nsec", "nanosecond", "nanoseconds"), "ns"),
+    **dict.fromkeys(("minute", "minutes"), "min"),
+}
+
+
+def _plain(text: str) -> str:
+    text = text.strip(" \t[]()").lower().replace("²", "2").replace("⁻¹", "-1").replace("⁻²", "-2")
+    return "".join(text.translate(str.maketrans("", "", " ^*·_")).split())
+
+
+_KNOWN = {kind: {_plain(unit): unit for unit in units} for kind, units in UNITS.items()}
+_SPELT = {_plain(text): unit for text, unit in SPELLINGS.items()}
+
+
+def spelt(text: str, kind: str) -> str | None:
+    """The unit that a text names among those of a kind (a key of `UNITS`); None if it names none.
+
+    >>> spelt("[Knots]", "m/s"), spelt("m/s²", "m/s^2"), spelt("V", "m/s")
+    ('kn', 'm/s^2', None)
+    """
+    plain = _plain(text)
+    unit = _KNOWN[kind].get(plain) or _SPELT.get(plain)
+    return unit if unit in UNITS[kind] else None
+
+
+def is_unit(text: str) -> bool:
+    """Whether the text names a unit of any kind."""
+    return any(spelt(text, kind) for kind in UNITS)
+
+
+def factor(thing: str, unit: object, kind: str) -> float:
+    """Factor from a unit to that of the channels; an unknown one is an `InputError` with those that are known.
+
+    >>> factor("unit of speed", "knots", "m/s")
+    0.5144444444444445
+    """
+    found = spelt(unit, kind) if isinstance(unit, str) else None
+    return UNITS[kind][found or known_name(thing, unit, UNITS[kind])]

@@ -1,0 +1,236 @@
+"""A vehicle's file (TOML): which columns of its logs are which channels, and what is known of the vehicle itself.
+
+The keys are described in docs/vehicle.md.
+"""
+
+import json
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from auv_fault_env.channels import CHANNELS, READINGS
+from auv_fault_env.errors import finite_in_range, known_name, refusal
+from auv_fault_env.parameters import HULL, PRESETS, SHAFT, Vehicle, vehicle_of
+from training.field.units import UNITS, factor
+
+QUANTITIES = {spec.name: spec.metadata for spec in fields(Vehicle) if spec.metadata}
+BAND: Mapping[str, float] = MappingProxyType({name: QUANTITIES[name]["band"] for name in (*HULL, *SHAFT)})
+NOISE: Mapping[str, float] = MappingProxyType({name: CHANNELS[name].noise for name in READINGS})
+GENERAL = {"name": "", "preset": "", "shafts": "", "sample_rate": "Hz", "hotel_load": "W", "battery": "Wh"}
+TABLES = ("vehicle", "parameters", "healthy_band", "noise", "time", "channels")
+COLUMN = ("column", "unit", "scale", "offset")
+
+
+class Column(NamedTuple):
+    """A column of the log: reading in the channel's unit = scale * column + offset."""
+
+    name: str
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class VehicleFile:
+    """What a vehicle's file says; anything unknown or out of range is an `InputError`.
+
+    A vehicle with one shaft has the channels of the port side only. It is simulated as the vehicle with two shafts
+    that are alike, each of half the thrust, of which only port is logged; ``vehicle.beta`` is the thrust of all shafts
+    together in either case, and hotel load and battery are the whole vehicle's.
+
+    Attributes
+    ----------
+    vehicle
+        Its nominal constants.
+    columns
+        By channel of `CHANNELS`; a channel that is not here does not exist on the vehicle.
+    time
+        Column of the time, in seconds; None if the rows are ``1/sample_rate`` apart.
+    sample_rate
+        Of the log [Hz], 0.5 to 10,000.
+    shafts
+        1 or 2.
+    band
+        Half-width of the healthy band, relative, by parameter of `HULL` and `SHAFT`; the usual one where none is given.
+    noise
+        Standard deviation by reading, in the channel's unit; the usual one where none is given.
+    hotel_load, battery
+        Power of all but propulsion [W]; charge of the full battery [Wh], 0 if not known.
+    """
+
+    vehicle: Vehicle
+    columns: Mapping[str, Column]
+    time: Column | None = None
+    sample_rate: float = 10.0
+    shafts: int = 2
+    band: Mapping[str, float] = field(default_factory=dict)
+    noise: Mapping[str, float] = field(default_factory=dict)
+    hotel_load: float = 0.0
+    battery: float = 0.0
+
+    def __post_init__(self):
+        _checked_channels(self.columns, self.shafts)
+        for channel, column in self.columns.items():
+            _checked_column(f"channels.{channel}", column)
+        if self.time is not None:
+            _checked_column("time", self.time)
+        _checked_numbers("healthy_band", self.band, dict.fromkeys(BAND, 0.9))
+        _checked_numbers("noise", self.noise, {name: CHANNELS[name].high - CHANNELS[name].low for name in NOISE})
+        finite_in_range("sample_rate [Hz]", self.sample_rate, 0.5, 1e4)
+        finite_in_range("hotel_load [W]", self.hotel_load, 0.0, 1e6)
+        finite_in_range("battery [Wh]", self.battery, 0.0, 1e9)
+        object.__setattr__(self, "band", {**BAND, **self.band})
+        object.__setattr__(self, "noise", {**NOISE, **self.noise})
+
+
+def _checked_channels(columns: Mapping[str, Column], shafts: int) -> None:
+    if shafts not in (1, 2) or isinstance(shafts, bool):
+        raise refusal("shafts", shafts, "1 or 2", "count the shafts")
+    for channel in columns:
+        known_name("key of [channels]", channel, CHANNELS)
+        if shafts == 1 and channel.startswith("starboard"):
+            raise refusal("channels", channel, "those of the port side, with shafts = 1", "rename it or set shafts = 2")
+    if not set(columns) & set(READINGS):
+        raise refusal("channels", list(columns), "at least one of " + ", ".join(READINGS), "add [channels.speed]")
+
+
+def _checked_column(where: str, column: Column) -> None:
+    if not isinstance(column.name, str) or not column.name:
+        raise refusal(f"{where}.column", column.name, "a name of the log's header", "name the column")
+    finite_in_range(f"{where}.offset", column.offset, -1e12, 1e12)
+    if not finite_in_range(f"{where}.scale", column.scale, -1e9, 1e9):
+        raise refusal(f"{where}.scale", column.scale, "a number other than 0", "give the factor to the channel's unit")
+
+
+def _checked_numbers(table: str, numbers: Mapping[str, float], highest: Mapping[str, float]) -> None:
+    for name, value in numbers.items():
+        finite_in_range(f"{table}.{known_name(f'key of [{table}]', name, highest)}", value, 0.0, highest[name])
+
+
+def read_vehicle(path: Path) -> VehicleFile:
+    """The vehicle of a TOML file; what is unknown, missing or out of range there is an `InputError`."""
+    content = _content(path)
+    for name in content:
+        known_name("table of the vehicle file", name, TABLES)
+    general = _table(content, "vehicle", GENERAL)
+    if "sample_rate" not in general:
+        raise refusal("vehicle file", str(path), "one with sample_rate [Hz] in [vehicle]", "add it")
+    channels = _table(content, "channels", CHANNELS)
+    return VehicleFile(
+        vehicle=_vehicle(general, _table(content, "parameters", QUANTITIES)),
+        columns={name: _column(f"channels.{name}", entry, CHANNELS[name].unit) for name, entry in channels.items()},
+        time=_column("time", content["time"], "s") if "time" in content else None,
+        band=_table(content, "healthy_band", BAND),
+        noise=_table(content, "noise", NOISE),
+        **{key: general[key] for key in ("sample_rate", "shafts", "hotel_load", "battery") if key in general},
+    )
+
+
+def _content(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        remedy = f"check the path ({error.strerror or error})"
+    except UnicodeDecodeError:
+        remedy = "save it as UTF-8"
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        remedy = f"mend it: {error}"
+    raise refusal("vehicle file", str(path), "a readable TOML file", remedy) from None
+
+
+def _table(content: Mapping[str, Any], name: str, keys: Iterable[str]) -> dict[str, Any]:
+    table = content.get(name, {})
+    if not isinstance(table, dict):
+        raise refusal(name, table, f"a table [{name}]", "give it keys of its own")
+    for key in table:
+        known_name(f"key of [{name}]", key, keys)
+    return table
+
+
+def _vehicle(general: Mapping[str, Any], parameters: Mapping[str, Any]) -> Vehicle:
+    preset = vehicle_of(known_name("preset", general.get("preset", next(iter(PRESETS))), PRESETS))
+    name = general.get("name", preset.name)
+    if not isinstance(name, str) or not name:
+        raise refusal("name of the vehicle", name, "a text", "name it")
+    return replace(preset, name=name, **parameters)
+
+
+def _column(where: str, entry: Any, kind: str) -> Column:
+    entry = _table({where: entry}, where, COLUMN)
+    scale = finite_in_range(f"{where}.scale", entry.get("scale", 1.0), -1e9, 1e9)
+    unit = factor(f"{where}.unit", entry.get("unit", kind), kind)
+    return Column(entry.get("column"), unit * scale, entry.get("offset", 0.0))
+
+
+def write_vehicle(path: Path, vehicle: VehicleFile, comments: Mapping[str, str] = MappingProxyType({})) -> None:
+    """Write the file; `read_vehicle` gives an equal vehicle back.
+
+    Parameters
+    ----------
+    path
+        Replaced if it exists.
+    vehicle
+        What to write.
+    comments
+        What stands behind a line, by table and key: ``{"vehicle.sample_rate": "median of 500 rows"}``.
+    """
+    try:
+        Path(path).write_text(as_toml(vehicle, comments), encoding="utf-8")
+    except OSError as error:
+        allowed = f"a place that can be written ({error.strerror or error})"
+        raise refusal("vehicle file", str(path), allowed, "choose another place") from None
+
+
+def as_toml(vehicle: VehicleFile, comments: Mapping[str, str] = MappingProxyType({})) -> str:
+    """The text of the file, with units and the comments given; only what differs from the nearest preset is in it."""
+    changes = {preset.name: _changed(_constants(vehicle.vehicle), _constants(preset)) for preset in PRESETS.values()}
+    preset = min(changes, key=lambda name: len(changes[name]))
+    tables = {
+        "vehicle": {"name": vehicle.vehicle.name, "preset": preset}
+        | {key: getattr(vehicle, key) for key in ("shafts", "sample_rate", "hotel_load", "battery")},
+        "parameters": changes[preset],
+        "healthy_band": _changed(vehicle.band, BAND),
+        "noise": _changed(vehicle.noise, NOISE),
+        "time": {} if vehicle.time is None else _entry(vehicle.time, "s"),
+    }
+    tables |= {f"channels.{name}": _entry(column, CHANNELS[name].unit) for name, column in vehicle.columns.items()}
+    return "\n".join(_text(name, table, comments) for name, table in tables.items() if table)
+
+
+def _constants(vehicle: Vehicle) -> dict[str, float]:
+    return {name: getattr(vehicle, name) for name in QUANTITIES}
+
+
+def _changed(values: Mapping[str, float], usual: Mapping[str, float]) -> dict[str, float]:
+    return {name: value for name, value in values.items() if value != usual[name]}
+
+
+def _entry(column: Column, kind: str) -> dict[str, str | float]:
+    unit = next((unit for unit, scale in UNITS[kind].items() if scale == abs(column.scale)), kind)
+    scale = column.scale / UNITS[kind][unit]
+    entry = {"column": column.name, "unit": unit, "scale": scale, "offset": column.offset}
+    return {key: value for key, value in entry.items() if (key, value) not in (("scale", 1.0), ("offset", 0.0))}
+
+
+def _text(name: str, table: Mapping[str, Any], comments: Mapping[str, str]) -> str:
+    lines = [f"[{name}]"]
+    for key, value in table.items():
+        notes = " ".join("; ".join(filter(None, (_about(name, key), comments.get(f"{name}.{key}")))).split())
+        lines.append(f"{key} = {_literal(value)}" + (f"  # {notes}" if notes else ""))
+    return "\n".join(lines) + "\n"
+
+
+def _about(table: str, key: str) -> str:
+    if table == "parameters":
+        return f"{QUANTITIES[key]['unit']}: {QUANTITIES[key]['about']}"
+    if table == "healthy_band":
+        return "relative half-width"
+    return CHANNELS[key].unit if table == "noise" else GENERAL.get(key, "")
+
+
+def _literal(value: str | float) -> str:
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return repr(value) if isinstance(value, int) else repr(float(value))

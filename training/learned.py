@@ -1,0 +1,95 @@
+"""The stimulus that was learnt: each second the offset that a trained policy chooses by what is believed."""
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
+from diagnosers import Belief, storage
+from diagnosers.kalman import Estimate, ParameterFilter
+from training.active_features import features
+from training.lighter_bank import suspected
+from training.stimuli_closed_loop import ClosedLoop
+
+if TYPE_CHECKING:
+    from training.policy import LearnedPolicy
+
+DECISION = round(SAMPLE_RATE)  # samples for which an action is held
+
+
+@dataclass
+class Notes:
+    """What is known of every lane: the parameter filter's estimate, and the action being held, (n_lanes,)."""
+
+    estimate: Estimate
+    action: np.ndarray
+
+
+class Learned(ClosedLoop):
+    """What `auv-fault train-stimulus` has made of the environment's rewards; the policies come with the package.
+
+    A policy has seen the beliefs of one filter bank on simulated vehicles at 0.2 to 0.5 m/s. Beside another diagnoser,
+    whose beliefs move otherwise, it may excite for nothing, or sit still while there is something to be told.
+    """
+
+    name = "learned"
+    seed: ClassVar[int] = 0  # of the training
+
+    @property
+    def _path(self) -> Path:
+        return storage.WEIGHTS / f"stimulus-filter_bank-{self.seed}.safetensors"
+
+    @cached_property
+    def _policy(self) -> "LearnedPolicy":
+        from training.policy import LearnedPolicy  # PyTorch, for those alone who are asked
+
+        return LearnedPolicy.load(self._path)
+
+    @cached_property
+    def learnt(self) -> str:
+        """Digest of the policy's file."""
+        return hashlib.sha256(self._path.read_bytes()).hexdigest()
+
+    def begun(self, n_lanes: int) -> Notes:
+        """Nothing read, no action."""
+        return Notes(ParameterFilter().initial(n_lanes), np.zeros(n_lanes))
+
+    def wanted(
+        self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: Notes
+    ) -> np.ndarray:
+        """The offset that is held, chosen anew every second."""
+        memory.estimate = ParameterFilter().update(memory.estimate, np.asarray(observation, np.float64))
+        if sample % DECISION == 0:
+            time, left = np.full(len(left), sample * SAMPLE_TIME), left * SAMPLE_TIME
+            seen = features(suspected(belief), memory.estimate, observation, memory.action, time, left)
+            most = np.sqrt(left) / self._policy.amplitude
+            memory.action = np.clip(self._policy.action(seen)[:, 0].astype(np.float64), -most, most)
+        return self._policy.amplitude * memory.action
+
+
+class Learned1(Learned):
+    """The same from another seed of the training: how much of what is learnt is luck."""
+
+    name, seed = "learned_1", 1
+
+
+class Learned2(Learned):
+    """As `Learned1`."""
+
+    name, seed = "learned_2", 2
+
+
+class Learned3(Learned):
+    """As `Learned1`."""
+
+    name, seed = "learned_3", 3
+
+
+class Learned4(Learned):
+    """As `Learned1`."""
+
+    name, seed = "learned_4", 4

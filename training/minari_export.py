@@ -1,0 +1,90 @@
+"""Simulated episodes as a Minari data set: observations, actions, rewards, and the truth in the infos.
+
+It lies within the run, in the layout that `minari.load_dataset` looks for: point MINARI_DATASETS_PATH at
+``OUTPUT/minari``. An episode's metadata hold seed and reset options: the environment that the data set recovers
+replays it exactly. Minari asks for the size of all files after every episode: thousands of them take long.
+"""
+
+import copy
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from auv_fault_env.channels import CHANNELS
+from auv_fault_env.env import ACTIONS
+from auv_fault_env.errors import finite_in_range
+from auv_fault_env.missions import Mission
+from auv_fault_env.parameters import SAMPLE_RATE
+from auv_fault_env.schedules import Schedule, to_json
+from training.arguments import Simulate
+from training.extras import needed
+
+FORMAT = "minari"
+DATASET = "propulsion-faults-v0"
+ENVIRONMENT = "auv_fault_env/Propulsion-v0"
+LONGEST = 13_000.0  # s: Minari reads an episode in one piece of at most 131072 rows
+
+
+def new_storage(folder: Path, arguments: Simulate) -> Any:
+    """An empty `minari.dataset.minari_storage.MinariStorage` in ``folder/minari``, in Parquet."""
+    minari = needed("minari.dataset.minari_storage", "formats")
+    finite_in_range("duration of Minari's episodes", arguments.duration, 1 / SAMPLE_RATE, LONGEST)
+    path = folder / FORMAT / DATASET / "data"
+    path.parent.mkdir(parents=True)
+    storage = minari.MinariStorage.new(path, env_spec=environment(arguments), data_format="parquet")
+    about = {
+        "dataset_id": DATASET,
+        "minari_version": version("minari"),
+        "description": "Episodes of an autonomous underwater vehicle whose propulsion may fail; truth_ is for scoring.",
+        "algorithm_name": "the mission's speed",
+        "requirements": ["auv-fault"],
+    }
+    storage.update_metadata(about)
+    return storage
+
+
+def environment(arguments: Simulate) -> gym.envs.registration.EnvSpec:
+    """The environment that makes these episodes."""
+    spec = copy.deepcopy(gym.spec(ENVIRONMENT))
+    spec.max_episode_steps = round(arguments.duration * SAMPLE_RATE)
+    names = ("preset", "sensor_noise", "disturbance", "healthy_band")
+    spec.kwargs = {name: getattr(arguments, name) for name in names} | {"horizon": max(60.0, arguments.duration)}
+    return spec
+
+
+def episodes(
+    columns: Mapping[str, np.ndarray], seeds: Iterable[int], schedules: Iterable[Schedule], mission: Mission | None
+) -> Iterator[Any]:
+    """A `minari.data_collector.EpisodeBuffer` per lane.
+
+    Parameters
+    ----------
+    columns
+        Channels and truth, (n_steps + 1, n_lanes) each, the first at the start.
+    seeds, schedules
+        One per lane.
+    mission
+        That of all lanes; None if each has drawn its own.
+    """
+    buffer = needed("minari.data_collector.episode_buffer", "formats").EpisodeBuffer
+    observations, actions = (np.stack([columns[name] for name in names], axis=-1) for names in (CHANNELS, ACTIONS))
+    infos = {name: values for name, values in columns.items() if name not in (*CHANNELS, "truth_reward")}
+    asked = {} if mission is None else {"mission": asdict(mission)}
+    for lane, (seed, schedule) in enumerate(zip(seeds, schedules, strict=True)):
+        last = np.arange(1, len(observations)) == len(observations) - 1
+        yield buffer(
+            seed=int(seed),
+            options={"schedule": json.loads(to_json(schedule))} | asked,
+            observations=observations[:, lane],
+            actions=actions[1:, lane],  # the commands in force during the sample that ends with the reading
+            rewards=columns["truth_reward"][1:, lane],
+            terminations=np.zeros_like(last),
+            truncations=last,
+            infos={name: values[:, lane].tolist() for name, values in infos.items()},
+        )

@@ -1,0 +1,31 @@
+"""The levels of log p(normal) below which an alarm stands, by diagnoser, as `auv-fault benchmark` sets them.
+
+On healthy operation under the conditions of the suite `standard`; `null` never goes below what it always says.
+"""
+
+ONE_PER_HOUR: dict[str, float] = {
+    "limits": -0.957,
+    "cusum": -1.169,
+    "rules": -1.414,
+    "filter_bank": -4.409,
+    "raw_network": -1.458,
+    "kalman_network": -2.328,
+    "parallel": -2.792,
+    "integrated": -2.199,
+    "oracle": -1.999,
+    "null": -1.610,
+    "random": -29.094,
+}
+ONE_PER_10_HOURS: dict[str, float] = {
+    "limits": -2.838,
+    "cusum": -2.806,
+    "rules": -2.838,
+    "filter_bank": -10.701,
+    "raw_network": -2.039,
+    "kalman_network": -4.206,
+    "parallel": -5.189,
+    "integrated": -4.230,
+    "oracle": -5.851,
+    "null": -1.610,
+    "random": -29.559,
+}
