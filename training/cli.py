@@ -13,7 +13,7 @@ from training.arguments import COMMANDS
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; 0 on success, 2 on bad input with one line on the error stream."""
+    """Run one command; 0 on success or what the command says, 2 on bad input with one line on the error stream."""
     command = tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="auv-fault", args=arguments)
     name = next(name for name, kind in COMMANDS.items() if isinstance(command, kind))
     for number in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
@@ -37,11 +37,10 @@ def _run(name: str, command: Any) -> int:
     from auv_fault_env.errors import InputError  # after the parser, so that --help does not wait for numba
 
     try:
-        importlib.import_module(f"training.{name.replace('-', '_')}").main(command)
+        return importlib.import_module(f"training.{name.replace('-', '_')}").main(command) or 0
     except InputError as error:
         print(f"auv-fault {name}: {error}", file=sys.stderr)
         return 2
-    return 0
 
 
 if __name__ == "__main__":
