@@ -34,8 +34,10 @@ def main(arguments: Calibrate) -> None:
 def calibrate(arguments: Calibrate) -> tuple[Calibration, dict[str, Any]]:
     """The calibration, and all results as plain data."""
     vehicle = read_vehicle(arguments.vehicle)
+    if len({path.resolve() for path in arguments.logs}) < len(arguments.logs):
+        raise refusal("logs", [str(path) for path in arguments.logs], "each log once", "leave the repetitions out")
     with tqdm(arguments.logs, "reading", unit="log", leave=False, file=sys.stderr) as paths:
-        logs = [read_log(path, vehicle) for path in paths]
+        logs = [read_log(path, vehicle)._replace(name=str(path)) for path in paths]
     samples = samples_of(logs)
     calibration = fitted(samples, vehicle)
     left_out = leave_one_out(samples, calibration, [log.name for log in logs])

@@ -1,6 +1,7 @@
 """``auv-fault diagnose``: logs of a vehicle, or its stream on standard input, to verdicts."""
 
 import csv
+import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
@@ -78,7 +79,9 @@ def write_verdicts(
             figures[one.verdict].append(figure(len(verdicts), one, log, belief, threshold, vehicle))
     if all(one.verdict == UNUSABLE for one in verdicts):
         raise InputError("; ".join(one.remarks[0] for one in verdicts))
-    command = f"auv-fault diagnose --vehicle {arguments.vehicle} {' '.join(map(str, arguments.logs))}"
+    options = ["--vehicle", arguments.vehicle, "--diagnoser", arguments.diagnoser, *arguments.logs]
+    options += ["--healthy", *arguments.healthy] if arguments.healthy else []
+    command = shlex.join(map(str, ("auv-fault", "diagnose", *options)))
     shown = [*figures[FAULT], *figures[HEALTHY]]
     results = page(command, arguments.diagnoser, threshold, verdicts, shown)
     write_json(folder / "results.json", results | {"verdicts": [asdict(one) for one in verdicts]})
@@ -106,7 +109,13 @@ def diagnosed(
 def write_csv(path: Path, verdicts: list[Verdict]) -> None:
     """A row per log; empty cells where there is nothing to say."""
     rows = [asdict(one) | {"alarm_time": one.alarm_time} for one in verdicts]
+    rows = [{name: _short(row[name]) for name in CELLS} for row in rows]
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, CELLS, extrasaction="ignore")
+        writer = csv.DictWriter(file, CELLS)
         writer.writeheader()
         writer.writerows(rows)
+
+
+def _short(value: Any) -> Any:
+    """A number without the noise of its last digits."""
+    return round(value, 4) if isinstance(value, float) else value

@@ -4,6 +4,7 @@ import csv
 import json
 import math
 import os
+import re
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -17,12 +18,15 @@ from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from diagnosers import Diagnoser
 from training.field.clock import GAP
 from training.field.diagnosis import TWO_SIDED, diagnoser_for, persistence
-from training.field.dialect import seconds
+from training.field.dialect import MISSING, seconds
+from training.field.log import channels_of
+from training.field.plausible import IMPOSSIBLE, largest
 from training.field.resolution import noise_of, printed_resolution
 from training.field.vehicle_file import Column, VehicleFile
 
 LONGEST_LINE = 65536  # bytes; what is longer is no line of a log
 SEPARATORS = ",;\t"
+DECIMAL_COMMA = re.compile(r"^([+-]?\d+),(\d+)$")
 Row = Mapping[str, Any]  # a line's cells by the name of their column
 
 
@@ -49,9 +53,12 @@ def follow(
             except BadLine as error:
                 print(f"line {number}: {error}; left out", file=errors)
                 continue
+            for remark in stream.remarks:
+                print(f"line {number}: {remark}; taken as missing", file=errors)
             print(json.dumps(answer), file=sink, flush=True)
     if stream is None or stream.time is None:
-        raise refusal("standard input", f"{number} lines", "CSV below a header, or JSON objects", "check the columns")
+        got, allowed = "no row with a reading", "CSV below a header, or JSON objects"
+        raise refusal("standard input", got, allowed, "check the columns")
     return stream.alarmed
 
 
@@ -74,21 +81,24 @@ def rows(source: BinaryIO, vehicle: VehicleFile, errors: TextIO) -> Iterator[tup
 
 
 def lines(source: BinaryIO) -> Iterator[tuple[int, str]]:
-    """Number and text of every line that is not empty; one beyond `LONGEST_LINE` comes in pieces."""
+    """Number and text of every line that is not empty; of one beyond `LONGEST_LINE`, the beginning."""
     number = 0
     while line := source.readline(LONGEST_LINE):
-        number += 1
+        number, rest = number + 1, line
+        while rest and not rest.endswith(b"\n"):
+            rest = source.readline(LONGEST_LINE)
         text = line.decode("utf-8-sig" if number == 1 else "utf-8", "replace").strip()
         if text:
             yield number, text
 
 
 def cells(text: str, separator: str) -> list[str]:
-    """The cells of a CSV line."""
+    """The cells of a CSV line; a comma in a number is a decimal one where it does not separate cells."""
     try:
-        return [cell.strip() for cell in next(csv.reader([text], delimiter=separator))]
+        found = [cell.strip() for cell in next(csv.reader([text], delimiter=separator))]
     except csv.Error as error:
         raise BadLine(str(error)) from None
+    return found if separator == "," else [DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in found]
 
 
 def checked_header(names: list[str], vehicle: VehicleFile) -> list[str]:
@@ -159,6 +169,8 @@ class Stream:
         Of the last line [s]; None before the first.
     alarmed
         Whether there ever was an alarm.
+    remarks
+        What of the last line is taken as missing.
     """
 
     def __init__(self, vehicle: VehicleFile, diagnoser: Diagnoser, threshold: float):
@@ -166,8 +178,10 @@ class Stream:
         self._persistence = persistence(vehicle)
         self._silence = np.full((1, len(CHANNELS)), np.nan)
         self._index, self._low = 0, 0
+        self._limits = {name: IMPOSSIBLE * limit for name, limit in largest(vehicle.vehicle).items()}
         self.time: float | None = None
         self.alarmed = False
+        self.remarks: list[str] = []
 
     def take(self, row: Row) -> dict[str, Any]:
         """The answer to a line."""
@@ -187,14 +201,20 @@ class Stream:
         self._index, self._low = -1, 0
 
     def _observation(self, row: Row) -> np.ndarray:
-        observation = self._silence.copy()
-        for k, channel in enumerate(CHANNELS):
-            column = self._vehicle.columns.get(channel)
-            if column is not None:
-                observation[0, k] = number_of(row.get(column.name), column)
-        if np.isnan(observation).all():
+        self.remarks = []
+        values = {channel: self._value(channel, row) for channel in self._vehicle.columns}
+        if all(math.isnan(values[channel]) for channel in values if channel in READINGS):
             raise BadLine("no reading in it")
-        return observation
+        return channels_of({channel: np.array([value]) for channel, value in values.items()})
+
+    def _value(self, channel: str, row: Row) -> float:
+        column, limit = self._vehicle.columns[channel], self._limits[channel]
+        cell = row.get(column.name)
+        value = number_of(cell, column)
+        unknown = math.isnan(value) and str(cell).lower() not in MISSING
+        if unknown or abs(value) > limit:
+            self.remarks.append(f"{channel}: {str(cell)[:40]!r}" + ("" if unknown else f" is beyond {limit:.3g}"))
+        return value if abs(value) <= limit else math.nan
 
     def _time(self, row: Row) -> float:
         if self._vehicle.time is not None:

@@ -151,8 +151,36 @@ def test_it_ends_quietly_when_the_reader_leaves_or_a_person_stops_it(reason):
     assert len(sink.getvalue().splitlines()) == 3
 
 
-def test_a_line_without_end_comes_in_pieces():
-    assert [len(text) for _, text in lines(io.BytesIO(b"x" * (LONGEST_LINE + 5)))] == [LONGEST_LINE, 5]
+def test_a_line_without_end_is_one_line():
+    found = list(lines(io.BytesIO(b"x" * (3 * LONGEST_LINE) + b"\nnext\n")))
+    assert [(number, len(text)) for number, text in found] == [(1, LONGEST_LINE), (2, 4)]
+
+
+def test_decimal_commas_are_read_where_another_separator_stands(faulty):
+    german = csv_lines(episode(FAULT)[:SHORT]).replace(b",", b";").replace(b".", b",")
+    rows, errors, _ = answers(german)
+    assert rows == faulty[0][:SHORT] and not errors
+
+
+@pytest.mark.parametrize(("cell", "words"), [(b"1e155", "'1e155' is beyond"), (b"abc", "'abc'")])
+def test_what_cannot_have_been_read_is_told_and_taken_as_missing(cell, words):
+    good = csv_lines(episode()[:SHORT]).splitlines()
+    place = good[0].split(b",").index(NAMES[4].encode())
+    bad, empty = list(good), list(good)
+    for row, value in ((bad, cell), (empty, b"")):
+        cells = row[30].split(b",")
+        cells[place] = value
+        row[30] = b",".join(cells)
+    (rows, errors, _), (blank, silent, _) = (answers(b"\n".join(lines)) for lines in (bad, empty))
+    assert rows == blank and not silent
+    assert len(errors) == 1 and words in errors[0] and "taken as missing" in errors[0]
+
+
+def test_a_line_without_a_reading_is_left():
+    good = csv_lines(episode()[:3]).splitlines()
+    row = [b"" if k > 4 else cell for k, cell in enumerate(good[2].split(b","))]
+    rows, errors, _ = answers(b"\n".join([*good[:2], b",".join(row), good[3]]))
+    assert len(rows) == 2 and errors == ["line 3: no reading in it; left out"]
 
 
 class Endless:
