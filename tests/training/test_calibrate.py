@@ -101,3 +101,8 @@ def test_bad_input_ends_with_two_one_line_and_nothing_written(paths, tmp_path, c
     for word in words:
         assert word in message
     assert not folder.exists()
+
+
+def test_a_log_given_twice_is_refused(paths, tmp_path, capfd):
+    code, folder = run(tmp_path, paths[0], paths[1], paths[1])
+    assert code == 2 and "each log once" in capfd.readouterr().err and not folder.exists()
