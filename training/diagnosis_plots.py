@@ -10,7 +10,20 @@ from matplotlib.figure import Figure
 from training.plot_style import COMMAND, PORT, SPEED, STARBOARD, STYLE, TRUTH, legend_above
 
 Series = Sequence[float]
-COLOURS = (PORT, SPEED, STARBOARD, "#b9770e", "#7d3c98", "#117a8b", "#8d6e63", "#d4478c", "#5d6d7e", "#a3b81e")
+COLOURS = (
+    PORT,
+    SPEED,
+    STARBOARD,
+    "#b9770e",
+    "#7d3c98",
+    "#117a8b",
+    "#8d6e63",
+    "#d4478c",
+    "#5d6d7e",
+    "#a3b81e",
+    "#f0a8b8",
+    "#4a235a",
+)
 DASHES = ("--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)))
 
 
