@@ -40,5 +40,5 @@ bench: .venv/.bench
 	@touch $@
 
 clean:
-	rm -rf .venv runs dist .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf .venv runs dist .hypothesis .pytest_cache .ruff_cache .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
