@@ -124,7 +124,7 @@ class Benchmark:
     counting_hours: float = 50.0
     """Other healthy operation on which its false alarms are counted, shared by the stimuli [h]."""
     lanes: int | None = None
-    """Run about so many of the suite's faulty episodes, for a quick try; all if not given."""
+    """Run about so many of the suite's faulty episodes, for a quick try without bounds; all if not given."""
     workers: int | None = None
     """Processes at work; one per core if not given. The results are the same for any number."""
     backend: Literal["loky", "threading", "ray"] = "loky"

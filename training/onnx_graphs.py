@@ -6,6 +6,7 @@ start of an episode, and one more output, `next_state`. What is a product of pro
 logarithms here, which float32 does not underflow.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -39,7 +40,7 @@ EXAMPLE = (FaultEvent("motor_overheating:port", onset=15.0, severity=0.6),)
 EXAMPLE_SAMPLES, EXAMPLE_DECISIONS = 600, 30  # of an episode to try an exported network on
 
 
-class Graph(nn.Module):
+class Graph(nn.Module, ABC):
     """A module to export; `forward` takes its `inputs` in their order, and the state if it has one."""
 
     inputs: ClassVar[Mapping[str, tuple[str, ...]]]  # names of the columns, by input
@@ -63,9 +64,17 @@ class Graph(nn.Module):
         """What the file says of its answers besides."""
         return {"diagnoser": self.source.name, "classes": self.source.classes, **self.source.settings()}
 
+    @abstractmethod
+    def episode(self, seed: int) -> dict[str, np.ndarray]:
+        """The inputs, (n_samples, n_lanes, n_columns) float32, of one vehicle in an episode."""
+
+
+class Watching(Graph):
+    """One that is fed sample by sample with what a vehicle reads."""
+
+    @abstractmethod
     def feed(self, observations: np.ndarray) -> dict[str, np.ndarray]:
         """The inputs, (n_samples, n_lanes, n_columns) float32, of observations (n_samples, n_lanes, n_channels)."""
-        raise NotImplementedError
 
     def episode(self, seed: int) -> dict[str, np.ndarray]:
         """The inputs, as of `feed`, of one vehicle in a minute during which a motor overheats."""
@@ -73,7 +82,7 @@ class Graph(nn.Module):
         return self.feed(roll_out(Fleet(1), [seed], EXAMPLE_SAMPLES, stimulus, [EXAMPLE]).observations)
 
 
-class RawGraph(Graph):
+class RawGraph(Watching):
     """The whole of `RawNetwork`."""
 
     inputs = {"observation": tuple(CHANNELS)}
@@ -96,7 +105,7 @@ class RawGraph(Graph):
         return {"observation": observations.astype(np.float32)}
 
 
-class KalmanGraph(Graph):
+class KalmanGraph(Watching):
     """`KalmanNetwork` behind its filter."""
 
     inputs = {"estimate": PARAMETERS[:2]}
@@ -132,7 +141,7 @@ class KalmanGraph(Graph):
         return {"estimate": np.stack(found)}
 
 
-class ParallelGraph(Graph):
+class ParallelGraph(Watching):
     """`Parallel` behind its filter."""
 
     inputs = RawGraph.inputs | KalmanGraph.inputs
@@ -162,7 +171,7 @@ class OneSample(nn.GRUCell):
         return units, units
 
 
-class IntegratedGraph(Graph):
+class IntegratedGraph(Watching):
     """`Integrated` behind its features; state: units, calm opinion, steady odds and faults, and 1 once begun."""
 
     inputs = {"features": FEATURES}

@@ -29,8 +29,8 @@ def suspects(log_probability: np.ndarray) -> np.ndarray:
 class TriggeredSurge(ClosedLoop):
     """Faster by `AHEAD` while a fault of hull or propellers is suspected, as long as the allowance lasts.
 
-    Doubt, thresholds and speed were chosen on validation vehicles with the filter bank. A diagnoser that doubts often
-    makes it waste its allowance before a fault is there.
+    Doubt, share and speed are a choice by hand, not an optimum. A diagnoser that doubts often makes it waste its
+    allowance before a fault is there.
     """
 
     name = "triggered_surge"

@@ -3,6 +3,7 @@
 import numpy as np
 import torch
 
+from auv_fault_env import classes
 from diagnosers import Belief
 from training.active_features import bent_odds, unbent
 from training.active_vector_env import ActiveDiagnosisVectorEnv
@@ -16,8 +17,6 @@ from training.vec_env import ActiveVecEnv
 
 
 def probabilities(**chances):
-    from auv_fault_env import classes
-
     rest = (1.0 - sum(chances.values())) / (len(classes()) - len(chances))
     return np.log([[chances.get(name.replace(":", "_"), rest) for name in classes()]])
 
