@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode
 from diagnosers import Recursive
 from training.active_features import FEATURES
 from training.active_vector_env import LIMIT, ActiveDiagnosisVectorEnv, lane_info
+from training.declaration import DECLARE
 from training.stimulus import BUDGET, LARGEST
 
 __all__ = ["FEATURES", "NAME", "ActiveDiagnosisEnv", "ActiveDiagnosisVectorEnv"]
@@ -107,7 +108,7 @@ class ActiveDiagnosisEnv(gym.Env):
         amplitude: float = LARGEST,
         budget: float = BUDGET,
         cost_weight: float = 10.0,
-        declare: float = 0.9,
+        declare: float = DECLARE,
         horizon: int = LIMIT,
     ):
         settings = (diagnoser, amplitude, budget, cost_weight, declare, AutoresetMode.NEXT_STEP)

@@ -18,7 +18,7 @@ from auv_fault_env.schedules import Events, ScheduleSampler
 from auv_fault_env.truth import FleetTruth
 from diagnosers import Recursive, make
 from training.active_features import FLOOR, HIGH, LOW, MISSION_SPEED, features
-from training.declaration import NONE, Declaration
+from training.declaration import DECLARE, NONE, Declaration
 from training.fleet_watch import Watch
 from training.rollouts import targets
 from training.stimulus import BUDGET, EPISODE, LARGEST
@@ -65,7 +65,7 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         amplitude: float = LARGEST,
         budget: float = BUDGET,
         cost_weight: float = 10.0,
-        declare: float = 0.9,
+        declare: float = DECLARE,
         autoreset_mode: str | AutoresetMode = AutoresetMode.SAME_STEP,
     ):
         self.max_episode_steps = whole_number("max_episode_steps", max_episode_steps)

@@ -32,8 +32,9 @@ class ConstrainedVecEnv(VecEnvWrapper):
     what is left of the rewards after paying the price, a Lagrange multiplier, at which the constraint just holds. Dual
     ascent finds it while the agent learns (Altman 1999, Constrained Markov Decision Processes, ch. 3; as
     PPO-Lagrangian in Ray, Achiam & Amodei 2019): after each rollout ``price = max(0, price + RATE overdraft)``,
-    ``overdraft = mean cost / (HEALTHY_SHARE budget)^2 - 1``, at most 1. The mean is over the decisions at whose end
-    nothing was wrong; the cost is that of the policy's own choice, without the noise of exploration.
+    ``overdraft = mean(cost / budget^2) / HEALTHY_SHARE^2 - 1``, at most 1, with the budget of each episode. The mean is
+    over the decisions at whose end nothing was wrong; the cost is that of the policy's own choice, without the noise of
+    exploration.
 
     Attributes
     ----------
@@ -46,9 +47,9 @@ class ConstrainedVecEnv(VecEnvWrapper):
     def __init__(self, venv: ActiveVecEnv, least: float = 1.0):
         super().__init__(venv)
         self.price, self._least = PRICE, least
-        self._allowed, self.amplitude = venv.env.budget**2, venv.env.amplitude
+        self._largest, self.amplitude = venv.env.budget**2, venv.env.amplitude
         self._random = np.random.default_rng(0)
-        self._healthy: list[np.ndarray] = []
+        self._sound: list[np.ndarray] = []  # squared budgets of the lanes on which nothing was wrong, else NaN
 
     def seed(self, seed: int | None = None) -> list[int | None]:
         """Seed vehicles and budgets; counts from the next reset on."""
@@ -57,14 +58,16 @@ class ConstrainedVecEnv(VecEnvWrapper):
 
     def reset(self) -> np.ndarray:
         """Start an episode on every lane."""
-        self.outcomes, self._healthy = Outcomes(self.num_envs), []
-        self._left = self._allowance(self.num_envs)
+        self.outcomes, self._sound = Outcomes(self.num_envs), []
+        self._allowed = self._drawn(self.num_envs)
+        self._left = EPISODE * self._allowed
         observation = self.venv.reset()
         self._label = np.array([info["truth"]["label"] for info in self.venv.reset_infos], object)
         return self._told(observation)
 
-    def _allowance(self, n: int) -> np.ndarray:
-        return EPISODE * self._allowed * self._random.uniform(self._least, 1.0, n) ** 2
+    def _drawn(self, n: int) -> np.ndarray:
+        """Squared budgets."""
+        return self._largest * self._random.uniform(self._least, 1.0, n) ** 2
 
     def step_async(self, actions: np.ndarray) -> None:
         """Take the actions as far as the allowance goes."""
@@ -75,17 +78,18 @@ class ConstrainedVecEnv(VecEnvWrapper):
         """The environment's step, its rewards less the priced costs."""
         observation, reward, done, infos = self.venv.step_wait()
         cost, label = self.outcomes.note(infos, done)
-        healthy = label == NORMAL
-        self._healthy.append(healthy)
+        sound = np.where(label == NORMAL, self._allowed, np.nan)
+        self._sound.append(sound)
         self._left = np.maximum(self._left - cost, 0.0)
         for lane in np.flatnonzero(done):
             infos[lane]["terminal_observation"][LEFT] = bent_allowance(self._left[lane])
-        self._left[done] = self._allowance(int(done.sum()))
-        right = [info["declared"] == info["truth"]["label"] != NORMAL for info in infos]
-        gain = np.where(label == self._label, reward, 0.0) + DECLARED * np.array(right)
+        self._allowed[done] = self._drawn(int(done.sum()))
+        self._left[done] = EPISODE * self._allowed[done]
+        right = (label == [info["declared"] for info in infos]) & (label != NORMAL)
+        gain = np.where(label == self._label, reward, 0.0) + DECLARED * right
         label[done] = [self.venv.reset_infos[lane]["truth"]["label"] for lane in np.flatnonzero(done)]
         self._label = label
-        reward = gain - self.price * np.where(healthy, cost, 0.0) / self._allowed
+        reward = gain - self.price * np.nan_to_num(cost / sound)
         return self._told(observation), reward.astype(np.float32), done, infos
 
     def _told(self, observation: np.ndarray) -> np.ndarray:
@@ -98,10 +102,10 @@ class ConstrainedVecEnv(VecEnvWrapper):
         Observations (n_steps, n_lanes, n_features) and the actions (n_steps, n_lanes) that the policy means.
         """
         left = np.expm1(observations[..., LEFT]) * LARGEST**2
-        cost = np.minimum(np.square(self.amplitude * actions), left)[np.array(self._healthy)]
-        overdraft = float(cost.mean()) / (HEALTHY_SHARE**2 * self._allowed) - 1.0
+        cost = np.minimum(np.square(self.amplitude * actions), left)
+        overdraft = float(np.nanmean(cost / np.array(self._sound))) / HEALTHY_SHARE**2 - 1.0
         self.price = max(0.0, self.price + RATE * min(overdraft, 1.0))
-        self._healthy = []
+        self._sound = []
 
 
 class DualAscent(BaseCallback):

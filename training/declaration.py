@@ -7,7 +7,7 @@ import numpy as np
 from auv_fault_env.errors import finite_in_range
 from auv_fault_env.parameters import SAMPLE_RATE
 
-HOLD = 1.0  # s
+DECLARE, HOLD = 0.9, 1.0  # probability, and for how long [s]
 NONE = 0  # what is declared before a fault is: `normal`
 
 

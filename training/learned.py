@@ -12,6 +12,7 @@ from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from diagnosers import Belief, storage
 from diagnosers.kalman import Estimate, ParameterFilter
 from training.active_features import features
+from training.declaration import DECLARE, NONE, Declaration
 from training.lighter_bank import suspected
 from training.stimuli_closed_loop import ClosedLoop
 
@@ -23,17 +24,19 @@ DECISION = round(SAMPLE_RATE)  # samples for which an action is held
 
 @dataclass
 class Notes:
-    """What is known of every lane: the parameter filter's estimate, and the action being held, (n_lanes,)."""
+    """What is known of every lane: the parameter filter's estimate, what is declared, and the action being held."""
 
     estimate: Estimate
+    declaration: Declaration
     action: np.ndarray
 
 
 class Learned(ClosedLoop):
     """What `auv-fault train-stimulus` has made of the environment's rewards; the policies come with the package.
 
-    A policy has seen the beliefs of one filter bank on simulated vehicles at 0.2 to 0.5 m/s. Beside another diagnoser,
-    whose beliefs move otherwise, it may excite for nothing, or sit still while there is something to be told.
+    It ends with the first declaration, as the episodes of its training did. A policy has seen the beliefs of one filter
+    bank on simulated vehicles at 0.2 to 0.5 m/s. Beside another diagnoser, whose beliefs move otherwise, it may excite
+    for nothing, or sit still while there is something to be told.
     """
 
     name = "learned"
@@ -55,20 +58,21 @@ class Learned(ClosedLoop):
         return hashlib.sha256(self._path.read_bytes()).hexdigest()
 
     def begun(self, n_lanes: int) -> Notes:
-        """Nothing read, no action."""
-        return Notes(ParameterFilter().initial(n_lanes), np.zeros(n_lanes))
+        """Nothing read, nothing declared, no action."""
+        return Notes(ParameterFilter().initial(n_lanes), Declaration(n_lanes, DECLARE), np.zeros(n_lanes))
 
     def wanted(
         self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: Notes
     ) -> np.ndarray:
-        """The offset that is held, chosen anew every second."""
+        """The offset that is held, chosen anew every second, until a fault is declared."""
         memory.estimate = ParameterFilter().update(memory.estimate, np.asarray(observation, np.float64))
+        memory.declaration.note(belief.log_probability)
         if sample % DECISION == 0:
             time, left = np.full(len(left), sample * SAMPLE_TIME), left * SAMPLE_TIME
             seen = features(suspected(belief), memory.estimate, observation, memory.action, time, left)
             most = np.sqrt(left) / self._policy.amplitude
             memory.action = np.clip(self._policy.action(seen)[:, 0].astype(np.float64), -most, most)
-        return self._policy.amplitude * memory.action
+        return np.where(memory.declaration.declared == NONE, self._policy.amplitude * memory.action, 0.0)
 
 
 class Learned1(Learned):

@@ -19,12 +19,15 @@ from diagnosers import make
 from training import metrics
 from training.benchmark_scores import rounded
 from training.intervals import central, resamples
-from training.records import HORIZON, PERSISTENCE
+from training.records import HORIZON, PERSISTENCE, Truth
 from training.seeds import seeds
 from training.stimuli import STIMULI, Stimulus
-from training.stimulus import MISSION_SPEED
-from training.stimulus_comparisons import resampled_means, with_agent
+from training.stimuli_open_loop import Cruise
+from training.stimulus import LARGEST, MISSION_SPEED
+from training.stimulus_comparisons import paired, resampled_means, with_agent
 from training.suites import STANDARD, Conditions, Episode, load
+from training.surge_ahead import HULL_AND_PROPELLERS
+from training.told_onset import ToldOnset
 from training.trials import known
 
 PER_CLASS, N_HEALTHY = 20, 300  # lanes
@@ -36,6 +39,7 @@ DRAWN = (  # classes, an episode of each
     *("decreased_drag", "motor_overheating:starboard", "seal_friction:port"),
 )
 EVERY = 2  # samples from one drawn to the next
+TOLD = {"told the onset": None, "told, without budget": LARGEST}  # budget [m/s], None for that of all
 
 
 class Path(NamedTuple):
@@ -107,6 +111,9 @@ def behaviour(
     healthy
         By stimulus the root mean square of the offsets of healthy vehicles as a share of the budget, a triple as in
         `training.stimulus_comparisons`; lanes, how many of them.
+    told
+        Figures as `training.stimulus_comparisons.paired` tells of the isolation time on the lanes with faults of hull
+        and propellers, under what is drawn, in cruise, and, told the onset, under `ToldOnset` with that budget or none.
     episodes
         Of the last stimulus drawn, for each of `DRAWN` that of median isolation time, series over `time` [s].
 
@@ -123,31 +130,34 @@ def behaviour(
     """
     conditions = load(STANDARD).conditions
     faulty, healthy = faulty_lanes(conditions, PER_CLASS, seed), healthy_lanes(conditions, N_HEALTHY, seed)
-    jobs = [(name, faulty) for name in drawn] + [(name, healthy) for name in counted]
-    paths = list(
-        tqdm(
-            Parallel(n_jobs=workers, return_as="generator")(
-                delayed(in_the_loop)(STIMULI[name](budget), diagnoser, lanes, conditions) for name, lanes in jobs
-            ),
-            total=len(jobs),
-            desc=f"behaviour at {budget:g} m/s",
-        )
-    )
     truth = known(conditions, faulty).truth
-    of_faulty = dict(zip(drawn, paths, strict=False))
+    told = {name: ToldOnset(least or budget, truth.onset) for name, least in TOLD.items()}
+    tried = {name: STIMULI[name](budget) for name in (*drawn, Cruise.name)} | told
+    jobs = [(stimulus, faulty) for stimulus in tried.values()]
+    jobs += [(STIMULI[name](budget), healthy) for name in counted]
+    runs = Parallel(n_jobs=workers, return_as="generator")(
+        delayed(in_the_loop)(stimulus, diagnoser, lanes, conditions) for stimulus, lanes in jobs
+    )
+    paths = list(tqdm(runs, total=len(jobs), desc=f"behaviour at {budget:g} m/s"))
+    on_faulty = dict(zip(tried, paths, strict=False))
+    of_drawn, last = {name: on_faulty[name] for name in drawn}, drawn[-1]
     squared = {
         name: np.square(path.offset).mean(axis=0, keepdims=True)
-        for name, path in zip(counted, paths[len(drawn) :], strict=True)
+        for name, path in zip(counted, paths[len(on_faulty) :], strict=True)
     }
-    last = drawn[-1]
     return {
-        "around_onset": around_onset(of_faulty, truth.fault, truth.onset),
+        "around_onset": around_onset(of_drawn, truth.fault, truth.onset),
+        "told": told_figures(on_faulty, truth, threshold, seed),
         "healthy": {"lanes": len(healthy), "share": shares(squared, budget, seed)},
-        "episodes": {
-            "stimulus": last,
-            "drawn": episodes_of(of_faulty[last], truth.fault, truth.onset, threshold),
-        },
+        "episodes": {"stimulus": last, "drawn": episodes_of(of_drawn[last], truth.fault, truth.onset, threshold)},
     }
+
+
+def told_figures(paths: Mapping[str, Path], truth: Truth, threshold: float, seed: int) -> dict[str, Any]:
+    """Figures of the isolation time on the lanes with faults of hull and propellers, by stimulus."""
+    lanes = HULL_AND_PROPELLERS[truth.fault]
+    times = {name: isolated(path, truth.fault, truth.onset, threshold).time for name, path in paths.items()}
+    return paired({name: one[None, lanes] for name, one in times.items()}, seed)
 
 
 def around_onset(paths: Mapping[str, Path], fault: np.ndarray, onset: np.ndarray) -> dict[str, Any]:
@@ -177,12 +187,15 @@ def shares(squared: Mapping[str, np.ndarray], budget: float, seed: int) -> dict[
     return found
 
 
+def isolated(path: Path, fault: np.ndarray, onset: np.ndarray, threshold: float) -> metrics.Times:
+    """Isolation times of the lanes."""
+    alarm = metrics.alarms(path.log_normal, threshold, PERSISTENCE)
+    return metrics.isolation_time(np.where(alarm, path.top, metrics.NORMAL), fault, onset, HORIZON)
+
+
 def episodes_of(path: Path, fault: np.ndarray, onset: np.ndarray, threshold: float) -> list[dict[str, Any]]:
     """For each class of `DRAWN` the episode whose isolation time is the median of its lanes."""
-    alarm = metrics.alarms(path.log_normal, threshold, PERSISTENCE)
-    decision = np.where(alarm, path.top, metrics.NORMAL)
-    isolation = metrics.isolation_time(decision, fault, onset, HORIZON)
-    found = []
+    isolation, found = isolated(path, fault, onset, threshold), []
     for name in DRAWN:
         lanes = np.flatnonzero(fault == classes().index(name))
         lane = lanes[np.argsort(isolation.time[lanes], kind="stable")[len(lanes) // 2]]

@@ -42,7 +42,7 @@ from training.stimulus_comparisons import LEARNED, REFERENCES, compared, costs, 
 from training.stimulus_study_page import page
 
 DIAGNOSER = "filter_bank"  # beside which the agent has learnt
-DRAWN = ("thesis", "triggered_thesis", "greedy", "learned")  # stimuli whose behaviour is drawn
+DRAWN = ("thesis", "triggered_d_optimal", "triggered_surge", "learned")  # stimuli whose behaviour is drawn
 CEILINGS = "ceilings.json"
 SEARCH = ("SEVERITY", "POPULATION", "GENERATIONS", "STEP", "TRIES", "ROUNDS", "TRIED_ON", "JUDGED_ON")
 ALL_CORES = -1  # as joblib has it

@@ -10,7 +10,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
 from auv_fault_env.errors import refusal
-from training.active_vector_env import ActiveDiagnosisVectorEnv, lane_info
+from training.active_vector_env import ActiveDiagnosisVectorEnv
 
 TOLD = ("mission_speed", "energy", "cost", "declared")
 
@@ -40,7 +40,7 @@ class ActiveVecEnv(VecEnv):
         """Start an episode on every lane, with the seeds and options given before; observations (n_lanes, n)."""
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
         observation, info = self.env.reset(seed=seeds, options=_joined(self._options))
-        self.reset_infos = _split(info, self.num_envs)
+        self.reset_infos = _split(info)
         self._reset_seeds()
         self._reset_options()
         return observation
@@ -52,9 +52,9 @@ class ActiveVecEnv(VecEnv):
     def step_wait(self) -> VecEnvStepReturn:
         """Hold the actions for a second; observations, rewards (float32), ends, and information by lane."""
         observation, reward, terminated, truncated, info = self.env.step(self._actions)
-        done, infos = terminated | truncated, _split(info, self.num_envs)
+        done, infos = terminated | truncated, _split(info)
         if done.any():
-            final = _split(info["final_info"], self.num_envs)
+            final = _split(info["final_info"])
             for lane in np.flatnonzero(done):
                 self.reset_infos[lane], infos[lane] = infos[lane], final[lane]
                 infos[lane]["terminal_observation"] = info["final_obs"][lane]
@@ -99,7 +99,8 @@ class LaneView(Mapping):
         self._truth, self._lane = truth, lane
 
     def __getitem__(self, name: str) -> Any:
-        return lane_info({name: self._truth[name]}, self._lane)[name]
+        values = self._truth[name]
+        return LaneView(values, self._lane) if isinstance(values, Mapping) else values[self._lane].item()
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._truth)
@@ -108,11 +109,11 @@ class LaneView(Mapping):
         return len(self._truth)
 
 
-def _split(info: Mapping[str, Any], n_lanes: int) -> list[dict[str, Any]]:
+def _split(info: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The information by lane."""
     truth = dict(info["truth"])  # read once for all, before the next step makes it unreadable
-    told = {name: values.tolist() for name, values in info.items() if name in TOLD}
-    return [{name: told[name][lane] for name in told} | {"truth": LaneView(truth, lane)} for lane in range(n_lanes)]
+    told = zip(*(info[name].tolist() for name in TOLD), strict=True)
+    return [dict(zip(TOLD, one, strict=True)) | {"truth": LaneView(truth, lane)} for lane, one in enumerate(told)]
 
 
 def _joined(options: list[dict[str, Any]]) -> dict[str, Any] | None:

@@ -95,9 +95,23 @@ def test_what_faulty_vehicles_do_and_what_the_allowance_forbids_is_no_overdraft(
     for env, seen in (constrained(GONE[:1]), constrained(budget=0.001)):
         env.price = 0.1
         env.step(np.ones((3, 1), np.float32))
-        env._healthy = [np.array([True, False, False])]
+        env._sound = [np.array([env.venv.env.budget**2, np.nan, np.nan])]
         env.ascend(seen[None], np.array([[0.0, 1.0, 1.0]]))
         assert env.price == pytest.approx(0.1 - RATE, abs=1e-6)
+
+
+def test_price_and_overdraft_are_relative_to_the_budget_of_the_episode():
+    env, first = constrained(least=0.4, n_lanes=50)
+    budget = np.sqrt(np.expm1(first[:, LEFT]) * LARGEST**2 / EPISODE)
+    env.price = 0.5
+    offsets = 0.1 * budget
+    observation, reward, *_ = env.step((offsets / AMPLITUDE).astype(np.float32)[:, None])
+    still, _ = constrained(least=0.4, n_lanes=50)
+    free = still.step(np.zeros((50, 1), np.float32))[1]
+    assert np.ptp(budget) > 0.03
+    np.testing.assert_allclose(reward, free - 0.5 * 0.1**2, atol=1e-5)
+    env.ascend(observation[None], np.sqrt(1.5) * HEALTHY_SHARE * (budget / AMPLITUDE)[None])
+    assert env.price == pytest.approx(0.5 + RATE * 0.5, abs=1e-6)
 
 
 def test_price_never_falls_below_nothing_and_forgets_the_rollout_before():

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from auv_fault_env import FaultEvent, Fleet
+from auv_fault_env import FaultEvent, Fleet, classes
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import InputError
-from diagnosers import make, storage
+from diagnosers import Belief, make, storage
 from training.active_vector_env import ActiveDiagnosisVectorEnv
 from training.constraint import ConstrainedVecEnv
 from training.learned import Learned
@@ -54,6 +54,20 @@ def test_it_acts_as_the_policy_does_in_its_environment(policy):
             reading = fleet.step(np.column_stack([command, np.zeros((3, 2))]))
         np.testing.assert_allclose(reading, env.venv.env._readings, rtol=1e-6, atol=1e-6)  # actions are float32 there
     assert moved / (10 * DECISIONS) > 0.01
+
+
+def test_it_ends_with_the_first_declaration(policy):
+    n_classes = len(classes())
+    doubt, sure = np.full((2, 2, n_classes), -5.0)
+    sure[0, classes().index("sensor:port_voltage")] = sure[1, 0] = -0.01  # declared on the first lane alone
+    reading = Fleet(2).reset([1, 2], schedules=[(), ()], missions=[0.3, 0.3])
+    stimulus, nothing = Learned(0.1), np.zeros((2, n_classes))
+    offsets = [stimulus.offset(k, reading, Belief(doubt, nothing, nothing)) for k in range(10)]
+    assert np.all(offsets[-1] != 0.0)
+    offsets = [stimulus.offset(k, reading, Belief(sure, nothing, nothing)) for k in range(10, 41)]
+    assert np.all(np.array(offsets)[:9, 0] != 0.0)
+    np.testing.assert_array_equal(np.array(offsets)[9:, 0], 0.0)
+    assert np.all(np.array(offsets)[:, 1] != 0.0)
 
 
 def test_results_depend_on_the_file_of_the_policy(policy, tmp_path):

@@ -25,6 +25,7 @@ from training.stimulus_behaviour import (
 )
 from training.stimulus_comparisons import AGENT
 from training.suites import load
+from training.told_onset import ToldOnset
 from training.trials import FAULTY, Entrant, Trial, watch
 
 STANDARD = load("standard")
@@ -92,6 +93,18 @@ def test_shares_of_the_budget_are_root_mean_squares_and_those_of_the_agents_seed
     assert low == pytest.approx(0.3) and high == pytest.approx(0.4)  # one of the seeds twice
 
 
+def test_who_is_told_the_onset_goes_ahead_from_then_on_until_the_allowance_is_spent():
+    reading = np.full((2, len(CHANNELS)), 0.3)
+    stimulus = ToldOnset(0.05, np.array([1.0, 3.0]))
+    offset = np.array([stimulus.offset(k, reading, None) for k in range(N_SAMPLES)])
+    for lane, first in enumerate((10, 30)):
+        assert not offset[:first, lane].any() and (offset[first : first + 26, lane] == 0.25).all()  # 0.05^2 65 s
+        assert not offset[first + 27 :, lane].any()
+    assert np.sqrt(np.square(offset).mean(axis=0)) == pytest.approx([0.05] * 2)
+    free = ToldOnset(0.25, np.array([1.0, 3.0]))
+    assert [free.offset(k, reading, None)[1] for k in range(N_SAMPLES)][-1] == 0.25
+
+
 def test_the_episode_drawn_of_a_class_is_that_of_its_median_isolation_time():
     """Three lanes of each class, right and alarmed 4 s, 9 s and never after onset."""
     of_class = np.repeat([classes().index(name) for name in DRAWN], 3)
@@ -116,5 +129,8 @@ def test_on_healthy_vehicles_the_thesis_spends_all_and_a_trigger_little(monkeypa
     assert found["episodes"]["stimulus"] == "greedy" and len(found["episodes"]["drawn"]) == len(DRAWN)
     size = np.array(found["around_onset"]["absolute"]["increased_drag"]["thesis"])
     assert size.max() <= 0.05 + 1e-4 and size.min() > 0.03
+    told = found["told"]
+    assert list(told) == ["thesis", "greedy", "cruise", "told the onset", "told, without budget"]
+    assert told["told, without budget"]["difference"]["cruise"][0] < -1.0
     again = behaviour(["greedy"], ["greedy"], 0.05, "filter_bank", -6.0, 1, 0)
     assert again["healthy"]["share"]["greedy"] == share["greedy"]

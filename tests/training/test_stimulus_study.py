@@ -270,6 +270,7 @@ def results(stimuli):
     behaviour = {
         "around_onset": around_onset(paths, fault, onset),
         "healthy": {"lanes": 4, "share": shares({name: np.full((1, 4), 0.001) for name in paths}, 0.05, 0)},
+        "told": paired({name: times(np.full(6, 9.0)) for name in (*paths, "cruise", "told the onset")}, 0),
         "episodes": {"stimulus": stimuli[-1], "drawn": episodes_of(paths[stimuli[-1]], fault, onset, -3.0)},
     }
     scores, names = benchmark(stimuli=stimuli)["scores"], [classes()[k] for k in fault]
@@ -309,6 +310,8 @@ def test_the_page_draws_every_figure_and_fills_every_table_from_results_alone(st
     drag = next(row for row in names["How much a stimulus can bring, 0.05 m/s"]["table"]["rows"])
     assert drag[5:7] == ["no rate to compare with", "3.0"]
     assert (drag[7] == "–") == ("learned" not in stimuli)
+    told = names["What knowing the onset would bring, 0.05 m/s"]["table"]["rows"]
+    assert {"told the onset", "thesis"} < {row[0] for row in told}
     assert len(names["Six episodes"]["figures"][0]["data"]["drawn"]) == 6
 
 

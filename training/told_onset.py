@@ -1,0 +1,35 @@
+"""A stimulus that is told when the fault begins: what none can know, to see how much there is to be gained."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from diagnosers import Belief
+from training.metrics import sample_at
+from training.stimuli_closed_loop import ClosedLoop
+from training.stimulus import LARGEST
+
+
+@dataclass(frozen=True)
+class ToldOnset(ClosedLoop):
+    """Faster by `LARGEST` from the onset on, as long as the allowance lasts; with `LARGEST` as budget, to the end.
+
+    A bound it is not: another profile may tell more. But no other that goes ahead on suspicion can begin as early.
+
+    Attributes
+    ----------
+    onset
+        Of each lane [s], (n_lanes,).
+    """
+
+    name = "told_onset"
+    onset: np.ndarray = field(default_factory=lambda: np.zeros(1))
+
+    def begun(self, n_lanes: int) -> None:
+        """It remembers nothing."""
+
+    def wanted(
+        self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: None
+    ) -> np.ndarray:
+        """Ahead where it is time."""
+        return np.where(sample >= sample_at(self.onset), LARGEST, 0.0)
