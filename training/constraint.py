@@ -12,7 +12,7 @@ from training.stimulus import EPISODE, LARGEST
 from training.vec_env import ActiveVecEnv
 
 DECLARED = 10.0  # nats
-PRICE = 0.3  # nats per decision at full budget, at first
+PRICE = 0.5  # nats per decision at full budget, at first
 RATE = 0.02  # nats per decision, by which the price rises or falls at most after a rollout
 LEFT = FEATURES.index("left")
 

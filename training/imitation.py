@@ -10,7 +10,7 @@ from auv_fault_env.faults import classes
 from training.active_features import unbent
 from training.constraint import ConstrainedVecEnv
 from training.learner import Learner
-from training.surge_ahead import AHEAD, suspects
+from training.surge_ahead import surge_ahead
 
 PASSES, BATCH, RATE = 8, 1024, 1e-3
 N_CLASSES = len(classes())
@@ -29,7 +29,7 @@ def watched(env: ConstrainedVecEnv, decisions: int, discount: float) -> Lessons:
     seen, done, gains, ends = [], [], [], []
     observation = env.reset()
     for _ in range(decisions):
-        action = np.where(suspects(unbent(observation[:, :N_CLASSES])), AHEAD / env.amplitude, 0.0)[:, None]
+        action = (surge_ahead(unbent(observation[:, :N_CLASSES])) / env.amplitude)[:, None]
         seen.append(observation.copy())
         done.append(action.astype(np.float32))
         observation, gain, end, _ = env.step(done[-1])

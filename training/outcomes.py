@@ -9,7 +9,7 @@ import numpy as np
 from auv_fault_env.faults import NORMAL
 from training.records import HORIZON
 
-HEALTHY_SHARE = 0.1  # of the budget: by how much a healthy vehicle may be moved, root mean square
+HEALTHY_SHARE = 0.05  # of the budget: by how much a healthy vehicle may be moved, root mean square
 CENSORED = HORIZON  # s from onset
 
 

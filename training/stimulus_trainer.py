@@ -27,7 +27,7 @@ from training.vec_env import ActiveVecEnv
 
 LANES = 512  # vehicles at a time
 ROLLOUT, ROLLOUTS = 32, 8  # decisions of each between two updates of the policy, and such rollouts per epoch
-PASSES, BATCH = 8, 2048  # of an update over its rollout
+PASSES, BATCH = 4, 2048  # of an update over its rollout
 RATE = 1e-3  # of Adam
 STEEPEST_CHANGE = 0.02  # nats, divergence of the policy at which an update ends
 DISCOUNT = 0.9  # per decision: what is known 10 s sooner is worth three times as much

@@ -1,6 +1,7 @@
 """The start of the agent: after watching the rule by hand it does about the same, and knows what that is worth."""
 
 import numpy as np
+import pytest
 import torch
 
 from auv_fault_env import classes
@@ -11,8 +12,9 @@ from training.constraint import ConstrainedVecEnv
 from training.imitation import imitate, watched
 from training.lighter_bank import lighter_bank
 from training.stimuli import STIMULI
+from training.stimulus import LARGEST
 from training.stimulus_trainer import StimulusTrainer, seeded
-from training.surge_ahead import AHEAD, suspects
+from training.surge_ahead import GAIN, surge_ahead
 from training.vec_env import ActiveVecEnv
 
 
@@ -21,11 +23,12 @@ def probabilities(**chances):
     return np.log([[chances.get(name.replace(":", "_"), rest) for name in classes()]])
 
 
-def test_hull_and_propellers_are_suspected_where_doubt_is_theirs():
-    assert not suspects(probabilities(normal=0.9, increased_drag=0.09))[0]
-    assert suspects(probabilities(normal=0.5, increased_drag=0.49))[0]
-    assert suspects(probabilities(normal=0.1, propeller_damage_port=0.45, propeller_loss_port=0.4))[0]
-    assert not suspects(probabilities(normal=0.1, motor_overheating_port=0.85))[0]
+def test_it_goes_ahead_by_the_odds_where_doubt_is_of_hull_and_propellers():
+    assert surge_ahead(probabilities(normal=0.6, increased_drag=0.3))[0] == pytest.approx(GAIN * 0.3 / 0.6, rel=0.2)
+    assert surge_ahead(probabilities(normal=0.5, increased_drag=0.49))[0] == pytest.approx(GAIN, rel=0.05)
+    assert surge_ahead(probabilities(normal=0.01, propeller_damage_port=0.45, propeller_loss_port=0.4))[0] == LARGEST
+    assert surge_ahead(np.where(np.arange(len(classes())) == 1, -1e-9, -1e30)[None])[0] == LARGEST
+    assert surge_ahead(probabilities(normal=0.1, motor_overheating_port=0.85))[0] == 0.0
 
 
 def test_bent_odds_are_unbent():
@@ -34,14 +37,14 @@ def test_bent_odds_are_unbent():
         np.testing.assert_allclose(unbent(bent_odds(log_probability)), log_probability, rtol=1e-9)
 
 
-def test_the_stimulus_goes_ahead_while_it_suspects():
+def test_the_stimulus_follows_the_odds():
     reading, stimulus = np.zeros((1, 12)), STIMULI["triggered_surge"](0.1)
     reading[:, :2] = 0.3
     offsets = []
     for k, normal in enumerate((0.99, 0.5, 0.5, 0.99)):
         told = probabilities(normal=normal, increased_drag=0.9 * (1.0 - normal))
         offsets.append(stimulus.offset(k, reading, Belief(told, np.zeros_like(told), np.zeros_like(told)))[0])
-    assert offsets == [0.0, AHEAD, AHEAD, 0.0]
+    assert offsets[1] == offsets[2] > 5.0 * offsets[0] > 0.0 and offsets[3] == offsets[0]
 
 
 def test_worth_is_the_discounted_sum_of_what_follows():

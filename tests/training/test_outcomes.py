@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from training.outcomes import CENSORED, Outcome, Outcomes, figures
+from training.outcomes import CENSORED, HEALTHY_SHARE, Outcome, Outcomes, figures
 
 INF = float("inf")
 PORT, SPEED = "propeller_loss:port", "sensor:speed"
@@ -69,7 +69,7 @@ def test_figures_by_hand():
     assert got["delay"] == pytest.approx(17.0)
     assert got["isolated"] == 0.5 and got["mistaken"] == 0.5
     assert got["rms"] == pytest.approx(0.1) and got["healthy_rms"] == pytest.approx((0.1 / 30) ** 0.5)
-    assert got["loss"] == pytest.approx(17.0 * got["healthy_rms"] / 0.01)
+    assert got["loss"] == pytest.approx(17.0 * got["healthy_rms"] / (HEALTHY_SHARE * 0.1))
     assert figures(outcomes, budget=1.0)["loss"] == pytest.approx(17.0)
 
 
