@@ -1,7 +1,11 @@
-"""How the project compiles: two decorators, and a disk cache that notices edits in every compiled file.
+"""How the project compiles: three decorators, and a disk cache that notices edits in every compiled file.
 
 numba's own disk cache watches only the file of the cached function, not those it calls. Here the cache folder is named
 after a digest of that file and of every file of the project that it imports, so an edit in any of them compiles anew.
+
+A kernel that calls another gets one of two copies of it: the one compiled by itself, in the process that compiles
+both, or the one compiled along with the caller, in those that load it from disk. They may fuse multiplications and
+additions differently, and so differ in the last bits. A kernel that calls only what is inlined gives the same always.
 """
 
 import atexit
@@ -19,7 +23,7 @@ from numba import config, njit
 IMPORT = re.compile(r"^from (\w+)(?:\.(\w+))? import (\([^)]*\)|.*)", re.MULTILINE)
 OPTIONS = dict(error_model="numpy", fastmath={"contract"}, nogil=True)
 
-scalar = njit(forceinline=True, **OPTIONS)
+inlined = scalar = njit(forceinline=True, **OPTIONS)  # loops that belong to a kernel; arithmetic of single numbers
 
 
 @cache

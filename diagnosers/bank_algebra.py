@@ -11,7 +11,7 @@ McGraw-Hill 1965, ch. 11 (belief kinematics, here in `inform`).
 
 import math
 
-from auv_fault_env.compiling import kernel, scalar
+from auv_fault_env.compiling import inlined, scalar
 from auv_fault_env.noise import logarithm
 
 N_STATES = 5
@@ -38,7 +38,7 @@ def widened(variance, prior, walk):
     return variance + step if variance > 0.0 else 0.0
 
 
-@kernel
+@inlined
 def mix(x, part, normal, share, centre, variance, walk):
     """Merge each filter with its share of vehicles that have just left the normal filter, column `normal` of x.
 
@@ -64,7 +64,7 @@ def mix(x, part, normal, share, centre, variance, walk):
         x[SPREAD, f] = widened(x[SPREAD, f], variance[f], walk)
 
 
-@kernel
+@inlined
 def inform(x, part, severity, variance, shift, growth):
     """Give the severities the means and variances (n_filters,) learnt elsewhere; the other states follow.
 
@@ -94,7 +94,7 @@ def inform(x, part, severity, variance, shift, growth):
         x[SEVERITY, f] = severity[f]
 
 
-@kernel
+@inlined
 def bound(x, part, first_row):
     """Keep the healthy deviations, from `first_row` on, where parameters keep their sign: far off, filters diverge."""
     for i in range(first_row, SEVERITY):
@@ -102,7 +102,7 @@ def bound(x, part, first_row):
             x[i, f] = min(max(x[i, f], -FARTHEST), FARTHEST)
 
 
-@kernel
+@inlined
 def cross(x, part, gradient, crossed):
     """Covariances (5, n_filters) of the states with a quantity of that gradient (5, n_filters)."""
     first, last = part
@@ -113,7 +113,7 @@ def cross(x, part, gradient, crossed):
             crossed[i, f] = head + x[d, f] * gradient[3, f] + x[e, f] * gradient[4, f]
 
 
-@kernel
+@inlined
 def condition(x, part, gradient, innovation, variance, delivered, crossed, gain, evidence):
     """Condition on one measurement of every filter whose sensor has delivered (1, else 0); add its log density.
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.channels import COMMANDS, READINGS
-from auv_fault_env.compiling import kernel, scalar
+from auv_fault_env.compiling import inlined, kernel, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import RPM
 from diagnosers import bank_motor, bank_surge
@@ -111,7 +111,7 @@ def log_sum(one, other):
     return high + math.log1p(math.exp(low - high)) if low > -np.inf else high
 
 
-@kernel
+@inlined
 def switch(old, new, table, walk, newcomers):
     """Let normal vehicles turn faulty: weights, severities, and every hypothesis' share of newcomers.
 
@@ -134,7 +134,7 @@ def switch(old, new, table, walk, newcomers):
         newcomers[j] = share
 
 
-@kernel
+@inlined
 def recall(m, old, new, table, walk, work):
     """Bring the filters of subsystem m from the last sample to this one's switching and severities."""
     part, x = (table.first[m], table.first[m + 1]), new.filters
@@ -156,7 +156,7 @@ def recall(m, old, new, table, walk, work):
     inform(x, part, work.severity[0], work.severity[1], work.shift, work.growth)
 
 
-@kernel
+@inlined
 def learn(m, new, table, prior):
     """Tell the hypotheses what their filters of subsystem m have learnt of the severity."""
     for f in range(table.first[m] + np.uint64(1), table.first[m + 1]):
@@ -165,7 +165,7 @@ def learn(m, new, table, prior):
         new.severity[1, j] = new.filters[SPREAD, f]
 
 
-@kernel
+@inlined
 def update_motor(m, old, new, seen, table, constants, work):
     """All filters of one motor."""
     part, at = (table.first[m], table.first[m + 1]), MOTOR_READING[m]
@@ -197,7 +197,7 @@ def update_motor(m, old, new, seen, table, constants, work):
     learn(m, new, table, old.prior)
 
 
-@kernel
+@inlined
 def take_shaft(shaft, m, old, new, table, work):
     """Fill what each surge filter believes of one shaft, (4, n_filters) as in `bank_surge.NOW`."""
     for f in range(table.first[SURGE], table.first[SURGE + 1]):
@@ -208,7 +208,7 @@ def take_shaft(shaft, m, old, new, table, work):
         shaft[3, f] = work.turning_noise[own]
 
 
-@kernel
+@inlined
 def update_surge(old, new, seen, table, constants, work):
     """All surge filters."""
     part, base = (table.first[SURGE], table.first[SURGE + 1]), work.base[SURGE]
@@ -220,7 +220,7 @@ def update_surge(old, new, seen, table, constants, work):
     learn(SURGE, new, table, old.prior)
 
 
-@kernel
+@inlined
 def weigh(log_weight, slot, evidence):
     """Bayes' rule over the hypotheses, normalised."""
     top, total = -np.inf, 0.0
@@ -233,7 +233,7 @@ def weigh(log_weight, slot, evidence):
         log_weight[j] -= top + math.log(total)
 
 
-@kernel
+@inlined
 def summarise(log_weight, severity, diagnosis, log_probability, mean, std):
     """Fill a lane's belief: sums over the hypotheses of a class, and the mixture's moments of the severity."""
     log_probability[:] = IMPOSSIBLE

@@ -4,7 +4,7 @@ Given the voltage reading, the shaft equation's closed form (`physics.spin`) pre
 current. The voltage's noise enters both predictions, so both measurements are made independent first.
 """
 
-from auv_fault_env.compiling import kernel, scalar
+from auv_fault_env.compiling import inlined, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import RPM, Shaft, armature_current, motor, spin
 from diagnosers.bank_algebra import N_STATES, SEVERITY, condition
@@ -21,7 +21,7 @@ STANDING_BLUR = 15.0  # rpm, standard deviation of the prediction there
 BLIND_BLUR = 1e4  # rpm, of a motor whose voltage nobody has ever heard: it is not judged
 
 
-@kernel
+@inlined
 def form(values, by_severity, x, part, base, slope, offset):
     """Write the parameters (22, n_filters) at the filters' means, and their derivatives by severity."""
     for r in range(N_MOTOR_ROWS):
@@ -54,7 +54,7 @@ def expected(values, f, readings, heard_voltage, heard_rpm, start, speed, shift,
     return predicted, shown(values, SPEED, f, RPM * predicted), shown(values, CURRENT, f, current)
 
 
-@kernel
+@inlined
 def expect(values, part, readings, delivered, start, speed, shift, water, out):
     """`expected` of every filter into out (3, n_filters)."""
     for f in range(part[0], part[1]):
@@ -63,7 +63,7 @@ def expect(values, part, readings, delivered, start, speed, shift, water, out):
         out[0, f], out[1, f], out[2, f] = one
 
 
-@kernel
+@inlined
 def slopes(part, trial, out, step, on_rpm, on_current):
     """Forward differences (n_filters,) of the expected readings."""
     for f in range(part[0], part[1]):
@@ -71,35 +71,37 @@ def slopes(part, trial, out, step, on_rpm, on_current):
         on_current[f] = (trial[2, f] - out[2, f]) / step
 
 
-@kernel
-def nudge(values, by_severity, x, part, k, step):
-    """Move the parameters by `step` of the k-th state: a healthy deviation, or the severity."""
+@inlined
+def nudge(values, by_severity, part):
+    """Move the parameters by `STEP` of the severity."""
     for r in range(N_MOTOR_ROWS):
         for f in range(part[0], part[1]):
-            values[r, f] += step * by_severity[r, f] if k == SEVERITY else 0.0
-    if k < SEVERITY:
-        row = DEVIATIONS[k]
-        for f in range(part[0], part[1]):
-            values[row, f] *= 1.0 + step / (1.0 + x[k, f])
+            values[r, f] += STEP * by_severity[r, f]
 
 
-@kernel
+@inlined
 def differentiate(x, part, base, slope, offset, readings, start, speed, water, work):
     """Fill the expected readings, and their gradients by the states and by the voltage (index -1)."""
-    values, out, trial = work.values, work.expected, work.trial
-    for k in range(-2, N_STATES):
-        if k >= 0:
-            nudge(values, work.by_severity, x, part, k, STEP)
-        shift = STEP if k == -1 else 0.0
-        expect(values, part, readings, work.delivered, start, speed, shift, water, out if k == -2 else trial)
-        if k == -1:
-            slopes(part, trial, out, STEP, work.by_voltage[0], work.by_voltage[1])
-        if k >= 0:
-            slopes(part, trial, out, STEP, work.gradient[k], work.second[k])
-            form(values, work.by_severity, x, part, base, slope, offset)
+    values, out, trial, kept = work.values, work.expected, work.trial, work.shift
+    expect(values, part, readings, work.delivered, start, speed, 0.0, water, out)
+    expect(values, part, readings, work.delivered, start, speed, STEP, water, trial)
+    slopes(part, trial, out, STEP, work.by_voltage[0], work.by_voltage[1])
+    for k in range(SEVERITY):
+        row = DEVIATIONS[k]
+        for f in range(part[0], part[1]):
+            kept[f] = values[row, f]
+            values[row, f] *= 1.0 + STEP / (1.0 + x[k, f])
+        expect(values, part, readings, work.delivered, start, speed, 0.0, water, trial)
+        slopes(part, trial, out, STEP, work.gradient[k], work.second[k])
+        for f in range(part[0], part[1]):
+            values[row, f] = kept[f]
+    nudge(values, work.by_severity, part)
+    expect(values, part, readings, work.delivered, start, speed, 0.0, water, trial)
+    slopes(part, trial, out, STEP, work.gradient[SEVERITY], work.second[SEVERITY])
+    form(values, work.by_severity, x, part, base, slope, offset)
 
 
-@kernel
+@inlined
 def decorrelate(part, readings, blind, work):
     """Fill innovations and variances of both measurements; take out of the current what the rpm reading explains."""
     values, by_voltage = work.values, work.by_voltage
@@ -126,7 +128,7 @@ def decorrelate(part, readings, blind, work):
             work.second[i, f] -= work.shift[f] * work.gradient[i, f]
 
 
-@kernel
+@inlined
 def relocate(x, part, gradient, innovation, sign):
     """Move an innovation by what its gradient says of the mean: before a condition with +1, after it with -1."""
     for i in range(N_STATES):
@@ -134,7 +136,7 @@ def relocate(x, part, gradient, innovation, sign):
             innovation[f] += sign * gradient[i, f] * x[i, f]
 
 
-@kernel
+@inlined
 def believe(x, part, readings, base, slope, offset, turning, work):
     """Write the shaft speeds [rad/s] that the filters believe in, with slope by severity and noise, for surge."""
     values = work.values
@@ -149,7 +151,7 @@ def believe(x, part, readings, base, slope, offset, turning, work):
         work.turning_noise[f] = (values[SPEED + NOISE, f] if heard > 0.0 else blur) / gain
 
 
-@kernel
+@inlined
 def update(x, part, base, slope, offset, seen, channel, start, speed, turning, water, work):
     """One sample of a motor's filters, its first reading being `channel`: adds to the evidence, writes `turning`."""
     readings, evidence = seen.reading[channel : channel + 3], work.evidence

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.compiling import kernel, scalar
+from auv_fault_env.compiling import inlined, scalar
 
 BIAS, GAIN, NOISE, STUCK, DROPOUT = range(5)  # rows of a sensor, counted from its first
 UNSURE = 0.01  # least share of the samples that a faulty sensor loses or delivers
@@ -29,7 +29,7 @@ class Seen(NamedTuple):
     deflection: float
 
 
-@kernel
+@inlined
 def look(observation, last, sensors, seen):
     """Fill `seen` from the readings (8,), NaN for silence, and the last ones, NaN before the first.
 
@@ -46,7 +46,7 @@ def look(observation, last, sensors, seen):
         seen.log_spacing[c] = math.log(max(max(abs(value), sensors[c, 2]) * 2.0**-23, sensors[c, 3]))
 
 
-@kernel
+@inlined
 def deliver(values, part, sensor, seen, channel, delivered, evidence):
     """Find which filters hold a reading for delivered (1, else 0), and add the log probability of that.
 

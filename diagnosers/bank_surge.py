@@ -4,7 +4,7 @@ The equation and its integration are those of `kalman.SurgeFilter`; the accelero
 acceleration at the sample's end. Thrust enters through the shaft speeds that each hypothesis believes in.
 """
 
-from auv_fault_env.compiling import kernel, scalar
+from auv_fault_env.compiling import inlined, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers.bank_algebra import N_STATES, SEVERITY, condition, cross, entry
 from diagnosers.bank_sensors import GAIN, NOISE, deliver
@@ -18,7 +18,7 @@ U, D, DRAG, THRUST = range(4)  # states
 NOW, BEFORE, BY_SEVERITY, BLUR = range(4)  # rows of a shaft: speed [rpm] now and a sample ago, its slope, its noise
 
 
-@kernel
+@inlined
 def form(values, by_severity, x, part, base, slope, offset):
     """Write the parameters (14, n_filters) at the filters' means, and their derivatives by severity."""
     for r in range(N_SURGE_ROWS):
@@ -58,7 +58,7 @@ def unsteady(values, port, starboard, f):
     return jump + values[STARBOARD_BETA, f] * (starboard[NOW, f] ** 2 - starboard[BEFORE, f] ** 2)
 
 
-@kernel
+@inlined
 def drift(x, part, memory, variance):
     """Let the disturbance decay to `memory` of itself, towards its stationary variance."""
     for i in range(N_STATES):
@@ -70,7 +70,7 @@ def drift(x, part, memory, variance):
         x[entry(D, D), f] += (1.0 - memory * memory) * variance
 
 
-@kernel
+@inlined
 def move(x, part, deflection, port, starboard, opening, work):
     """Carry the mean speed over the sample by the midpoint rule; fill its gradient and the noise that joins it."""
     values, by_severity, gradient, half = work.values, work.by_severity, work.gradient, 0.5 * SAMPLE_TIME
@@ -91,7 +91,7 @@ def move(x, part, deflection, port, starboard, opening, work):
         work.variance[0, f] = SAMPLE_TIME * SAMPLE_TIME * (shaken(values, port, starboard, f) + rough * rough)
 
 
-@kernel
+@inlined
 def carry(x, part, gradient, crossed, variance):
     """Carry the covariance over the sample: only the speed moves."""
     cross(x, part, gradient, crossed)
@@ -106,7 +106,7 @@ def carry(x, part, gradient, crossed, variance):
         x[entry(U, U), f] = variance[f]
 
 
-@kernel
+@inlined
 def hear_speed(x, part, reading, work):
     """Fill gradient, innovation and variance of the paddle wheel."""
     values, by_severity, gradient = work.values, work.by_severity, work.gradient
@@ -118,7 +118,7 @@ def hear_speed(x, part, reading, work):
         work.variance[0, f] = values[SPEED + NOISE, f] ** 2
 
 
-@kernel
+@inlined
 def hear_acceleration(x, part, reading, deflection, port, starboard, work):
     """Fill gradient, innovation and variance of the accelerometer."""
     values, by_severity, gradient = work.values, work.by_severity, work.gradient
@@ -139,7 +139,7 @@ def hear_acceleration(x, part, reading, deflection, port, starboard, work):
         work.variance[0, f] = noise + gain * gain * shaken(values, port, starboard, f)
 
 
-@kernel
+@inlined
 def update(x, part, base, slope, offset, seen, port, starboard, constants, work):
     """One sample of all surge filters: adds to the evidence. Port and starboard (4, n_filters): see `NOW`."""
     form(work.values, work.by_severity, x, part, base, slope, offset)

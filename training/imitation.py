@@ -8,8 +8,9 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 
 from auv_fault_env.faults import classes
 from training.active_features import unbent
-from training.constraint import ConstrainedVecEnv
+from training.constraint import LEFT, ConstrainedVecEnv
 from training.learner import Learner
+from training.stimulus import LARGEST
 from training.surge_ahead import surge_ahead
 
 PASSES, BATCH, RATE = 8, 1024, 1e-3
@@ -29,7 +30,8 @@ def watched(env: ConstrainedVecEnv, decisions: int, discount: float) -> Lessons:
     seen, done, gains, ends = [], [], [], []
     observation = env.reset()
     for _ in range(decisions):
-        action = (surge_ahead(unbent(observation[:, :N_CLASSES])) / env.amplitude)[:, None]
+        left = np.expm1(observation[:, LEFT]) * LARGEST**2
+        action = (surge_ahead(unbent(observation[:, :N_CLASSES]), left) / env.amplitude)[:, None]
         seen.append(observation.copy())
         done.append(action.astype(np.float32))
         observation, gain, end, _ = env.step(done[-1])

@@ -2,13 +2,14 @@ import dataclasses
 
 import numpy as np
 import pytest
+from numba.core.dispatcher import Dispatcher
 
 from auv_fault_env.errors import InputError
 from auv_fault_env.faults import CATALOGUE, Fault, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
 from auv_fault_env.schedules import FaultEvent, ScheduleSampler
-from diagnosers import make
+from diagnosers import bank_algebra, bank_kernel, bank_motor, bank_sensors, bank_surge, make
 from diagnosers.filter_bank import FilterBank
 from diagnosers.hypotheses import PORT, STARBOARD, SURGE, table
 from diagnosers.oracle import Oracle
@@ -210,3 +211,10 @@ def test_hypotheses_that_explain_nothing_do_not_diverge():
         assert np.isfinite(belief.log_probability).all()
     deviations = bank._state[0].filters[:, 2:4]
     assert np.abs(deviations).max() <= 0.9 + 1e-12
+
+
+def test_the_bank_is_one_kernel_so_that_compiling_it_anew_changes_no_bit():
+    modules = bank_algebra, bank_kernel, bank_motor, bank_sensors, bank_surge
+    compiled = {one for module in modules for one in vars(module).values() if isinstance(one, Dispatcher)}
+    assert len(compiled) > 30
+    assert {one for one in compiled if not one.targetoptions.get("forceinline")} == {bank_kernel.step_lanes}
