@@ -16,7 +16,7 @@ from training.stimulus import EPISODE, LARGEST
 AFFECTED = {fault.diagnosis for fault in CATALOGUE.values() if fault.component.startswith(("hull", "propeller:"))}
 HULL_AND_PROPELLERS = np.array([name in AFFECTED for name in classes()])
 SHARE = 0.3  # of what is not normal, from which on hull and propellers are suspected
-GAIN = 0.6  # by unit of the odds, of the root mean square for which the allowance that is left would last an episode
+GAIN = 0.6  # of the constant offset for which what is left would last an episode, at even odds
 LEAST = 1e-6  # of p(normal): below, the offset has long been the largest
 
 
