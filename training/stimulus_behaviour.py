@@ -131,7 +131,7 @@ def behaviour(
     conditions = load(STANDARD).conditions
     faulty, healthy = faulty_lanes(conditions, PER_CLASS, seed), healthy_lanes(conditions, N_HEALTHY, seed)
     truth = known(conditions, faulty).truth
-    told = {name: ToldOnset(least or budget, truth.onset) for name, least in TOLD.items()}
+    told = {name: ToldOnset(least or budget, onset=truth.onset) for name, least in TOLD.items()}
     tried = {name: STIMULI[name](budget) for name in (*drawn, Cruise.name)} | told
     jobs = [(stimulus, faulty) for stimulus in tried.values()]
     jobs += [(STIMULI[name](budget), healthy) for name in counted]

@@ -14,7 +14,7 @@ from training.stimulus import LARGEST
 class ToldOnset(ClosedLoop):
     """Faster by `LARGEST` from the onset on, as long as the allowance lasts; with `LARGEST` as budget, to the end.
 
-    A bound it is not: another profile may tell more. But no other that goes ahead on suspicion can begin as early.
+    It is no bound, for another profile may tell more; but who waits for suspicion cannot begin as early.
 
     Attributes
     ----------
@@ -23,7 +23,7 @@ class ToldOnset(ClosedLoop):
     """
 
     name = "told_onset"
-    onset: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    onset: np.ndarray = field(kw_only=True)
 
     def begun(self, n_lanes: int) -> None:
         """It remembers nothing."""

@@ -95,13 +95,13 @@ def test_shares_of_the_budget_are_root_mean_squares_and_those_of_the_agents_seed
 
 def test_who_is_told_the_onset_goes_ahead_from_then_on_until_the_allowance_is_spent():
     reading = np.full((2, len(CHANNELS)), 0.3)
-    stimulus = ToldOnset(0.05, np.array([1.0, 3.0]))
+    stimulus = ToldOnset(0.05, onset=np.array([1.0, 3.0]))
     offset = np.array([stimulus.offset(k, reading, None) for k in range(N_SAMPLES)])
     for lane, first in enumerate((10, 30)):
         assert not offset[:first, lane].any() and (offset[first : first + 26, lane] == 0.25).all()  # 0.05^2 65 s
         assert not offset[first + 27 :, lane].any()
     assert np.sqrt(np.square(offset).mean(axis=0)) == pytest.approx([0.05] * 2)
-    free = ToldOnset(0.25, np.array([1.0, 3.0]))
+    free = ToldOnset(0.25, onset=np.array([1.0, 3.0]))
     assert [free.offset(k, reading, None)[1] for k in range(N_SAMPLES)][-1] == 0.25
 
 
