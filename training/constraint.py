@@ -119,6 +119,5 @@ class DualAscent(BaseCallback):
         return True
 
     def _on_rollout_end(self) -> None:
-        seen = self.model.rollout_buffer.observations
-        meant = self.model.predict(seen.reshape(-1, seen.shape[-1]), deterministic=True)[0]
-        self._env.ascend(seen, meant.reshape(seen.shape[:2]))
+        rollout = self.model.rollout_buffer
+        self._env.ascend(rollout.observations, self.model.policy.meant(rollout))

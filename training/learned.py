@@ -1,4 +1,4 @@
-"""The stimulus that was learnt: each second the offset that a trained policy chooses by what is believed."""
+"""The stimulus that was learnt: the offset that a trained policy chooses by what is believed."""
 
 import hashlib
 from dataclasses import dataclass
@@ -19,12 +19,10 @@ from training.stimuli_closed_loop import ClosedLoop
 if TYPE_CHECKING:
     from training.policy import LearnedPolicy
 
-DECISION = round(SAMPLE_RATE)  # samples for which an action is held
-
 
 @dataclass
 class Notes:
-    """What is known of every lane: the parameter filter's estimate, what is declared, and the action being held."""
+    """What is known of every lane: the parameter filter's estimate, what is declared, and the action in force."""
 
     estimate: Estimate
     declaration: Declaration
@@ -34,13 +32,16 @@ class Notes:
 class Learned(ClosedLoop):
     """What `auv-fault train-stimulus` has made of the environment's rewards; the policies come with the package.
 
-    It ends with the first declaration, as the episodes of its training did. A policy has seen the beliefs of one filter
-    bank on simulated vehicles at 0.2 to 0.5 m/s. Beside another diagnoser, whose beliefs move otherwise, it may excite
-    for nothing, or sit still while there is something to be told.
+    It ends with the first declaration, as the episodes of its training did. These had a decision per second; here the
+    policy is asked at every sample, so that it goes ahead as soon as there is doubt and stops as soon as there is none.
+
+    A policy has seen the beliefs of one filter bank on simulated vehicles at 0.2 to 0.5 m/s. Beside another diagnoser,
+    whose beliefs move otherwise, it may excite for nothing, or sit still while there is something to be told.
     """
 
     name = "learned"
     seed: ClassVar[int] = 0  # of the training
+    every: ClassVar[int] = 1  # samples for which an action is held
 
     @property
     def _path(self) -> Path:
@@ -64,10 +65,10 @@ class Learned(ClosedLoop):
     def wanted(
         self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: Notes
     ) -> np.ndarray:
-        """The offset that is held, chosen anew every second, until a fault is declared."""
+        """The offset in force, until a fault is declared."""
         memory.estimate = ParameterFilter().update(memory.estimate, np.asarray(observation, np.float64))
         memory.declaration.note(belief.log_probability)
-        if sample % DECISION == 0:
+        if sample % self.every == 0:
             time, left = np.full(len(left), sample * SAMPLE_TIME), left * SAMPLE_TIME
             seen = features(suspected(belief), memory.estimate, observation, memory.action, time, left)
             most = np.sqrt(left) / self._policy.amplitude
@@ -97,3 +98,10 @@ class Learned4(Learned):
     """As `Learned1`."""
 
     name, seed = "learned_4", 4
+
+
+class LearnedHeld(Learned):
+    """`Learned` with a decision per second, as in its training: what it brings to be asked more often."""
+
+    name = "learned_held"
+    every = round(SAMPLE_RATE)

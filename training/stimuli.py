@@ -1,7 +1,7 @@
 """The stimuli by name, all compared under the same budget of speed deviation."""
 
 from training.greedy import Greedy
-from training.learned import Learned, Learned1, Learned2, Learned3, Learned4
+from training.learned import Learned, Learned1, Learned2, Learned3, Learned4, LearnedHeld
 from training.stimuli_open_loop import Cruise, DOptimal, Multisine, Prbs, Thesis
 from training.stimuli_triggered import TriggeredDOptimal, TriggeredPrbs, TriggeredThesis
 from training.stimulus import BUDGET, EPISODE, Stimulus
@@ -26,4 +26,5 @@ STIMULI: dict[str, type[Stimulus]] = {
     "learned_2": Learned2,
     "learned_3": Learned3,
     "learned_4": Learned4,
+    "learned_held": LearnedHeld,
 }

@@ -1,7 +1,7 @@
 """Trains the stimulus policy: PPO of stable-baselines3 on the active environment, the budget as a constraint."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -69,10 +69,13 @@ class StimulusTrainer:
         self.epochs = self.patience = math.ceil(steps / self.decisions)
         self.env, self.trial = self._environment(LANES, LIMIT, LEAST_BUDGET), self._environment(TRIED, VALIDATED, 1.0)
         with seeded(seed % GLOBAL_SEEDS):
-            self.model = PPO(Agent, self.env, RATE, n_steps=ROLLOUT, device="cpu", **SETTINGS)
+            self.model = self._made()
         self.model.set_logger(Logger(None, []))
         self.learner = Learner(self.model.policy)
         self.model.policy.optimizer = self.learner.optimiser
+
+    def _made(self) -> PPO:
+        return PPO(Agent, self.env, RATE, n_steps=ROLLOUT, device="cpu", **SETTINGS)
 
     def _environment(self, n_lanes: int, limit: int, least: float) -> ConstrainedVecEnv:
         diagnoser = lighter_bank() if self.diagnoser == FilterBank.name else self.diagnoser
@@ -108,15 +111,18 @@ class StimulusTrainer:
         with one_thread(), seeded(self.seed % GLOBAL_SEEDS):
             imitate(self.model.policy, self.learner, watched(self.env, LIMIT, DISCOUNT))
 
-    def validate(self) -> dict[str, float]:
-        """Figures of the policy without noise on one episode of each of the validation seeds."""
-        self.trial.seed(seeds("validation", TRIED)[0])
-        policy, observation = self.policy(), self.trial.reset()
+    def validate(self, first: int = 0) -> dict[str, float]:
+        """Figures of the policy without noise on one episode of each of the validation seeds from the first-th on."""
+        self.trial.seed(seeds("validation", TRIED, first)[0])
+        act, observation = self._actor(), self.trial.reset()
         with one_thread():
             for _ in range(VALIDATED):
-                observation, *_ = self.trial.step(policy.action(observation))
-        first = {one.lane: one for one in reversed(self.trial.outcomes.ended)}
-        return figures(list(first.values()), self.budget)
+                observation, *_ = self.trial.step(act(observation))
+        ended = {one.lane: one for one in reversed(self.trial.outcomes.ended)}
+        return figures(list(ended.values()), self.budget)
+
+    def _actor(self) -> Callable[[np.ndarray], np.ndarray]:
+        return self.policy().action
 
     def policy(self) -> LearnedPolicy:
         """What has been learnt so far."""

@@ -9,16 +9,17 @@ from auv_fault_env.errors import InputError
 from diagnosers import Belief, make, storage
 from training.active_vector_env import ActiveDiagnosisVectorEnv
 from training.constraint import ConstrainedVecEnv
-from training.learned import Learned
+from training.learned import Learned, LearnedHeld
 from training.lighter_bank import lighter_bank
 from training.policy import SHAPES, LearnedPolicy
 from training.stimuli import STIMULI
+from training.stimulus_comparisons import LEARNED as SEEDS_OF_TRAINING
 from training.vec_env import ActiveVecEnv
 
 SEEDS, DECISIONS = (3, 4, 5), 13
 SCHEDULES = [(), (FaultEvent("increased_drag", 12.2, 0.9),), (FaultEvent("propeller_damage:port", 11.5, 0.5),)]
 MISSIONS = [0.25, 0.3, 0.4]
-LEARNED = [name for name, stimulus in STIMULI.items() if issubclass(stimulus, Learned)]
+LEARNED = [name for name in STIMULI if SEEDS_OF_TRAINING.fullmatch(name)]
 
 
 def drawn(seed, spread=0.3):
@@ -40,7 +41,7 @@ def test_it_acts_as_the_policy_does_in_its_environment(policy):
     env.venv._seeds = list(SEEDS)
     env.venv._options = [{"schedule": s, "mission": m} for s, m in zip(SCHEDULES, MISSIONS, strict=True)]
     seen = env.reset()
-    fleet, bank, stimulus = Fleet(3), lighter_bank(), Learned(0.1)
+    fleet, bank, stimulus = Fleet(3), lighter_bank(), LearnedHeld(0.1)
     reading = fleet.reset(SEEDS, schedules=SCHEDULES, missions=MISSIONS)
     bank.reset(3)
     moved = 0.0
@@ -68,6 +69,18 @@ def test_it_ends_with_the_first_declaration(policy):
     assert np.all(np.array(offsets)[:9, 0] != 0.0)
     np.testing.assert_array_equal(np.array(offsets)[9:, 0], 0.0)
     assert np.all(np.array(offsets)[:, 1] != 0.0)
+
+
+def test_it_is_asked_at_every_sample_and_may_be_held_for_a_second(policy):
+    n_classes, random = len(classes()), np.random.default_rng(2)
+    reading, nothing = Fleet(1).reset([1], schedules=[()], missions=[0.3]), np.zeros((1, n_classes))
+    beliefs = [Belief(np.log(random.dirichlet(np.ones(n_classes), 1)), nothing, nothing) for _ in range(30)]
+    quick, held = (
+        [float(stimulus.offset(k, reading, belief)[0]) for k, belief in enumerate(beliefs)]
+        for stimulus in (Learned(0.1), LearnedHeld(0.1))
+    )
+    assert len(set(quick)) == 30 and quick[0] == held[0]
+    assert [len(set(held[k : k + 10])) for k in (0, 10, 20)] == [1, 1, 1] and len(set(held)) == 3
 
 
 def test_results_depend_on_the_file_of_the_policy(policy, tmp_path):

@@ -1,0 +1,58 @@
+"""Whether the agent wants a memory of its own: ``python -m training.compare_agents``.
+
+Both forms learn from the same start, the same decisions and the same seeds, and are judged on validation episodes that
+have not chosen their best epoch. The table goes into the card beside the weights. Needs sb3-contrib, of the extra `dev`.
+"""
+
+import json
+import sys
+import time
+
+import numpy as np
+from joblib import Parallel, delayed
+from tqdm import tqdm
+
+from diagnosers import storage
+from training.recurrent_agent import RecurrentTrainer
+from training.runs import write_json
+from training.stimulus_trainer import TRIED, StimulusTrainer
+from training.train_stimulus import name_of
+
+FORMS: dict[str, type[StimulusTrainer]] = {"feed-forward": StimulusTrainer, "LSTM": RecurrentTrainer}
+SEEDS, STEPS = 3, 650_000  # decisions of a training
+JUDGED = 4  # times as many vehicles as choose the best epoch
+CARD = (storage.WEIGHTS / name_of("filter_bank", 0)).with_suffix(".json")
+TOLD = ("loss", "delay", "isolated", "healthy_rms")
+
+
+def trained(form: str, seed: int) -> dict[str, float | str]:
+    """Train one agent; its parameters, the seconds of it, and its figures on other vehicles."""
+    trainer, begin = FORMS[form](seed, steps=STEPS), time.perf_counter()
+    best, state = np.inf, trainer.state()
+    for number in range(trainer.epochs):
+        trainer.epoch(number)
+        loss = trainer.validate()["loss"]
+        if loss < best:
+            best, state = loss, trainer.state()
+    seconds = time.perf_counter() - begin
+    trainer.restore(state)
+    judged = [trainer.validate(first=TRIED * (1 + k)) for k in range(JUDGED)]
+    size = sum(parameter.numel() for parameter in trainer.model.policy.parameters())
+    row = {"form": form, "seed": seed, "parameters": size, "seconds": round(seconds, 1)}
+    return row | {name: round(float(np.mean([one[name] for one in judged])), 5) for name in TOLD}
+
+
+def main() -> None:
+    """Compare, print the table, and put it into the card."""
+    jobs = [delayed(trained)(form, seed) for seed in range(SEEDS) for form in FORMS]
+    done = Parallel(n_jobs=-1, return_as="generator")(jobs)
+    rows = list(tqdm(done, total=len(jobs), unit="agent", file=sys.stderr))
+    for row in rows:
+        print(*(f"{key} {value}" for key, value in row.items()))
+    card = json.loads(CARD.read_text(encoding="utf-8"))
+    card["memory_forms"] = {"command": "python -m training.compare_agents", "rows": rows}
+    write_json(CARD, card)
+
+
+if __name__ == "__main__":
+    main()
