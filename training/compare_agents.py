@@ -1,7 +1,7 @@
 """Whether the agent wants a memory of its own: ``python -m training.compare_agents``.
 
 Both forms learn from the same start, the same decisions and the same seeds, and are judged on validation episodes that
-have not chosen their best epoch. The table goes into the card beside the weights. Needs sb3-contrib, of the extra `dev`.
+have not chosen their best epoch. The table goes into the card beside the weights. It needs the extra `dev`.
 """
 
 import json
