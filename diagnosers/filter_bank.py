@@ -213,7 +213,7 @@ class FilterBank(Recursive):
         hypotheses = self.hypotheses(state.prior.shape[2])
         if state.log_weight.shape[1] != hypotheses.log_hazard.size:
             raise refusal("catalogue", "faults added or removed", "that of the reset", "call reset(n_lanes) again")
-        belief = Belief(*(np.empty((n_lanes, len(self.classes))) for _ in Belief._fields))
+        belief = Belief(*np.empty((len(Belief._fields), n_lanes, len(self.classes))))
         arguments = state, new, observation, hypotheses, self.constants, belief
         _in_shares(n_lanes, arguments)
         return new, belief

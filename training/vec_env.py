@@ -1,6 +1,6 @@
 """The active environment as a `VecEnv` of stable-baselines3: one fleet and one diagnoser, not many environments."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -13,6 +13,7 @@ from auv_fault_env.errors import refusal
 from training.active_vector_env import ActiveDiagnosisVectorEnv
 
 TOLD = ("mission_speed", "energy", "cost", "declared")
+NAMES = (*TOLD, "truth")
 
 
 class ActiveVecEnv(VecEnv):
@@ -40,7 +41,7 @@ class ActiveVecEnv(VecEnv):
         """Start an episode on every lane, with the seeds and options given before; observations (n_lanes, n)."""
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
         observation, info = self.env.reset(seed=seeds, options=_joined(self._options))
-        self.reset_infos = _split(info)
+        self.reset_infos = _split(info, range(self.num_envs))
         self._reset_seeds()
         self._reset_options()
         return observation
@@ -52,15 +53,19 @@ class ActiveVecEnv(VecEnv):
     def step_wait(self) -> VecEnvStepReturn:
         """Hold the actions for a second; observations, rewards (float32), ends, and information by lane."""
         observation, reward, terminated, truncated, info = self.env.step(self._actions)
-        done, infos = terminated | truncated, _split(info)
-        if done.any():
-            final = _split(info["final_info"])
-            for lane in np.flatnonzero(done):
-                self.reset_infos[lane], infos[lane] = infos[lane], final[lane]
-                infos[lane]["terminal_observation"] = info["final_obs"][lane]
+        done, infos = terminated | truncated, _split(info, range(self.num_envs))
         for lane, by_time in enumerate((truncated & ~terminated).tolist()):
             infos[lane]["TimeLimit.truncated"] = by_time
+        if done.any():
+            self._end(np.flatnonzero(done).tolist(), infos, info)
         return observation, reward.astype(np.float32), done, infos
+
+    def _end(self, lanes: list[int], infos: list[dict[str, Any]], info: Mapping[str, Any]) -> None:
+        """Give the lanes the information of their end, and keep that of their new start."""
+        for lane, final in zip(lanes, _split(info["final_info"], lanes), strict=True):
+            by_time = infos[lane].pop("TimeLimit.truncated")
+            last = {"terminal_observation": info["final_obs"][lane], "TimeLimit.truncated": by_time}
+            self.reset_infos[lane], infos[lane] = infos[lane], final | last
 
     def close(self) -> None:
         """End the fleet's threads."""
@@ -90,17 +95,17 @@ class LaneView(Mapping):
     Parameters
     ----------
     truth
-        Arrays by name, nested, the lane first.
+        Arrays by name, the lane first, or such dictionaries.
     lane
         Index of the lane.
     """
 
-    def __init__(self, truth: Mapping[str, Any], lane: int):
+    def __init__(self, truth: dict[str, Any], lane: int):
         self._truth, self._lane = truth, lane
 
     def __getitem__(self, name: str) -> Any:
         values = self._truth[name]
-        return LaneView(values, self._lane) if isinstance(values, Mapping) else values[self._lane].item()
+        return LaneView(values, self._lane) if isinstance(values, dict) else values[self._lane].item()
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._truth)
@@ -109,11 +114,11 @@ class LaneView(Mapping):
         return len(self._truth)
 
 
-def _split(info: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The information by lane."""
+def _split(info: Mapping[str, Any], lanes: Sequence[int]) -> list[dict[str, Any]]:
+    """The information of these lanes, each by itself."""
     truth = dict(info["truth"])  # read once for all, before the next step makes it unreadable
-    told = zip(*(info[name].tolist() for name in TOLD), strict=True)
-    return [dict(zip(TOLD, one, strict=True)) | {"truth": LaneView(truth, lane)} for lane, one in enumerate(told)]
+    told = (info[name][lanes].tolist() for name in TOLD)
+    return [dict(zip(NAMES, one, strict=True)) for one in zip(*told, (LaneView(truth, k) for k in lanes), strict=True)]
 
 
 def _joined(options: list[dict[str, Any]]) -> dict[str, Any] | None:
