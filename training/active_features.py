@@ -1,4 +1,4 @@
-"""What the active agent sees once per second: belief, estimates with their uncertainty, mission and budget."""
+"""What the active agent sees: belief, estimates with their uncertainty, mission and budget."""
 
 import math
 

@@ -214,7 +214,7 @@ class PolicyGraph(Graph):
     inputs = {"features": active_features.FEATURES}
     outputs = ("action",)
     about = (
-        "features: of training.active_features, once per second; the commanded speed is then the mission's plus "
+        "features: of training.active_features, at every sample; the commanded speed is then the mission's plus "
         "the action times `amplitude` [m/s]"
     )
 
