@@ -13,6 +13,7 @@ from joblib import Parallel, delayed
 from tqdm import tqdm
 
 from diagnosers import storage
+from training.outcomes import figures
 from training.recurrent_agent import RecurrentTrainer
 from training.runs import write_json
 from training.stimulus_trainer import TRIED, StimulusTrainer
@@ -36,10 +37,10 @@ def trained(form: str, seed: int) -> dict[str, float | str]:
             best, state = loss, trainer.state()
     seconds = time.perf_counter() - begin
     trainer.restore(state)
-    judged = [trainer.validate(first=TRIED * (1 + k)) for k in range(JUDGED)]
+    judged = figures([one for k in range(JUDGED) for one in trainer.outcomes(TRIED * (1 + k))], trainer.budget)
     size = sum(parameter.numel() for parameter in trainer.model.policy.parameters())
     row = {"form": form, "seed": seed, "parameters": size, "seconds": round(seconds, 1)}
-    return row | {name: round(float(np.mean([one[name] for one in judged])), 5) for name in TOLD}
+    return row | {name: round(judged[name], 5) for name in TOLD}
 
 
 def main() -> None:

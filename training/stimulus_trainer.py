@@ -18,7 +18,7 @@ from training.constraint import ConstrainedVecEnv, DualAscent
 from training.imitation import imitate, watched
 from training.learner import Learner
 from training.lighter_bank import PRIOR, lighter_bank
-from training.outcomes import figures
+from training.outcomes import Outcome, figures
 from training.policy import LearnedPolicy
 from training.records import HORIZON
 from training.seeds import SPAN, seeds
@@ -111,15 +111,18 @@ class StimulusTrainer:
         with one_thread(), seeded(self.seed % GLOBAL_SEEDS):
             imitate(self.model.policy, self.learner, watched(self.env, LIMIT, DISCOUNT))
 
-    def validate(self, first: int = 0) -> dict[str, float]:
-        """Figures of the policy without noise on one episode of each of the validation seeds from the first-th on."""
+    def validate(self) -> dict[str, float]:
+        """Figures of the policy without noise on one episode of each of the validation seeds."""
+        return figures(self.outcomes(), self.budget)
+
+    def outcomes(self, first: int = 0) -> list[Outcome]:
+        """How `TRIED` episodes end with the policy without noise, of the validation seeds from the first-th on."""
         self.trial.seed(seeds("validation", TRIED, first)[0])
         act, observation = self._actor(), self.trial.reset()
         with one_thread():
             for _ in range(VALIDATED):
                 observation, *_ = self.trial.step(act(observation))
-        ended = {one.lane: one for one in reversed(self.trial.outcomes.ended)}
-        return figures(list(ended.values()), self.budget)
+        return list({one.lane: one for one in reversed(self.trial.outcomes.ended)}.values())
 
     def _actor(self) -> Callable[[np.ndarray], np.ndarray]:
         return self.policy().action
