@@ -18,12 +18,24 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-from numba import config, njit
+from numba import config, njit, types
+from numba.extending import intrinsic
 
 IMPORT = re.compile(r"^from (\w+)(?:\.(\w+))? import (\([^)]*\)|.*)", re.MULTILINE)
 OPTIONS = dict(error_model="numpy", fastmath={"contract"}, nogil=True)
 
 inlined = scalar = njit(forceinline=True, **OPTIONS)  # loops that belong to a kernel; arithmetic of single numbers
+
+
+@intrinsic
+def fused(typing, one, other, more):
+    """``one * other + more``, rounded once.
+
+    Of a sum of two products the compiler may fuse either, and chooses differently for the vectors of a loop and for
+    what is left over. Said which, it has no choice.
+    """
+    signature = types.float64(types.float64, types.float64, types.float64)
+    return signature, lambda context, builder, _, numbers: builder.fma(*numbers)
 
 
 @cache

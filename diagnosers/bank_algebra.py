@@ -1,8 +1,8 @@
 """The algebra of a bank's filters: Gaussians of five states, the severity last, all filters of a subsystem at once.
 
-A table of filters is an array (20, n_filters): five rows of means, then the lower triangle of the covariance, row by
-row; the innermost loops run over the filters, and so vectorise. `part` is a range (first, last) of filters, unsigned:
-with numbers that might be negative the compiler would not vectorise.
+A table of filters is an array (20, n_columns): five rows of means, then the lower triangle of the covariance, row by
+row. A column is one filter of one lane, see `bank_pack`; the innermost loops run over the columns, and so vectorise.
+`part` is a range (first, last) of columns, unsigned: with numbers that might be negative the compiler would not.
 
 Sources: Blom & Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian switching
 coefficients", IEEE Trans. Autom. Control 33(8), 1988, doi:10.1109/9.1299 (mixing); Jeffrey, "The Logic of Decision",
@@ -40,33 +40,32 @@ def widened(variance, prior, walk):
 
 @inlined
 def mix(x, part, normal, share, centre, variance, walk):
-    """Merge each filter with its share of vehicles that have just left the normal filter, column `normal` of x.
+    """Merge each filter with its share of vehicles that have just left the lane's normal filter, `normal` (like x).
 
-    Newcomers have the prior's severity, mean `centre` and `variance`, each (n_filters,). Then the severity walks.
+    Newcomers have the prior's severity, mean `centre` and `variance`, each (n_columns,). Then the severity walks.
     """
     first, last = part
     for i in range(N_STATES - 1, -1, -1):
         for j in range(i, -1, -1):
             row = entry(i, j)
-            base_i, base_j, base = normal[i], normal[j], normal[row]
             for f in range(first, last):
-                from_i = (centre[f] if i == SEVERITY else base_i) - x[i, f]
-                from_j = (centre[f] if j == SEVERITY else base_j) - x[j, f]
-                other = base
+                from_i = (centre[f] if i == SEVERITY else normal[i, f]) - x[i, f]
+                from_j = (centre[f] if j == SEVERITY else normal[j, f]) - x[j, f]
+                other = normal[row, f]
                 if i == SEVERITY:
                     other = variance[f] if j == SEVERITY else 0.0
                 keep = 1.0 - share[f]
                 x[row, f] = keep * x[row, f] + share[f] * (other + keep * from_i * from_j)
     for i in range(N_STATES):
         for f in range(first, last):
-            x[i, f] += share[f] * ((centre[f] if i == SEVERITY else normal[i]) - x[i, f])
+            x[i, f] += share[f] * ((centre[f] if i == SEVERITY else normal[i, f]) - x[i, f])
     for f in range(first, last):
         x[SPREAD, f] = widened(x[SPREAD, f], variance[f], walk)
 
 
 @inlined
 def inform(x, part, severity, variance, shift, growth):
-    """Give the severities the means and variances (n_filters,) learnt elsewhere; the other states follow.
+    """Give the severities the means and variances (n_columns,) learnt elsewhere; the other states follow.
 
     What they are at a given severity stays as it was (Jeffrey's rule): exact if the subsystems are independent at a
     given severity. `shift` and `growth` are scratch.
@@ -104,7 +103,7 @@ def bound(x, part, first_row):
 
 @inlined
 def cross(x, part, gradient, crossed):
-    """Covariances (5, n_filters) of the states with a quantity of that gradient (5, n_filters)."""
+    """Covariances (5, n_columns) of the states with a quantity of that gradient (5, n_columns)."""
     first, last = part
     for i in range(N_STATES):
         a, b, c, d, e = entry(i, 0), entry(i, 1), entry(i, 2), entry(i, 3), entry(i, 4)
@@ -117,7 +116,7 @@ def cross(x, part, gradient, crossed):
 def condition(x, part, gradient, innovation, variance, delivered, crossed, gain, evidence):
     """Condition on one measurement of every filter whose sensor has delivered (1, else 0); add its log density.
 
-    Gradient (5, n_filters); innovation and variance of the noise (n_filters,). An innovation beyond six standard
+    Gradient (5, n_columns); innovation and variance of the noise (n_columns,). An innovation beyond six standard
     deviations counts as six: one outlier, or a moment that the model does not know, must not decide.
     """
     first, last = part

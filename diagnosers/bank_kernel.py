@@ -5,17 +5,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import COMMANDS, READINGS
+from auv_fault_env.channels import READINGS
 from auv_fault_env.compiling import inlined, kernel, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import RPM
 from diagnosers import bank_motor, bank_surge
-from diagnosers.bank_algebra import N_STATES, SEVERITY, SPREAD, bound, inform, mix, widened
-from diagnosers.bank_sensors import Seen, look
+from diagnosers.bank_algebra import N_PACKED, SEVERITY, SPREAD, bound, entry, inform, mix, widened
+from diagnosers.bank_pack import columns_of, spread
+from diagnosers.bank_sensors import N_READINGS, look
 from diagnosers.hypotheses import N_ROWS, PORT, STARBOARD, SURGE
 
-FIRST_READING, N_READINGS = len(COMMANDS), len(READINGS)  # of an observation
-RUDDER, STERN_PLANE = COMMANDS.index("rudder"), COMMANDS.index("stern_plane")
 RUN_IN = 60.0  # s of constant hazard; then it falls as 1/age: who has run so long is likely sound
 IMPOSSIBLE = -1e30  # log probability of a class without hypotheses: finite, also as float32
 MOTOR_READING = (0, READINGS.index("port_voltage"), READINGS.index("starboard_voltage"))  # first, by subsystem
@@ -40,68 +39,6 @@ class BankState(NamedTuple):
     healthy: np.ndarray
     prior: np.ndarray
     age: np.ndarray
-
-
-class Work(NamedTuple):
-    """Memory of one call: what does not outlive a lane's update; (n_filters,) where nothing is said."""
-
-    values: np.ndarray  # (N_ROWS, n_filters)
-    by_severity: np.ndarray  # (N_ROWS, n_filters)
-    gradient: np.ndarray  # (5, n_filters)
-    second: np.ndarray  # (5, n_filters)
-    crossed: np.ndarray  # (5, n_filters)
-    expected: np.ndarray  # (3, n_filters)
-    trial: np.ndarray  # (3, n_filters)
-    delivered: np.ndarray  # (3, n_filters)
-    by_voltage: np.ndarray  # (2, n_filters)
-    innovation: np.ndarray  # (2, n_filters)
-    variance: np.ndarray  # (2, n_filters)
-    port: np.ndarray  # (4, n_filters)
-    starboard: np.ndarray  # (4, n_filters)
-    prior: np.ndarray  # (2, n_filters)
-    severity: np.ndarray  # (2, n_filters)
-    shift: np.ndarray
-    growth: np.ndarray
-    evidence: np.ndarray
-    start: np.ndarray
-    speed: np.ndarray
-    share: np.ndarray
-    turning_slope: np.ndarray
-    turning_noise: np.ndarray
-    newcomers: np.ndarray  # (n_hypotheses,)
-    base: np.ndarray  # (3, N_ROWS)
-
-
-@scalar
-def workspace(n_hypotheses, n):
-    """Room for one lane."""
-    return Work(
-        np.zeros((N_ROWS, n)),
-        np.zeros((N_ROWS, n)),
-        np.zeros((N_STATES, n)),
-        np.zeros((N_STATES, n)),
-        np.zeros((N_STATES, n)),
-        np.zeros((3, n)),
-        np.zeros((3, n)),
-        np.zeros((3, n)),
-        np.zeros((2, n)),
-        np.zeros((2, n)),
-        np.zeros((2, n)),
-        np.zeros((4, n)),
-        np.zeros((4, n)),
-        np.zeros((2, n)),
-        np.zeros((2, n)),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n_hypotheses),
-        np.zeros((3, N_ROWS)),
-    )
 
 
 @scalar
@@ -135,89 +72,113 @@ def switch(old, new, table, walk, newcomers):
 
 
 @inlined
+def take(m, old, table, work):
+    """Fill the columns of subsystem m from the lanes' filters and healthy vehicles."""
+    n_lanes, first, last = np.uint64(old.age.size), table.first[m], table.first[m + 1]
+    part = columns_of(m, table, n_lanes)
+    for i in range(N_PACKED):
+        for p in range(n_lanes):
+            for f in range(first, last):
+                work.filters[i, f * n_lanes + p] = old.filters[p, i, f]
+    for i in range(SEVERITY):
+        spread(old.filters[:, i, first], part, work.normal[i])
+        for j in range(i + 1):
+            spread(old.filters[:, entry(i, j), first], part, work.normal[entry(i, j)])
+    for r in range(N_ROWS):
+        spread(old.healthy[:, table.rows[m, r]], part, work.base[r])
+
+
+@inlined
+def give(new, work):
+    """Fill the lanes' filters from all columns."""
+    n_lanes, n_filters = np.uint64(new.age.size), np.uint64(new.turning.shape[1])
+    for p in range(n_lanes):
+        for f in range(n_filters):
+            new.turning[p, f] = work.turning[f * n_lanes + p]
+        for i in range(N_PACKED):
+            for f in range(n_filters):
+                new.filters[p, i, f] = work.filters[i, f * n_lanes + p]
+
+
+@inlined
 def recall(m, old, new, table, walk, work):
     """Bring the filters of subsystem m from the last sample to this one's switching and severities."""
-    part, x = (table.first[m], table.first[m + 1]), new.filters
-    for f in range(part[0], part[1]):
-        j = table.hypothesis[f]
-        grade = table.grade[j]
-        work.prior[0, f], work.prior[1, f] = old.prior[0, grade], old.prior[1, grade]
-        work.severity[0, f], work.severity[1, f] = old.severity[0, j], old.severity[1, j]
-        work.share[f] = work.newcomers[j]
-        work.evidence[f] = 0.0
-    for i in range(x.shape[0]):
-        for f in range(part[0], part[1]):
-            x[i, f] = old.filters[i, f]
+    n_lanes, x = np.uint64(old.age.size), work.filters
+    part = columns_of(m, table, n_lanes)
+    take(m, old, table, work)
+    for p in range(n_lanes):
+        for f in range(table.first[m], table.first[m + 1]):
+            column, j = f * n_lanes + p, table.hypothesis[f]
+            grade = table.grade[j]
+            work.prior[0, column], work.prior[1, column] = old.prior[p, 0, grade], old.prior[p, 1, grade]
+            work.severity[0, column], work.severity[1, column] = old.severity[p, 0, j], old.severity[p, 1, j]
+            work.share[column] = work.newcomers[p, j]
+            work.evidence[column] = 0.0
     inform(x, part, work.severity[0], work.severity[1], work.shift, work.growth)
-    mix(x, part, old.filters[:, part[0]].copy(), work.share, work.prior[0], work.prior[1], walk)
-    for f in range(part[0], part[1]):
-        j = table.hypothesis[f]
-        work.severity[0, f], work.severity[1, f] = new.severity[0, j], new.severity[1, j]
+    mix(x, part, work.normal, work.share, work.prior[0], work.prior[1], walk)
+    for p in range(n_lanes):
+        for f in range(table.first[m], table.first[m + 1]):
+            column, j = f * n_lanes + p, table.hypothesis[f]
+            work.severity[0, column], work.severity[1, column] = new.severity[p, 0, j], new.severity[p, 1, j]
     inform(x, part, work.severity[0], work.severity[1], work.shift, work.growth)
 
 
 @inlined
-def learn(m, new, table, prior):
+def learn(m, new, table, work):
     """Tell the hypotheses what their filters of subsystem m have learnt of the severity."""
-    for f in range(table.first[m] + np.uint64(1), table.first[m + 1]):
-        j = table.hypothesis[f]
-        new.severity[0, j] = min(max(new.filters[SEVERITY, f], prior[2, table.grade[j]]), 1.0)
-        new.severity[1, j] = new.filters[SPREAD, f]
+    n_lanes, x = np.uint64(new.age.size), work.filters
+    for p in range(n_lanes):
+        for f in range(table.first[m] + np.uint64(1), table.first[m + 1]):
+            column, j = f * n_lanes + p, table.hypothesis[f]
+            new.severity[p, 0, j] = min(max(x[SEVERITY, column], new.prior[p, 2, table.grade[j]]), 1.0)
+            new.severity[p, 1, j] = x[SPREAD, column]
 
 
 @inlined
 def update_motor(m, old, new, seen, table, constants, work):
     """All filters of one motor."""
-    part, at = (table.first[m], table.first[m + 1]), MOTOR_READING[m]
+    n_lanes, rpm = np.uint64(old.age.size), MOTOR_READING[m] + 2
+    part = columns_of(m, table, n_lanes)
     recall(m, old, new, table, constants.walk, work)
-    if seen.silent[at + 2] and not math.isnan(old.turning[part[0]]):
-        seen.reading[at + 2] = old.turning[part[0]] * RPM  # for want of a reading, what the normal vehicle predicts
-    for f in range(part[0], part[1]):
-        before = old.turning[f]
-        before = seen.reading[at + 2] / RPM if math.isnan(before) else before
-        work.start[f] = max(before, 0.0)
-        own = table.slot[SURGE, table.hypothesis[f]]
-        work.speed[f] = old.filters[0, own] if table.owns_speed[f] or seen.silent[0] else seen.reading[0]
-    base = work.base[m]
-    motor_update(
-        new.filters,
-        part,
-        base,
-        table.slope,
-        table.offset,
-        seen,
-        at,
-        work.start,
-        work.speed,
-        new.turning,
-        constants.water,
-        work,
-    )
-    bound(new.filters, part, 0)
-    learn(m, new, table, old.prior)
+    for p in range(n_lanes):
+        predicted = old.turning[p, table.first[m]] * RPM  # of the normal vehicle
+        if seen.silent[rpm, p] and not math.isnan(predicted):
+            seen.reading[rpm, p] = predicted
+        for f in range(table.first[m], table.first[m + 1]):
+            column, own, before = f * n_lanes + p, table.slot[SURGE, table.hypothesis[f]], old.turning[p, f]
+            before = seen.reading[rpm, p] / RPM if math.isnan(before) else before
+            work.start[column] = max(before, 0.0)
+            deaf = table.owns_speed[f] or seen.silent[0, p]
+            work.speed[column] = old.filters[p, 0, own] if deaf else seen.reading[0, p]
+    motor_update(work.filters, part, seen, MOTOR_READING[m], constants.water, work)
+    bound(work.filters, part, 0)
+    learn(m, new, table, work)
 
 
 @inlined
-def take_shaft(shaft, m, old, new, table, work):
-    """Fill what each surge filter believes of one shaft, (4, n_filters) as in `bank_surge.NOW`."""
-    for f in range(table.first[SURGE], table.first[SURGE + 1]):
-        own = table.slot[m, table.hypothesis[f]]
-        shaft[0, f] = new.turning[own] * RPM
-        shaft[1, f] = shaft[0, f] if math.isnan(old.turning[own]) else old.turning[own] * RPM
-        shaft[2, f] = work.turning_slope[own] * RPM
-        shaft[3, f] = work.turning_noise[own]
+def take_shaft(shaft, m, old, table, work):
+    """Fill what each surge filter believes of one shaft, (4, n_columns) as in `bank_surge.NOW`."""
+    n_lanes = np.uint64(old.age.size)
+    for p in range(n_lanes):
+        for f in range(table.first[SURGE], table.first[SURGE + 1]):
+            own = np.uint64(table.slot[m, table.hypothesis[f]])
+            column, motor, before = f * n_lanes + p, own * n_lanes + p, old.turning[p, own]
+            shaft[0, column] = work.turning[motor] * RPM
+            shaft[1, column] = shaft[0, column] if math.isnan(before) else before * RPM
+            shaft[2, column] = work.turning_slope[motor] * RPM
+            shaft[3, column] = work.turning_noise[motor]
 
 
 @inlined
 def update_surge(old, new, seen, table, constants, work):
     """All surge filters."""
-    part, base = (table.first[SURGE], table.first[SURGE + 1]), work.base[SURGE]
+    part = columns_of(SURGE, table, old.age.size)
     recall(SURGE, old, new, table, constants.walk, work)
     for m, shaft in ((PORT, work.port), (STARBOARD, work.starboard)):
-        take_shaft(shaft, m, old, new, table, work)
-    surge_update(new.filters, part, base, table.slope, table.offset, seen, work.port, work.starboard, constants, work)
-    bound(new.filters, part, 2)  # behind speed and disturbance
-    learn(SURGE, new, table, old.prior)
+        take_shaft(shaft, m, old, table, work)
+    surge_update(work.filters, part, seen, work.port, work.starboard, constants, work)
+    bound(work.filters, part, 2)  # behind speed and disturbance
+    learn(SURGE, new, table, work)
 
 
 @inlined
@@ -251,42 +212,42 @@ def summarise(log_weight, severity, diagnosis, log_probability, mean, std):
 
 
 @scalar
-def lane_of(state, lane):
-    """One lane of a state, as views."""
+def lanes_of(state, lanes):
+    """Some lanes of a state (a slice), or one of them (its index), as views."""
     return BankState(
-        state.log_weight[lane],
-        state.severity[lane],
-        state.filters[lane],
-        state.turning[lane],
-        state.readings[lane],
-        state.healthy[lane],
-        state.prior[lane],
-        state.age[lane],
+        state.log_weight[lanes],
+        state.severity[lanes],
+        state.filters[lanes],
+        state.turning[lanes],
+        state.readings[lanes],
+        state.healthy[lanes],
+        state.prior[lanes],
+        state.age[lanes],
     )
 
 
 @kernel
-def step_lanes(first, last, old, new, observation, table, constants, belief):
-    """One sample of the lanes from `first` to before `last`: fill `new` and `belief` from `old` and the observation."""
-    work = workspace(old.log_weight.shape[1], old.filters.shape[2])
-    reading, log_spacing = np.zeros(N_READINGS), np.zeros(N_READINGS)
-    repeated, zero = np.zeros(N_READINGS, np.bool_), np.zeros(N_READINGS, np.bool_)
-    silent, held = np.zeros(N_READINGS, np.bool_), np.zeros(N_READINGS, np.bool_)
-    for lane in range(first, last):
-        rudder, plane = observation[lane, RUDDER], observation[lane, STERN_PLANE]
-        seen = Seen(reading, repeated, zero, silent, held, log_spacing, rudder * rudder + plane * plane)
-        before, after = lane_of(old, lane), lane_of(new, lane)
-        look(observation[lane, FIRST_READING:], before.readings, constants.sensors, seen)
-        for c in range(N_READINGS):
-            after.readings[c] = reading[c] if held[c] or not silent[c] else np.nan
-        after.turning[:] = 0.0
-        for m in range(3):
-            for r in range(N_ROWS):
-                work.base[m, r] = before.healthy[table.rows[m, r]]
-        switch(before, after, table, constants.walk, work.newcomers)
+def step_lanes(first, last, old, new, observation, table, constants, belief, work, seen):
+    """One sample of the lanes from `first` to before `last`: fill `new` and `belief` from `old` and the observation.
+
+    `seen` and `work` are memory for a pack of lanes, taken at once; the last pack overlaps the one before if it must.
+    """
+    n_lanes = seen.deflection.size
+    for start in range(first, last, n_lanes):
+        begin = min(start, last - n_lanes)
+        lanes = slice(begin, begin + n_lanes)
+        before, after = lanes_of(old, lanes), lanes_of(new, lanes)
+        look(observation[lanes], before.readings, constants.sensors, seen)
+        for p in range(n_lanes):
+            for c in range(N_READINGS):
+                heard = seen.held[c, p] or not seen.silent[c, p]
+                after.readings[p, c] = seen.reading[c, p] if heard else np.nan
+            switch(lanes_of(before, p), lanes_of(after, p), table, constants.walk, work.newcomers[p])
         for m in (PORT, STARBOARD):
             update_motor(m, before, after, seen, table, constants, work)
         update_surge(before, after, seen, table, constants, work)
-        weigh(after.log_weight, table.slot, work.evidence)
-        one = belief[0][lane], belief[1][lane], belief[2][lane]
-        summarise(after.log_weight, after.severity, table.diagnosis, one[0], one[1], one[2])
+        give(after, work)
+        for p in range(n_lanes):
+            weigh(after.log_weight[p], table.slot, work.evidence[p::n_lanes])
+            one = belief[0][begin + p], belief[1][begin + p], belief[2][begin + p]
+            summarise(after.log_weight[p], after.severity[p], table.diagnosis, one[0], one[1], one[2])

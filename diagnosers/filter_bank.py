@@ -29,6 +29,8 @@ from auv_fault_env.physics import Constants as Plant
 from diagnosers.bank_algebra import N_PACKED, N_STATES, SEVERITY, SPREAD, entry
 from diagnosers.bank_kernel import BankState, step_lanes
 from diagnosers.bank_motor import DEVIATIONS
+from diagnosers.bank_pack import pack_size, workspace
+from diagnosers.bank_sensors import seen_by
 from diagnosers.diagnoser import Belief, Recursive
 from diagnosers.hypotheses import OWN, SURGE, Table, table
 from diagnosers.kalman import START_SPEED_STD, opening_share
@@ -153,7 +155,7 @@ class FilterBank(Recursive):
         n_lanes, hypotheses = len(healthy), self.hypotheses(prior.shape[2])
         log_weight = np.full((n_lanes, hypotheses.log_hazard.size), -np.inf)
         log_weight[:, 0] = 0.0
-        severity = prior[:, :2, hypotheses.grade]
+        severity = np.ascontiguousarray(prior[:, :2, hypotheses.grade])
         severity[:, :, 0] = 0.0
         filters = np.zeros((n_lanes, N_PACKED, hypotheses.hypothesis.size))
         variances = [entry(i, i) for i in range(N_STATES)]
@@ -222,8 +224,15 @@ class FilterBank(Recursive):
 def _in_shares(n_lanes: int, arguments: tuple) -> None:
     """Run the kernel over all lanes, in threads where there are many: it releases the interpreter's lock."""
     if n_lanes < PARALLEL_LANES or n_threads() == 1:
-        step_lanes(0, n_lanes, *arguments)
+        _step_share((0, n_lanes), arguments)
         return
     shares = pairwise(np.linspace(0, n_lanes, n_threads() + 1).astype(int).tolist())
     with ThreadPoolExecutor(n_threads()) as threads:
-        list(threads.map(lambda share: step_lanes(*share, *arguments), shares))
+        list(threads.map(lambda share: _step_share(share, arguments), shares))
+
+
+def _step_share(share: tuple[int, int], arguments: tuple) -> None:
+    """Run the kernel over the lanes from the first to before the last of a share."""
+    hypotheses = arguments[3]
+    n_lanes = pack_size(share[1] - share[0], hypotheses.hypothesis.size)
+    step_lanes(*share, *arguments, workspace(hypotheses, n_lanes), seen_by(n_lanes))

@@ -17,8 +17,8 @@ from auv_fault_env.missions import MISSIONS
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers import bank_surge
 from diagnosers.bank_algebra import N_STATES, entry
-from diagnosers.bank_kernel import FIRST_READING, N_READINGS, workspace
-from diagnosers.bank_sensors import Seen, look
+from diagnosers.bank_pack import workspace
+from diagnosers.bank_sensors import N_READINGS, look, seen_by
 from diagnosers.filter_bank import Constants, FilterBank
 from diagnosers.hypotheses import OWN, SURGE
 from diagnosers.kalman import BETWEEN_STD
@@ -29,18 +29,17 @@ CHANNEL_OF_RPM = (8, 11)
 
 
 @kernel
-def update_lanes(filters, turning, last, observation, base, slope, offset, constants, work, seen):
+def update_lanes(filters, turning, last, observation, constants, work, seen):
     """One sample of the surge filters of every lane, (n_lanes, 20, n_filters), in place; turning (n_lanes, 2) rpm."""
     part = (np.uint64(0), np.uint64(filters.shape[2]))
     for lane in range(len(filters)):
-        look(observation[lane, FIRST_READING:], last[lane], constants.sensors, seen)
+        look(observation[lane : lane + 1], last[lane : lane + 1], constants.sensors, seen)
         for side, shaft in enumerate((work.port, work.starboard)):
             now = observation[lane, CHANNEL_OF_RPM[side]]
             shaft[0], shaft[1], shaft[2], shaft[3] = now, turning[lane, side], 0.0, 1.0
             turning[lane, side] = now
-        last[lane] = seen.reading
-        surge = work.port, work.starboard
-        bank_surge.update(filters[lane], part, base, slope, offset, seen, surge[0], surge[1], constants, work)
+        last[lane] = seen.reading[:, 0]
+        bank_surge.update(filters[lane], part, seen, work.port, work.starboard, constants, work)
 
 
 @dataclass
@@ -146,14 +145,12 @@ class Bank:
         self.filters = np.ascontiguousarray(state.filters[:, :, : self.n_filters])
         self.slope, self.offset = (part[:, : self.n_filters].copy() for part in (table.slope, table.offset))
         self.turning, self.last = np.zeros((self.n_lanes, 2)), np.full((self.n_lanes, N_READINGS), np.nan)
-        self.work, flags = workspace(1, self.n_filters), [np.zeros(N_READINGS, bool) for _ in range(4)]
-        self.seen = Seen(np.zeros(N_READINGS), *flags, np.zeros(N_READINGS), 0.0)
-        self.rows = slice(0, rows)
+        self.work, self.seen, self.rows = workspace(table, 1), seen_by(1), slice(0, rows)
+        self.work.base[:] = self.base[:, None]
 
     def update(self, observation: np.ndarray) -> None:
         """One sample, (n_lanes, n_channels) float64, rudder and stern plane at zero."""
-        arrays = self.filters, self.turning, self.last, observation, self.base, self.slope, self.offset
-        update_lanes(*arrays, self.constants, self.work, self.seen)
+        update_lanes(self.filters, self.turning, self.last, observation, self.constants, self.work, self.seen)
 
     def moments(self, lane: int, f: int) -> tuple[np.ndarray, np.ndarray]:
         """Mean (5,) and covariance (5, 5) of one filter."""

@@ -4,15 +4,17 @@ import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
+from auv_fault_env.channels import COMMANDS
 from auv_fault_env.errors import InputError
 from auv_fault_env.faults import CATALOGUE, Fault, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
 from auv_fault_env.schedules import FaultEvent, ScheduleSampler
-from diagnosers import bank_algebra, bank_kernel, bank_motor, bank_sensors, bank_surge, make
+from diagnosers import bank_algebra, bank_kernel, bank_motor, bank_pack, bank_sensors, bank_surge, make
 from diagnosers.filter_bank import FilterBank
 from diagnosers.hypotheses import PORT, STARBOARD, SURGE, table
 from diagnosers.oracle import Oracle
+from training.lighter_bank import lighter_bank
 from training.rollouts import Rollout, manoeuvres, roll_out
 from training.seeds import seeds
 
@@ -49,11 +51,14 @@ def test_probabilities_sum_to_one_and_severities_are_fractions():
         assert not mean[:, 0].any() and not std[:, 0].any()
 
 
-def test_a_batch_is_its_lanes_whatever_the_threads():
-    rolled = episodes(70, 12, FaultEvent("sensor_bias:port_current", 0.5, 0.6))
-    batch = beliefs(FilterBank(), rolled.observations)
+@pytest.mark.parametrize("bank", [FilterBank(), lighter_bank()], ids=["full", "light"])
+def test_a_batch_is_its_lanes_whatever_the_threads_and_the_neighbours_silence(bank):
+    observations = episodes(70, 12, FaultEvent("sensor_bias:port_current", 0.5, 0.6)).observations
+    observations[3:, 1::2, len(COMMANDS) :] = np.nan
+    batch = beliefs(bank, observations)
+    assert np.isfinite(batch).all()
     for lane in (0, 34, 35, 69):
-        alone = beliefs(FilterBank(), rolled.observations[:, lane : lane + 1])
+        alone = beliefs(bank, observations[:, lane : lane + 1])
         np.testing.assert_array_equal(batch[:, lane], alone[:, 0])
 
 
@@ -214,7 +219,7 @@ def test_hypotheses_that_explain_nothing_do_not_diverge():
 
 
 def test_the_bank_is_one_kernel_so_that_compiling_it_anew_changes_no_bit():
-    modules = bank_algebra, bank_kernel, bank_motor, bank_sensors, bank_surge
+    modules = bank_algebra, bank_kernel, bank_motor, bank_pack, bank_sensors, bank_surge
     compiled = {one for module in modules for one in vars(module).values() if isinstance(one, Dispatcher)}
     assert len(compiled) > 30
     assert {one for one in compiled if not one.targetoptions.get("forceinline")} == {bank_kernel.step_lanes}
