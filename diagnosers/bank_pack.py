@@ -5,6 +5,7 @@ filter of one lane: that of filter f and lane p is ``f * n_lanes + p``. So those
 """
 
 import math
+import threading
 from collections import namedtuple
 from itertools import accumulate
 
@@ -32,11 +33,20 @@ PLACES = {  # of all these in one table
     **{name: row for row, name in enumerate((*ROWS, *BELIEVED), LAST[-1])},
 }
 
+KEPT = threading.local()
 Work = namedtuple("Work", (*PLACES, *EFFECTS, "newcomers"))  # memory of a pack's update; does not outlive it
 
 
 def workspace(table: Table, n_lanes: int) -> Work:
-    """Room for a pack; the table's effects of severity are already there, newcomers are (n_lanes, n_hypotheses)."""
+    """Room for a pack, the thread's own until it asks for another: to make it anew costs more than a single lane."""
+    kept = getattr(KEPT, "work", None)
+    if kept is None or kept[0] is not table or kept[1] != n_lanes:
+        KEPT.work = kept = table, n_lanes, _made(table, n_lanes)
+    return kept[2]
+
+
+def _made(table: Table, n_lanes: int) -> Work:
+    """The table's effects of severity are already there, newcomers are (n_lanes, n_hypotheses), all else is zero."""
     memory = np.zeros((LAST[-1] + len(ROWS) + len(BELIEVED), table.hypothesis.size * n_lanes))
     effects = [np.repeat(getattr(table, name), n_lanes, axis=1) for name in EFFECTS]
     newcomers = np.zeros((n_lanes, table.log_hazard.size))

@@ -1,10 +1,11 @@
 """The classical diagnoser: one Kalman filter per hypothesis, and Bayes' rule over them, with switching."""
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -223,12 +224,18 @@ class FilterBank(Recursive):
 
 def _in_shares(n_lanes: int, arguments: tuple) -> None:
     """Run the kernel over all lanes, in threads where there are many: it releases the interpreter's lock."""
-    if n_lanes < PARALLEL_LANES or n_threads() == 1:
-        _step_share((0, n_lanes), arguments)
-        return
-    shares = pairwise(np.linspace(0, n_lanes, n_threads() + 1).astype(int).tolist())
-    with ThreadPoolExecutor(n_threads()) as threads:
-        list(threads.map(lambda share: _step_share(share, arguments), shares))
+    count = n_threads() if n_lanes >= PARALLEL_LANES else 1
+    own, *others = pairwise(n_lanes * k // count for k in range(count + 1))
+    running = [_threads(count - 1, os.getpid()).submit(_step_share, share, arguments) for share in others]
+    _step_share(own, arguments)
+    for one in running:
+        one.result()
+
+
+@cache
+def _threads(count: int, process: int) -> ThreadPoolExecutor:
+    """Threads beside the caller's, kept, for to start them costs a fifth of a step; a forked child needs its own."""
+    return ThreadPoolExecutor(count)
 
 
 def _step_share(share: tuple[int, int], arguments: tuple) -> None:

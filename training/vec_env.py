@@ -95,7 +95,7 @@ class LaneView(Mapping):
     Parameters
     ----------
     truth
-        Arrays by name, the lane first, or such dictionaries.
+        Lists by name, an entry for each lane, or dictionaries of arrays, the lane first.
     lane
         Index of the lane.
     """
@@ -105,6 +105,8 @@ class LaneView(Mapping):
 
     def __getitem__(self, name: str) -> Any:
         values = self._truth[name]
+        if isinstance(values, list):
+            return values[self._lane]
         return LaneView(values, self._lane) if isinstance(values, dict) else values[self._lane].item()
 
     def __iter__(self) -> Iterator[str]:
@@ -116,7 +118,9 @@ class LaneView(Mapping):
 
 def _split(info: Mapping[str, Any], lanes: Sequence[int]) -> list[dict[str, Any]]:
     """The information of these lanes, each by itself."""
-    truth = dict(info["truth"])  # read once for all, before the next step makes it unreadable
+    truth = {  # read once for all, before the next step makes it unreadable
+        name: values if isinstance(values, dict) else values.tolist() for name, values in info["truth"].items()
+    }
     told = (info[name][lanes].tolist() for name in TOLD)
     return [dict(zip(NAMES, one, strict=True)) for one in zip(*told, (LaneView(truth, k) for k in lanes), strict=True)]
 
