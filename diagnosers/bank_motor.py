@@ -55,7 +55,7 @@ def expected(values, f, readings, heard_voltage, heard_rpm, start, speed, shift,
     shaft = Shaft(0.0, values[C1, f], values[C2, f], resistance, flux, friction[0], friction[1], values[INERTIA, f])
     turning = max(meant(values, SPEED, f, readings[2, f]), 0.0) / RPM
     read = meant(values, VOLTAGE, f, readings[0, f])
-    balanced = fused(flux, turning, resistance * meant(values, CURRENT, f, readings[1, f]))
+    balanced = fused(resistance, meant(values, CURRENT, f, readings[1, f]), flux * turning)
     voltage = shift + (read if heard_voltage > 0.0 else balanced)
     predicted = spin(start, motor(shaft, water, voltage), speed, 0.0, SAMPLE_TIME)
     current = armature_current(shaft, turning if heard_rpm > 0.0 else predicted, voltage)
@@ -123,9 +123,9 @@ def decorrelate(part, work):
         turning *= counter * work.delivered[2, f] / max(values[SPEED + GAIN, f], LEAST_GAIN)
         on_rpm, on_current = by_voltage[0, f] * blur, by_voltage[1, f] * blur
         work.variance[0, f] = counter * counter + on_rpm * on_rpm + work.blur[f]
-        shared = fused(turning, counter, on_rpm * on_current)
+        shared = fused(on_rpm, on_current, turning * counter)
         ratio = work.delivered[2, f] * shared / work.variance[0, f]
-        own = fused(on_current, on_current, values[CURRENT + NOISE, f] ** 2)
+        own = fused(values[CURRENT + NOISE, f], values[CURRENT + NOISE, f], on_current**2)
         work.variance[1, f] = own + turning**2 - ratio * shared
         work.innovation[0, f] = readings[2, f] - work.expected[1, f]
         work.innovation[1, f] = readings[1, f] - work.expected[2, f] - ratio * work.innovation[0, f]
