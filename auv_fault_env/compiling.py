@@ -32,7 +32,7 @@ def fused(typing, one, other, more):
     """``one * other + more``, rounded once.
 
     Of a sum of two products the compiler may fuse either, and chooses differently for the vectors of a loop and for
-    what is left over. Said which, it has no choice.
+    what is left over. Told which, it has no choice.
     """
     signature = types.float64(types.float64, types.float64, types.float64)
     return signature, lambda context, builder, _, numbers: builder.fma(*numbers)

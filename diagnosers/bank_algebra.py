@@ -2,7 +2,7 @@
 
 A table of filters is an array (20, n_columns): five rows of means, then the lower triangle of the covariance, row by
 row. A column is one filter of one lane, see `bank_pack`; the innermost loops run over the columns, and so vectorise.
-`part` is a range (first, last) of columns, unsigned: with numbers that might be negative the compiler would not.
+`part` is a range (first, last) of columns, unsigned: with numbers that might be negative they would not vectorise.
 
 Sources: Blom & Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian switching
 coefficients", IEEE Trans. Autom. Control 33(8), 1988, doi:10.1109/9.1299 (mixing); Jeffrey, "The Logic of Decision",

@@ -90,7 +90,7 @@ def take(m, old, table, work):
 
 @inlined
 def give(new, work):
-    """Fill the lanes' filters from all columns."""
+    """Fill the lanes' filters from all columns; `turning` is told by motors alone, and stays zero in others."""
     n_lanes, n_filters = np.uint64(new.age.size), np.uint64(new.turning.shape[1])
     for p in range(n_lanes):
         for f in range(n_filters):

@@ -40,12 +40,12 @@ Work = namedtuple("Work", (*PLACES, *EFFECTS, "newcomers"))  # memory of a pack'
 def workspace(table: Table, n_lanes: int) -> Work:
     """Room for a pack, the thread's own until it asks for another: to make it anew costs more than a single lane."""
     kept = getattr(KEPT, "work", None)
-    if kept is None or kept[0] is not table or kept[1] != n_lanes:
-        KEPT.work = kept = table, n_lanes, _made(table, n_lanes)
+    if kept is None or kept[0] is not table.slope or kept[1] != n_lanes:
+        KEPT.work = kept = table.slope, n_lanes, new_workspace(table, n_lanes)
     return kept[2]
 
 
-def _made(table: Table, n_lanes: int) -> Work:
+def new_workspace(table: Table, n_lanes: int) -> Work:
     """The table's effects of severity are already there, newcomers are (n_lanes, n_hypotheses), all else is zero."""
     memory = np.zeros((LAST[-1] + len(ROWS) + len(BELIEVED), table.hypothesis.size * n_lanes))
     effects = [np.repeat(getattr(table, name), n_lanes, axis=1) for name in EFFECTS]

@@ -234,7 +234,7 @@ def _in_shares(n_lanes: int, arguments: tuple) -> None:
 
 @cache
 def _threads(count: int, process: int) -> ThreadPoolExecutor:
-    """Threads beside the caller's, kept, for to start them costs a fifth of a step; a forked child needs its own."""
+    """Threads beside the caller's, kept because starting them costs a fifth of a step; a forked child needs its own."""
     return ThreadPoolExecutor(count)
 
 

@@ -17,7 +17,7 @@ from auv_fault_env.missions import MISSIONS
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers import bank_surge
 from diagnosers.bank_algebra import N_STATES, entry
-from diagnosers.bank_pack import workspace
+from diagnosers.bank_pack import new_workspace
 from diagnosers.bank_sensors import N_READINGS, look, seen_by
 from diagnosers.filter_bank import Constants, FilterBank
 from diagnosers.hypotheses import OWN, SURGE
@@ -145,7 +145,7 @@ class Bank:
         self.filters = np.ascontiguousarray(state.filters[:, :, : self.n_filters])
         self.slope, self.offset = (part[:, : self.n_filters].copy() for part in (table.slope, table.offset))
         self.turning, self.last = np.zeros((self.n_lanes, 2)), np.full((self.n_lanes, N_READINGS), np.nan)
-        self.work, self.seen, self.rows = workspace(table, 1), seen_by(1), slice(0, rows)
+        self.work, self.seen, self.rows = new_workspace(table, 1), seen_by(1), slice(0, rows)
         self.work.base[:] = self.base[:, None]
 
     def update(self, observation: np.ndarray) -> None:

@@ -238,7 +238,7 @@ class PolicyGraph(Graph):
         return {name: getattr(self.source, name) for name in ("diagnoser", "budget", "amplitude")}
 
     def episode(self, seed: int) -> dict[str, np.ndarray]:
-        """The features (n_decisions, 1, n_features) of one vehicle that follows the policy."""
+        """The features (n_decisions, 1, n_features) of one vehicle that follows the policy, one decision per second."""
         env, found = ActiveDiagnosisVectorEnv(diagnoser=self.source.diagnoser, budget=self.source.budget), []
         features, _ = env.reset(seed=seed)
         for _ in range(EXAMPLE_DECISIONS):

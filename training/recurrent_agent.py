@@ -29,7 +29,7 @@ from training.stimulus_trainer import (
 )
 from training.train_integrated import one_thread
 
-WATCHED = 16  # lanes of a batch of the imitation
+WATCHED = 8  # lanes of a batch of the imitation, so that it takes as many steps as the other form's
 TIME = FEATURES.index("time")
 
 
@@ -49,7 +49,7 @@ class RecurrentAgent(Bounded, RecurrentActorCriticPolicy):
 class RecurrentTrainer(StimulusTrainer):
     """`StimulusTrainer` with a `RecurrentAgent` under the recurrent PPO of sb3-contrib.
 
-    It is there to be measured: `policy` cannot hold it, so that it cannot be kept.
+    It is there to be measured by `outcomes`: `policy` and `finish`, which would keep it, are not for it.
     """
 
     def _made(self) -> RecurrentPPO:

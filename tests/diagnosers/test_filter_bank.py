@@ -1,4 +1,7 @@
 import dataclasses
+import os
+import signal
+import warnings
 
 import numpy as np
 import pytest
@@ -10,7 +13,7 @@ from auv_fault_env.faults import CATALOGUE, Fault, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
 from auv_fault_env.schedules import FaultEvent, ScheduleSampler
-from diagnosers import bank_algebra, bank_kernel, bank_motor, bank_pack, bank_sensors, bank_surge, make
+from diagnosers import bank_algebra, bank_kernel, bank_motor, bank_pack, bank_sensors, bank_surge, filter_bank, make
 from diagnosers.filter_bank import FilterBank
 from diagnosers.hypotheses import PORT, STARBOARD, SURGE, table
 from diagnosers.oracle import Oracle
@@ -51,15 +54,58 @@ def test_probabilities_sum_to_one_and_severities_are_fractions():
         assert not mean[:, 0].any() and not std[:, 0].any()
 
 
+@pytest.mark.parametrize("threads", ["1", "2"])
 @pytest.mark.parametrize("bank", [FilterBank(), lighter_bank()], ids=["full", "light"])
-def test_a_batch_is_its_lanes_whatever_the_threads_and_the_neighbours_silence(bank):
+def test_a_batch_is_its_lanes_whatever_the_threads_and_the_neighbours_silence(bank, threads, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", threads)
     observations = episodes(70, 12, FaultEvent("sensor_bias:port_current", 0.5, 0.6)).observations
     observations[3:, 1::2, len(COMMANDS) :] = np.nan
     batch = beliefs(bank, observations)
     assert np.isfinite(batch).all()
-    for lane in (0, 34, 35, 69):
+    for lane in range(70):
         alone = beliefs(bank, observations[:, lane : lane + 1])
         np.testing.assert_array_equal(batch[:, lane], alone[:, 0])
+
+
+def test_nothing_is_read_of_what_an_earlier_step_left_in_the_kept_memory(monkeypatch):
+    observations = episodes(5, 12, FaultEvent("propeller_loss:port", 0.5, 1.0)).observations
+    expected = beliefs(lighter_bank(), observations)
+
+    def poisoned(table, n_lanes):
+        work = bank_pack.workspace(table, n_lanes)
+        for name, values in work._asdict().items():
+            if name not in bank_pack.EFFECTS:
+                values.fill(np.nan)
+        return work
+
+    monkeypatch.setattr(filter_bank, "workspace", poisoned)
+    np.testing.assert_array_equal(beliefs(lighter_bank(), observations), expected)
+
+
+def test_the_kept_memory_is_that_of_the_catalogue_as_it_is(monkeypatch):
+    observations = episodes(3, 40, FaultEvent("propeller_loss:port", 0.5, 1.0)).observations
+    before = beliefs(FilterBank(), observations)
+    fault = CATALOGUE["propeller_loss:port"]
+    monkeypatch.setitem(CATALOGUE, fault.name, dataclasses.replace(fault, scale={"port_beta": 0.5}))
+    after = beliefs(FilterBank(), observations)
+    monkeypatch.undo()
+    assert np.abs(after - before).max() > 0.1
+    np.testing.assert_array_equal(beliefs(FilterBank(), observations), before)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_a_forked_child_goes_on(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    bank = lighter_bank()
+    observations = episodes(70, 4, FaultEvent("increased_drag", 0.1, 1.0)).observations
+    expected = beliefs(bank, observations)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of forking beside threads: it is what is tried
+        child = os.fork()
+    if not child:
+        signal.alarm(60)
+        os._exit(0 if np.array_equal(beliefs(bank, observations), expected) else 1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
 def test_a_step_changes_neither_state_nor_observation():
