@@ -6,21 +6,23 @@ have not chosen their best epoch. The table goes into the card beside the weight
 
 import json
 import sys
-import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
-import numpy as np
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
 from diagnosers import storage
+from training.arguments import TrainStimulus
 from training.outcomes import figures
 from training.recurrent_agent import RecurrentTrainer
 from training.runs import write_json
 from training.stimulus_trainer import TRIED, StimulusTrainer
+from training.train_classifier import train
 from training.train_stimulus import name_of
 
 FORMS: dict[str, type[StimulusTrainer]] = {"feed-forward": StimulusTrainer, "LSTM": RecurrentTrainer}
-SEEDS, STEPS = 3, 650_000  # decisions of a training
+SEEDS, STEPS = 3, TrainStimulus.steps
 JUDGED = 4  # times as many vehicles as choose the best epoch
 CARD = (storage.WEIGHTS / name_of("filter_bank", 0)).with_suffix(".json")
 TOLD = ("loss", "delay", "isolated", "healthy_rms")
@@ -28,15 +30,10 @@ TOLD = ("loss", "delay", "isolated", "healthy_rms")
 
 def trained(form: str, seed: int) -> dict[str, float | str]:
     """Train one agent; its parameters, the seconds of it, and its figures on other vehicles."""
-    trainer, begin = FORMS[form](seed, steps=STEPS), time.perf_counter()
-    best, state = np.inf, trainer.state()
-    for number in range(trainer.epochs):
-        trainer.epoch(number)
-        loss = trainer.validate()["loss"]
-        if loss < best:
-            best, state = loss, trainer.state()
-    seconds = time.perf_counter() - begin
-    trainer.restore(state)
+    trainer = FORMS[form](seed, steps=STEPS)
+    with TemporaryDirectory() as folder:
+        progress = train(trainer, form, seed, Path(folder))
+    seconds = sum(epoch["seconds"] for epoch in progress.history)
     judged = figures([one for k in range(JUDGED) for one in trainer.outcomes(TRIED * (1 + k))], trainer.budget)
     size = sum(parameter.numel() for parameter in trainer.model.policy.parameters())
     row = {"form": form, "seed": seed, "parameters": size, "seconds": round(seconds, 1)}
