@@ -1,27 +1,27 @@
 """How the project compiles: three decorators, and a disk cache that notices edits in every compiled file.
 
 numba's own disk cache watches only the file of the cached function, not those it calls. Here the cache folder is named
-after a digest of that file and of every file of the project that it imports, so an edit in any of them compiles anew.
+after a digest of that file and of every file of its project that it imports, so an edit in any of them compiles anew.
 
 A kernel that calls another gets one of two copies of it: the one compiled by itself, in the process that compiles
 both, or the one compiled along with the caller, in those that load it from disk. They may fuse multiplications and
 additions differently, and so differ in the last bits. A kernel that calls only what is inlined gives the same always.
 """
 
+import ast
 import atexit
 import contextlib
 import hashlib
 import os
-import re
 import shutil
 import tempfile
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 from numba import config, njit, types
 from numba.extending import intrinsic
 
-IMPORT = re.compile(r"^from (\w+)(?:\.(\w+))? import (\([^)]*\)|.*)", re.MULTILINE)
 OPTIONS = dict(error_model="numpy", fastmath={"contract"}, nogil=True)
 
 inlined = scalar = njit(forceinline=True, **OPTIONS)  # loops that belong to a kernel; arithmetic of single numbers
@@ -40,23 +40,50 @@ def fused(typing, one, other, more):
 
 @cache
 def imported(file: Path) -> frozenset[Path]:
-    """The files whose names a file imports at its top, of its own package and of those that lie beside it."""
-    modules = {
-        file.parent.parent / package / f"{name}.py"
-        for package, module, names in IMPORT.findall(file.read_text(encoding="utf-8"))
-        for name in ([module] if module else re.findall(r"\w+", names))
-    }
-    return frozenset(filter(Path.is_file, modules))
+    """The files of the same project whose names a file imports.
+
+    A project is the folder that holds the outermost package of the file, with all packages beside it.
+    """
+    project = file.parent
+    while (project / "__init__.py").is_file():
+        project = project.parent
+    tree = ast.parse(file.read_bytes(), file)
+    return frozenset(path for node in ast.walk(tree) for path in _targets(node, file.parent, project))
+
+
+def _targets(node: ast.AST, folder: Path, project: Path) -> Iterator[Path]:
+    """The files that an import statement in a file of `folder` names; a name inside a package may be a module of it."""
+    if isinstance(node, ast.Import):
+        for alias in node.names:
+            yield from _module(project.joinpath(*alias.name.split(".")))
+    elif isinstance(node, ast.ImportFrom):
+        start = [folder, *folder.parents][node.level - 1] if node.level else project
+        module = start.joinpath(*(node.module or "").split("."))
+        for alias in node.names:
+            yield from _module(module / alias.name) or _module(module)
+
+
+def _module(path: Path) -> list[Path]:
+    """The file of the module or package at `path`, which has no suffix; none where the project has no such module."""
+    return [file for file in (path.with_name(f"{path.name}.py"), path / "__init__.py") if file.is_file()]
+
+
+@cache
+def sources(file: Path) -> frozenset[Path]:
+    """A file and all files of its project that it imports, directly or not."""
+    found: frozenset[Path] = frozenset()
+    new = frozenset({file})
+    while new:
+        found |= new
+        new = frozenset().union(*map(imported, new)) - found
+    return found
 
 
 @cache
 def digest(file: Path) -> str:
-    """Digest of the source of a file and of all that it imports, directly or not."""
-    found, new = set(), {file}
-    while new:
-        found |= new
-        new = frozenset().union(*map(imported, new)) - found
-    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(found))).hexdigest()[:16]
+    """Digest of the text of a file and of all that it imports, directly or not."""
+    text = b"".join(path.read_bytes() for path in sorted(sources(file)))
+    return hashlib.sha256(text).hexdigest()[:16]
 
 
 @cache

@@ -1,23 +1,23 @@
 """The disk cache of compiled code: used when nothing has changed, and never after an edit."""
 
 import ast
+import importlib
+import importlib.util
 import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
+from numba.core.dispatcher import Dispatcher
 
 from auv_fault_env import compiling
 
 PACKAGE = Path(compiling.__file__).parent
-COMPILED = [
-    path
-    for package in (PACKAGE, *(PACKAGE.parent / name for name in ("diagnosers", "training")))
-    for path in sorted(package.glob("*.py"))
-    if "auv_fault_env.compiling" in path.read_text(encoding="utf-8")
-]
+ROOTS = (PACKAGE, *(PACKAGE.parent / name for name in ("diagnosers", "training")))
+MODULES = [path for root in ROOTS for path in sorted(root.rglob("*.py"))]
 SCRIPT = """
 from auv_fault_env.physics import Motion, Motor, advance
 from mine.loop import total
@@ -110,23 +110,95 @@ def test_cache_of_another_package_notices_edits_in_its_own_files_alone(project):
     assert all("loop" in path.name for path in cached(project) - files)
 
 
+def module_name(path):
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
 def imported(path):
-    """Files of the project whose names a file imports, by its syntax tree."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    """Files of the project whose names a file imports, found as Python's import system finds them."""
+    package = module_name(path) if path.name == "__init__.py" else module_name(path.parent / "__init__.py")
     found = set()
-    for node in tree.body:
-        assert not (isinstance(node, ast.Import) and node.names[0].name.startswith(("auv_fault_env", "diagnosers")))
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {file_of(alias.name) for alias in node.names}
         if isinstance(node, ast.ImportFrom):
-            assert node.level == 0
-            modules = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-            found |= {PACKAGE.parent / f"{module.replace('.', '/')}.py" for module in modules}
-    return {file for file in found if file.is_file()}
+            module = importlib.util.resolve_name("." * node.level + (node.module or ""), package)
+            found |= {file_of(f"{module}.{alias.name}") or file_of(module) for alias in node.names}
+    return found - {None}
 
 
-@pytest.mark.parametrize("path", COMPILED, ids=lambda path: f"{path.parent.name}.{path.stem}")
-def test_digest_follows_every_import_of_a_file_that_is_compiled(path):
+def file_of(module):
+    """The file of a module of the project, None for others."""
+    if module.split(".")[0] not in {root.name for root in ROOTS}:
+        return None
+    try:
+        return Path(importlib.util.find_spec(module).origin)
+    except (AttributeError, ModuleNotFoundError):
+        return None
+
+
+@pytest.mark.parametrize("path", MODULES, ids=module_name)
+def test_imports_of_every_file_are_found_as_python_finds_them(path):
     assert compiling.imported(path) == imported(path)
-    assert PACKAGE / "compiling.py" in compiling.imported(path)
+
+
+def compiled(module):
+    """The compiled functions that a module defines."""
+    found = (value for value in vars(module).values() if isinstance(value, Dispatcher))
+    return [one for one in found if one.py_func.__module__ == module.__name__]
+
+
+def reached(function, seen):
+    """Files that define what a compiled function uses: other compiled functions, classes and modules."""
+    names = function.py_func.__code__.co_names
+    for value in map(function.py_func.__globals__.get, names):
+        if isinstance(value, Dispatcher) and value not in seen:
+            seen.add(value)
+            yield Path(value.py_func.__code__.co_filename)
+            yield from reached(value, seen)
+        elif isinstance(value, type | ModuleType):
+            owner = value if isinstance(value, ModuleType) else sys.modules[value.__module__]
+            file = getattr(owner, "__file__", None)
+            if file is not None and any(root in Path(file).parents for root in ROOTS):
+                yield Path(file)
+
+
+@pytest.mark.parametrize("path", [path for path in MODULES if "@kernel" in path.read_text()], ids=module_name)
+def test_digest_of_every_kernel_covers_all_files_that_it_depends_on(path):
+    functions = compiled(importlib.import_module(module_name(path)))
+    assert functions
+    for function in functions:
+        assert set(reached(function, set())) <= compiling.sources(path)
+
+
+@pytest.mark.parametrize(
+    ("statement", "expected"),
+    [
+        ("import mine.deep.sizes", "deep/sizes"),
+        ("import mine.deep.sizes as sizes", "deep/sizes"),
+        ("from mine.deep.sizes import FACTOR", "deep/sizes"),
+        ("from mine.deep import sizes", "deep/sizes"),
+        ("from mine.deep import (\n    sizes,\n)", "deep/sizes"),
+        ("from mine.deep import NAME", "deep/__init__"),
+        ("from mine import deep", "deep/__init__"),
+        ("from . import sizes", "deep/sizes"),
+        ("from .sizes import FACTOR", "deep/sizes"),
+        ("from .. import part", "part"),
+        ("from ..deep.sizes import FACTOR", "deep/sizes"),
+        ("from ..deep import sizes", "deep/sizes"),
+        ("if True:\n    from .sizes import FACTOR", "deep/sizes"),
+        ("def late():\n    import mine.part", "part"),
+    ],
+)
+def test_digest_follows_imports_of_every_form_at_any_depth(tmp_path, statement, expected):
+    for name in ("__init__", "part", "deep/__init__", "deep/sizes"):
+        file = tmp_path / "mine" / f"{name}.py"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("", encoding="utf-8")
+    loop = tmp_path / "mine" / "deep" / "loop.py"
+    loop.write_text(f"import math\nfrom numba import njit\n{statement}\n", encoding="utf-8")
+    assert compiling.imported(loop) == {tmp_path / "mine" / f"{expected}.py"}
 
 
 @pytest.mark.parametrize(
