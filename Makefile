@@ -24,8 +24,8 @@ lint: .venv/.dev
 	@$(BIN)/lint-imports --no-logo
 
 bench: .venv/.bench
-	@$(BIN)/python -m training.benchmark_speed
-	@$(BIN)/python -m training.benchmark_filters
+	@$(BIN)/python -m training.studies.speed
+	@$(BIN)/python -m training.studies.filter_speed
 
 .venv/.dev: pyproject.toml constraints.txt
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \

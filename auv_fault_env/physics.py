@@ -254,7 +254,7 @@ def advance(motion, drag, disturbance, port, starboard):
     """The `Motion` one sample (0.1 s) later, voltages and disturbance held.
 
     Within 1e-6 of the exact solution for the presets under every fault; a much stiffer shaft (a tenth of the inertia)
-    costs accuracy, not stability. Errors of other schemes: ``python -m training.integrators``.
+    costs accuracy, not stability. Errors of other schemes: ``python -m training.studies.integrators``.
 
     drag is alpha + gamma delta^2 [1/m], disturbance an acceleration [m/s^2], port and starboard are `Motor` s.
     """

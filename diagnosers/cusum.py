@@ -20,7 +20,7 @@ from auv_fault_env.parameters import SAMPLE_RATE, Vehicle, vehicle_of
 from auv_fault_env.schedules import FaultEvent
 from diagnosers.diagnoser import Belief, Recursive
 from diagnosers.kalman import Estimate, SurgeFilter
-from diagnosers.residuals import RESIDUALS, healthy_band, residuals
+from diagnosers.symptoms.residuals import RESIDUALS, healthy_band, residuals
 
 SIGNALS = (*RESIDUALS, "innovation")
 CHARTS = ("above", "below", "rough", "smooth")  # of each signal: mean up, mean down, scatter up, scatter down

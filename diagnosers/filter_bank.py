@@ -27,13 +27,13 @@ from auv_fault_env.parameters import (
     vehicle_of,
 )
 from auv_fault_env.physics import Constants as Plant
-from diagnosers.bank_algebra import N_PACKED, N_STATES, SEVERITY, SPREAD, entry
-from diagnosers.bank_kernel import BankState, step_lanes
-from diagnosers.bank_motor import DEVIATIONS
-from diagnosers.bank_pack import pack_size, workspace
-from diagnosers.bank_sensors import seen_by
+from diagnosers.bank.algebra import N_PACKED, N_STATES, SEVERITY, SPREAD, entry
+from diagnosers.bank.hypotheses import OWN, SURGE, Table, table
+from diagnosers.bank.kernel import BankState, step_lanes
+from diagnosers.bank.motor import DEVIATIONS
+from diagnosers.bank.pack import pack_size, workspace
+from diagnosers.bank.sensors import seen_by
 from diagnosers.diagnoser import Belief, Recursive
-from diagnosers.hypotheses import OWN, SURGE, Table, table
 from diagnosers.kalman import START_SPEED_STD, opening_share
 
 PARALLEL_LANES = 64  # below, waking the threads costs more than they save

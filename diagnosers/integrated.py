@@ -14,9 +14,9 @@ from auv_fault_env.faults import classes
 from auv_fault_env.parameters import Vehicle, vehicle_of
 from diagnosers import storage
 from diagnosers.diagnoser import Belief, Recursive
-from diagnosers.features import BANK_ODDS, EVIDENCE, FEATURES, Features, FeatureState
-from diagnosers.modes import log_softmax
-from diagnosers.steady import Steady, share_of, unsteadied
+from diagnosers.networks.features import BANK_ODDS, EVIDENCE, FEATURES, Features, FeatureState
+from diagnosers.networks.modes import log_softmax
+from diagnosers.networks.smoothing import Steady, share_of, unsteadied
 from diagnosers.storage import Shapes, Weights, tensors_of
 
 PACKAGED = storage.WEIGHTS / "integrated.safetensors"

@@ -4,7 +4,7 @@
 and the network, trained on that map alone, gives mode and grade. What makes its outputs a belief is fitted afterwards
 on episodes: a slope and an offset for every output node's sum (Platt, "Probabilistic outputs for support vector
 machines", 1999), and a straight line from the height of Fig. 5.12 to the severity; see
-`training.train_kalman_network`.
+`training.learning.kalman_network`.
 """
 
 from dataclasses import asdict
@@ -15,10 +15,10 @@ import numpy as np
 from auv_fault_env.faults import labels as tables
 from auv_fault_env.parameters import Vehicle, vehicle_of
 from diagnosers.diagnoser import Belief, Recursive
-from diagnosers.fault_map import MODES_5_2, normalise, severity
 from diagnosers.kalman import Estimate, ParameterFilter
-from diagnosers.modes import PRIOR_SEVERITY, log_softmax, shares, spread
-from diagnosers.networks import FeedForward, shapes
+from diagnosers.networks.fault_map import MODES_5_2, normalise, severity
+from diagnosers.networks.feed_forward import FeedForward, shapes
+from diagnosers.networks.modes import PRIOR_SEVERITY, log_softmax, shares, spread
 from diagnosers.storage import WEIGHTS, Shapes, Weights, tensors_of
 
 PACKAGED = WEIGHTS / "kalman_network.safetensors"
@@ -49,7 +49,7 @@ class KalmanNetwork(Recursive):
     """2-8-5 on normalised alpha and beta, as the parameter filter estimates them.
 
     Propulsion modes do not know the side; port and starboard share theirs evenly. What Table 5.2 does not know gets a
-    constant share of the probability of any fault, see `diagnosers.modes.shares`. Misleads at constant speed, where
+    constant share of the probability of any fault, see `diagnosers.networks.modes.shares`. Misleads at constant speed, where
     only beta/alpha can be seen; under faults of the speed, acceleration and rpm sensors, which look like drag or
     thrust; and on what stays in the window of normal operation: one damaged propeller takes at most 25 % of the thrust,
     the window 28 %, so it is seen late if at all, and then called a lost one.

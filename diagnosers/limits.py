@@ -13,14 +13,14 @@ import numpy as np
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle, vehicle_of
-from diagnosers import oddities
 from diagnosers.diagnoser import Belief, Recursive, same_severity
-from diagnosers.residuals import healthy_band, residuals
-from diagnosers.rulebook import USUAL, Rulebook, for_sides, log_probability, merged, parsed, truths
+from diagnosers.symptoms import sensor_symptoms
+from diagnosers.symptoms.residuals import healthy_band, residuals
+from diagnosers.symptoms.rulebook import USUAL, Rulebook, for_sides, log_probability, merged, parsed, truths
 
 LEVELS = ("port_voltage", "port_load", "starboard_voltage", "starboard_load", "push")  # low-passed `RESIDUALS`
 EDGES = (*(f"{side}_torn" for side in SIDES), *(f"{side}_supply" for side in SIDES))
-SYMPTOMS = (*LEVELS, *EDGES, "trend", "step", *oddities.SYMPTOMS)
+SYMPTOMS = (*LEVELS, *EDGES, "trend", "step", *sensor_symptoms.SYMPTOMS)
 VOLTAGES, LOADS = [0, 2], [1, 3]  # columns of the levels
 SPEED, ACCELERATION = (list(CHANNELS).index(name) for name in ("speed", "acceleration"))
 
@@ -54,13 +54,13 @@ READING_RULES = {"sensor:acceleration": ("+trend <step", "-trend <step"), "senso
 
 
 class LimitsState(NamedTuple):
-    """Lane first: last observation, low-passed levels (5), band (5) and torn levels (2), trends, steps, oddities."""
+    """Lane first: last observation, low-passed levels (5), band (5) and torn levels (2), trends, steps, sensor_symptoms."""
 
     previous: np.ndarray
     levels: np.ndarray
     trend: np.ndarray
     step: np.ndarray
-    oddities: oddities.Oddities
+    oddities: sensor_symptoms.Oddities
 
 
 @dataclass(frozen=True)
@@ -95,13 +95,15 @@ class Limits(Recursive):
 
     @cached_property
     def _rules(self) -> Rulebook:
-        return parsed(merged(HULL_RULES, for_sides(SIDE_RULES), READING_RULES, oddities.RULES), SYMPTOMS, self.classes)
+        return parsed(
+            merged(HULL_RULES, for_sides(SIDE_RULES), READING_RULES, sensor_symptoms.RULES), SYMPTOMS, self.classes
+        )
 
     def initial(self, n_lanes: int) -> LimitsState:
         """Nothing out of limits."""
         zero = np.zeros((n_lanes, 1))
         levels = np.zeros((n_lanes, 2 * len(LEVELS) + len(SIDES)))
-        return LimitsState(np.zeros((n_lanes, len(CHANNELS))), levels, zero, zero, oddities.initial(n_lanes))
+        return LimitsState(np.zeros((n_lanes, len(CHANNELS))), levels, zero, zero, sensor_symptoms.initial(n_lanes))
 
     def step(self, state: LimitsState, observation: np.ndarray) -> tuple[LimitsState, Belief]:
         """Compare, and look up."""
@@ -128,7 +130,7 @@ class Limits(Recursive):
             FORGET * state.levels + (1.0 - FORGET) * now,
             TREND_FORGET * state.trend + (1.0 - TREND_FORGET) * surplus,
             STEP_FORGET * state.step + (np.abs(change) > STEP),
-            oddities.update(state.oddities, observation),
+            sensor_symptoms.update(state.oddities, observation),
         )
 
     def _symptoms(self, state: LimitsState) -> np.ndarray:
@@ -139,15 +141,17 @@ class Limits(Recursive):
         supply = level[:, VOLTAGES] + by_load * level[:, LOADS]
         supply /= SUPPLY * (limit[:, VOLTAGES] + by_load * limit[:, LOADS])
         singles = [state.trend / TREND, STEP_SYMPTOM * state.step]
-        return np.hstack([level / limit, torn / limit[:, LOADS], supply, *singles, oddities.symptoms(state.oddities)])
+        return np.hstack(
+            [level / limit, torn / limit[:, LOADS], supply, *singles, sensor_symptoms.symptoms(state.oddities)]
+        )
 
     @cached_property
     def _sensors(self) -> list[int]:
-        return oddities.sensor_columns(self.classes)
+        return sensor_symptoms.sensor_columns(self.classes)
 
-    def _severity(self, truth: np.ndarray, odd: oddities.Oddities) -> tuple[np.ndarray, np.ndarray]:
+    def _severity(self, truth: np.ndarray, odd: sensor_symptoms.Oddities) -> tuple[np.ndarray, np.ndarray]:
         severity, error = same_severity((len(truth), self._rules.n_classes), *USUAL)
         excess = np.maximum(truth, 0.0)
         severity[:, self._rules.classes] = excess / (excess + HALF_SEVERE)
-        oddities.write_severity(severity, self._sensors, odd)
+        sensor_symptoms.write_severity(severity, self._sensors, odd)
         return severity, error

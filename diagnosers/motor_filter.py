@@ -24,7 +24,7 @@ from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.errors import finite_in_range, refusal
 from auv_fault_env.parameters import PRESETS, SAMPLE_TIME, SIDES, Vehicle
 from auv_fault_env.physics import RPM, motor
-from diagnosers.residuals import STANDSTILL, plant_of
+from diagnosers.symptoms.residuals import STANDSTILL, plant_of
 
 PARAMETERS = ("resistance", "torque_constant", "coulomb_friction", "propeller_torque")
 N, PROPELLER = len(PARAMETERS), PARAMETERS.index("propeller_torque")

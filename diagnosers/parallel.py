@@ -16,7 +16,7 @@ from diagnosers import kalman_network, raw_network
 from diagnosers.diagnoser import Belief, Recursive
 from diagnosers.kalman import Estimate
 from diagnosers.kalman_network import KalmanNetwork
-from diagnosers.modes import log_softmax
+from diagnosers.networks.modes import log_softmax
 from diagnosers.raw_network import RawNetwork
 from diagnosers.storage import Weights, tensors_of
 

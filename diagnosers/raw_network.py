@@ -3,7 +3,7 @@
 Its inputs are voltage, current and rpm of one shaft and the speed; its outputs the modes of Table 5.1. Both shafts have
 the same weights, by symmetry. Under each hypothesis on the vehicle (nothing wrong, drag, friction or propeller of one
 side) every shaft is in one mode, and the hypothesis' score is the sum of these two outputs; the softmax of the scores
-is the belief. Trained through this softmax with cross-entropy, see `training.train_raw_network`.
+is the belief. Trained through this softmax with cross-entropy, see `training.learning.raw_network`.
 """
 
 from typing import Any
@@ -14,9 +14,9 @@ from auv_fault_env.channels import CHANNELS
 from auv_fault_env.faults import labels as tables
 from auv_fault_env.parameters import SIDES
 from diagnosers.diagnoser import Belief, Recursive, same_severity
-from diagnosers.fault_map import MODES_5_1
-from diagnosers.modes import PRIOR_SEVERITY, log_softmax, shares, spread
-from diagnosers.networks import FeedForward, shapes
+from diagnosers.networks.fault_map import MODES_5_1
+from diagnosers.networks.feed_forward import FeedForward, shapes
+from diagnosers.networks.modes import PRIOR_SEVERITY, log_softmax, shares, spread
 from diagnosers.storage import WEIGHTS, Weights, tensors_of
 
 PACKAGED = WEIGHTS / "raw_network.safetensors"
@@ -59,7 +59,7 @@ class RawNetwork(Recursive):
     """4-6-4 on the readings of one shaft, once per shaft, without memory.
 
     Severity is that of the prior throughout: the thesis' network does not grade it. The classes that Table 5.1 does not
-    know get a constant share of the probability of any fault, see `diagnosers.modes.shares`; a damaged and a lost
+    know get a constant share of the probability of any fault, see `diagnosers.networks.modes.shares`; a damaged and a lost
     propeller share theirs evenly. Misleads in transients, which look like drag to a network without memory, so that
     it hardly ever names drag; and under faults of the sensors it reads.
 

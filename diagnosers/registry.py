@@ -29,8 +29,8 @@ REGISTRY: dict[str, Entry] = {
     "parallel": Entry("diagnosers.parallel:Parallel"),
     "integrated": Entry("diagnosers.integrated:Integrated"),
     "oracle": Entry("diagnosers.oracle:Oracle", ranked=False),
-    "null": Entry("diagnosers.anchors:Null", ranked=False),
-    "random": Entry("diagnosers.anchors:Random", ranked=False),
+    "null": Entry("diagnosers.references:Null", ranked=False),
+    "random": Entry("diagnosers.references:Random", ranked=False),
 }
 NAMES: KeysView[str] = REGISTRY.keys()
 

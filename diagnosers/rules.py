@@ -15,11 +15,11 @@ import numpy as np
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle, vehicle_of
-from diagnosers import oddities
 from diagnosers.diagnoser import Belief, Recursive, same_severity
 from diagnosers.kalman import Estimate, ParameterFilter, SurgeFilter
 from diagnosers.motor_filter import MotorEstimate, MotorFilter
-from diagnosers.rulebook import USUAL, Rulebook, for_sides, log_probability, merged, parsed, truths
+from diagnosers.symptoms import sensor_symptoms
+from diagnosers.symptoms.rulebook import USUAL, Rulebook, for_sides, log_probability, merged, parsed, truths
 
 # Estimated: the vehicle's parameter, and by how many standard deviations a healthy one leaves its band once an hour.
 HULL = {"alpha": ("alpha", 1.6), "beta": ("beta", 0.9)}
@@ -35,7 +35,7 @@ DEVIATIONS = np.array([deviation for _, deviation in ESTIMATES.values()])
 WORST = {"propeller_torque": ("torn", 0.6), "torque_constant": ("hot", 0.8)}  # left by propeller damage, by overheating
 EDGES = {f"{side}_{edge}": (f"{side}_{name}", value) for side in SIDES for name, (edge, value) in WORST.items()}
 AT_EDGE = [list(ESTIMATES).index(name) for name, _ in EDGES.values()]
-SYMPTOMS = (*ESTIMATES, *EDGES, "push", "jump", *oddities.SYMPTOMS)
+SYMPTOMS = (*ESTIMATES, *EDGES, "push", "jump", *sensor_symptoms.SYMPTOMS)
 
 FORGET = exp(-SAMPLE_TIME / 8.0)  # of counts and averages, per sample
 PUSH = 0.0017  # m/s^2, averaged unexplained acceleration, healthy, once an hour
@@ -76,7 +76,7 @@ class RulesState(NamedTuple):
     surge: Estimate
     hull: Estimate
     motors: MotorEstimate
-    oddities: oddities.Oddities
+    oddities: sensor_symptoms.Oddities
     push: np.ndarray
     jump: np.ndarray
 
@@ -113,12 +113,14 @@ class Rules(Recursive):
 
     @cached_property
     def _rules(self) -> Rulebook:
-        return parsed(merged(HULL_RULES, for_sides(SIDE_RULES), JUMP_RULES, oddities.RULES), SYMPTOMS, self.classes)
+        return parsed(
+            merged(HULL_RULES, for_sides(SIDE_RULES), JUMP_RULES, sensor_symptoms.RULES), SYMPTOMS, self.classes
+        )
 
     def initial(self, n_lanes: int) -> RulesState:
         """Nominal parameters, no oddity seen."""
         filters = (one.initial(n_lanes) for one in self._filters)
-        return RulesState(*filters, oddities.initial(n_lanes), np.zeros(n_lanes), np.zeros(n_lanes))
+        return RulesState(*filters, sensor_symptoms.initial(n_lanes), np.zeros(n_lanes), np.zeros(n_lanes))
 
     def step(self, state: RulesState, observation: np.ndarray) -> tuple[RulesState, Belief]:
         """Identify, and apply the rules."""
@@ -133,7 +135,9 @@ class Rules(Recursive):
         surge = filters[0]
         jump = np.abs(surge.innovation) > JUMP * np.sqrt(surge.innovation_variance)
         push = FORGET * state.push + (1.0 - FORGET) * self._unexplained(surge, observation)
-        return RulesState(*filters, oddities.update(state.oddities, observation), push, FORGET * state.jump + jump)
+        return RulesState(
+            *filters, sensor_symptoms.update(state.oddities, observation), push, FORGET * state.jump + jump
+        )
 
     def _unexplained(self, surge: Estimate, observation: np.ndarray) -> np.ndarray:
         """Measured acceleration less that of the identified hull [m/s^2], (n_lanes,)."""
@@ -146,16 +150,18 @@ class Rules(Recursive):
 
     @cached_property
     def _sensors(self) -> list[int]:
-        return oddities.sensor_columns(self.classes)
+        return sensor_symptoms.sensor_columns(self.classes)
 
-    def _severity(self, mean: np.ndarray, std: np.ndarray, odd: oddities.Oddities) -> tuple[np.ndarray, np.ndarray]:
+    def _severity(
+        self, mean: np.ndarray, std: np.ndarray, odd: sensor_symptoms.Oddities
+    ) -> tuple[np.ndarray, np.ndarray]:
         severity, error = same_severity((len(mean), self._rules.n_classes), *USUAL)
         known, change = self._changes
         information = std**-2.0 @ change.T**2
         fitted = ((mean - 1.0) * std**-2.0) @ change.T / information
         severity[:, known] = np.minimum(np.maximum(fitted, 0.0), 1.0)
         error[:, known] = np.minimum(information**-0.5, USUAL[1])
-        oddities.write_severity(severity, self._sensors, odd)
+        sensor_symptoms.write_severity(severity, self._sensors, odd)
         return severity, error
 
     @cached_property
@@ -185,4 +191,4 @@ def _symptoms(mean: np.ndarray, std: np.ndarray, state: RulesState) -> np.ndarra
     """Every symptom of `SYMPTOMS`, (n_lanes, n_symptoms)."""
     edges = (mean[:, AT_EDGE] - [value for _, value in EDGES.values()]) / std[:, AT_EDGE]
     singles = np.column_stack([state.push / PUSH, ODD * state.jump])
-    return np.hstack([(mean - 1.0) / std / DEVIATIONS, edges, singles, oddities.symptoms(state.oddities)])
+    return np.hstack([(mean - 1.0) / std / DEVIATIONS, edges, singles, sensor_symptoms.symptoms(state.oddities)])

@@ -10,7 +10,7 @@ from auv_fault_env.errors import known_name, refusal, whole_number
 from auv_fault_env.faults import classes
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers.diagnoser import UNKNOWN, Belief, filled, same_severity
-from diagnosers.modes import PRIOR_SEVERITY
+from diagnosers.networks.modes import PRIOR_SEVERITY
 
 DOUBT = 1e-9  # left to normal where a fault is detected for certain, and to faults where none is
 

@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _end(number: int, frame: Any) -> None:
     """End at once on a signal: an exception could be lost in compiled code that has called back."""
-    from training.runs import abandon
+    from training.report.run_folder import abandon
 
     abandon()
     os._exit(128 + number)
@@ -37,7 +37,7 @@ def _run(name: str, command: Any) -> int:
     from auv_fault_env.errors import InputError  # after the parser, so that --help does not wait for numba
 
     try:
-        return importlib.import_module(f"training.{name.replace('-', '_')}").main(command) or 0
+        return importlib.import_module(f"training.commands.{name.replace('-', '_')}").main(command) or 0
     except InputError as error:
         print(f"auv-fault {name}: {error}", file=sys.stderr)
         return 2

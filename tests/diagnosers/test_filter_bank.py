@@ -13,13 +13,14 @@ from auv_fault_env.faults import CATALOGUE, Fault, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
 from auv_fault_env.schedules import FaultEvent, ScheduleSampler
-from diagnosers import bank_algebra, bank_kernel, bank_motor, bank_pack, bank_sensors, bank_surge, filter_bank, make
+from diagnosers import filter_bank, make
+from diagnosers.bank import algebra, kernel, motor, pack, sensors, surge
+from diagnosers.bank.hypotheses import PORT, STARBOARD, SURGE, table
 from diagnosers.filter_bank import FilterBank
-from diagnosers.hypotheses import PORT, STARBOARD, SURGE, table
 from diagnosers.oracle import Oracle
-from training.lighter_bank import lighter_bank
 from training.rollouts import Rollout, manoeuvres, roll_out
 from training.seeds import seeds
+from training.stimuli.light_bank import lighter_bank
 
 CLASSES = list(classes())
 
@@ -72,9 +73,9 @@ def test_nothing_is_read_of_what_an_earlier_step_left_in_the_kept_memory(monkeyp
     expected = beliefs(lighter_bank(), observations)
 
     def poisoned(table, n_lanes):
-        work = bank_pack.workspace(table, n_lanes)
+        work = pack.workspace(table, n_lanes)
         for name, values in work._asdict().items():
-            if name not in bank_pack.EFFECTS:
+            if name not in pack.EFFECTS:
                 values.fill(np.nan)
         return work
 
@@ -265,7 +266,7 @@ def test_hypotheses_that_explain_nothing_do_not_diverge():
 
 
 def test_the_bank_is_one_kernel_so_that_compiling_it_anew_changes_no_bit():
-    modules = bank_algebra, bank_kernel, bank_motor, bank_pack, bank_sensors, bank_surge
+    modules = algebra, kernel, motor, pack, sensors, surge
     compiled = {one for module in modules for one in vars(module).values() if isinstance(one, Dispatcher)}
     assert len(compiled) > 30
-    assert {one for one in compiled if not one.targetoptions.get("forceinline")} == {bank_kernel.step_lanes}
+    assert {one for one in compiled if not one.targetoptions.get("forceinline")} == {kernel.step_lanes}

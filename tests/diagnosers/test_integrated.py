@@ -10,7 +10,7 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import UNKNOWN, decide, make, storage
 from diagnosers.integrated import ARCHITECTURE, CLASSES, N_MEMORY, N_OUTPUTS, PACKAGED, Integrated, Recall, calmed
-from diagnosers.integrated_network import Network
+from diagnosers.networks.integrated_network import Network
 from training.rollouts import manoeuvres, roll_out
 
 

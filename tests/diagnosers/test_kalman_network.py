@@ -3,8 +3,8 @@ import pytest
 
 from auv_fault_env.faults import classes
 from diagnosers import load, make
-from diagnosers.fault_map import MODES_5_2, fault_map, normalise
 from diagnosers.kalman_network import KalmanNetwork, outputs
+from diagnosers.networks.fault_map import MODES_5_2, fault_map, normalise
 
 from .runs import final_belief
 

@@ -5,7 +5,8 @@ import pytest
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.faults import classes
-from diagnosers import make, networks
+from diagnosers import make
+from diagnosers.networks import feed_forward
 from diagnosers.raw_network import ARCHITECTURE, HYPOTHESES, RawNetwork, inputs, scores
 
 from .runs import final_belief
@@ -63,7 +64,7 @@ def test_a_healthy_vehicle_is_normal():
 
 def test_both_sides_are_alike():
     observation = np.abs(np.random.default_rng(0).normal(size=(5, len(CHANNELS))))
-    network = RawNetwork(networks.drawn(ARCHITECTURE, 0))
+    network = RawNetwork(feed_forward.drawn(ARCHITECTURE, 0))
     straight, swapped = (
         network.step((), one)[1].log_probability for one in (observation, observation[:, mirrored(CHANNELS)])
     )

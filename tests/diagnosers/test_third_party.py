@@ -15,7 +15,7 @@ from diagnosers.sample_adapter import DOUBT, SampleAdapter
 from diagnosers.third_party import ThirdParty, found
 
 OURS = """
-from diagnosers.anchors import Null
+from diagnosers.references import Null
 class Mine(Null):
     name = "mine"
 """

@@ -33,7 +33,7 @@ def test_every_command_has_a_module_with_main():
     import importlib
 
     for name in COMMANDS:
-        assert callable(importlib.import_module(f"training.{name.replace('-', '_')}").main)
+        assert callable(importlib.import_module(f"training.commands.{name.replace('-', '_')}").main)
 
 
 @pytest.mark.parametrize("name", COMMANDS)

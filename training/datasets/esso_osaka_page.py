@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from auv_fault_env.parameters import SAMPLE_TIME, Vehicle
-from diagnosers.fault_map import ALPHA_WINDOW, BETA_WINDOW, NOMINAL
+from diagnosers.networks.fault_map import ALPHA_WINDOW, BETA_WINDOW, NOMINAL
+from training.commands.simulate_page import line
 from training.datasets.esso_osaka_runs import SOURCE
 from training.datasets.surge_fit import UNITS
-from training.simulate_page import line
 
 TARGET = 0.011  # m/s rms over ten seconds
 PARAMETERS = ("alpha", "beta")
@@ -29,7 +29,7 @@ LEFT_OUT = (
 
 
 def page(command: str, findings: Mapping[str, Any]) -> dict[str, Any]:
-    """The report as plain data; `findings` are those of `training.esso_osaka.study`."""
+    """The report as plain data; `findings` are those of `training.commands.esso_osaka.study`."""
     whole, used = findings["samples"]
     model = findings["fits"]["model"]
     return {

@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from training.cells import number, percent, with_interval
 from training.datasets.forests import TREES
 from training.datasets.haizhe_runs import CLASSES, SOURCE
+from training.report.cells import number, percent, with_interval
 
 MEANING = (
     "The whole run: ten figures of each reading over the run (level, spread, trend, roughness, power in four bands). "
@@ -38,7 +38,7 @@ def page(
     scores: Sequence[Mapping[str, Any]],
     halves: Mapping[str, Mapping[str, Any]],
 ) -> dict[str, Any]:
-    """The report as plain data; `counts` are the runs by split and class, the others those of `training.haizhe`."""
+    """The report as plain data; `counts` are the runs by split and class, the others those of `training.commands.haizhe`."""
     runs = "; ".join(
         f"{sum(of_class)} in {split} ({', '.join(map(' '.join, zip(map(str, of_class), CLASSES, strict=True)))})"
         for split, of_class in counts.items()

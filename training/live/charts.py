@@ -9,7 +9,7 @@ from auv_fault_env.channels import CHANNELS
 from auv_fault_env.faults import NORMAL, classes
 from auv_fault_env.parameters import SIDES
 from training.live.history import WINDOW, History
-from training.plot_style import COMMAND, PORT, SPEED, STARBOARD, TRUTH
+from training.report.figures.style import COMMAND, PORT, SPEED, STARBOARD, TRUTH
 
 Options = dict[str, Any]
 RIVALS = 4  # fault classes whose probabilities are drawn over time

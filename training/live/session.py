@@ -15,12 +15,12 @@ from auv_fault_env.schedules import FaultEvent, ScheduleSampler
 from auv_fault_env.truth import LaneTruth
 from diagnosers import Belief, make
 from diagnosers.advisory import Advice, Situation, advise
+from training.benchmark.thresholds import ONE_PER_HOUR
 from training.live.history import WINDOW, History, Mark
 from training.metrics import alarms
-from training.records import PERSISTENCE
+from training.metrics.records import PERSISTENCE
 from training.stimuli import STIMULI
-from training.stimulus import MISSION_SPEED, N_SAMPLES
-from training.thresholds import ONE_PER_HOUR
+from training.stimuli.base import MISSION_SPEED, N_SAMPLES
 
 DIAGNOSERS = tuple(
     name for name in ONE_PER_HOUR if name != "oracle"

@@ -10,7 +10,7 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
 from auv_fault_env.parameters import PRESETS, SAMPLE_TIME
 from auv_fault_env.schedules import FaultEvent
-from training.field.log import Log
+from training.field.logs.log import Log
 from training.field.vehicle_file import Column, VehicleFile
 from training.rollouts import roll_out
 

@@ -8,7 +8,7 @@ from auv_fault_env.channels import CHANNELS, COMMANDS
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS, MissionSampler
 from auv_fault_env.parameters import PRESETS
-from training.field.log import Log
+from training.field.logs.log import Log
 from training.field.vehicle_file import Column, VehicleFile
 from training.rollouts import roll_out
 

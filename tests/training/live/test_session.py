@@ -6,7 +6,7 @@ from auv_fault_env.faults import CATALOGUE, NORMAL
 from training.live.session import BATTERY, DIAGNOSERS, Session
 from training.metrics import sample_at
 from training.stimuli import STIMULI
-from training.stimulus import N_SAMPLES
+from training.stimuli.base import N_SAMPLES
 
 
 def run(session, seconds):

@@ -1,0 +1,1 @@
+"""The filter bank: one Kalman filter per fault and severity grade, compiled."""

@@ -1,0 +1,1 @@
+"""Networks of the diagnosers: layers, features, smoothing and fault maps."""

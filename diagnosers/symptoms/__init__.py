@@ -1,0 +1,1 @@
+"""Symptoms that rules and limits look at: residuals of the physics and faults of sensors."""

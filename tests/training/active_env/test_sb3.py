@@ -1,0 +1,125 @@
+"""The fleet as a `VecEnv` against stable-baselines3's own `DummyVecEnv` over single environments, step by step."""
+
+from collections.abc import Mapping
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
+
+from auv_fault_env.errors import InputError
+from training.active_env import NAME, ActiveDiagnosisVectorEnv
+from training.active_env.sb3 import ActiveVecEnv
+
+LANES, LIMIT = 5, 12
+GONE = [{"fault": "propeller_loss:port", "onset": 3.0, "severity": 1.0}]
+
+
+def pair(**settings):
+    """The adapter, and what it must equal."""
+    one = ActiveVecEnv(ActiveDiagnosisVectorEnv(LANES, LIMIT, **settings))
+    many = DummyVecEnv([lambda: gym.make(NAME, max_episode_steps=LIMIT, horizon=LIMIT, **settings)] * LANES)
+    return one, many
+
+
+def same(one, two):
+    """Equality of arrays, and of nested information that may hold arrays too, types of its values included."""
+    if isinstance(one, Mapping) and isinstance(two, Mapping):
+        assert one.keys() == two.keys()
+        for name in one:
+            same(one[name], two[name])
+    elif isinstance(one, np.ndarray):
+        assert one.dtype == two.dtype and one.tobytes() == two.tobytes()
+    else:
+        assert type(one) is type(two) and one == two
+
+
+@pytest.mark.parametrize("given", [False, True], ids=["sampled", "given_fault_and_mission"])
+def test_every_step_equals_dummy_vec_env(given):
+    envs, random, ends = pair(), np.random.default_rng(0), []
+    for env in envs:
+        env.seed(7)
+        env.set_options({"schedule": GONE, "mission": "cruise"} if given else None)
+    same(*(env.reset() for env in envs))
+    for _ in range(3 * LIMIT):
+        actions = random.uniform(-1.2, 1.2, (LANES, 1)).astype(np.float32)
+        ours, theirs = (env.step(actions) for env in envs)
+        for one, two in zip(ours[:3], theirs[:3], strict=True):
+            same(one, two)
+        for one, two in zip(ours[3] + envs[0].reset_infos, theirs[3] + envs[1].reset_infos, strict=True):
+            same(one, two)
+        ends += [(info["TimeLimit.truncated"], info["declared"]) for info in ours[3] if "terminal_observation" in info]
+    assert (True, "normal") in ends
+    assert not given or (False, "propeller_loss:port") in ends
+
+
+def test_seeds_and_options_count_once_and_the_next_reset_goes_on():
+    one, many = pair()
+    for env in (one, many):
+        env.seed(3)
+        env.set_options({"schedule": [], "mission": 0.3})
+        env.reset()
+    same(one.reset(), many.reset())
+    for mine, theirs in zip(one.reset_infos, many.reset_infos, strict=True):
+        same(mine, theirs)
+
+
+def test_a_lane_s_truth_can_be_read_after_later_steps():
+    one, _ = pair()
+    one.seed(3)
+    one.set_options({"schedule": GONE, "mission": "cruise"})
+    one.reset()
+    actions = np.zeros((LANES, 1), np.float32)
+    infos = [one.step(actions)[3][2] for _ in range(4)]
+    assert [info["truth"]["label"] for info in infos] == ["normal"] * 3 + ["propeller_loss:port"]
+    assert infos[3]["truth"]["severity"]["propeller_loss:port"] == 1.0
+
+
+def test_options_of_each_lane():
+    one, many = pair()
+    options = [{"schedule": GONE if lane % 2 else []} for lane in range(LANES)]
+    for env in (one, many):
+        env.seed(3)
+        env.set_options(options)
+    same(one.reset(), many.reset())
+    assert [info["truth"]["onset"] for info in one.reset_infos] == [np.inf, 3.0, np.inf, 3.0, np.inf]
+    one.set_options([{"mission": "cruise"}, *[{}] * (LANES - 1)])
+    with pytest.raises(InputError, match=r"reset option mission.*all lanes or none"):
+        one.reset()
+
+
+def test_what_a_step_returns_is_the_caller_s_own():
+    one, many = pair()
+    for env in (one, many):
+        env.seed(1)
+        env.reset()
+    for _ in range(LIMIT + 1):
+        mine, theirs = (env.step(np.ones((LANES, 1), np.float32)) for env in (one, many))
+        same(mine[0], theirs[0])
+        for values in mine[:3]:
+            values[:] = 1
+
+
+def test_attributes_and_methods():
+    one, _ = pair(amplitude=0.1)
+    assert one.get_attr("amplitude") == [0.1] * LANES and one.get_attr("amplitude", [0, 2]) == [0.1] * 2
+    one.set_attr("cost_weight", 2.0)
+    assert one.env.cost_weight == 2.0
+    assert one.env_is_wrapped(gym.Wrapper) == [False] * LANES
+    assert one.env_method("__repr__", indices=1) == ["ActiveDiagnosisVectorEnv(num_envs=5)"]
+    one.close()
+
+
+def test_an_environment_that_resets_on_the_next_step_is_refused():
+    with pytest.raises(InputError, match="autoreset_mode: got 'NextStep'; allowed is SameStep"):
+        ActiveVecEnv(ActiveDiagnosisVectorEnv(2, autoreset_mode="NextStep"))
+
+
+def test_ppo_learns_on_it():
+    env = VecMonitor(ActiveVecEnv(ActiveDiagnosisVectorEnv(4, 8)))
+    model = PPO("MlpPolicy", env, n_steps=16, batch_size=32, n_epochs=1, seed=0, device="cpu")
+    before = [values.clone() for values in model.policy.parameters()]
+    model.learn(128)
+    assert any((old != new).any() for old, new in zip(before, model.policy.parameters(), strict=True))
+    assert model.ep_info_buffer and {info["l"] for info in model.ep_info_buffer} <= set(range(1, 9))

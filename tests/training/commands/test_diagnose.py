@@ -1,0 +1,102 @@
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from auv_fault_env.errors import InputError
+from training.arguments import Diagnose
+from training.commands import diagnose
+from training.field.vehicle_file import write_vehicle
+
+from ..field.fleet_logs import VEHICLE, episode, write_log
+
+FAULT = "seal_friction:port"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A vehicle file, a healthy and a faulty log, and one that is none."""
+    folder = tmp_path_factory.mktemp("vehicle")
+    write_vehicle(folder / "v.toml", VEHICLE)
+    write_log(folder / "healthy.csv", episode())
+    write_log(folder / "faulty.csv", episode(FAULT))
+    (folder / "broken.csv").write_bytes(b"\x00\x01\x02 no log at all")
+    return folder
+
+
+def run(folder: Path, output: Path, *logs: str, **settings) -> int:
+    paths = tuple(folder / f"{log}.csv" for log in logs)
+    return diagnose.main(Diagnose(vehicle=folder / "v.toml", logs=paths, output=output, **settings))
+
+
+@pytest.fixture(scope="module")
+def all_three(folder, tmp_path_factory):
+    output = tmp_path_factory.mktemp("runs") / "diagnose"
+    return run(folder, output, "healthy", "faulty", "broken"), output
+
+
+def test_the_worst_verdict_is_the_exit_code(folder, tmp_path, all_three, capsys):
+    assert all_three[0] == 3
+    assert run(folder, tmp_path / "one", "healthy") == 0
+    assert run(folder, tmp_path / "two", "healthy", "broken") == 2
+    assert "broken.csv" in capsys.readouterr().out
+
+
+def test_the_results_name_verdict_time_class_side_severity_and_load(all_three):
+    results = json.loads((all_three[1] / "results.json").read_text())
+    healthy, faulty, broken = results["verdicts"]
+    assert [one["verdict"] for one in (healthy, faulty, broken)] == ["healthy", "fault", "unusable"]
+    assert (faulty["fault"], faulty["side"]) == (FAULT, "port")
+    assert faulty["severity_low"] <= 0.9 <= faulty["severity_high"]
+    assert 5.0 < faulty["alarms"][0][0] < 10.0 and faulty["load"]["port"] > 0.1
+    assert len(faulty["top"]) == 3 and broken["remarks"]
+
+
+def test_the_csv_has_a_row_for_each_log(all_three):
+    with (all_three[1] / "results.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["verdict"] for row in rows] == ["healthy", "fault", "unusable"]
+    assert rows[1]["fault"] == FAULT and float(rows[1]["alarm_time"]) > 5.0
+    assert rows[0]["alarm_time"] == rows[0]["severity"] == ""
+
+
+def test_the_page_shows_signals_estimates_belief_and_alarms(all_three):
+    text = (all_three[1] / "index.html").read_text()
+    assert text.count("data:image/svg+xml;base64,") == 2
+    for words in ("seal_friction:port", "unusable", "faulty.csv: fault, seal_friction:port from"):
+        assert words in text
+    results = json.loads((all_three[1] / "results.json").read_text())
+    panels = results["sections"][1]["figures"][0]["data"]["panels"]
+    assert list(panels)[-3:] == ["estimate", "log10 p(normal)", "probability"]
+    assert set(panels["estimate"]) == {"drag", "thrust"} and "port, healthy" in panels["current [A]"]
+
+
+def test_the_verdicts_are_printed(folder, tmp_path, capsys):
+    run(folder, tmp_path / "out", "faulty")
+    printed = capsys.readouterr().out
+    assert "faulty.csv" in printed and FAULT in printed and "port +" in printed
+
+
+def test_healthy_logs_lower_the_threshold_as_far_as_they_come(folder, tmp_path):
+    """A log said to be healthy raises no alarm, nor does one that is no worse."""
+    assert run(folder, tmp_path / "out", "faulty", healthy=(folder / "faulty.csv",)) == 0
+    assert run(folder, tmp_path / "out", "faulty", healthy=(folder / "healthy.csv",)) == 3
+
+
+@pytest.mark.parametrize(
+    ("logs", "settings", "words"),
+    [
+        (("broken",), {}, "broken.csv"),
+        ((), {}, "at least one log"),
+        (("nowhere", "broken"), {}, "nowhere.csv"),
+        (("healthy",), {"diagnoser": "filterbank"}, "did you mean 'filter_bank'"),
+        (("healthy",), {"healthy": (Path("nowhere.csv"),)}, "nowhere.csv"),
+    ],
+    ids=["no log", "none", "none usable", "diagnoser", "healthy"],
+)
+def test_bad_input_is_refused_in_one_line_and_nothing_is_written(folder, tmp_path, logs, settings, words):
+    with pytest.raises(InputError) as error:
+        run(folder, tmp_path / "out", *logs, **settings)
+    assert words in str(error.value) and "\n" not in str(error.value)
+    assert not list(tmp_path.iterdir())

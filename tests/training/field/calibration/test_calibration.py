@@ -1,0 +1,172 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auv_fault_env.parameters import PRESETS
+from training.field.calibration.calibration import NAMES, calibrated, side_differences
+from training.field.calibration.checks import errors, leave_one_out
+from training.field.calibration.robust_fit import LARGEST_STD
+from training.field.calibration.samples import samples_of
+from training.field.vehicle_file import BAND, VehicleFile
+from training.studies.calibration import DRAWN, CalibrationStudy, study
+
+from ..healthy_missions import FILE, OFF, PRESET, healthy_logs, kept
+
+MOTOR = ("torque_constant", "resistance", "coulomb_friction", "propeller_torque")
+SURGE = ("alpha", "beta")
+
+
+@pytest.fixture(scope="module")
+def logs():
+    return healthy_logs()
+
+
+@pytest.fixture(scope="module")
+def calibration(logs):
+    return calibrated(logs, FILE)
+
+
+def was_fitted(calibration, name):
+    return name in calibration.part(name).fit.names
+
+
+def test_vehicles_of_a_strangers_csv_are_found_within_their_intervals():
+    results = study(CalibrationStudy(vehicles=6, seed=1000))
+    for name in DRAWN:
+        row = results["summary"][name]
+        assert row["inside"] >= 4, name  # fewer of 6 has probability 0.002 for one parameter if intervals are honest
+        assert row["half_width"] < 0.06 and row["error"] < 0.03 < 0.08 < row["error_before"]
+    assert sum(results["summary"][name]["inside"] for name in DRAWN) >= 26  # of 30
+
+
+@pytest.mark.parametrize("name", (*SURGE, *MOTOR))
+def test_estimates_are_near_the_truth_and_go_into_the_file(calibration, name):
+    truth = 1.0 if name == "propeller_torque" else getattr(OFF, name)
+    estimate = calibration.estimate(name)
+    assert estimate.low < estimate.value < estimate.high
+    assert abs(estimate.value - truth) < 4 * estimate.std < 0.2 * abs(truth)
+    if name != "propeller_torque":
+        assert estimate.value == getattr(calibration.vehicle.vehicle, name)
+        assert estimate.before == getattr(PRESET, name)
+
+
+def test_noise_and_disturbance_are_those_of_the_plant(calibration):
+    for name, std in FILE.noise.items():
+        doubt = 0.25 if name.endswith("rpm") else 0.1
+        assert calibration.vehicle.noise[name] == pytest.approx(std, rel=doubt), name
+    assert calibration.vehicle.vehicle.disturbance_std == pytest.approx(PRESET.disturbance_std, rel=0.35)
+
+
+def test_model_without_noise_predicts_the_plant_itself():
+    samples = samples_of(healthy_logs(noise=0.0, n=2))
+    left = errors(samples, replace(FILE, vehicle=OFF))
+    assert np.nanmax(abs(left["speed"])) < 2e-3  # m/s, in 90 s of free simulation
+    for side in ("port", "starboard"):  # the motors get the speed as a mean over two seconds
+        assert np.nanstd(left[f"{side}_rpm"]) < 0.15
+        assert np.nanstd(left[f"{side}_current"]) < 2e-3
+
+
+def test_constant_speed_tells_the_ratio_of_thrust_to_drag_only():
+    found = calibrated(healthy_logs(mission=0.4), FILE)
+    assert not was_fitted(found, "alpha")
+    assert found.vehicle.vehicle.alpha == PRESET.alpha
+    assert "%" in found.estimate("alpha").why or "hardly" in found.estimate("alpha").why
+    assert "speed steps" in found.estimate("alpha").remedy
+    vehicle = found.vehicle.vehicle
+    assert vehicle.beta / vehicle.alpha == pytest.approx(OFF.beta / OFF.alpha, rel=0.02)
+
+
+def test_rudder_tells_gamma_and_its_absence_leaves_it(calibration):
+    assert not was_fitted(calibration, "gamma")
+    assert calibration.estimate("gamma").why == "rudder and planes do not move"
+    assert calibration.vehicle.vehicle.gamma == PRESET.gamma
+    truth = replace(OFF, gamma=1.5 * OFF.gamma)
+    found = calibrated(healthy_logs(truth, rudder=0.35, n_samples=1200), FILE)
+    estimate = found.estimate("gamma")
+    assert was_fitted(found, "gamma")
+    assert abs(estimate.value - truth.gamma) < 4 * estimate.std
+    assert estimate.std < LARGEST_STD * abs(truth.gamma)
+
+
+@pytest.mark.parametrize(
+    ("channels", "why"),
+    [
+        (("speed", "port_rpm", "starboard_rpm"), "no current"),
+        (("speed", "port_current"), "neither a shaft speed nor a voltage"),
+    ],
+)
+def test_motors_without_their_readings_keep_the_file(logs, channels, why):
+    found = calibrated(kept(logs, channels), FILE)
+    for name in MOTOR:
+        assert not was_fitted(found, name)
+        assert why in found.estimate(name).why
+        assert found.estimate(name).value == found.estimate(name).before
+    assert found.vehicle.vehicle.resistance == PRESET.resistance
+
+
+def test_without_speed_nothing_of_the_hull_is_invented(logs):
+    found = calibrated(kept(logs, ("port_voltage", "port_current", "port_rpm")), FILE)
+    assert all(not was_fitted(found, name) for name in SURGE)
+    assert "no speed reading" in found.estimate("alpha").why
+    assert was_fitted(found, "torque_constant")  # with the commanded speed
+
+
+def test_one_shaft_at_one_hertz_without_rpm(logs):
+    """The thrust rests on shaft speeds that the motors' fit makes of the voltage, and its interval knows of it."""
+    truth = replace(PRESET, coulomb_friction=1.3 * PRESET.coulomb_friction, alpha=1.2 * PRESET.alpha)
+    poor = kept(healthy_logs(truth, n=12), ("speed", "port_voltage", "port_current"), every=10)
+    columns = {name: FILE.columns[name] for name in ("speed", "port_voltage", "port_current")}
+    found = calibrated(poor, VehicleFile(PRESET, columns, sample_rate=1.0, shafts=1))
+    assert not was_fitted(found, "viscous_friction")
+    friction = found.estimate("coulomb_friction")
+    assert abs(friction.value - truth.coulomb_friction) < 4 * friction.std < 0.3 * truth.coulomb_friction
+    for name in SURGE:
+        estimate = found.estimate(name)
+        assert abs(estimate.value - getattr(truth, name)) < 4 * estimate.std < 0.5 * abs(getattr(truth, name))
+    assert found.vehicle.shafts == 1
+
+
+def test_band_is_the_files_after_one_mission_and_that_of_the_missions_after_many():
+    few = calibrated(healthy_logs(n=1, n_samples=1500), FILE)
+    many = calibrated(healthy_logs(n=16, n_samples=600, band=3.0), FILE)  # three times as wide as the file says
+    for name in MOTOR[:3]:
+        assert few.vehicle.band[name] > 0.85 * BAND[name]  # both shafts together tell a little
+        assert 1.5 * BAND[name] < many.vehicle.band[name] < 6.0 * BAND[name], name
+    assert few.vehicle.band["c1"] == few.vehicle.band["c2"]
+
+
+def test_sides_that_are_alike_differ_by_no_more_than_their_errors(calibration):
+    for name, (difference, std) in side_differences(calibration).items():
+        assert abs(difference) < 4 * std, name
+
+
+def test_side_that_is_not_alike_is_told():
+    logs = healthy_logs()
+    for log in logs:  # a port current sensor that reads 10 % more looks like more friction and less resistance
+        log.observation[:, list(FILE.columns).index("port_current")] *= 1.1
+    difference, std = side_differences(calibrated(logs, FILE))["coulomb_friction"]
+    assert difference > 4 * std
+
+
+def test_mission_unlike_the_others_is_seen_by_the_fit_without_it():
+    logs = [*healthy_logs(n=4), *healthy_logs(replace(OFF, alpha=1.5 * OFF.alpha), n=2, seed=50)[1:]]
+    samples = samples_of(logs)
+    rows = leave_one_out(samples, calibrated(logs, FILE), [log.name for log in logs])
+    assert len(rows) == 5
+    *usual, odd = [row.error_without["speed"] for row in rows]
+    assert odd > 1.5 * max(usual)
+    assert rows[-1].error["speed"] < odd
+    assert leave_one_out(samples_of(logs[:1]), calibrated(logs[:1], FILE), ["only"]) == []
+
+
+def test_every_parameter_is_either_fitted_or_explained(calibration):
+    for name in NAMES:
+        assert was_fitted(calibration, name) != bool(calibration.estimate(name).why), name
+
+
+def test_file_of_another_preset_finds_the_same_vehicle(logs, calibration):
+    other = calibrated(logs, replace(FILE, vehicle=PRESETS["thesis1992"]))
+    for name in (*SURGE, *MOTOR[:3]):
+        one, two = other.estimate(name), calibration.estimate(name)
+        assert one.value == pytest.approx(two.value, abs=0.1 * two.std), name

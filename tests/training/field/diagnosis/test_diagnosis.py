@@ -1,0 +1,165 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auv_fault_env.channels import CHANNELS, READINGS
+from auv_fault_env.errors import InputError
+from auv_fault_env.faults import classes
+from training.field.diagnosis.diagnosis import (
+    FAULT,
+    HEALTHY,
+    THRESHOLDS,
+    alarm_along,
+    beliefs,
+    diagnoser_for,
+    intervals,
+    persistence,
+    verdict,
+)
+from training.field.logs.resolution import resolution
+
+from ..fleet_logs import NAMES, VEHICLE, episode, log_of
+
+THRESHOLD = THRESHOLDS["filter_bank"]
+ONE_SHAFT = replace(
+    VEHICLE,
+    shafts=1,
+    sample_rate=1.0,
+    columns={name: VEHICLE.columns[name] for name in ("speed_command", "speed", "port_voltage", "port_current")},
+)
+
+
+def judged(log, vehicle=VEHICLE, name="filter_bank"):
+    belief = beliefs(log, name, vehicle)
+    return verdict("log.csv", log, belief, alarm_along(log, belief, THRESHOLDS[name], persistence(vehicle)), vehicle)
+
+
+def of_vehicle(observations, vehicle):
+    """The log as a vehicle with fewer channels and a lower rate has it."""
+    seen = np.full(observations.shape, np.nan)
+    columns = [NAMES.index(name) for name in vehicle.columns]
+    step = round(10 / vehicle.sample_rate)
+    seen[::step, columns] = observations[::step, columns]
+    return seen
+
+
+def test_a_healthy_log_is_healthy():
+    one = judged(log_of(episode()))
+    assert one.verdict == HEALTHY
+    assert one.alarm_time is None and one.fault is None and one.severity is None
+    assert one.duration == pytest.approx(19.9)
+
+
+@pytest.mark.parametrize(
+    ("fault", "name", "side", "sign"),
+    [
+        ("seal_friction:port", "seal_friction:port", "port", 1),
+        ("propeller_loss:starboard", "propeller_loss:starboard", "starboard", -1),
+        ("sensor_scale:acceleration", "sensor:acceleration", None, 0),
+    ],
+)
+def test_a_fault_is_named_with_side_severity_and_sign_of_the_load(fault, name, side, sign):
+    one = judged(log_of(episode(fault)))
+    assert (one.verdict, one.fault, one.side) == (FAULT, name, side)
+    assert 5.0 < one.alarm_time < 12.0
+    assert one.severity_low <= 0.9 <= one.severity_high
+    assert one.top[0][0] == name and one.top[0][1] > 0.5
+    loads = dict(one.load)
+    if side:
+        assert sign * loads.pop(side) > 0.1
+    assert all(abs(load) < 0.1 for load in loads.values())
+
+
+def test_every_diagnoser_on_offer_reads_a_log():
+    log = log_of(episode("propeller_loss:port", n_samples=100))
+    for name in THRESHOLDS:
+        belief = beliefs(log, name, VEHICLE)
+        np.testing.assert_allclose(np.exp(belief.log_probability).sum(axis=1), 1.0, rtol=1e-5)
+
+
+def test_each_segment_begins_anew():
+    observations = episode("seal_friction:port")
+    whole = log_of(np.concatenate([observations, observations]), (slice(0, 200), slice(200, 400)))
+    belief = beliefs(whole, "filter_bank", VEHICLE)
+    np.testing.assert_array_equal(belief.log_probability[:200], belief.log_probability[200:])
+    assert len(judged(whole).alarms) == 2
+
+
+def test_intervals_end_with_the_alarm_or_the_segment():
+    log = log_of(np.zeros((10, len(NAMES))), (slice(0, 6), slice(6, 10)))
+    standing = np.array([0, 1, 1, 0, 1, 1, 1, 0, 0, 1], bool)
+    spans = [(0.1, 0.2), (0.4, 0.5), (0.6, 0.6), (0.9, 0.9)]
+    np.testing.assert_allclose(intervals(log, standing), spans)
+
+
+def test_an_alarm_does_not_reach_from_one_segment_into_the_next():
+    log = log_of(np.zeros((8, len(NAMES))), (slice(0, 4), slice(4, 8)))
+    belief = beliefs(log, "filter_bank", VEHICLE)
+    belief.log_probability[:, 0] = [0, 0, -99, -99, -99, 0, 0, 0]
+    assert not alarm_along(log, belief, THRESHOLD, 3).any()
+    assert alarm_along(log, belief, THRESHOLD, 2).tolist() == [False, False, False, True] + 4 * [False]
+
+
+def test_the_own_parameters_count():
+    """What is healthy for one vehicle is a fault of another, whose seals bind less."""
+    friction = VEHICLE.vehicle.coulomb_friction / 2.5
+    one = judged(log_of(episode()), replace(VEHICLE, vehicle=replace(VEHICLE.vehicle, coulomb_friction=friction)))
+    assert one.verdict == FAULT and one.alarm_time < 10.0
+    assert one.load["port"] > 0.1 and one.load["starboard"] > 0.1
+
+
+def test_one_shaft_at_one_hertz_without_rpm():
+    healthy, faulty = (of_vehicle(episode(fault, n_samples=600), ONE_SHAFT) for fault in (None, "seal_friction:port"))
+    assert judged(log_of(healthy), ONE_SHAFT).verdict == HEALTHY
+    one = judged(log_of(faulty), ONE_SHAFT)
+    assert one.verdict == FAULT and one.side == "port" and one.alarm_time > 5.0
+    assert one.load["port"] > 0.1 and set(one.load) == {"port"}
+
+
+def test_what_does_not_exist_cannot_fail():
+    belief = beliefs(log_of(of_vehicle(episode(), ONE_SHAFT)), "filter_bank", ONE_SHAFT)
+    absent = [name for name in READINGS if name not in ONE_SHAFT.columns]
+    impossible = [k for k, name in enumerate(classes()) if "starboard" in name or name[7:] in absent]
+    assert len(impossible) == 9
+    assert not np.exp(belief.log_probability[:, impossible]).any()
+
+
+@pytest.mark.parametrize("vehicle", [ONE_SHAFT, replace(VEHICLE, sample_rate=5.0)], ids=["channels", "rate"])
+def test_the_others_refuse_a_silence_that_they_would_take_for_a_fault(vehicle):
+    with pytest.raises(InputError, match="filter_bank for a vehicle without"):
+        diagnoser_for("limits", vehicle, {})
+
+
+def test_a_shaft_of_which_nothing_is_logged_is_refused():
+    columns = {name: column for name, column in VEHICLE.columns.items() if not name.startswith("port")}
+    with pytest.raises(InputError, match="port_voltage or port_rpm"):
+        diagnoser_for("filter_bank", replace(VEHICLE, columns=columns), {})
+
+
+def test_an_unknown_diagnoser_is_refused_with_the_nearest_one():
+    with pytest.raises(InputError, match="did you mean 'filter_bank'"):
+        diagnoser_for("filterbank", VEHICLE, {})
+
+
+@pytest.mark.parametrize("voltage", [1, 2])
+def test_a_coarse_log_is_no_stuck_sensor(voltage):
+    places = {"m/s": 2, "m/s^2": 3, "V": voltage, "A": 2, "rpm": 0}
+    coarse = episode(n_samples=600).copy()
+    for name in READINGS:
+        coarse[:, NAMES.index(name)] = coarse[:, NAMES.index(name)].round(places[CHANNELS[name].unit])
+    assert judged(log_of(coarse)).verdict == HEALTHY
+    unaware = diagnoser_for("filter_bank", VEHICLE, {})
+    unaware.reset(1)
+    deepest = min(unaware.update(row[None]).log_probability[0, 0] for row in coarse)
+    assert deepest < THRESHOLD
+
+
+def test_resolution_is_the_step_of_a_grid_that_the_values_lie_on():
+    random = np.random.default_rng(1)
+    values = random.normal(1.0, 0.1, 400)
+    assert resolution(values, noise=1.0) == 0.0
+    assert resolution(values.round(3) * 0.3048, noise=1.0) == pytest.approx(3.048e-4)
+    assert resolution(np.where(random.random(400) < 0.9, np.nan, values.round(2)), noise=1.0) == pytest.approx(0.01)
+    assert resolution(np.full(9, 3.0), noise=0.1) == pytest.approx(0.25)
+    assert resolution(values.round(1), noise=0.001) == pytest.approx(0.0025)

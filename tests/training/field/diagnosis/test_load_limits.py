@@ -1,0 +1,30 @@
+import numpy as np
+import pytest
+
+from training.field.diagnosis.load_limits import LEAST, WINDOW, load_limits, overloaded, running_loads
+
+from ..fleet_logs import NAMES, VEHICLE, episode, log_of
+
+HEALTHY = [log_of(episode(n_samples=400, seed=seed)) for seed in (21, 22, 23)]
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
+def test_more_and_less_load_are_beyond_the_limits_and_health_is_not(factor):
+    limits = load_limits(HEALTHY, VEHICLE)
+    observations = episode(n_samples=400, seed=24).copy()
+    observations[:, NAMES.index("port_current")] *= factor
+    beyond = overloaded(log_of(observations), VEHICLE, limits)
+    assert beyond[WINDOW:].all() == (factor != 1.0) == beyond.any()
+    assert all(low <= -LEAST < LEAST <= high for low, high in limits.values())
+
+
+def test_a_load_needs_a_whole_window_of_its_own_segment():
+    observations = np.concatenate([episode(n_samples=400, seed=21)] * 2)
+    load = running_loads(log_of(observations, (slice(0, 400), slice(400, 800))), VEHICLE)["port"]
+    assert np.isnan(load[: WINDOW - 1]).all() and np.isnan(load[400 : 400 + WINDOW - 1]).all()
+    np.testing.assert_allclose(load[WINDOW:400], load[400 + WINDOW :])
+
+
+def test_without_healthy_logs_there_is_no_limit():
+    assert load_limits([], VEHICLE) == {}
+    assert not overloaded(HEALTHY[0], VEHICLE, {}).any()

@@ -1,0 +1,208 @@
+import numpy as np
+import pytest
+
+from auv_fault_env import CHANNELS
+from auv_fault_env.errors import InputError
+from training.field.logs.table import Table
+from training.field.proposal.header import meaning
+from training.field.proposal.proposal import propose
+from training.field.vehicle_file import Column, read_vehicle, write_vehicle
+
+PHASE = np.linspace(0, 6, 300)
+SPEED = 0.4 + 0.1 * np.sin(PHASE)  # m/s
+RPM = 350 + 90 * np.sin(PHASE)
+TIME = 0.1 * np.arange(300)
+KNOT = 1852 / 3600
+
+# Names that logs have, and what they are: quantity, side, unit.
+HEADERS = {
+    "u_mps": ("speed", "port", "m/s"),
+    "Speed [kn]": ("speed", "port", "kn"),
+    "speed (ft/s)": ("speed", "port", "ft/s"),
+    "u_velo [m/s]": ("speed", "port", "m/s"),
+    "surge_m_s": ("speed", "port", "m/s"),
+    "rpm_port": ("rpm", "port", "rpm"),
+    "StbdRPM": ("rpm", "starboard", "rpm"),
+    "n_stbd": ("rpm", "starboard", None),
+    "n_prop [rps]": ("rpm", "port", "rev/s"),
+    "motor 2 speed (rad/s)": ("rpm", "starboard", "rad/s"),
+    "prop_speed": ("rpm", "port", None),
+    "thruster1_current_A": ("current", "port", "A"),
+    "i_left_mA": ("current", "port", "mA"),
+    "V_port": ("voltage", "port", None),
+    "Right motor voltage [V]": ("voltage", "starboard", "V"),
+    "a_x": ("acceleration", "port", None),
+    "surge accel (g)": ("acceleration", "port", "g"),
+    "delta_rudder [rad]": ("rudder", "port", "rad"),
+    "stern_plane_deg": ("stern_plane", "port", "deg"),
+    "speed_setpoint_kn": ("speed_command", "port", "kn"),
+    "v_set": ("speed_command", "port", None),
+    "mission_speed": ("mission_speed", "port", None),
+    "pwm2": ("motor_command", "starboard", None),
+    "rpm_cmd_port": ("motor_command", "port", "rpm"),
+    "t [s]": ("time", "port", "s"),
+    "Timestamp_ms": ("time", "port", "ms"),
+}
+NONE = [
+    "V_bat",
+    "wind_velo_true [m/s]",
+    "v [m/s]",
+    "psi_hat [rad]",
+    "r_angvelo [rad/s]",
+    "depth",
+    "rpm_3",
+    "a.b",
+    "",
+    "x [m]",
+]
+
+
+@pytest.mark.parametrize(("name", "expected"), HEADERS.items())
+def test_meaning_of_a_name(name, expected):
+    assert meaning(name)[:3] == expected
+
+
+@pytest.mark.parametrize("name", NONE)
+def test_names_of_other_things(name):
+    assert meaning(name) is None
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_every_channel_is_found_by_its_own_name(channel):
+    columns = {"time": TIME, "speed": SPEED, channel: RPM / 30}
+    assert propose(Table(columns, ()), "own").vehicle.columns[channel].name == channel
+
+
+def proposal(**columns):
+    return propose(Table({"t": TIME, "u": SPEED} | columns, ()), "otter")
+
+
+def test_a_strangers_log():
+    table = Table(
+        {
+            "Time [ms]": 1000 * TIME,
+            "Speed [kn]": SPEED / KNOT,
+            "rpm_port": -RPM,
+            "n_stbd": RPM / 60,
+            "thruster1_current_A": 0.3 + RPM / 1000,
+            "V_bat": 24 - TIME / 100,
+            "depth": TIME,
+            "mode": np.full(300, np.nan),
+        },
+        (),
+    )
+    vehicle, comments, missing, _ = propose(table, "otter")
+    assert vehicle.vehicle.name == "otter"
+    assert vehicle.time == Column("Time [ms]", 1e-3)
+    assert (vehicle.sample_rate, vehicle.shafts) == (10.0, 2)
+    assert vehicle.columns == {
+        "speed": Column("Speed [kn]", KNOT),
+        "port_current": Column("thruster1_current_A"),
+        "port_rpm": Column("rpm_port", -1.0),
+        "starboard_rpm": Column("n_stbd", 60.0),
+    }
+    assert "turned round" in comments["channels.port_rpm.column"]
+    assert "rev/s by its size" in comments["channels.starboard_rpm.column"]
+    assert any(line.startswith("port_voltage: no column") for line in missing)
+    assert not any("starboard_rpm" in line for line in missing)
+
+
+def test_proposal_survives_the_file_and_its_guesses_stand_in_it(tmp_path):
+    vehicle, comments, _, _ = proposal(rpm=RPM)
+    path = tmp_path / "vehicle.toml"
+    write_vehicle(path, vehicle, comments)
+    assert read_vehicle(path) == vehicle
+    text = path.read_text()
+    for comment in comments.values():
+        assert f"{comment}\n" in text
+
+
+def test_one_shaft_needs_no_starboard():
+    vehicle, _, missing, _ = proposal(rpm=RPM)
+    assert vehicle.shafts == 1
+    assert not any("starboard" in line for line in missing)
+
+
+EPOCH = 1_772_366_400.0
+TIMES = {
+    "seconds": (TIME, 1.0, 10.0),
+    "milliseconds": (1e3 * TIME, 1e-3, 10.0),
+    "microseconds": (1e6 * TIME, 1e-6, 10.0),
+    "nanoseconds": (1e9 * TIME, 1e-9, 10.0),
+    "since 1970 in seconds": (EPOCH + TIME, 1.0, 10.0),
+    "since 1970 in milliseconds": (1e3 * (EPOCH + TIME), 1e-3, 10.0),
+    "since 1970 in microseconds": (1e6 * (EPOCH + TIME), 1e-6, 10.0),
+    "since 1970 in nanoseconds": (1e9 * (EPOCH + TIME), 1e-9, 10.0),
+    "once a second": (10 * TIME, 1.0, 1.0),
+    "once a second in milliseconds": (1e4 * TIME, 1e-3, 1.0),
+    "hundred times a second": (TIME / 10, 1.0, 100.0),
+    "coarse clock": (np.floor(TIME), 1.0, pytest.approx(10.3, abs=0.1)),
+    "with gaps and repetitions": (np.where(np.arange(300) % 50 == 3, TIME - 0.1, TIME), 1.0, 10.0),
+}
+
+
+@pytest.mark.parametrize(("stamps", "scale", "rate"), TIMES.values(), ids=TIMES)
+def test_unit_of_time_and_sample_rate(stamps, scale, rate):
+    vehicle = propose(Table({"t": stamps, "u": SPEED}, ()), "otter").vehicle
+    assert vehicle.time.scale == scale
+    assert vehicle.sample_rate == rate
+
+
+def test_log_without_time_says_so():
+    vehicle, _, missing, _ = propose(Table({"u": SPEED, "time": np.zeros(300)}, ()), "otter")
+    assert vehicle.time is None
+    assert any(line.startswith("time: no column") for line in missing)
+
+
+UNITS = {
+    "degrees": ("rudder", 20 * np.sin(PHASE), np.pi / 180),
+    "radians": ("rudder", 0.3 * np.sin(PHASE), 1.0),
+    "centimetres per second": ("speed", 100 * SPEED, 0.01),
+    "millivolts": ("port_voltage", 5000 + RPM, 1e-3),
+    "revolutions per second": ("n", RPM / 60, 60.0),
+}
+
+
+@pytest.mark.parametrize(("name", "values", "scale"), UNITS.values(), ids=UNITS)
+def test_unit_by_size(name, values, scale):
+    columns = {"t": TIME, "acceleration": SPEED - 0.4, name: values}
+    found = propose(Table(columns, ()), "otter").vehicle.columns.values()
+    assert Column(name, pytest.approx(scale)) in found
+
+
+def test_signs_follow_the_speed():
+    found = proposal(u=-SPEED, rpm_port=-RPM, n_stbd=RPM, i_port=-0.2 - SPEED).vehicle.columns
+    signs = {channel: np.sign(column.scale) for channel, column in found.items()}
+    assert signs == {"speed": -1, "port_current": -1, "port_rpm": -1, "starboard_rpm": 1}
+
+
+def test_constant_and_second_columns_are_left_out_and_said():
+    vehicle, _, _, left = proposal(rpm=RPM, n=RPM, V_port=np.full(300, 12.0))
+    assert "port_voltage" not in vehicle.columns
+    assert any("'V_port': it is constant" in line for line in left)
+    assert any("'n': port_rpm is 'rpm'" in line for line in left)
+
+
+def test_setpoint_is_mission_speed_and_speed_command():
+    found = proposal(speed_setpoint=SPEED).vehicle.columns
+    assert found["mission_speed"] == found["speed_command"] == Column("speed_setpoint")
+
+
+def test_motor_command_stands_in_for_a_missing_shaft_speed_only():
+    vehicle, comments, _, _ = proposal(throttle=100 * SPEED)
+    assert vehicle.columns["port_rpm"] == Column("throttle", pytest.approx(1500 / (100 * SPEED.max())), 0.0)
+    assert "stands in" in comments["channels.port_rpm.column"]
+    vehicle, _, _, left = proposal(throttle=100 * SPEED, rpm=RPM)
+    assert vehicle.columns["port_rpm"].name == "rpm"
+    assert any("'throttle'" in line for line in left)
+
+
+def test_pulse_widths_are_at_rest_where_they_are_least():
+    pwm = 1100 + 800 * PHASE / PHASE.max()
+    column = proposal(pwm1=pwm).vehicle.columns["port_rpm"]
+    np.testing.assert_allclose(column.scale * pwm[[0, -1]] + column.offset, [0, 1500], atol=1e-6)
+
+
+def test_log_of_something_else_is_refused():
+    with pytest.raises(InputError, match="got 't, depth'; allowed is one with a column for at least one of speed"):
+        propose(Table({"t": TIME, "depth": TIME}, ()), "otter")

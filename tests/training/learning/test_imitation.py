@@ -1,0 +1,88 @@
+"""The start of the agent: after watching the rule by hand it does about the same, and knows what that is worth."""
+
+import numpy as np
+import pytest
+import torch
+
+from auv_fault_env import classes
+from diagnosers import Belief
+from training.active_env.sb3 import ActiveVecEnv
+from training.active_env.vector import ActiveDiagnosisVectorEnv
+from training.learning.constraint import ConstrainedVecEnv
+from training.learning.imitation import imitate, watched
+from training.learning.stimulus import StimulusTrainer, seeded
+from training.stimuli import STIMULI
+from training.stimuli.base import EPISODE, LARGEST
+from training.stimuli.light_bank import lighter_bank
+from training.stimuli.policy_inputs import bent_odds, unbent
+from training.stimuli.surge_ahead import GAIN, surge_ahead
+
+
+def probabilities(**chances):
+    rest = (1.0 - sum(chances.values())) / (len(classes()) - len(chances))
+    return np.log([[chances.get(name.replace(":", "_"), rest) for name in classes()]])
+
+
+def ahead(log_probability, budget=0.1):
+    return surge_ahead(log_probability, np.array([EPISODE * budget**2]))[0]
+
+
+def test_it_goes_ahead_by_the_odds_and_the_budget_where_doubt_is_of_hull_and_propellers():
+    for budget in (0.05, 0.1):
+        even = ahead(probabilities(normal=0.5, increased_drag=0.49), budget)
+        assert even == pytest.approx(GAIN * budget, rel=0.05)
+    assert ahead(probabilities(normal=0.6, increased_drag=0.3)) == pytest.approx(GAIN * 0.1 * 0.3 / 0.6, rel=0.2)
+    assert ahead(probabilities(normal=0.01, propeller_damage_port=0.45, propeller_loss_port=0.4)) == LARGEST
+    assert ahead(np.where(np.arange(len(classes())) == 1, -1e-9, -1e30)[None]) == LARGEST
+    assert ahead(probabilities(normal=0.1, motor_overheating_port=0.85)) == 0.0
+
+
+def test_bent_odds_are_unbent():
+    for normal in (0.999, 0.6, 0.01):
+        log_probability = probabilities(normal=normal)
+        np.testing.assert_allclose(unbent(bent_odds(log_probability)), log_probability, rtol=1e-9)
+
+
+def test_the_stimulus_follows_the_odds():
+    reading, stimulus = np.zeros((1, 12)), STIMULI["triggered_surge"](0.1)
+    reading[:, :2] = 0.3
+    offsets = []
+    for k, normal in enumerate((0.99, 0.5, 0.5, 0.99)):
+        told = probabilities(normal=normal, increased_drag=0.9 * (1.0 - normal))
+        offsets.append(stimulus.offset(k, reading, Belief(told, np.zeros_like(told), np.zeros_like(told)))[0])
+    assert offsets[1] == pytest.approx(offsets[2], rel=1e-2) and offsets[1] > 5.0 * offsets[0] > 0.0
+    assert offsets[3] == pytest.approx(offsets[0], rel=1e-2)
+
+
+def test_worth_is_the_discounted_sum_of_what_follows():
+    env = ConstrainedVecEnv(ActiveVecEnv(ActiveDiagnosisVectorEnv(3, 4, "random", cost_weight=0.0)))
+    env.seed(1)
+    lessons = watched(env, 10, 0.5)
+    worth, gains = lessons.worth.reshape(10, 3), []
+    env.seed(1)
+    env.reset()
+    for done in lessons.done.reshape(10, 3, 1):
+        gains.append(env.step(done.numpy())[1])
+    for first in (0, 4):  # an episode is four decisions
+        expected = sum(0.5**k * gains[first + k] for k in range(4))
+        np.testing.assert_allclose(worth[first], expected, rtol=1e-5, atol=1e-6)
+
+
+def test_actor_and_critic_learn_what_was_done_and_what_it_was_worth():
+    trainer = StimulusTrainer(0)
+    env = ConstrainedVecEnv(ActiveVecEnv(ActiveDiagnosisVectorEnv(64, diagnoser=lighter_bank(), cost_weight=0.0)))
+    env.seed(1)
+    lessons, policy = watched(env, 60, 0.9), trainer.model.policy
+
+    def errors():
+        with torch.inference_mode():
+            mean = policy.get_distribution(lessons.seen).distribution.mean
+            values = policy.predict_values(lessons.seen)[:, 0]
+        return [float((a - b).square().mean()) for a, b in ((mean, lessons.done), (values, lessons.worth))]
+
+    before = errors()
+    with seeded(0):
+        imitate(policy, trainer.learner, lessons)
+    after = errors()
+    assert lessons.done.max() > 0.5
+    assert after[0] < 0.5 * float(lessons.done.square().mean()) and after[1] < 0.9 * before[1]

@@ -1,0 +1,73 @@
+"""Training of the integrated network on a few short lessons."""
+
+import numpy as np
+import pytest
+import torch
+
+from training.learning import integrated
+from training.learning.integrated import CLASSES, FEATURES, IntegratedTrainer, calibrate, image, lesson, mirrored_if
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    for name, value in dict(LANES=8, LESSONS=2, GLANCES=3, GLANCED=16, BATCH=4, LOOKING=1, TRIED=1).items():
+        monkeypatch.setattr(integrated, name, value)
+    monkeypatch.setattr("training.learning.episodes.N_SAMPLES", 60)
+
+
+def test_a_restored_trainer_goes_on_bit_for_bit():
+    one, other = IntegratedTrainer(3), IntegratedTrainer(3)
+    one.epoch(0)
+    other.restore({name: np.array(tensor) for name, tensor in one.state().items()})
+    assert one.epoch(1) == other.epoch(1)
+    assert one.validate() == other.validate()
+    for name, tensor in one.state().items():
+        np.testing.assert_array_equal(other.state()[name], tensor, strict=True)
+
+
+def test_memory_learns_only_after_the_encoder():
+    trainer = IntegratedTrainer(0)
+    at_start = trainer.state()
+    trainer.epoch(0)
+    after = trainer.state()
+    assert np.array_equal(after["memory.weight_hh_l0"], at_start["memory.weight_hh_l0"])
+    assert not np.array_equal(after["encoder.0.weight"], at_start["encoder.0.weight"])
+    trainer.epoch(1)
+    assert not np.array_equal(trainer.state()["memory.weight_hh_l0"], after["memory.weight_hh_l0"])
+
+
+def test_epochs_and_purposes_learn_from_different_episodes():
+    features = [
+        lesson(purpose, first).features for purpose, first in (("training", 0), ("training", 8), ("validation", 0))
+    ]
+    assert all(not torch.equal(features[a], features[b]) for a, b in ((0, 1), (0, 2), (1, 2)))
+    assert torch.equal(lesson("training", 0).features, features[0])
+
+
+def test_mirror_image_is_its_own_inverse_and_swaps_the_label():
+    taught = lesson("training", 0)
+    port, starboard = (CLASSES.index(f"seal_friction:{side}") for side in ("port", "starboard"))
+    taught = taught._replace(label=torch.full_like(taught.label, port))
+    swapped = mirrored_if(1, taught)
+    assert (swapped.label == starboard).all()
+    assert torch.equal(mirrored_if(1, swapped).features, taught.features)
+    assert mirrored_if(0, taught) is taught
+    assert FEATURES[image(FEATURES)[FEATURES.index("port_rpm:step")]] == "starboard_rpm:step"
+
+
+def test_calibration_mends_what_is_too_sure():
+    generator = torch.Generator().manual_seed(0)
+    network = IntegratedTrainer(0).network
+    truth = torch.randn(4000, len(CLASSES), generator=generator)
+    label = torch.distributions.Categorical(logits=truth).sample()
+    before, after = calibrate(network, 3.0 * truth, label)
+    assert after < before
+    assert abs(float(network.sharpness) - 1 / 3) < 0.05
+
+
+def test_finish_gives_a_diagnoser_with_what_was_learnt():
+    trainer = IntegratedTrainer(0)
+    trainer.epoch(0)
+    diagnoser, figures = trainer.finish()
+    assert figures["calibration_loss"] <= figures["calibration_loss_before"]
+    assert np.array_equal(diagnoser.tensors()["trust"], trainer.state()["trust"])

@@ -1,0 +1,47 @@
+"""The bank that stimuli are learnt beside: few filters, and beliefs like those of the whole one."""
+
+import numpy as np
+
+from auv_fault_env import FaultEvent, Fleet, classes
+from diagnosers import check_diagnoser, make
+from training.stimuli.light_bank import PRIOR, SUSPECTED, UNSUSPECTED, lighter_bank, suspected
+
+
+def test_it_has_the_classes_of_all_and_the_filters_of_few():
+    bank, whole = lighter_bank(), make("filter_bank")
+    assert bank.classes == whole.classes
+    filters = [one.hypotheses().hypothesis.size for one in (bank, whole)]
+    assert filters[0] < filters[1] / 8
+    assert set(PRIOR) < set(SUSPECTED) < set(classes())
+    check_diagnoser(bank)
+
+
+def test_a_class_without_a_hypothesis_is_impossible_and_the_others_share_all():
+    bank = lighter_bank()
+    belief = bank_after(bank, FaultEvent("sensor_bias:port_current", 1.0, 1.0), 40)
+    assert UNSUSPECTED.sum() == 6
+    assert (belief.log_probability[:, UNSUSPECTED] < -1e5).all()
+    np.testing.assert_allclose(np.exp(belief.log_probability).sum(axis=1), 1.0)
+
+
+def test_what_is_not_suspected_is_dropped_and_the_rest_stays():
+    belief = bank_after(make("filter_bank"), FaultEvent("sensor_bias:port_current", 1.0, 1.0), 40)
+    seen = suspected(belief)
+    assert (seen.log_probability[:, UNSUSPECTED] < -1e5).all()
+    np.testing.assert_array_equal(seen.log_probability[:, ~UNSUSPECTED], belief.log_probability[:, ~UNSUSPECTED])
+
+
+def test_it_names_a_lost_propeller_as_the_whole_bank_does():
+    for bank in (lighter_bank(), make("filter_bank")):
+        belief = bank_after(bank, FaultEvent("propeller_loss:port", 2.0, 1.0), 100)
+        assert (belief.log_probability.argmax(axis=1) == list(classes()).index("propeller_loss:port")).all()
+
+
+def bank_after(bank, event, n_samples):
+    fleet = Fleet(4)
+    reading = fleet.reset(range(4), schedules=[(event,)] * 4, missions=["thesis"] * 4)
+    bank.reset(4)
+    for _ in range(n_samples):
+        belief = bank.update(reading)
+        reading = fleet.advance(reading[:, :1].astype(float) * [1.0, 0.0, 0.0])
+    return belief

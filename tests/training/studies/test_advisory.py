@@ -1,0 +1,196 @@
+"""Missions end as they should, their books balance, and the page comes from the results."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from auv_fault_env.errors import InputError
+from auv_fault_env.faults import classes
+from auv_fault_env.fleet import Fleet
+from auv_fault_env.parameters import PRESETS
+from auv_fault_env.schedules import FaultEvent
+from diagnosers import make
+from diagnosers.advisory import ABORT, CONTINUE, RETURN, Situation, advise
+from training.studies import advisory, mission_runs
+from training.studies.advisory_page import page
+from training.studies.mission_runs import (
+    ABORTED,
+    FOLLOWED,
+    GOAL,
+    HOME,
+    IGNORED,
+    STRANDED,
+    TOLD,
+    Plan,
+    Voyages,
+    normal,
+    sail,
+)
+
+VEHICLE = PRESETS["thesis1992"]
+PLENTY = 1e6
+
+
+def situation(n_lanes=1, **values):
+    usual = dict(speed=0.5, distance_to_go=30.0, distance_home=20.0, energy_left=PLENTY, hotel_load=5.0, current=0.0)
+    return Situation(**{name: np.full(n_lanes, value, float) for name, value in (usual | values).items()})
+
+
+def told_to(level, n_lanes=1):
+    advice = advise(normal(n_lanes), situation(n_lanes), VEHICLE)
+    return advice._replace(level=np.full(n_lanes, level), speed=np.full(n_lanes, 0.0 if level == ABORT else 0.5))
+
+
+@pytest.mark.parametrize(
+    ("level", "energy", "end", "samples"),
+    [
+        (CONTINUE, PLENTY, GOAL, 600),
+        (RETURN, PLENTY, HOME, 400),
+        (ABORT, PLENTY, ABORTED, 1),
+        (CONTINUE, 60.0, STRANDED, 100),
+    ],
+)
+def test_how_a_mission_ends(level, energy, end, samples):
+    """0.5 m/s over 30 m to go or 20 m home; 1 W of the motors beside the hotel load of 5 W."""
+    mission = Voyages(situation(energy_left=energy))
+    mission.obey(told_to(level))
+    moved = 0
+    while mission.underway.any():
+        mission.move(np.array([0.5]), np.array([0.1]))
+        moved += 1
+    assert mission.outcome[0] == end
+    assert moved == pytest.approx(samples if end != ABORTED else 0, abs=1)
+    assert mission.spent[0] == pytest.approx(0.6 * moved)
+    mission.move(np.array([0.5]), np.array([0.1]))
+    assert mission.spent[0] == pytest.approx(0.6 * moved)  # what has ended uses nothing
+    assert mission.lasted[0] == pytest.approx(0.1 * moved)
+
+
+def test_a_current_against_the_way_carries_home():
+    mission = Voyages(situation(current=0.1))
+    mission.move(np.array([0.5]), np.array([0.0]))
+    assert mission.so.distance_to_go[0] == pytest.approx(30.0 - 0.04)
+    mission.obey(told_to(RETURN))
+    mission.move(np.array([0.5]), np.array([0.0]))
+    assert mission.so.distance_home[0] == pytest.approx(20.0 + 0.04 - 0.06)
+
+
+def test_the_speed_is_held_unless_its_reading_is_distrusted():
+    mission = Voyages(situation())
+    for _ in range(100):
+        command = mission.command(np.array([0.4]))
+    assert command[0, 0] == pytest.approx(0.5 + 10.0 * mission_runs.TRIM_RATE * 0.1)
+    mission.obey(told_to(CONTINUE)._replace(distrusted=np.array(["sensor:speed"])))
+    assert mission.command(np.array([0.0]))[0, 0] == 0.5
+
+
+def test_changes_of_the_action_are_counted():
+    mission = Voyages(situation(2))
+    for level in ([CONTINUE, CONTINUE], [CONTINUE, RETURN], [CONTINUE, CONTINUE], [ABORT, CONTINUE]):
+        mission.obey(told_to(CONTINUE, 2)._replace(level=np.array(level)))
+    assert mission.changes.tolist() == [1, 2]
+
+
+def test_who_is_told_the_truth_knows_class_and_severity():
+    fleet = Fleet(2)
+    fleet.reset([0, 1], schedules=[(), (FaultEvent("increased_drag", 0.0, 0.7),)])
+    for _ in range(2):
+        fleet.step(np.zeros((2, 3)))
+    belief = mission_runs.told(fleet)
+    top = belief.log_probability.argmax(axis=1)
+    assert [classes()[k] for k in top] == ["normal", "increased_drag"]
+    assert belief.severity_mean[1, top[1]] == pytest.approx(0.7)
+    np.testing.assert_allclose(np.exp(belief.log_probability).sum(axis=1), 1.0)
+
+
+def planned(schedule, n_lanes=8, **values):
+    return Plan(range(n_lanes), [schedule] * n_lanes, situation(n_lanes, **values))
+
+
+def test_on_the_plant_a_healthy_mission_uses_what_the_advice_foretells():
+    plan = planned((), distance_to_go=120.0)
+    foretold = advise(normal(8), plan.situation, VEHICLE).energy_per_metre
+    sailed = sail(plan, VEHICLE, IGNORED, make("null"))
+    assert (sailed.outcome == GOAL).all() and sailed.advice is None
+    used = sailed.spent / 120.0
+    assert used.mean() == pytest.approx(foretold.middle[0], rel=0.02)
+    assert (used > 0.98 * foretold.low).all() and (used < 1.02 * foretold.high).all()
+
+
+def test_advice_on_the_truth_saves_missions_that_ignoring_it_strands():
+    """Doubled drag, a fast mission, and a battery for less than the way at that speed."""
+    plan = planned((FaultEvent("increased_drag", 5.0, 1.0),), speed=0.8, distance_to_go=150.0, energy_left=4200.0)
+    diagnoser = make("null")
+    ignored, told = (sail(plan, VEHICLE, arm, diagnoser) for arm in (IGNORED, TOLD))
+    assert (ignored.outcome == STRANDED).all()
+    assert (told.outcome == GOAL).all()
+    assert (told.spent < 4200.0).all()
+
+
+def test_with_energy_to_spare_advice_changes_nothing():
+    plan = planned((FaultEvent("increased_drag", 2.0, 1.0),), distance_to_go=20.0)
+    ignored, followed = (sail(plan, VEHICLE, arm, make("null")) for arm in (IGNORED, FOLLOWED))
+    np.testing.assert_array_equal(ignored.spent, followed.spent)
+    assert (followed.outcome == GOAL).all() and (followed.changes == 0).all()
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """A short study by the command's own main."""
+    output = tmp_path_factory.mktemp("study") / "run"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(advisory, "LENGTH", (30.0, 60.0))
+        advisory.main(advisory.AdvisoryStudy(output=output, missions=4, diagnoser="limits"))
+    assert (output / "index.html").stat().st_size > 10_000 and (output / "manifest.json").exists()
+    return json.loads((output / "results.json").read_text())
+
+
+def test_every_mission_has_ended_once_in_every_arm(results):
+    for part in advisory.PARTS:
+        for so in results["parts"][part].values():
+            assert sum(so["outcomes"].values()) == pytest.approx(1.0)
+            assert so["completed"][0] == pytest.approx(so["outcomes"]["reached the goal"])
+    assert results["parts"]["healthy"][IGNORED]["completed"][0] == 1.0
+    assert sum(results["counts"].values()) == 2 * 4
+
+
+def test_differences_are_those_of_the_arms(results):
+    faulty, by = (results[key]["propulsion fault"] for key in ("parts", "differences"))
+    for other in (IGNORED, TOLD):
+        for quantity in ("completed", "stranded", "energy", "duration"):
+            gap, low, high = by[f"followed minus {other}"][quantity]
+            assert gap == pytest.approx(faulty[FOLLOWED][quantity][0] - faulty[other][quantity][0])
+            assert low <= gap + 1e-9 and gap <= high + 1e-9
+
+
+def test_the_page_is_made_from_results_alone(results):
+    report = page(results)
+    ends, differences, by_class, _ = report["sections"]
+    assert len(ends["table"]["rows"]) == 9 and len(differences["table"]["rows"]) == 6
+    assert [row[0] for row in by_class["table"]["rows"]] == sorted(results["counts"])
+    for section in report["sections"][:3]:
+        assert all(len(row) == len(section["table"]["columns"]) for row in section["table"]["rows"])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"missions": 0}, "missions: got 0"),
+        ({"diagnoser": "filterbank"}, "did you mean 'filter_bank'"),
+        ({"hotel_load": float("nan")}, "hotel load: got nan"),
+        ({"seed": -1}, "seed: got -1"),
+    ],
+)
+def test_bad_input_is_refused(change, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        advisory.main(advisory.AdvisoryStudy(output=tmp_path / "run", **change))
+    assert not (tmp_path / "run").exists()
+
+
+def test_bad_input_is_one_line_at_the_command_line(tmp_path):
+    command = [sys.executable, "-m", "training.studies.advisory", "--missions", "0", "--output", str(tmp_path / "run")]
+    run = subprocess.run(command, capture_output=True, text=True)
+    assert run.returncode == 2 and run.stderr.count("\n") == 1 and "missions: got 0" in run.stderr

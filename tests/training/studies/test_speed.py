@@ -1,0 +1,97 @@
+"""The speed benchmark: complete tables and JSON at tiny sizes. No speed is asserted; a busy machine must not fail."""
+
+import contextlib
+import importlib.util
+import io
+import json
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from training.studies import speed
+from training.studies.speed import MARKS, Args, Size, comparison, comparison_text, interleaved, main, rate, report
+
+TINY = Size(lanes=5, many=70, episode=3, seconds=0.0)
+OWN = [name for name in MARKS if not name.startswith("gem")]
+FIND = importlib.util.find_spec
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    folder, printed = tmp_path_factory.mktemp("speed") / "run", io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
+        patch.setattr(importlib.util, "find_spec", lambda name: None if name == "gym_electric_motor" else FIND(name))
+        assert main(["--repeats", "1", "--output", str(folder), "--seed", "3"], TINY) == 0
+    return SimpleNamespace(printed=printed.getvalue(), **json.loads((folder / "results.json").read_text("utf-8")))
+
+
+def test_results_hold_comparison_profiles_machine_and_command(results):
+    assert results.command.endswith("--seed 3") and results.seed == 3 and results.repeats == 1
+    assert results.machine["processor"] and results.machine["cores"] >= 1 and results.machine["versions"]["numba"]
+    assert list(results.rates) == OWN
+    assert [row["what"] for row in results.comparison] == [MARKS[name].what.format(lanes=5, many=70) for name in OWN]
+    for row in results.comparison:
+        assert row["rate"] > 0 and row["ratio"] > 0
+        assert (row["met"] is None) == (not row["target"])
+    for stage in ("take_actions", "control", "draw_normals", "prepare", "move", "sense_all", "account", "publish"):
+        assert results.batch_profile[stage] > 0
+    assert results.single_profile["kernel"] > 0 and results.single_profile["truth"] > 0
+    assert all(map(math.isfinite, [*results.batch_profile.values(), *results.single_profile.values()]))
+
+
+def test_tables_name_every_row_and_tell_how_to_get_the_missing_yardstick(results):
+    assert 'pip install -e ".[bench]"' in results.printed
+    for what in [row["what"] for row in results.comparison] + [*results.batch_profile, *results.single_profile]:
+        assert what in results.printed
+    assert "batch of 5 lanes" in results.printed
+
+
+def test_gym_electric_motor_is_measured_where_it_is_installed():
+    pytest.importorskip("gym_electric_motor")
+    rates = interleaved(speed.gem_laps(seed=0), repeats=1, seconds=0.0, about="gem")
+    assert list(rates) == [name for name in MARKS if name.startswith("gem")]
+
+
+def test_ratios_are_medians_of_the_ratios_within_each_repeat():
+    rates = {"cartpole": [100.0, 200.0, 400.0], "single": [50.0, 20.0, 160.0]}
+    cartpole, single = comparison(rates, Size())
+    assert (cartpole["rate"], cartpole["ratio"], cartpole["met"]) == (200.0, 1.0, None)
+    assert (single["rate"], single["ratio"], single["met"]) == (50.0, 0.4, True)
+
+
+@pytest.mark.parametrize(("many", "met"), [(100.0, True), (70.0, False)])
+def test_a_missed_target_is_printed_as_missed(many, met):
+    rates = {"cartpole": [100.0], "parallel": [100.0], "many": [many]}
+    row = comparison(rates, Size())[-1]
+    assert row["met"] is met and row["what"] == "Propulsion-v0, 65536 lanes"
+    assert comparison_text([row]).endswith(" met" if met else " missed")
+
+
+def test_a_lap_runs_at_least_once():
+    assert rate(lambda: 7, seconds=0.0) > 0
+
+
+def test_shares_of_a_profile_add_up():
+    size = {"lanes": 64}
+    about = {"processor": "cpu", "cores": 2, "versions": {"python": "3"}}
+    profile = {"move": 3.0, "publish": 1.0}
+    text = report(
+        {"machine": about, "size": size, "comparison": [], "batch_profile": profile, "single_profile": profile}
+    )
+    assert text.count("75.0 %") == 2 and text.count("100.0 %") == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"), [(["--repeats", "0"], "repeats"), (["--output", "pyproject.toml/speed"], "pyproject.toml")]
+)
+def test_bad_input_is_refused_in_one_line_before_anything_is_measured(arguments, named, monkeypatch, capsys, request):
+    monkeypatch.chdir(request.config.rootpath)
+    monkeypatch.setattr(speed, "measure", None)
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert named in error and error.count("\n") == 1
+
+
+def test_defaults():
+    assert Args() == Args(seed=0, repeats=5, output=None)

@@ -1,0 +1,136 @@
+"""What stimuli do: the loop against that of the benchmark, and averages over courses made by hand."""
+
+import functools
+
+import numpy as np
+import pytest
+
+from auv_fault_env.channels import CHANNELS
+from auv_fault_env.faults import CATALOGUE, classes
+from auv_fault_env.parameters import SAMPLE_TIME
+from diagnosers import make
+from training.benchmark.suites import load
+from training.benchmark.trials import FAULTY, Entrant, Trial, watch
+from training.seeds import purpose_of
+from training.stimuli import STIMULI
+from training.studies import stimulus_behaviour
+from training.studies.stimulus_behaviour import (
+    DRAWN,
+    Path,
+    around_onset,
+    behaviour,
+    episodes_of,
+    faulty_lanes,
+    healthy_lanes,
+    in_the_loop,
+    shares,
+)
+from training.studies.stimulus_comparisons import AGENT
+from training.studies.told_onset import ToldOnset
+
+STANDARD = load("standard")
+N_SAMPLES = 650
+
+
+def test_the_loop_is_that_of_the_benchmark():
+    episodes = STANDARD.episodes[:6]
+    bank = Entrant("filter_bank", functools.partial(make, "filter_bank"))
+    observations, record, _, speed_rms = watch(
+        Trial(bank, STIMULI["greedy"](0.1), FAULTY, STANDARD.conditions, episodes)
+    )
+    path = in_the_loop(STIMULI["greedy"](0.1), "filter_bank", episodes, STANDARD.conditions)
+    np.testing.assert_array_equal(path.log_normal.astype(np.float32), record.log_normal)
+    np.testing.assert_array_equal(path.top, record.fault)
+    command = observations[1:, :, list(CHANNELS).index("speed_command")]
+    np.testing.assert_allclose((path.mission + path.offset)[:-1], command, atol=1e-6)
+    deviation = np.sqrt(np.mean(np.square(path.speed - path.mission), axis=0))
+    np.testing.assert_allclose(deviation, speed_rms, rtol=0.02)
+    assert np.abs(path.offset).max() > 0.05 and (path.log_true <= 1e-9).all()
+    right = path.top[-1] == [classes().index(CATALOGUE[one.schedule[0].fault].diagnosis) for one in episodes]
+    assert (path.log_true[-1][right] > np.log(1.0 / len(classes()))).all()
+
+
+def test_lanes_have_every_class_as_often_and_nobody_was_scored_on_them():
+    conditions = STANDARD.conditions
+    faulty, healthy = faulty_lanes(conditions, 4, 0), healthy_lanes(conditions, 30, 0)
+    events = [event for episode in faulty for event in episode.schedule]
+    of_class = [CATALOGUE[event.fault].diagnosis for event in events]
+    assert of_class == [name for name in classes()[1:] for _ in range(4)]
+    assert len({event.fault for event in events if event.fault.endswith(":speed")}) == 4
+    assert all(event.ramp == 0.0 and 10.0 <= event.onset <= 30.0 and 0.2 <= event.severity <= 1.0 for event in events)
+    assert not any(episode.schedule for episode in healthy)
+    seeds = [episode.seed for episode in (*faulty, *healthy)]
+    assert len(set(seeds)) == len(seeds) and {purpose_of(seed) for seed in seeds} == {"validation"}
+    assert seeds[:3] != [episode.seed for episode in faulty_lanes(conditions, 4, 1)][:3]
+
+
+def followed(offset, **more):
+    """A course with these offsets, all else nought."""
+    nothing = np.zeros_like(offset)
+    return Path(*(more.get(name, offset if name == "offset" else nothing) for name in Path._fields))
+
+
+def test_offsets_are_averaged_by_class_over_the_time_since_onset():
+    """One lane goes 0.1 m/s faster from its onset on, one of the same class 0.1 m/s slower, another 0.2 m/s faster."""
+    onset, fault = np.array([10.0, 20.0, 30.0]), np.array([1, 1, 5])
+    began = np.arange(N_SAMPLES)[:, None] * SAMPLE_TIME >= onset - 1e-9
+    found = around_onset({"greedy": followed(began * [0.1, -0.1, 0.2])}, fault, onset)
+    time = np.array(found["time"])
+    assert time[0] == -9.75 and time[-1] == 24.75
+    after = time > 0.0
+    for kind, alone in (("mean", 0.0), ("absolute", 0.1)):
+        np.testing.assert_allclose(found[kind][classes()[1]]["greedy"], alone * after, atol=1e-9)
+        np.testing.assert_allclose(found[kind][classes()[5]]["greedy"], 0.2 * after)
+        assert list(found[kind]) == [classes()[1], classes()[5]]
+
+
+def test_shares_of_the_budget_are_root_mean_squares_and_those_of_the_agents_seeds_are_pooled():
+    squared = {"greedy": np.full((1, 5), 0.02**2), "learned": np.full((1, 5), 0.03**2)}
+    found = shares(squared | {"learned_4": np.full((1, 5), 0.04**2)}, 0.1, 0)
+    np.testing.assert_allclose(found["greedy"], [0.2] * 3)
+    value, low, high = found[AGENT]
+    assert value == pytest.approx(np.sqrt((0.3**2 + 0.4**2) / 2))
+    assert low == pytest.approx(0.3) and high == pytest.approx(0.4)  # one of the seeds twice
+
+
+def test_who_is_told_the_onset_goes_ahead_from_then_on_until_the_allowance_is_spent():
+    reading = np.full((2, len(CHANNELS)), 0.3)
+    stimulus = ToldOnset(0.05, onset=np.array([1.0, 3.0]))
+    offset = np.array([stimulus.offset(k, reading, None) for k in range(N_SAMPLES)])
+    for lane, first in enumerate((10, 30)):
+        assert not offset[:first, lane].any() and (offset[first : first + 26, lane] == 0.25).all()  # 0.05^2 65 s
+        assert not offset[first + 27 :, lane].any()
+    assert np.sqrt(np.square(offset).mean(axis=0)) == pytest.approx([0.05] * 2)
+    free = ToldOnset(0.25, onset=np.array([1.0, 3.0]))
+    assert [free.offset(k, reading, None)[1] for k in range(N_SAMPLES)][-1] == 0.25
+
+
+def test_the_episode_drawn_of_a_class_is_that_of_its_median_isolation_time():
+    """Three lanes of each class, right and alarmed 4 s, 9 s and never after onset."""
+    of_class = np.repeat([classes().index(name) for name in DRAWN], 3)
+    onset, delay = np.full(of_class.size, 12.0), np.tile([np.inf, 4.0, 9.0], len(DRAWN))
+    told = np.arange(N_SAMPLES)[:, None] * SAMPLE_TIME >= onset + delay - 1e-9
+    lane = np.broadcast_to(np.arange(of_class.size), told.shape)
+    path = followed(lane * 1.0, log_normal=np.where(told, -9.0, -1.0), top=np.broadcast_to(of_class, told.shape))
+    found = episodes_of(path, of_class, onset, -5.0)
+    assert [one["class"] for one in found] == list(DRAWN)
+    assert [one["isolation"] for one in found] == [9.2] * len(DRAWN)  # the alarm asks for three samples in a row
+    assert [one["offset"][0] for one in found] == [3.0 * k + 2.0 for k in range(len(DRAWN))]
+    assert found[0]["onset"] == 12.0 and found[0]["time"][:2] == [0.0, 0.2]
+    assert found[0]["normal"][0] == pytest.approx(np.exp(-1.0), abs=1e-4)
+
+
+def test_on_healthy_vehicles_the_thesis_spends_all_and_a_trigger_little(monkeypatch):
+    for name, value in (("PER_CLASS", 1), ("N_HEALTHY", 6)):
+        monkeypatch.setattr(stimulus_behaviour, name, value)
+    found = behaviour(["thesis", "greedy"], ["thesis", "greedy"], 0.05, "filter_bank", -6.0, 1, 0)
+    share = found["healthy"]["share"]
+    assert share["thesis"][0] == pytest.approx(1.0, abs=0.02) and share["greedy"][0] < 0.5
+    assert found["episodes"]["stimulus"] == "greedy" and len(found["episodes"]["drawn"]) == len(DRAWN)
+    size = np.array(found["around_onset"]["absolute"]["increased_drag"]["thesis"])
+    assert size.max() <= 0.05 + 1e-4 and size.min() > 0.03
+    told = found["told"]
+    assert list(told) == ["thesis", "greedy", "cruise", "told the onset", "told, without budget"]
+    assert told["told, without budget"]["difference"]["cruise"][0] < -1.0
+    again = behaviour(["greedy"], ["greedy"], 0.05, "filter_bank", -6.0, 1, 0)
+    assert again["healthy"]["share"]["greedy"] == share["greedy"]

@@ -1,0 +1,66 @@
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from training.metrics import Times
+from training.thesis import recommendation_page as page
+from training.thesis.comparison import Comparison
+from training.thesis.runs import TEST_RUNS
+
+VERDICT = 5
+LABEL = np.array([1, 2, 3, 4] * 10)
+
+
+def view():
+    return Comparison(None, None, list(TEST_RUNS), "a command")
+
+
+def judged(time, right):
+    """What the page reads of a diagnoser that isolates all after this time, or whose decisions are all wrong."""
+    times = Times(np.full(40, time), np.full(40, not right))
+    return SimpleNamespace(isolation=times, label=LABEL, decision=LABEL if right else np.roll(LABEL, 1))
+
+
+def score(one):
+    mean = float(one.isolation.time.mean())
+    isolation = {"restricted_mean": mean, "interval": (mean, mean), "probability": 1.0 - one.isolation.censored.mean()}
+    return {"isolation": isolation, "macro_f1": 0.5, "false_alarms_per_hour": 1.0, "severity_mae": 0.1, "ece": 0.02}
+
+
+def rows_of(found, failures):
+    scores = {name: score(one) for name, one in found.items()}
+    return page.page(view(), found, scores, failures, ["columns"])
+
+
+def test_the_better_one_is_told():
+    found = {name: judged(20.0, False) for name in ("raw_network", "kalman_network", "parallel")}
+    section = rows_of(found | {"integrated": judged(4.0, True)}, {})
+    rows = {row[1].split(":")[0]: row for row in section["table"]["rows"]}
+    assert rows["integrated minus parallel"][VERDICT] == "agrees"
+    assert "-16.0 s" in rows["integrated minus parallel"][4]
+    assert rows["parallel minus raw_network"][VERDICT] == "differs"
+    assert rows["integrated"][4].startswith("4.0 s; 100 %; ")
+    assert section["figures"]
+
+
+@pytest.mark.parametrize("present", [(), ("parallel",), ("raw_network", "kalman_network")])
+def test_what_could_not_take_part_is_said(present):
+    missing = [name for name in page.NAMES if name not in present]
+    section = rows_of(dict.fromkeys(present, judged(5.0, True)), dict.fromkeys(missing, "Gone: not there"))
+    text = " ".join(section["text"])
+    for name in missing:
+        assert f"{name} could not take part: Gone: not there" in text
+        (row,) = [row for row in section["table"]["rows"] if row[1].startswith(f"{name}:")]
+        assert row[VERDICT] == "not judged"
+    assert {row[VERDICT] for row in section["table"]["rows"][-3:]} == {"not judged"}
+    assert bool(section["figures"]) == bool(present)
+
+
+def test_a_small_comparison_runs(monkeypatch):
+    monkeypatch.setattr(page, "NAMES", ("null", "random"))
+    monkeypatch.setattr(page, "LANES", 4)
+    monkeypatch.setattr(page, "HOURS", 0.05)
+    section = page.section(view(), ["columns"])
+    assert section["table"]["rows"][0][1].startswith("null:")
+    assert "could not take part" not in " ".join(section["text"])

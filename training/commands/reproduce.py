@@ -1,0 +1,63 @@
+"""``auv-fault reproduce``: the thesis' test runs and networks, chapters III to VI, our figures beside the thesis'."""
+
+from typing import Any
+
+from tqdm import tqdm
+
+from auv_fault_env.errors import finite_in_range
+from training.arguments import Reproduce
+from training.report.page import print_tables, write_report
+from training.report.run_folder import run_folder, write_json
+from training.thesis import (
+    filter_consistency,
+    kalman_networks,
+    kalman_page,
+    raw_networks,
+    raw_page,
+    recommendation_page,
+)
+from training.thesis.comparison import Comparison
+from training.thesis.page import COLUMNS, page
+from training.thesis.runs import STEPS, TEST_RUNS, record
+
+CONSISTENCY_SEEDS = 200
+
+
+def main(arguments: Reproduce) -> None:
+    """Simulate, filter, compare, and write report, figures and results."""
+    finite_in_range("seeds", arguments.seeds, 2, 10_000)
+    finite_in_range("networks", arguments.networks, 2, 100)
+    finite_in_range("seed", arguments.seed, 0, 2**62)
+    with run_folder(arguments.output, "reproduce", arguments) as folder:
+        results = reproduce(arguments)
+        write_json(folder / "results.json", results)
+        write_report(results, folder)
+    print_tables(results["sections"])
+    print(f"\nreport: {arguments.output / 'index.html'}")
+
+
+def reproduce(arguments: Reproduce) -> dict[str, Any]:
+    """All results as plain data: what `write_report` needs, and nothing else does it read."""
+    with tqdm(total=2 * STEPS, unit="step", desc="test runs") as bar:
+        clean = record(0.0, [arguments.seed], bar)
+        noisy = record(1.0, list(range(arguments.seed, arguments.seed + arguments.seeds)), bar)
+    command = f"auv-fault reproduce --seed {arguments.seed} --seeds {arguments.seeds} --networks {arguments.networks}"
+    view = Comparison(clean, noisy, list(TEST_RUNS), command)
+    seeds = range(arguments.seed, arguments.seed + arguments.networks)
+    results = page(view)
+    extra = [filter_consistency.section(CONSISTENCY_SEEDS, arguments.seed), *network_sections(view, seeds)]
+    results["sections"][-2:-2] = extra
+    return results
+
+
+def network_sections(view: Comparison, seeds: range) -> list[dict[str, Any]]:
+    """Train the thesis' networks on and beside the recorded runs; all of the report that concerns them."""
+    total = raw_networks.CHECKPOINTS[-1] + kalman_networks.CHECKPOINTS[-1]
+    with tqdm(total=total, unit="presentation", unit_scale=True, desc="networks") as bar:
+        raw = raw_networks.study(view, seeds, bar)
+        fed = kalman_networks.study(seeds, bar)
+    return [
+        *raw_page.sections(view, raw, COLUMNS),
+        *kalman_page.sections(view, fed, COLUMNS),
+        recommendation_page.section(view, COLUMNS),
+    ]

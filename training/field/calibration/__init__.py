@@ -1,0 +1,1 @@
+"""Calibration: constants, healthy band and noise of a vehicle, fitted to its healthy logs."""

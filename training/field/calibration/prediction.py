@@ -1,0 +1,158 @@
+"""What the plant's physics makes of a log, sample by sample, beside what was read: the residuals of `training.field`.
+
+Compiled loops around the scalar functions of `auv_fault_env.physics`. Both residuals have unit variance where model and
+noise are right, so that a least-squares fit weighs them as it should: the speed's by a Kalman filter that knows of the
+disturbance, the shaft's by taking out of the current what voltage and rpm have in common with it.
+"""
+
+import math
+
+from auv_fault_env.compiling import kernel, scalar
+from auv_fault_env.parameters import SAMPLE_TIME
+from auv_fault_env.physics import (
+    RPM,
+    armature_current,
+    disturbance_memory,
+    limited,
+    motor,
+    spin,
+    surge_acceleration,
+)
+from diagnosers.bank.motor import STANDING
+from diagnosers.kalman import START_SPEED_STD
+
+STEP = 1e-4  # of the forward differences, in m/s, m/s^2 and V
+OUTLIER = 6.0  # standard deviations: what one reading may say at most
+SETTLING = 10  # samples in which a shaft reaches the speed of its first voltage
+
+
+@scalar
+def pushed(speed, before, now, drag, disturbance, side, opening):
+    """Mean acceleration over a sample at a held surge speed; the shafts go from `before` to `now`, (2,) [rad/s]."""
+    first = surge_acceleration(speed, before[0], before[1], drag, disturbance, side, side)
+    last = surge_acceleration(speed, now[0], now[1], drag, disturbance, side, side)
+    return opening * first + (1.0 - opening) * last
+
+
+@scalar
+def carried(speed, before, now, drag, disturbance, side, opening):
+    """Surge speed one sample later, by the midpoint rule."""
+    middle = speed + 0.5 * SAMPLE_TIME * pushed(speed, before, now, drag, disturbance, side, opening)
+    return speed + SAMPLE_TIME * pushed(middle, before, now, drag, disturbance, side, opening)
+
+
+@kernel
+def speed_innovations(starts, reading, spins, deflection, shaft, constants, opening, noise, innovation, std, predicted):
+    """Fill innovation, its standard deviation and the predicted speed, (n_samples,) each [m/s].
+
+    An extended Kalman filter of speed and disturbance; the hull is that of the constants.
+
+    Parameters
+    ----------
+    starts
+        (n_samples,) whether a stretch begins with this sample, before which nothing is known.
+    reading
+        (n_samples,) speed [m/s]; NaN where nothing was read: then the innovation is NaN and the filter runs on.
+    spins
+        (n_samples, 2) shaft speeds [rad/s].
+    deflection
+        (n_samples,) squared and summed deflections [rad^2].
+    shaft
+        Both shafts; only their beta matters.
+    opening
+        Share of a sample's first thrust in its mean: `diagnosers.kalman.opening_share`.
+    noise
+        Standard deviation of a reading [m/s].
+    """
+    side = motor(shaft, constants, 0.0)
+    memory, kick = disturbance_memory(constants)
+    speed, push, variance, crossed, push_variance = 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(reading.size):
+        if starts[k]:
+            speed, push, variance, crossed = 0.0, 0.0, START_SPEED_STD**2, 0.0
+            push_variance = constants.disturbance_std**2
+        else:
+            drag = constants.alpha + constants.gamma * deflection[k]
+            before, now = spins[k - 1], spins[k]
+            push, crossed = memory * push, memory * crossed
+            push_variance = memory * memory * push_variance + kick * kick
+            ahead = carried(speed, before, now, drag, push, side, opening)
+            by_speed = (carried(speed + STEP, before, now, drag, push, side, opening) - ahead) / STEP
+            by_push = (carried(speed, before, now, drag, push + STEP, side, opening) - ahead) / STEP
+            variance = by_speed * (by_speed * variance + 2.0 * by_push * crossed) + by_push * by_push * push_variance
+            crossed = by_speed * crossed + by_push * push_variance
+            speed = ahead
+        predicted[k] = speed
+        innovation[k] = reading[k] - speed
+        total = variance + noise * noise
+        std[k] = math.sqrt(total)
+        if not math.isnan(innovation[k]):
+            bounded = limited(innovation[k], -OUTLIER * std[k], OUTLIER * std[k])
+            speed += variance / total * bounded
+            push += crossed / total * bounded
+            push_variance -= crossed * crossed / total
+            variance, crossed = variance * noise * noise / total, crossed * noise * noise / total
+
+
+@scalar
+def whitened(inputs, ahead, by_voltage, shaft, noise):
+    """Independent residuals of rpm and of current, each of unit variance; zero where a channel does not exist.
+
+    The voltage's error is in both predictions, the rpm counter's in that of the current.
+    """
+    voltage, current, rpm = inputs[0], inputs[1], inputs[2]
+    conductance, slope = 1.0 / shaft.resistance, shaft.torque_constant / (shaft.resistance * RPM)
+    first = rpm - RPM * ahead
+    if math.isnan(rpm):
+        left = current - armature_current(shaft, ahead, voltage)
+        return 0.0, left / math.hypot(noise[1], (conductance - slope * by_voltage) * noise[0])
+    if math.isnan(voltage):
+        by_current, by_rpm = by_voltage / conductance, 1.0 - by_voltage * slope / conductance
+        return first / math.hypot(by_current * noise[1], by_rpm * noise[2]), 0.0
+    first_variance = noise[2] ** 2 + (by_voltage * noise[0]) ** 2
+    shared = by_voltage * conductance * noise[0] ** 2 + slope * noise[2] ** 2
+    second = current - armature_current(shaft, rpm / RPM, voltage) - shared / first_variance * first
+    variance = noise[1] ** 2 + (conductance * noise[0]) ** 2 + (slope * noise[2]) ** 2 - shared**2 / first_variance
+    return first / math.sqrt(first_variance), second / math.sqrt(variance)
+
+
+@kernel
+def shaft_residuals(starts, inputs, read, speed, shaft, constants, noise, residual, predicted):
+    """Fill residuals (n_samples, 2) of rpm and current, of unit variance, and predicted rpm and current (n_samples, 2).
+
+    The voltage sets the shaft speed by the closed form of `physics.spin`, and both set the current. Errors in the
+    voltage count as what they are, errors of an input: without that, they would pull the torque constant up. Residuals
+    are zero where nothing was read, where the shaft hardly turns, and at the start of a stretch.
+
+    Parameters
+    ----------
+    starts
+        (n_samples,) whether a stretch begins with this sample.
+    inputs
+        (n_samples, 3): voltage, current and rpm, between the readings interpolated; NaN where there is no such channel.
+        A missing voltage is what current and rpm say of it, a missing rpm what the voltage makes it.
+    read
+        (n_samples,) whether the inputs were read then.
+    speed
+        (n_samples,) surge speed [m/s].
+    noise
+        (3,) standard deviations of the inputs.
+    """
+    turning = 0.0
+    for k in range(read.size):
+        voltage, current, rpm = inputs[k, 0], inputs[k, 1], inputs[k, 2]
+        if math.isnan(voltage):
+            voltage = shaft.resistance * current + shaft.torque_constant * rpm / RPM
+        side, near = motor(shaft, constants, voltage), motor(shaft, constants, voltage + STEP)
+        if starts[k]:
+            turning = 0.0
+            for _ in range(SETTLING):
+                turning = spin(turning, side, speed[k], 0.0, SAMPLE_TIME)
+        ahead = spin(turning, side, speed[k], 0.0, SAMPLE_TIME)
+        by_voltage = RPM * (spin(turning, near, speed[k], 0.0, SAMPLE_TIME) - ahead) / STEP
+        predicted[k, 0], predicted[k, 1] = RPM * ahead, armature_current(shaft, ahead, voltage)
+        residual[k, 0] = residual[k, 1] = 0.0
+        turns = (RPM * ahead if math.isnan(rpm) else rpm) > STANDING
+        if read[k] and turns and not starts[k]:
+            residual[k, 0], residual[k, 1] = whitened(inputs[k], ahead, by_voltage, shaft, noise)
+        turning = rpm / RPM if read[k] and not math.isnan(rpm) else ahead

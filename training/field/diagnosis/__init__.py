@@ -1,0 +1,1 @@
+"""Diagnosis of the logs and of the live stream of a real vehicle."""

@@ -1,0 +1,1 @@
+"""Logs of real vehicles: files and streams, read into samples of the channels."""

@@ -1,0 +1,1 @@
+"""Proposal of a vehicle file from the columns of a log."""

@@ -1,0 +1,1 @@
+"""Export to formats of other projects: ONNX networks and Minari data sets."""

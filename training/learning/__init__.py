@@ -1,0 +1,1 @@
+"""Training of the networks of diagnosers and of the stimulus policies."""

@@ -1,0 +1,158 @@
+"""Trains the stimulus policy: PPO of stable-baselines3 on the active environment, the budget as a constraint."""
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.logger import Logger
+
+from diagnosers.filter_bank import FilterBank
+from training.active_env.sb3 import ActiveVecEnv
+from training.active_env.vector import LIMIT, SCHEDULES, ActiveDiagnosisVectorEnv
+from training.learning.adam import Learner
+from training.learning.agent import Agent
+from training.learning.constraint import ConstrainedVecEnv, DualAscent
+from training.learning.imitation import imitate, watched
+from training.learning.integrated import one_thread
+from training.learning.outcomes import Outcome, figures
+from training.metrics.records import HORIZON
+from training.seeds import SPAN, seeds
+from training.stimuli.light_bank import PRIOR, lighter_bank
+from training.stimuli.policy import LearnedPolicy
+
+LANES = 512  # vehicles at a time
+ROLLOUT, ROLLOUTS = 32, 8  # decisions of each between two updates of the policy, and such rollouts per epoch
+PASSES, BATCH = 4, 2048  # of an update over its rollout
+RATE = 1e-3  # of Adam
+STEEPEST_CHANGE = 0.02  # nats, divergence of the policy at which an update ends
+DISCOUNT = 0.9  # per decision: what is known 10 s sooner is worth three times as much
+LEAST_BUDGET = 0.4  # share of the budget, from which episodes of the training begin
+TRIED = 384  # vehicles to validate on
+VALIDATED = round(SCHEDULES.onset[1] + HORIZON)  # decisions, by which delays are known or censored
+SETTINGS = {"n_epochs": PASSES, "batch_size": BATCH, "gamma": DISCOUNT, "target_kl": STEEPEST_CHANGE}  # of PPO
+SHOWN = ("value_loss", "approx_kl", "clip_fraction", "std")  # of what PPO logs
+GLOBAL_SEEDS = 2**32  # seeds of numpy's global generator
+
+
+class StimulusTrainer:
+    """A `training.learning.trainer.Trainer` whose epochs are a few rollouts and updates of PPO.
+
+    Every epoch begins new episodes, whose seeds depend on (seed, epoch) alone, so that a training that was broken off
+    goes on bit for bit. The environment's own price of speed is off: that of the constraint takes its place. Where the
+    diagnoser is the filter bank, a lighter one stands in (`training.stimuli.light_bank`).
+
+    Parameters
+    ----------
+    seed
+        Of all that is random.
+    budget
+        Largest root mean square of the offsets that the policy may spend [m/s].
+    diagnoser
+        Name of the one whose beliefs it sees.
+    steps
+        Decisions to train on, rounded up to whole epochs.
+    """
+
+    data = (
+        f"training: epochs of {ROLLOUTS * ROLLOUT} decisions on each of {LANES} vehicles, episodes of up to {LIMIT} s "
+        f"drawn as in auv_fault_env/ActiveDiagnosis-v0, of the faults {', '.join(PRIOR)}; validated on {TRIED} such "
+        "episodes with seeds of their own"
+    )
+
+    def __init__(self, seed: int, budget: float = 0.1, diagnoser: str = "filter_bank", steps: int = 650_000):
+        self.seed, self.budget, self.diagnoser = seed, budget, diagnoser
+        self.epochs = self.patience = math.ceil(steps / self.decisions)
+        self.env, self.trial = self._environment(LANES, LIMIT, LEAST_BUDGET), self._environment(TRIED, VALIDATED, 1.0)
+        with seeded(seed % GLOBAL_SEEDS):
+            self.model = self._made()
+        self.model.set_logger(Logger(None, []))
+        self.learner = Learner(self.model.policy)
+        self.model.policy.optimizer = self.learner.optimiser
+
+    def _made(self) -> PPO:
+        return PPO(Agent, self.env, RATE, n_steps=ROLLOUT, device="cpu", **SETTINGS)
+
+    def _environment(self, n_lanes: int, limit: int, least: float) -> ConstrainedVecEnv:
+        diagnoser = lighter_bank() if self.diagnoser == FilterBank.name else self.diagnoser
+        env = ActiveDiagnosisVectorEnv(n_lanes, limit, diagnoser=diagnoser, budget=self.budget, cost_weight=0.0)
+        env.fleet.schedules = replace(SCHEDULES, prior=PRIOR)
+        return ConstrainedVecEnv(ActiveVecEnv(env), least)
+
+    @property
+    def decisions(self) -> int:
+        """Environment steps of an epoch, validation not counted."""
+        return ROLLOUTS * ROLLOUT * LANES
+
+    @property
+    def tried(self) -> int:
+        """Environment steps of a validation."""
+        return VALIDATED * TRIED
+
+    def epoch(self, number: int) -> dict[str, float]:
+        """Rollouts and updates on episodes that depend on (seed, number) alone; figures of the exploring policy."""
+        if number == 0:
+            self._imitate()
+        random = np.random.default_rng([self.seed, number])
+        self.env.seed(seeds("training", LANES, int(random.integers(SPAN - LANES)))[0])
+        with one_thread(), seeded(int(random.integers(GLOBAL_SEEDS))):
+            self.model.learn(self.decisions, DualAscent(self.env), log_interval=None)
+        logged = self.model.logger.name_to_value
+        learning = {name: float(logged[f"train/{name}"]) for name in SHOWN}
+        return figures(self.env.outcomes.ended, self.budget) | {"price": self.env.price} | learning
+
+    def _imitate(self) -> None:
+        """Teach the actor to go ahead on suspicion, and the critic what that is worth."""
+        self.env.seed(seeds("training", LANES, SPAN - LANES)[0])
+        with one_thread(), seeded(self.seed % GLOBAL_SEEDS):
+            imitate(self.model.policy, self.learner, watched(self.env, LIMIT, DISCOUNT))
+
+    def validate(self) -> dict[str, float]:
+        """Figures of the policy without noise on one episode of each of the validation seeds."""
+        return figures(self.outcomes(), self.budget)
+
+    def outcomes(self, first: int = 0) -> list[Outcome]:
+        """How `TRIED` episodes end with the policy without noise, of the validation seeds from the first-th on."""
+        self.trial.seed(seeds("validation", TRIED, first)[0])
+        act, observation = self._actor(), self.trial.reset()
+        with one_thread():
+            for _ in range(VALIDATED):
+                observation, *_ = self.trial.step(act(observation))
+        return list({one.lane: one for one in reversed(self.trial.outcomes.ended)}.values())
+
+    def _actor(self) -> Callable[[np.ndarray], np.ndarray]:
+        return self.policy().action
+
+    def policy(self) -> LearnedPolicy:
+        """What has been learnt so far."""
+        return LearnedPolicy(self.model.policy.learned(), self.diagnoser, self.budget, self.env.amplitude)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Weights of actor and critic, moments of Adam, and the price, by name."""
+        return self.learner.state() | {"price": np.array(self.env.price)}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Take over what `state` gave."""
+        self.learner.restore(state)
+        self.env.price = float(state["price"])
+
+    def finish(self) -> tuple[LearnedPolicy, dict[str, Any]]:
+        """The policy, and the price at which it was learnt."""
+        return self.policy(), {"price": self.env.price}
+
+
+@contextmanager
+def seeded(seed: int) -> Iterator[None]:
+    """Seed the global generators of torch and numpy, from which stable-baselines3 draws; afterwards as they were."""
+    before = np.random.get_state()  # noqa: NPY002
+    try:
+        with torch.random.fork_rng():
+            torch.manual_seed(seed)
+            np.random.seed(seed)  # noqa: NPY002
+            yield
+    finally:
+        np.random.set_state(before)  # noqa: NPY002

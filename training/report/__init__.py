@@ -1,0 +1,1 @@
+"""Run folders and self-contained report pages, shared by all commands and studies."""

@@ -1,0 +1,1 @@
+"""Figures of the reports: functions that take data and return a Matplotlib figure."""

@@ -1,0 +1,30 @@
+"""The stimuli by name, all compared under the same budget of speed deviation."""
+
+from training.stimuli.base import BUDGET, EPISODE, Stimulus
+from training.stimuli.greedy import Greedy
+from training.stimuli.learned import Learned, Learned1, Learned2, Learned3, Learned4, LearnedHeld
+from training.stimuli.open_loop import Cruise, DOptimal, Multisine, Prbs, Thesis
+from training.stimuli.surge_ahead import TriggeredSurge
+from training.stimuli.triggered import TriggeredDOptimal, TriggeredPrbs, TriggeredThesis
+
+__all__ = ["BUDGET", "EPISODE", "STIMULI", "Cruise", "Stimulus", "Thesis"]
+
+# Benchmarks count the seeds of healthy lanes from a stimulus' place: new ones come last.
+STIMULI: dict[str, type[Stimulus]] = {
+    "cruise": Cruise,
+    "thesis": Thesis,
+    "prbs": Prbs,
+    "multisine": Multisine,
+    "d_optimal": DOptimal,
+    "triggered_thesis": TriggeredThesis,
+    "triggered_prbs": TriggeredPrbs,
+    "triggered_d_optimal": TriggeredDOptimal,
+    "greedy": Greedy,
+    "triggered_surge": TriggeredSurge,
+    "learned": Learned,
+    "learned_1": Learned1,
+    "learned_2": Learned2,
+    "learned_3": Learned3,
+    "learned_4": Learned4,
+    "learned_held": LearnedHeld,
+}

@@ -1,0 +1,1 @@
+"""Studies: ``python -m training.studies.NAME`` measures one question and writes a report."""

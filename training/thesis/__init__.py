@@ -1,0 +1,1 @@
+"""The thesis' test runs and networks, reproduced."""
