@@ -14,11 +14,24 @@ Colour = tuple[int, int, int]
 Point = Sequence[float]
 
 SIZE = (960, 640)  # px
-SMALL, MEDIUM, LARGE = 16, 18, 24  # sizes of the text
-PAPER, PANEL, INK, FAINT, GRID = (250, 251, 252), (255, 255, 255), (33, 41, 52), (112, 121, 133), (226, 231, 236)
-PORT, STARBOARD = (200, 32, 48), (0, 132, 72)  # the nautical side lights
-BLUE, VIOLET, STEEL = (30, 104, 196), (142, 68, 190), (150, 160, 172)
-WARNING, PALE_WARNING, WARNING_EDGE = (255, 152, 20), (255, 206, 140), (196, 84, 0)
+# sizes of the text
+SMALL = 16
+MEDIUM = 18
+LARGE = 24
+PAPER = (250, 251, 252)
+PANEL = (255, 255, 255)
+INK = (33, 41, 52)
+FAINT = (112, 121, 133)
+GRID = (226, 231, 236)
+# the nautical side lights
+PORT = (200, 32, 48)
+STARBOARD = (0, 132, 72)
+BLUE = (30, 104, 196)
+VIOLET = (142, 68, 190)
+STEEL = (150, 160, 172)
+WARNING = (255, 152, 20)
+PALE_WARNING = (255, 206, 140)
+WARNING_EDGE = (196, 84, 0)
 SIDE_COLOURS = dict(zip(SIDES, (PORT, STARBOARD), strict=True))
 
 
@@ -30,7 +43,9 @@ def _pygame():
             import pygame
     except ImportError as error:
         remedy = 'pip install "auv-fault[render]"'
-        raise gym.error.DependencyNotInstalled(f"pygame: got no such package; rendering needs it; {remedy}") from error
+        raise gym.error.DependencyNotInstalled(
+            f"pygame: got no such package; rendering needs it; {remedy}"
+        ) from error
     return pygame
 
 
@@ -70,7 +85,9 @@ class Canvas:
         """A disc, or a ring of that width."""
         self.pygame.draw.circle(self.surface, colour, middle, radius, width)
 
-    def box(self, left: float, top: float, width: float, height: float, fill: Colour, radius: int = 0):
+    def box(
+        self, left: float, top: float, width: float, height: float, fill: Colour, radius: int = 0
+    ):
         """A filled rectangle with rounded corners."""
         self.pygame.draw.rect(self.surface, fill, (left, top, width, height), border_radius=radius)
 
@@ -78,10 +95,15 @@ class Canvas:
         """Width of words of medium size [px]."""
         return self._text(words, INK, MEDIUM).get_width()
 
-    def text(self, words: str, place: Point, colour: Colour = INK, align: float = 0.0, size: int = MEDIUM):
+    def text(
+        self, words: str, place: Point, colour: Colour = INK, align: float = 0.0, size: int = MEDIUM
+    ):
         """Words whose middle height is at `place`, to the right of it (align 0), centred (0.5) or to the left (1)."""
         text = self._text(words, colour, size)
-        self.surface.blit(text, (round(place[0] - align * text.get_width()), round(place[1] - text.get_height() / 2)))
+        self.surface.blit(
+            text,
+            (round(place[0] - align * text.get_width()), round(place[1] - text.get_height() / 2)),
+        )
 
     def _text(self, words: str, colour: Colour, size: int):
         if len(self._texts) > 1000:

@@ -1,6 +1,7 @@
 """The channels of an observation: what the vehicle's data bus carries, in order, with units and full scale.
 
-The first four are commands, the other eight are readings. Shaft speed is in rpm, as every vehicle log has it.
+The first four are commands, the other eight are readings. Shaft speed is in rpm, as every vehicle
+log has it.
 """
 
 from typing import NamedTuple
@@ -16,16 +17,22 @@ class Channel(NamedTuple):
     about: str
 
 
-MAXIMUM_COMMAND = 1.0  # m/s, commanded surge speed: twice the thesis' 1.5 ft/s; the plant reaches 2.7 at 24 V
+# m/s, commanded surge speed: twice the thesis' 1.5 ft/s; the plant reaches 2.7 at 24 V
+MAXIMUM_COMMAND = 1.0
 MAXIMUM_DEFLECTION = 0.4  # rad, rudder and stern plane
 
 # Noise defaults are those of common parts, not the thesis' (it reports none):
-# paddle wheel 1 cm/s; accelerometer 100 ug/sqrt(Hz) over 5 Hz; 10-bit converters on 24 V and 25 A; rpm counter 1 rpm.
+# paddle wheel 1 cm/s; accelerometer 100 ug/sqrt(Hz) over 5 Hz; 10-bit converters on 24 V and 25 A;
+# rpm counter 1 rpm.
 CHANNELS: dict[str, Channel] = {
     "mission_speed": Channel("m/s", 0.0, MAXIMUM_COMMAND, 0.0, "speed the mission asks for"),
-    "speed_command": Channel("m/s", 0.0, MAXIMUM_COMMAND, 0.0, "surge speed commanded to the controller"),
+    "speed_command": Channel(
+        "m/s", 0.0, MAXIMUM_COMMAND, 0.0, "surge speed commanded to the controller"
+    ),
     "rudder": Channel("rad", -MAXIMUM_DEFLECTION, MAXIMUM_DEFLECTION, 0.0, "rudder deflection"),
-    "stern_plane": Channel("rad", -MAXIMUM_DEFLECTION, MAXIMUM_DEFLECTION, 0.0, "stern plane deflection"),
+    "stern_plane": Channel(
+        "rad", -MAXIMUM_DEFLECTION, MAXIMUM_DEFLECTION, 0.0, "stern plane deflection"
+    ),
     "speed": Channel("m/s", -1.0, 5.0, 0.01, "surge speed from the paddle wheel"),
     "acceleration": Channel("m/s^2", -2.0, 2.0, 0.002, "surge acceleration from the accelerometer"),
     "port_voltage": Channel("V", -5.0, 30.0, 0.025, "voltage at the port motor"),

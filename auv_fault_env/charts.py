@@ -94,13 +94,26 @@ def draw_times(canvas: Canvas, corner: Point, now: float):
     start = max(0.0, now - WINDOW)
     for time in _round_times(start):
         canvas.text(
-            f"{time:.0f} s", (corner[0] + 46 + (time - start) / WINDOW * 400, corner[1] + 10), FAINT, 0.5, SMALL
+            f"{time:.0f} s",
+            (corner[0] + 46 + (time - start) / WINDOW * 400, corner[1] + 10),
+            FAINT,
+            0.5,
+            SMALL,
         )
 
 
-def draw_chart(canvas: Canvas, traces: Sequence[Trace], corner: Point, rows: np.ndarray, onsets: Sequence[float]):
+def draw_chart(
+    canvas: Canvas,
+    traces: Sequence[Trace],
+    corner: Point,
+    rows: np.ndarray,
+    onsets: Sequence[float],
+):
     """One chart: grid, onsets of the faults as vertical lines, and a line per trace."""
-    left, top, width, height = corner[0] + 46, corner[1] + 24, 400, 88
+    left = corner[0] + 46
+    top = corner[1] + 24
+    width = 400
+    height = 88
     start = max(0.0, rows[-1, 0] - WINDOW)
     values = rows[:, [COLUMNS[trace.channel] for trace in traces]]
     marks = _bounds(traces, values)
@@ -122,17 +135,25 @@ def draw_chart(canvas: Canvas, traces: Sequence[Trace], corner: Point, rows: np.
 
 
 def draw_legend(
-    canvas: Canvas, title: str, traces: Sequence[Trace], corner: Point, row: Mapping[str, float], faulty: set[str]
+    canvas: Canvas,
+    title: str,
+    traces: Sequence[Trace],
+    corner: Point,
+    row: Mapping[str, float],
+    faulty: set[str],
 ):
     """Title and unit of a chart, name and latest value of its traces; a faulty sensor's are highlighted."""
     unit = CHANNELS[traces[0].channel].unit.replace("^2", "²")
     canvas.text(f"{title} [{unit}]", (corner[0], corner[1] + 9))
-    right, y = corner[0] + 446, corner[1] + 9
+    right = corner[0] + 446
+    y = corner[1] + 9
     for trace in reversed(traces):
         noise = CHANNELS[trace.channel].noise if trace.channel in CHANNELS else 0.01
         words = f"{trace.name} {_number(row[trace.channel], noise or 0.01)}"
         broken = f"sensor:{trace.channel}" in faulty
         if broken:
-            canvas.box(right - canvas.width(words) - 4, y - 9, canvas.width(words) + 8, 17, WARNING, 4)
+            canvas.box(
+                right - canvas.width(words) - 4, y - 9, canvas.width(words) + 8, 17, WARNING, 4
+            )
         canvas.text(words, (right, y), INK if broken else trace.colour, 1.0)
         right -= canvas.width(words) + 16

@@ -1,11 +1,13 @@
 """How the project compiles: three decorators, and a disk cache that notices edits in every compiled file.
 
-numba's own disk cache watches only the file of the cached function, not those it calls. Here the cache folder is named
-after a digest of that file and of every file of its project that it imports, so an edit in any of them compiles anew.
+numba's own disk cache watches only the file of the cached function, not those it calls. Here the
+cache folder is named after a digest of that file and of every file of its project that it imports,
+so an edit in any of them compiles anew.
 
-A kernel that calls another gets one of two copies of it: the one compiled by itself, in the process that compiles
-both, or the one compiled along with the caller, in those that load it from disk. They may fuse multiplications and
-additions differently, and so differ in the last bits. A kernel that calls only what is inlined gives the same always.
+A kernel that calls another gets one of two copies of it: the one compiled by itself, in the process
+that compiles both, or the one compiled along with the caller, in those that load it from disk. They
+may fuse multiplications and additions differently, and so differ in the last bits. A kernel that
+calls only what is inlined gives the same always.
 """
 
 import ast
@@ -24,15 +26,16 @@ from numba.extending import intrinsic
 
 OPTIONS = dict(error_model="numpy", fastmath={"contract"}, nogil=True)
 
-inlined = scalar = njit(forceinline=True, **OPTIONS)  # loops that belong to a kernel; arithmetic of single numbers
+# loops that belong to a kernel; arithmetic of single numbers
+inlined = scalar = njit(forceinline=True, **OPTIONS)
 
 
 @intrinsic
 def fused(typing, one, other, more):
     """``one * other + more``, rounded once.
 
-    Of a sum of two products the compiler may fuse either, and chooses differently for the vectors of a loop and for
-    what is left over. Told which, it has no choice.
+    Of a sum of two products the compiler may fuse either, and chooses differently for the vectors
+    of a loop and for what is left over. Told which, it has no choice.
     """
     signature = types.float64(types.float64, types.float64, types.float64)
     return signature, lambda context, builder, _, numbers: builder.fma(*numbers)
@@ -42,13 +45,16 @@ def fused(typing, one, other, more):
 def imported(file: Path) -> frozenset[Path]:
     """The files of the same project whose names a file imports.
 
-    A project is the folder that holds the outermost package of the file, with all packages beside it.
+    A project is the folder that holds the outermost package of the file, with all packages beside
+    it.
     """
     project = file.parent
     while (project / "__init__.py").is_file():
         project = project.parent
     tree = ast.parse(file.read_bytes(), file)
-    return frozenset(path for node in ast.walk(tree) for path in _targets(node, file.parent, project))
+    return frozenset(
+        path for node in ast.walk(tree) for path in _targets(node, file.parent, project)
+    )
 
 
 def _targets(node: ast.AST, folder: Path, project: Path) -> Iterator[Path]:
@@ -65,7 +71,9 @@ def _targets(node: ast.AST, folder: Path, project: Path) -> Iterator[Path]:
 
 def _module(path: Path) -> list[Path]:
     """The file of the module or package at `path`, which has no suffix; none where the project has no such module."""
-    return [file for file in (path.with_name(f"{path.name}.py"), path / "__init__.py") if file.is_file()]
+    return [
+        file for file in (path.with_name(f"{path.name}.py"), path / "__init__.py") if file.is_file()
+    ]
 
 
 @cache
@@ -92,7 +100,8 @@ def cache_folder(name: str) -> Path:
     bases = [config.CACHE_DIR] if config.CACHE_DIR else []
     bases += [Path(__file__).parent / "__pycache__", "~/.cache/auv_fault_env"]
     for base in bases:
-        with contextlib.suppress(OSError, RuntimeError):  # the latter where nobody knows the home directory
+        # the latter where nobody knows the home directory
+        with contextlib.suppress(OSError, RuntimeError):
             folder = Path(base).expanduser() / name
             folder.mkdir(parents=True, exist_ok=True)
             if os.access(folder, os.W_OK):
@@ -104,7 +113,9 @@ def cache_folder(name: str) -> Path:
 
 def n_threads() -> int:
     """Threads that share the lanes of a large batch: the cores of this process, or OMP_NUM_THREADS if that is fewer."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    cores = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
     asked = os.environ.get("OMP_NUM_THREADS", "")
     return min(cores, int(asked)) if asked.isdigit() and int(asked) else cores
 
@@ -112,7 +123,8 @@ def n_threads() -> int:
 def kernel(function):
     """Compile a loop over lanes and keep it on disk."""
     folder = cache_folder(digest(Path(function.__code__.co_filename).resolve()))
-    outer, config.CACHE_DIR = config.CACHE_DIR, str(folder)
+    outer = config.CACHE_DIR
+    config.CACHE_DIR = str(folder)
     try:
         return njit(cache=True, **OPTIONS)(function)
     finally:

@@ -30,14 +30,23 @@ def _checked_schedule(value, end: float) -> Schedule:
     schedule = schedule_of(value)
     for event in schedule:
         if event.onset >= end:
-            remedy = "begin earlier, or raise max_episode_steps (of a single environment, horizon too)"
-            raise refusal(f"onset of {event.fault}", event.onset, f"before the episode's end at {end:g} s", remedy)
+            remedy = (
+                "begin earlier, or raise max_episode_steps (of a single environment, horizon too)"
+            )
+            raise refusal(
+                f"onset of {event.fault}",
+                event.onset,
+                f"before the episode's end at {end:g} s",
+                remedy,
+            )
     return schedule
 
 
 def _need_reset(started: bool):
     if not started:
-        raise gym.error.ResetNeeded("step: got no reset before; allowed is a step after a reset; call reset() first")
+        raise gym.error.ResetNeeded(
+            "step: got no reset before; allowed is a step after a reset; call reset() first"
+        )
 
 
 class PropulsionEnv(gym.Env):
@@ -74,9 +83,10 @@ class PropulsionEnv(gym.Env):
     | 7, 10 | port_current, starboard_current | -30 | 30 | A | 0.025 |
     | 8, 11 | port_rpm, starboard_rpm | -500 | 6000 | rpm | 1 |
 
-    Readings are taken at the end of the sample, simultaneously, before the controllers act again; channels 1 to 3 are
-    the commands held during the sample that ended. A dropped-out reading is 0, as a pulled-down input gives, never NaN.
-    Faults show in the readings only: there is no fault-free channel, and the controllers too use the faulty readings.
+    Readings are taken at the end of the sample, simultaneously, before the controllers act again;
+    channels 1 to 3 are the commands held during the sample that ended. A dropped-out reading is 0,
+    as a pulled-down input gives, never NaN. Faults show in the readings only: there is no
+    fault-free channel, and the controllers too use the faulty readings.
 
     ## Rewards
     ``-(speed - mission_speed)^2 - 0.01 energy`` with the true speed [m/s] and the electrical energy [J] of the sample.
@@ -97,15 +107,22 @@ class PropulsionEnv(gym.Env):
 
     ## Arguments
     ```python
-    gym.make("auv_fault_env/Propulsion-v0", preset="thesis1992", sensor_noise=1.0, disturbance=1.0, healthy_band=1.0)
+    gym.make(
+        "auv_fault_env/Propulsion-v0",
+        preset="thesis1992",
+        sensor_noise=1.0,
+        disturbance=1.0,
+        healthy_band=1.0,
+    )
     ```
     `preset`: `thesis1992`, `npsnet1995` or a `Vehicle`. `sensor_noise`, `disturbance`, `healthy_band`: factors on the
     default noise, disturbing acceleration and spread of healthy vehicles; 0 switches off. `horizon`: end of the episode
     [s], by which every fault of a given schedule must have begun; raise it along with another `max_episode_steps`.
 
-    `reset(options={"schedule": ..., "mission": ...})`: the schedule is a sequence of `FaultEvent` or of mappings with
-    their fields, or the path of a JSON file; empty means healthy; without it one is sampled. The mission is a name
-    (`thesis`, `acceleration`, `cruise`), a speed [m/s], a list of legs (start [s], speed [m/s]) or a `Mission`.
+    `reset(options={"schedule": ..., "mission": ...})`: the schedule is a sequence of `FaultEvent`
+    or of mappings with their fields, or the path of a JSON file; empty means healthy; without it
+    one is sampled. The mission is a name (`thesis`, `acceleration`, `cruise`), a speed [m/s], a
+    list of legs (start [s], speed [m/s]) or a `Mission`.
 
     >>> import gymnasium as gym
     >>> import auv_fault_env
@@ -168,7 +185,12 @@ class PropulsionEnv(gym.Env):
 
     def _after(self):
         _, energy, cost, mission_speed = self.fleet.outcomes[:, 0].tolist()
-        info = {"mission_speed": mission_speed, "energy": energy, "cost": cost, "truth": self._truth.read()}
+        info = {
+            "mission_speed": mission_speed,
+            "energy": energy,
+            "cost": cost,
+            "truth": self._truth.read(),
+        }
         if self.render_mode is not None:
             self._record(info)
         return self._observation, info
@@ -200,14 +222,19 @@ class PropulsionEnv(gym.Env):
 class PropulsionVectorEnv(gym.vector.VectorEnv):
     """`PropulsionEnv` for many vehicles at once, in compiled code: see there for spaces, rewards and information.
 
-    Lane k of ``reset(seed=s)`` is the single environment with seed s + k, bit for bit. A finished lane resets itself on
-    the next step, whose action it ignores (`AutoresetMode.NEXT_STEP`). Values in `info` are arrays (num_envs,); `truth`
-    is a mapping of arrays that is valid until the next step.
+    Lane k of ``reset(seed=s)`` is the single environment with seed s + k, bit for bit. A finished
+    lane resets itself on the next step, whose action it ignores (`AutoresetMode.NEXT_STEP`). Values
+    in `info` are arrays (num_envs,); `truth` is a mapping of arrays that is valid until the next
+    step.
 
-    `reset(options=...)` takes `schedule` and `mission` for all lanes, or `schedules` and `missions` with one per lane.
+    `reset(options=...)` takes `schedule` and `mission` for all lanes, or `schedules` and `missions`
+    with one per lane.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
+    metadata: ClassVar[dict[str, Any]] = {
+        "render_modes": [],
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
 
     def __init__(
         self,
@@ -229,11 +256,18 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
         self._terminated = np.zeros(self.num_envs, bool)
         self._done: np.ndarray | None = None
 
-    def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ):
         """Start an episode on every lane."""
         options = _known_options(options, ("schedule", "mission", "schedules", "missions"))
         schedules = self._per_lane(
-            options, "schedule", lambda value: _checked_schedule(value, self.max_episode_steps / SAMPLE_RATE)
+            options,
+            "schedule",
+            lambda value: _checked_schedule(value, self.max_episode_steps / SAMPLE_RATE),
         )
         missions = self._per_lane(options, "mission", mission_of)
         if isinstance(seed, numbers.Integral):
@@ -250,7 +284,13 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
         if self._done.any():
             self.fleet.reset(lanes=np.flatnonzero(self._done), observations=observations)
         self._done = self.fleet.time * SAMPLE_RATE >= self.max_episode_steps
-        return observations, self.fleet.outcomes[0], self._terminated.copy(), self._done.copy(), self._info()
+        return (
+            observations,
+            self.fleet.outcomes[0],
+            self._terminated.copy(),
+            self._done.copy(),
+            self._info(),
+        )
 
     def close_extras(self, **kwargs):
         """End the fleet's threads."""
@@ -258,7 +298,12 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
 
     def _info(self) -> dict[str, Any]:
         _, energy, cost, mission_speed = self.fleet.outcomes
-        return {"mission_speed": mission_speed, "energy": energy, "cost": cost, "truth": FleetTruth(self.fleet)}
+        return {
+            "mission_speed": mission_speed,
+            "energy": energy,
+            "cost": cost,
+            "truth": FleetTruth(self.fleet),
+        }
 
     def _seeds(self, seed) -> list[int] | None:
         if seed is None and self._done is not None:
@@ -269,15 +314,22 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
         seeds = one_per_lane("seeds", seed, self.num_envs, "give one int for all")
         return [self.np_random.integers(2**63) if one is None else one for one in seeds]
 
-    def _per_lane(self, options: dict[str, Any], name: str, read) -> list[Schedule | Mission] | None:
+    def _per_lane(
+        self, options: dict[str, Any], name: str, read
+    ) -> list[Schedule | Mission] | None:
         if options.get(name) is not None and options.get(f"{name}s") is not None:
-            raise refusal("reset option", [name, f"{name}s"], f"either {name} or {name}s", "leave one out")
+            raise refusal(
+                "reset option", [name, f"{name}s"], f"either {name} or {name}s", "leave one out"
+            )
         if options.get(name) is not None:
             return [read(options[name])] * self.num_envs
         values = options.get(f"{name}s")
         if values is None:
             return None
-        return [read(value) for value in one_per_lane(f"{name}s", values, self.num_envs, f"or give one {name!r}")]
+        return [
+            read(value)
+            for value in one_per_lane(f"{name}s", values, self.num_envs, f"or give one {name!r}")
+        ]
 
 
 def _known_options(options: dict[str, Any] | None, names: Sequence[str]) -> dict[str, Any]:

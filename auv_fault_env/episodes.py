@@ -65,11 +65,17 @@ def next_change(step, time, onset, ramp, end, period):
 @scalar
 def renew_severities(lane, step, plan):
     """Write the lane's severities in force; returns whether one has changed, and the step of the next change."""
-    time, due, changed = step / SAMPLE_RATE, NEVER, False
+    time = step / SAMPLE_RATE
+    due = NEVER
+    changed = False
     for e in range(plan.severity.shape[1]):
-        onset, ramp = plan.profile[lane, e, 0], plan.profile[lane, e, 2]
-        end, period = plan.profile[lane, e, 3], plan.profile[lane, e, 4]
-        now = severity_at(time, onset, plan.profile[lane, e, 1], ramp, end, period, plan.profile[lane, e, 5])
+        onset = plan.profile[lane, e, 0]
+        ramp = plan.profile[lane, e, 2]
+        end = plan.profile[lane, e, 3]
+        period = plan.profile[lane, e, 4]
+        now = severity_at(
+            time, onset, plan.profile[lane, e, 1], ramp, end, period, plan.profile[lane, e, 5]
+        )
         changed |= now != plan.severity[lane, e]
         plan.severity[lane, e] = now
         due = min(due, next_change(step, time, onset, ramp, end, period))
@@ -79,11 +85,14 @@ def renew_severities(lane, step, plan):
 @scalar
 def renew_parameters(memory, lane, plan, catalogue):
     """Write the lane's parameters: healthy * prod(1 + s (scale - 1)) + sum(s offset), within their physical limits."""
-    b, k = lane // LANES, lane % LANES
+    b = lane // LANES
+    k = lane % LANES
     for p in range(N_PARAMETERS):
-        factor, shift = 1.0, 0.0
+        factor = 1.0
+        shift = 0.0
         for e in range(plan.severity.shape[1]):
-            fault, severity = plan.fault[lane, e], plan.severity[lane, e]
+            fault = plan.fault[lane, e]
+            severity = plan.severity[lane, e]
             if severity > 0.0:
                 factor *= 1.0 + severity * (catalogue.scale[fault, p] - 1.0)
                 shift += severity * catalogue.offset[fault, p]
@@ -94,7 +103,8 @@ def renew_parameters(memory, lane, plan, catalogue):
 @scalar
 def renew_mission(memory, lane, step, legs):
     """Write the lane's mission speed; returns the step of the next leg."""
-    time, due = step / SAMPLE_RATE, NEVER
+    time = step / SAMPLE_RATE
+    due = NEVER
     for g in range(legs.shape[1]):
         if time >= legs[lane, g, 0]:
             memory[lane // LANES, MISSION_SPEED * LANES + lane % LANES] = legs[lane, g, 1]
@@ -106,7 +116,8 @@ def renew_mission(memory, lane, step, legs):
 @scalar
 def refresh_lane(lanes, lane, plan, catalogue):
     """Bring severities, parameters and mission speed of one lane to the sample ahead."""
-    step, stale = lanes.step[lane], lanes.due[lane] == STALE
+    step = lanes.step[lane]
+    stale = lanes.due[lane] == STALE
     changed, due = renew_severities(lane, step, plan)
     if stale or changed:
         renew_parameters(lanes.memory, lane, plan, catalogue)
@@ -136,13 +147,17 @@ def begin(lanes, chosen, start_speed, plan, catalogue, limits, constants, observ
 
     constants is a `Constants` as an array, as for `lanes.step_blocks`.
     """
-    scratch, shared = np.empty(N_SCRATCH * LANES), constants_of(constants)
+    scratch = np.empty(N_SCRATCH * LANES)
+    shared = constants_of(constants)
     for i in range(chosen.size):
-        lane, speed = chosen[i], start_speed[i]
-        block, k = lanes.memory[lane // LANES], lane % LANES
+        lane = chosen[i]
+        speed = start_speed[i]
+        block = lanes.memory[lane // LANES]
+        k = lane % LANES
         for row in range(PARAMETER):
             block[row * LANES + k] = 0.0
-        lanes.step[lane], lanes.due[lane] = 0, STALE
+        lanes.step[lane] = 0
+        lanes.due[lane] = STALE
         refresh_lane(lanes, lane, plan, catalogue)
         beta = block[PORT_SHAFT * LANES + k] + block[STARBOARD_SHAFT * LANES + k]
         spin = steady_spin(block[ALPHA * LANES + k], beta, speed, shared)
@@ -154,6 +169,8 @@ def begin(lanes, chosen, start_speed, plan, catalogue, limits, constants, observ
         one = block[k:]
         draw_normals(scratch, 1, lanes.key[lane:], lanes.step[lane:])
         prepare(one, scratch, 1, shared)
-        block[DISTURBANCE * LANES + k] = shared.disturbance_std * scratch[DISTURBANCE_NORMAL * LANES]
+        block[DISTURBANCE * LANES + k] = (
+            shared.disturbance_std * scratch[DISTURBANCE_NORMAL * LANES]
+        )
         sense_all(one, scratch, 1, lanes.key[lane:], lanes.step[lane:], limits)
         publish(one, 1, lane, observations, outcomes)

@@ -140,10 +140,13 @@ BIAS = {"m/s": 0.15, "m/s^2": 0.03, "V": 1.0, "A": 0.4, "rpm": 60.0}
 
 
 def _sensor_faults(channel: str) -> list[Fault]:
-    unit, noise = CHANNELS[channel].unit, CHANNELS[channel].noise
+    unit = CHANNELS[channel].unit
+    noise = CHANNELS[channel].noise
     cited = "de Benito 1990, as cited by the thesis"
     kinds: dict[str, dict[str, Any]] = {
-        "bias": dict(offset={f"{channel}_bias": BIAS[unit]}, about="The zero shifts.", source="estimate"),
+        "bias": dict(
+            offset={f"{channel}_bias": BIAS[unit]}, about="The zero shifts.", source="estimate"
+        ),
         "scale": dict(
             scale={f"{channel}_gain": 0.6},
             about="Calibration lost; on the paddle wheel, fouling.",
@@ -165,7 +168,10 @@ def _sensor_faults(channel: str) -> list[Fault]:
             source=cited,
         ),
     }
-    return [Fault(f"sensor_{kind}:{channel}", f"sensor:{channel}", **data) for kind, data in kinds.items()]
+    return [
+        Fault(f"sensor_{kind}:{channel}", f"sensor:{channel}", **data)
+        for kind, data in kinds.items()
+    ]
 
 
 CATALOGUE: dict[str, Fault] = {
@@ -202,7 +208,8 @@ def labels() -> dict[str, tuple[str | None, str | None]]:
 def matrices() -> Catalogue:
     """The catalogue as the kernel reads it, in the catalogue's order."""
     names = list(PARAMETERS)
-    scale, offset = np.ones((len(CATALOGUE), len(names))), np.zeros((len(CATALOGUE), len(names)))
+    scale = np.ones((len(CATALOGUE), len(names)))
+    offset = np.zeros((len(CATALOGUE), len(names)))
     for row, fault in enumerate(CATALOGUE.values()):
         for parameter, value in fault.scale.items():
             scale[row, names.index(parameter)] = value

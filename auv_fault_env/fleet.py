@@ -15,9 +15,23 @@ from auv_fault_env.errors import finite_in_range, one_per_lane, refusal, whole_n
 from auv_fault_env.faults import CATALOGUE, matrices
 from auv_fault_env.missions import Mission, MissionSampler, mission_of
 from auv_fault_env.noise import episode_keys, uniforms
-from auv_fault_env.parameters import ENERGY_WEIGHT, PARAMETERS, SAMPLE_RATE, Vehicle, nominal, vehicle_of
+from auv_fault_env.parameters import (
+    ENERGY_WEIGHT,
+    PARAMETERS,
+    SAMPLE_RATE,
+    Vehicle,
+    nominal,
+    vehicle_of,
+)
 from auv_fault_env.physics import Constants
-from auv_fault_env.schedules import Events, Schedule, ScheduleSampler, events_of, no_events, schedule_of
+from auv_fault_env.schedules import (
+    Events,
+    Schedule,
+    ScheduleSampler,
+    events_of,
+    no_events,
+    schedule_of,
+)
 
 PARALLEL_LANES = 512  # below, waking the threads costs more than they save
 
@@ -25,8 +39,9 @@ PARALLEL_LANES = 512  # below, waking the threads costs more than they save
 class Fleet:
     """n vehicles, each with its own healthy parameters, faults, mission and noise; arrays throughout.
 
-    Lane k with seed s is the same vehicle, bit for bit, in any fleet of any size, serial or parallel. The noise depends
-    on (seed, episode, step, channel) alone, so the same seed with an empty schedule is the exact fault-free twin.
+    Lane k with seed s is the same vehicle, bit for bit, in any fleet of any size, serial or
+    parallel. The noise depends on (seed, episode, step, channel) alone, so the same seed with an
+    empty schedule is the exact fault-free twin.
 
     Parameters
     ----------
@@ -41,7 +56,8 @@ class Fleet:
     healthy_band
         Factor on the spread of healthy vehicles; 0 for the nominal one.
     parallel
-        Share the blocks among threads, `compiling.n_threads` of them. By default in fleets of at least 512 lanes.
+        Share the blocks among threads, `compiling.n_threads` of them. By default in fleets of at
+        least 512 lanes.
     schedules
         Distribution of the schedules of lanes that are reset without one.
     missions
@@ -50,8 +66,8 @@ class Fleet:
     Attributes
     ----------
     arrays, limits, constants, catalogue
-        What the kernels read and write: `layout.Lanes`; full scale of the channels (n_channels, 2); `Constants` as an
-        array; `layout.Catalogue`.
+        What the kernels read and write: `layout.Lanes`; full scale of the channels (n_channels, 2);
+        `Constants` as an array; `layout.Catalogue`.
     diagnoses
         Diagnosis class of every fault of the catalogue, (n_faults,).
     outcomes
@@ -78,7 +94,9 @@ class Fleet:
         scale = dict(sensor_noise=sensor_noise, disturbance=disturbance, healthy_band=healthy_band)
         for name, value in scale.items():
             finite_in_range(name, value, 0.0, 10.0)
-        self._shares = _shares(self.n_lanes, self.n_lanes >= PARALLEL_LANES if parallel is None else parallel)
+        self._shares = _shares(
+            self.n_lanes, self.n_lanes >= PARALLEL_LANES if parallel is None else parallel
+        )
         self._threads: ThreadPoolExecutor | None = None
         self._process = 0
         self._nominal = np.array(list(nominal(self.vehicle, sensor_noise).values()))
@@ -89,11 +107,13 @@ class Fleet:
         self._allocate(self.schedules.EVENTS, self.missions.n_legs)
 
     def _read_catalogue(self):
-        self._faults, self.catalogue = tuple(CATALOGUE.values()), matrices()
+        self._faults = tuple(CATALOGUE.values())
+        self.catalogue = matrices()
         self.diagnoses = np.array([fault.diagnosis for fault in self._faults])
 
     def _allocate(self, n_events: int, n_legs: int):
-        n, blocks = self.n_lanes, -(-self.n_lanes // layout.LANES)
+        n = self.n_lanes
+        blocks = -(-self.n_lanes // layout.LANES)
         self.arrays = layout.Lanes(
             np.zeros((blocks, layout.N_ROWS * layout.LANES)),
             np.zeros(n, np.uint64),
@@ -106,8 +126,10 @@ class Fleet:
             np.zeros((n, n_events)),
             np.full((n, n_legs, 2), np.inf),
         )
-        self._seed, self._episode = np.zeros(n, np.uint64), np.zeros(n, np.uint64)
-        self._due, self.changes = n, 0
+        self._seed = np.zeros(n, np.uint64)
+        self._episode = np.zeros(n, np.uint64)
+        self._due = n
+        self.changes = 0
         self.outcomes = np.zeros((4, n))
 
     def reset(
@@ -123,7 +145,8 @@ class Fleet:
         Parameters
         ----------
         seeds
-            One per chosen lane: start that seed's first episode. None: go on to the next episode of the old one.
+            One per chosen lane: start that seed's first episode. None: go on to the next episode of
+            the old one.
         lanes
             Indices (m,) of the lanes; None for all.
         schedules
@@ -137,9 +160,12 @@ class Fleet:
         -------
         The observations, (n_lanes, n_channels) float32; rows of lanes not chosen are as they were, or zero.
         """
-        chosen, observations = self._chosen(lanes), self._checked_observations(observations)
+        chosen = self._chosen(lanes)
+        observations = self._checked_observations(observations)
         if seeds is not None:
-            seeds = [whole_number("seed", seed, 0) for seed in one_per_lane("seeds", seeds, chosen.size)]
+            seeds = [
+                whole_number("seed", seed, 0) for seed in one_per_lane("seeds", seeds, chosen.size)
+            ]
         events, legs = _planned(schedules, missions, chosen.size)
         key = self._next_episode(chosen, seeds)
         spread = 2.0 * uniforms(key, 0, len(PARAMETERS)) - 1.0
@@ -148,7 +174,14 @@ class Fleet:
         legs, speeds = self.missions.draw(key) if legs is None else legs
         self._set_legs(chosen, legs)
         self.outcomes = self.outcomes.copy()
-        arrays = (self._plan, self.catalogue, self.limits, self.constants, observations, self.outcomes)
+        arrays = (
+            self._plan,
+            self.catalogue,
+            self.limits,
+            self.constants,
+            observations,
+            self.outcomes,
+        )
         episodes.begin(self.arrays, chosen, speeds, *arrays)
         self.changes += 1
         return observations
@@ -175,19 +208,30 @@ class Fleet:
         if lanes is None:
             return np.arange(self.n_lanes)
         if not self.changes:
-            raise refusal("lanes", lanes, "None, all lanes, at the first reset", "reset all lanes first")
+            raise refusal(
+                "lanes", lanes, "None, all lanes, at the first reset", "reset all lanes first"
+            )
         chosen = np.asarray(lanes)
-        whole = chosen.ndim == 1 and chosen.dtype.kind in "iu" and np.unique(chosen).size == chosen.size
+        whole = (
+            chosen.ndim == 1 and chosen.dtype.kind in "iu" and np.unique(chosen).size == chosen.size
+        )
         if not whole or (chosen.size and not 0 <= chosen.min() <= chosen.max() < self.n_lanes):
-            raise refusal("lanes", lanes, f"different whole numbers from 0 to {self.n_lanes - 1}", "give indices")
+            raise refusal(
+                "lanes",
+                lanes,
+                f"different whole numbers from 0 to {self.n_lanes - 1}",
+                "give indices",
+            )
         return chosen.astype(np.int64)
 
     def _set_events(self, chosen: np.ndarray, events: Events):
         if self._faults != tuple(CATALOGUE.values()):
             self._read_catalogue()
-        width, plan = events.fault.shape[1], self._plan
+        width = events.fault.shape[1]
+        plan = self._plan
         empty = no_events(self.n_lanes, max(width, plan.fault.shape[1]))
-        fault, profile = _widened(plan.fault, empty.fault), _widened(plan.profile, empty.profile)
+        fault = _widened(plan.fault, empty.fault)
+        profile = _widened(plan.profile, empty.profile)
         severity = _widened(plan.severity, np.zeros(fault.shape))
         self._plan = plan._replace(fault=fault, profile=profile, severity=severity)
         for values, blank, given in zip((fault, profile), empty, events, strict=True):
@@ -206,7 +250,8 @@ class Fleet:
         Parameters
         ----------
         actions
-            (n_lanes, 3): speed command [m/s], rudder and stern plane [rad]; clipped to the channels' limits.
+            (n_lanes, 3): speed command [m/s], rudder and stern plane [rad]; clipped to the
+            channels' limits.
 
         Returns
         -------
@@ -217,7 +262,9 @@ class Fleet:
     def advance(self, actions: np.ndarray) -> np.ndarray:
         """As `step`, for actions that `checked_actions` has let through."""
         if not self.changes:
-            raise refusal("step", "no reset before", "a step after a reset of all lanes", "call reset() first")
+            raise refusal(
+                "step", "no reset before", "a step after a reset of all lanes", "call reset() first"
+            )
         if self._due:
             episodes.refresh(self.arrays, self._plan, self.catalogue)
             self.changes += 1
@@ -241,9 +288,14 @@ class Fleet:
         if len(self._shares) == 1:
             return lanes.step_blocks(*self._shares[0], *arrays)
         if self._threads is None or self._process != os.getpid():  # threads do not survive a fork
-            self._threads, self._process = ThreadPoolExecutor(len(self._shares) - 1), os.getpid()
-        others = [self._threads.submit(lanes.step_blocks, *share, *arrays) for share in self._shares[1:]]
-        return lanes.step_blocks(*self._shares[0], *arrays) + sum(other.result() for other in others)
+            self._threads = ThreadPoolExecutor(len(self._shares) - 1)
+            self._process = os.getpid()
+        others = [
+            self._threads.submit(lanes.step_blocks, *share, *arrays) for share in self._shares[1:]
+        ]
+        return lanes.step_blocks(*self._shares[0], *arrays) + sum(
+            other.result() for other in others
+        )
 
     def set_healthy(self, values: np.ndarray) -> None:
         """Replace the healthy parameters from the next step on: (n_lanes, n_parameters), ordered as `PARAMETERS`."""
@@ -254,10 +306,17 @@ class Fleet:
         self._plan.healthy[:] = values
         self._refresh_all()
 
-    def replan(self, schedules: Sequence[Schedule] | None = None, missions: Sequence[Mission] | None = None) -> None:
+    def replan(
+        self, schedules: Sequence[Schedule] | None = None, missions: Sequence[Mission] | None = None
+    ) -> None:
         """Replace schedules, missions or both, one per lane, from the next step on; times count from the reset."""
         if not self.changes:
-            raise refusal("replan", "no reset before", "another plan after a reset of all lanes", "call reset() first")
+            raise refusal(
+                "replan",
+                "no reset before",
+                "another plan after a reset of all lanes",
+                "call reset() first",
+            )
         events, legs = _planned(schedules, missions, self.n_lanes)
         if events is not None:
             self._set_events(np.arange(self.n_lanes), events)
@@ -291,13 +350,24 @@ def checked_actions(actions, shape: tuple[int, ...]) -> np.ndarray:
     try:
         actions = np.ascontiguousarray(actions, np.float64)
     except (TypeError, ValueError):
-        raise refusal("action", actions, f"numbers of shape {shape}", f"give {', '.join(names)}") from None
+        raise refusal(
+            "action", actions, f"numbers of shape {shape}", f"give {', '.join(names)}"
+        ) from None
     if actions.shape != shape:
         raise refusal("shape of the action", actions.shape, shape, f"give {', '.join(names)}")
-    finite = all(map(math.isfinite, actions.tolist())) if actions.ndim == 1 else np.isfinite(actions).all()
+    finite = (
+        all(map(math.isfinite, actions.tolist()))
+        if actions.ndim == 1
+        else np.isfinite(actions).all()
+    )
     if not finite:
         place = tuple(np.argwhere(~np.isfinite(actions))[0])
-        raise refusal(f"action, {names[place[-1]]}", float(actions[place]), "a finite number", "check the policy")
+        raise refusal(
+            f"action, {names[place[-1]]}",
+            float(actions[place]),
+            "a finite number",
+            "check the policy",
+        )
     return actions
 
 
@@ -327,7 +397,9 @@ def _planned(
     """Events of the schedules, legs and start speeds of the missions, one per lane; None stays None."""
     events = legs = None
     if schedules is not None:
-        events = events_of([schedule_of(one) for one in one_per_lane("schedules", schedules, n_lanes)])
+        events = events_of(
+            [schedule_of(one) for one in one_per_lane("schedules", schedules, n_lanes)]
+        )
     if missions is not None:
         legs = _legs_of([mission_of(one) for one in one_per_lane("missions", missions, n_lanes)])
     return events, legs

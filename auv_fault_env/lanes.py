@@ -105,7 +105,8 @@ def motor_of(scratch, side, k):
 @scalar
 def delta_squared(block, k):
     """Rudder and stern plane of lane k, squared and summed [rad^2]."""
-    rudder, plane = block[RUDDER * LANES + k], block[STERN_PLANE * LANES + k]
+    rudder = block[RUDDER * LANES + k]
+    plane = block[STERN_PLANE * LANES + k]
     return rudder * rudder + plane * plane
 
 
@@ -115,7 +116,9 @@ def take_actions(block, width, actions, limits):
     for k in range(width):
         for c in range(3):
             command = SPEED_COMMAND + c
-            block[command * LANES + k] = limited(actions[k, c], limits[command, 0], limits[command, 1])
+            block[command * LANES + k] = limited(
+                actions[k, c], limits[command, 0], limits[command, 1]
+            )
 
 
 @scalar
@@ -135,7 +138,9 @@ def control(block, width, constants):
     for k in range(width):
         speed = filtered(block[FILTERED_SPEED * LANES + k], block[SPEED_READING * LANES + k], share)
         block[FILTERED_SPEED * LANES + k] = speed
-        command = rpm_command(constants, block[SPEED_COMMAND * LANES + k], speed, delta_squared(block, k))
+        command = rpm_command(
+            constants, block[SPEED_COMMAND * LANES + k], speed, delta_squared(block, k)
+        )
         control_side(block, k, constants, command, PORT_RPM_READING, PORT_STATE)
         control_side(block, k, constants, command, STARBOARD_RPM_READING, STARBOARD_STATE)
 
@@ -174,9 +179,18 @@ def prepare(block, scratch, width, constants):
     memory, kick = disturbance_memory(constants)
     for k in range(width):
         store_motor(scratch, PORT_MOTOR, k, lane_motor(block, PORT_SHAFT, PORT_STATE, k, constants))
-        store_motor(scratch, STARBOARD_MOTOR, k, lane_motor(block, STARBOARD_SHAFT, STARBOARD_STATE, k, constants))
-        scratch[DRAG * LANES + k] = block[ALPHA * LANES + k] + block[GAMMA * LANES + k] * delta_squared(block, k)
-        pushed = memory * block[DISTURBANCE * LANES + k] + kick * scratch[DISTURBANCE_NORMAL * LANES + k]
+        store_motor(
+            scratch,
+            STARBOARD_MOTOR,
+            k,
+            lane_motor(block, STARBOARD_SHAFT, STARBOARD_STATE, k, constants),
+        )
+        scratch[DRAG * LANES + k] = block[ALPHA * LANES + k] + block[
+            GAMMA * LANES + k
+        ] * delta_squared(block, k)
+        pushed = (
+            memory * block[DISTURBANCE * LANES + k] + kick * scratch[DISTURBANCE_NORMAL * LANES + k]
+        )
         block[DISTURBANCE * LANES + k] = pushed
         block[(PORT_STATE + ANGLE) * LANES + k] = 0.0
         block[(STARBOARD_STATE + ANGLE) * LANES + k] = 0.0
@@ -212,7 +226,8 @@ def move(block, scratch, width):
 @scalar
 def lane_current(block, shaft, state, k):
     """Armature current of one of lane k's motors [A]."""
-    spin, voltage = block[(state + SPIN) * LANES + k], block[(state + VOLTAGE) * LANES + k]
+    spin = block[(state + SPIN) * LANES + k]
+    voltage = block[(state + VOLTAGE) * LANES + k]
     return armature_current(shaft_of(block, shaft, k), spin, voltage)
 
 
@@ -230,15 +245,19 @@ def derive(block, scratch, width):
             motor_of(scratch, STARBOARD_MOTOR, k),
         )
         block[(PORT_STATE + CURRENT) * LANES + k] = lane_current(block, PORT_SHAFT, PORT_STATE, k)
-        block[(STARBOARD_STATE + CURRENT) * LANES + k] = lane_current(block, STARBOARD_SHAFT, STARBOARD_STATE, k)
+        block[(STARBOARD_STATE + CURRENT) * LANES + k] = lane_current(
+            block, STARBOARD_SHAFT, STARBOARD_STATE, k
+        )
 
 
 @scalar
 def sense(block, scratch, width, gates, held, truth, factor, limits):
     """Read one channel on all lanes: `factor` times the true value, through the sensor, into the row `held`."""
     channel = held - READING
-    sensor, normal = (SENSORS + N_SENSOR_PARAMETERS * channel) * LANES, (NORMAL + channel) * LANES
-    low, high = limits[held, 0], limits[held, 1]
+    sensor = (SENSORS + N_SENSOR_PARAMETERS * channel) * LANES
+    normal = (NORMAL + channel) * LANES
+    low = limits[held, 0]
+    high = limits[held, 1]
     for k in range(width):
         got = reading(
             factor * block[truth * LANES + k],
@@ -262,21 +281,41 @@ def sense_all(block, scratch, width, key, step, limits):
     for k in range(width):
         gates[0, k] = draw(key[k], step[k], GATE)
         gates[1, k] = draw(key[k], step[k], GATE + np.uint64(1))
-    one, two = gates[0], gates[1]
+    one = gates[0]
+    two = gates[1]
     sense(block, scratch, width, one, SPEED_READING, SPEED, 1.0, limits)
     sense(block, scratch, width, one, ACCELERATION_READING, ACCELERATION, 1.0, limits)
     sense(block, scratch, width, one, PORT_VOLTAGE_READING, PORT_STATE + VOLTAGE, 1.0, limits)
     sense(block, scratch, width, one, PORT_CURRENT_READING, PORT_STATE + CURRENT, 1.0, limits)
     sense(block, scratch, width, two, PORT_RPM_READING, PORT_STATE + SPIN, RPM, limits)
-    sense(block, scratch, width, two, STARBOARD_VOLTAGE_READING, STARBOARD_STATE + VOLTAGE, 1.0, limits)
-    sense(block, scratch, width, two, STARBOARD_CURRENT_READING, STARBOARD_STATE + CURRENT, 1.0, limits)
+    sense(
+        block,
+        scratch,
+        width,
+        two,
+        STARBOARD_VOLTAGE_READING,
+        STARBOARD_STATE + VOLTAGE,
+        1.0,
+        limits,
+    )
+    sense(
+        block,
+        scratch,
+        width,
+        two,
+        STARBOARD_CURRENT_READING,
+        STARBOARD_STATE + CURRENT,
+        1.0,
+        limits,
+    )
     sense(block, scratch, width, two, STARBOARD_RPM_READING, STARBOARD_STATE + SPIN, RPM, limits)
 
 
 @scalar
 def lane_energy(block, shaft, state, k):
     """Electrical energy of one of lane k's motors in the sample [J]."""
-    angle, voltage = block[(state + ANGLE) * LANES + k], block[(state + VOLTAGE) * LANES + k]
+    angle = block[(state + ANGLE) * LANES + k]
+    voltage = block[(state + VOLTAGE) * LANES + k]
     return electrical_energy(shaft_of(block, shaft, k), angle, voltage)
 
 
@@ -315,7 +354,10 @@ def publish(block, width, first, observations, outcomes):
 @kernel
 def step_block(block, first, key, step, due, actions, limits, constants, observations, outcomes):
     """One sample of the block that begins with lane `first`; returns how many lanes are due for a refresh after it."""
-    width, key, step, due = min(LANES, key.size - first), key[first:], step[first:], due[first:]
+    width = min(LANES, key.size - first)
+    key = key[first:]
+    step = step[first:]
+    due = due[first:]
     scratch = np.empty(N_SCRATCH * LANES)
     count = 0
     for k in range(width):
@@ -333,14 +375,19 @@ def step_block(block, first, key, step, due, actions, limits, constants, observa
 
 
 @kernel
-def step_blocks(first, last, memory, key, step, due, actions, limits, constants, observations, outcomes):
+def step_blocks(
+    first, last, memory, key, step, due, actions, limits, constants, observations, outcomes
+):
     """One sample of the blocks from `first` to before `last`; returns the number of lanes due for a refresh.
 
-    Plain arrays come in, because unpacking named tuples at the border to Python costs more than a lane's step;
-    constants is a `Constants` as an array. It releases the interpreter's lock, so threads may share the blocks.
+    Plain arrays come in, because unpacking named tuples at the border to Python costs more than a
+    lane's step; constants is a `Constants` as an array. It releases the interpreter's lock, so
+    threads may share the blocks.
     """
     shared = constants_of(constants)
     count = 0
     for b in range(first, last):
-        count += step_block(memory[b], b * LANES, key, step, due, actions, limits, shared, observations, outcomes)
+        count += step_block(
+            memory[b], b * LANES, key, step, due, actions, limits, shared, observations, outcomes
+        )
     return count

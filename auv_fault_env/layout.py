@@ -1,7 +1,8 @@
 """The memory of a fleet: which quantity stands where.
 
-The lanes stand in blocks of `LANES`. A block is one contiguous table, a row per quantity and a column per lane: element
-``row * LANES + lane``. The innermost loops run over the columns, at distances the compiler knows, and so vectorise.
+The lanes stand in blocks of `LANES`. A block is one contiguous table, a row per quantity and a
+column per lane: element ``row * LANES + lane``. The innermost loops run over the columns, at
+distances the compiler knows, and so vectorise.
 """
 
 from typing import NamedTuple
@@ -13,8 +14,10 @@ from auv_fault_env.parameters import HULL, PARAMETERS, SENSOR, SHAFT
 
 LANES = 256  # lanes of a block: its table stays in the second-level cache
 
-# Rows 0 to 11 are the observation, in the order of CHANNELS; the last rows the parameters, in that of PARAMETERS.
-N_CHANNELS, N_PARAMETERS = len(CHANNELS), len(PARAMETERS)
+# Rows 0 to 11 are the observation, in the order of CHANNELS; the last rows the parameters, in that
+# of PARAMETERS.
+N_CHANNELS = len(CHANNELS)
+N_PARAMETERS = len(PARAMETERS)
 MISSION_SPEED, SPEED_COMMAND, RUDDER, STERN_PLANE = range(4)
 READING = len(COMMANDS)
 (
@@ -27,18 +30,27 @@ READING = len(COMMANDS)
     STARBOARD_CURRENT_READING,
     STARBOARD_RPM_READING,
 ) = range(READING, N_CHANNELS)
-(SPEED, FILTERED_SPEED, ACCELERATION, DISTURBANCE, REWARD, ENERGY, COST) = range(N_CHANNELS, N_CHANNELS + 7)
-PORT_STATE, STARBOARD_STATE = COST + 1, COST + 6
+(SPEED, FILTERED_SPEED, ACCELERATION, DISTURBANCE, REWARD, ENERGY, COST) = range(
+    N_CHANNELS, N_CHANNELS + 7
+)
+PORT_STATE = COST + 1
+STARBOARD_STATE = COST + 6
 SPIN, ANGLE, INTEGRAL, VOLTAGE, CURRENT = range(5)  # rows of each side's state
 PARAMETER = STARBOARD_STATE + 5
-ALPHA, GAMMA = PARAMETER, PARAMETER + 1
-PORT_SHAFT, STARBOARD_SHAFT = PARAMETER + len(HULL), PARAMETER + len(HULL) + len(SHAFT)
+ALPHA = PARAMETER
+GAMMA = PARAMETER + 1
+PORT_SHAFT = PARAMETER + len(HULL)
+STARBOARD_SHAFT = PARAMETER + len(HULL) + len(SHAFT)
 SENSORS = STARBOARD_SHAFT + len(SHAFT)
 N_SENSOR_PARAMETERS = len(SENSOR)
 N_ROWS = PARAMETER + N_PARAMETERS
 
 # Scratch rows, one table per call: two motors' coefficients, the hull's drag, ten normals.
-PORT_MOTOR, STARBOARD_MOTOR, DRAG, NORMAL, N_SCRATCH = 0, 5, 10, 11, 21
+PORT_MOTOR = 0
+STARBOARD_MOTOR = 5
+DRAG = 10
+NORMAL = 11
+N_SCRATCH = 21
 DISTURBANCE_NORMAL = NORMAL + len(READINGS)
 
 

@@ -7,7 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_fault_env.channels import MAXIMUM_COMMAND
-from auv_fault_env.errors import InputError, finite_in_range, known_name, pair_in_range, refusal, whole_number
+from auv_fault_env.errors import (
+    InputError,
+    finite_in_range,
+    known_name,
+    pair_in_range,
+    refusal,
+    whole_number,
+)
 from auv_fault_env.noise import uniforms
 from auv_fault_env.parameters import FOOT, SAMPLE_TIME
 
@@ -21,7 +28,8 @@ class Mission:
     legs
         Pairs (start [s], speed [m/s]), the first at 0 s, in ascending order.
     start_speed
-        Speed [m/s] at which the vehicle starts in steady motion; None for that of the first leg, 0 for rest.
+        Speed [m/s] at which the vehicle starts in steady motion; None for that of the first leg, 0
+        for rest.
     """
 
     legs: tuple[tuple[float, float], ...]
@@ -37,7 +45,9 @@ class Mission:
         )
         starts = [start for start, _ in legs]
         if not legs or starts[0] != 0.0 or sorted(set(starts)) != starts:
-            raise refusal("mission legs", starts, "start times that begin at 0 and ascend", "order the legs")
+            raise refusal(
+                "mission legs", starts, "start times that begin at 0 and ascend", "order the legs"
+            )
         start_speed = legs[0][1] if self.start_speed is None else self.start_speed
         start_speed = finite_in_range("mission speed", start_speed, 0.0, MAXIMUM_COMMAND)
         object.__setattr__(self, "legs", legs)
@@ -68,7 +78,9 @@ def mission_of(value: "Mission | str | float | Sequence | Mapping") -> Mission:
     except InputError:
         raise
     except (TypeError, ValueError):
-        raise refusal("mission", value, "a name, a speed or a list of (start, speed)", "write one of these") from None
+        raise refusal(
+            "mission", value, "a name, a speed or a list of (start, speed)", "write one of these"
+        ) from None
 
 
 @dataclass(frozen=True)

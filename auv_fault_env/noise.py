@@ -1,7 +1,7 @@
 """Counter-based noise: a draw depends on nothing but (key, step, channel), so any lane of any batch can be replayed.
 
-The bits are SplitMix64's, read at a place instead of in sequence; normals come by Box and Muller with a logarithm and a
-sine of our own, because libm's do not vectorise over lanes.
+The bits are SplitMix64's, read at a place instead of in sequence; normals come by Box and Muller
+with a logarithm and a sine of our own, because libm's do not vectorise over lanes.
 """
 
 import math
@@ -13,11 +13,13 @@ from auv_fault_env.compiling import kernel, scalar
 STREAM = np.uint64(16)  # draws per step: ten normals in five pairs, two words of gates
 GATE = np.uint64(8)
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
-MIX_1, MIX_2 = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
+MIX_2 = np.uint64(0x94D049BB133111EB)
 U27, U30, U31, U32, U52 = (np.uint64(k) for k in (27, 30, 31, 32, 52))
 LOW_16, LOW_32, LOW_52 = (np.uint64((1 << k) - 1) for k in (16, 32, 52))
 TWO_52 = 4503599627370496.0
-BITS_OF_ONE, BITS_OF_TWO_52 = np.uint64(0x3FF0000000000000), np.uint64(0x4330000000000000)
+BITS_OF_ONE = np.uint64(0x3FF0000000000000)
+BITS_OF_TWO_52 = np.uint64(0x4330000000000000)
 
 
 @scalar
@@ -51,7 +53,9 @@ def logarithm(x):
     exponent = exponent + 1.0 if high else exponent
     s = (mantissa - 1.0) / (mantissa + 1.0)
     z = s * s
-    series = 1.0 + z * (1 / 3 + z * (1 / 5 + z * (1 / 7 + z * (1 / 9 + z * (1 / 11 + z * (1 / 13))))))
+    series = 1.0 + z * (
+        1 / 3 + z * (1 / 5 + z * (1 / 7 + z * (1 / 9 + z * (1 / 11 + z * (1 / 13)))))
+    )
     return 0.6931471805599453 * exponent + 2.0 * s * series
 
 
@@ -98,5 +102,7 @@ def uniforms(key, purpose, count):
     for k in range(key.size):
         stream = mixed(key[k] ^ ((np.uint64(purpose) + np.uint64(1)) * MIX_2))
         for c in range(count):
-            out[k, c] = (small(mixed(stream + np.uint64(c + 1) * GOLDEN) >> np.uint64(12)) + 0.5) * 2.0**-52
+            out[k, c] = (
+                small(mixed(stream + np.uint64(c + 1) * GOLDEN) >> np.uint64(12)) + 0.5
+            ) * 2.0**-52
     return out

@@ -1,14 +1,15 @@
 """Every constant of the vehicle once: unit, meaning, source; presets; validation; the healthy band.
 
-SI inside. The thesis' customary units are converted here and nowhere else. Shaft speed is in rpm in ``beta``, as in
-the thesis and every vehicle log, and in rad/s in the motor constants.
+SI inside. The thesis' customary units are converted here and nowhere else. Shaft speed is in rpm in
+``beta``, as in the thesis and every vehicle log, and in rad/s in the motor constants.
 
 Sources
 -------
 [T]  "Neural network based propulsion system fault diagnostics for the NPS AUV II", NPS thesis, June 1992.
 [N]  NPS AUV II hydrodynamic file of the NPSNET simulator, 1995.
 [H]  Healey & Lienard, "Multivariable sliding mode control for autonomous diving and steering of unmanned underwater
-     vehicles", IEEE J. Oceanic Eng. 18(3), 1993, doi:10.1109/JOE.1993.236372: form of the speed controller.
+     vehicles", IEEE J. Oceanic Eng. 18(3), 1993, doi:10.1109/JOE.1993.236372: form of the speed
+     controller.
 [E]  An estimate or a default of this project, where the sources are silent.
 """
 
@@ -27,18 +28,24 @@ ENERGY_WEIGHT = 0.01  # 1/J, in the reward beside the squared speed deviation [m
 SIDES = ("port", "starboard")
 
 
-def blade_pair_inertia(hub=0.010, tip=2 * INCH, chord=0.025, thickness=0.003, density=8500.0, elements=9) -> float:
+def blade_pair_inertia(
+    hub=0.010, tip=2 * INCH, chord=0.025, thickness=0.003, density=8500.0, elements=9
+) -> float:
     """Polar inertia [kg m^2] of a two-bladed propeller, each blade summed over nine rectangles as in [T].
 
-    The thesis gives the method, not the blade: a 4 inch brass blade of 25 mm chord and 3 mm mean thickness is assumed,
-    without entrained water.
+    The thesis gives the method, not the blade: a 4 inch brass blade of 25 mm chord and 3 mm mean
+    thickness is assumed, without entrained water.
     """
     width = (tip - hub) / elements
     radii = [hub + (k + 0.5) * width for k in range(elements)]
-    return 2 * sum(density * chord * thickness * width * (r * r + width * width / 12) for r in radii)
+    return 2 * sum(
+        density * chord * thickness * width * (r * r + width * width / 12) for r in radii
+    )
 
 
-def quantity(value: float, unit: str, about: str, source: str, low: float, high: float, band: float = 0.0):
+def quantity(
+    value: float, unit: str, about: str, source: str, low: float, high: float, band: float = 0.0
+):
     """A field of `Vehicle`: default value, unit, meaning, source, physical limits, half-width of the healthy band."""
     return field(
         default=value,
@@ -50,8 +57,9 @@ def quantity(value: float, unit: str, about: str, source: str, low: float, high:
 class Vehicle:
     """A healthy vehicle: hull, one shaft (both sides are alike), sensors' surroundings and controller gains.
 
-    A variant is ``dataclasses.replace(PRESETS["thesis1992"], alpha=-0.1)``; a value outside its physical limits raises
-    `ValueError`. Units, meanings and sources are in each field's metadata: see `describe`.
+    A variant is ``dataclasses.replace(PRESETS["thesis1992"], alpha=-0.1)``; a value outside its
+    physical limits raises `ValueError`. Units, meanings and sources are in each field's metadata:
+    see `describe`.
     """
 
     # fmt: off
@@ -83,8 +91,12 @@ class Vehicle:
     def __post_init__(self):
         for spec in fields(self):
             if spec.metadata:
-                finite_in_range(spec.name, getattr(self, spec.name), spec.metadata["low"], spec.metadata["high"])
-        advance = 60.0 * (self.beta / -self.alpha) ** 0.5 / self.diameter * (1.0 - self.wake_fraction)
+                finite_in_range(
+                    spec.name, getattr(self, spec.name), spec.metadata["low"], spec.metadata["high"]
+                )
+        advance = (
+            60.0 * (self.beta / -self.alpha) ** 0.5 / self.diameter * (1.0 - self.wake_fraction)
+        )
         if self.c2 and self.c2 * advance >= self.c1:
             allowed = f"below {self.c1 / advance:.3g}, where the propeller would drive the motor in steady motion"
             raise refusal("c2", self.c2, allowed, "lower c2 or raise c1")
@@ -95,7 +107,9 @@ class Vehicle:
 
 PRESETS: dict[str, Vehicle] = {
     "thesis1992": Vehicle(),
-    "npsnet1995": Vehicle("npsnet1995", alpha=-0.0276 / FOOT, beta=2.252e-7 * FOOT, gamma=-0.0722 / FOOT),
+    "npsnet1995": Vehicle(
+        "npsnet1995", alpha=-0.0276 / FOOT, beta=2.252e-7 * FOOT, gamma=-0.0722 / FOOT
+    ),
 }
 
 
@@ -134,13 +148,17 @@ def _plant_parameter(name: str) -> Parameter:
 
 
 def _sensor_parameters(channel: str) -> dict[str, Parameter]:
-    unit, low, high = CHANNELS[channel].unit, CHANNELS[channel].low, CHANNELS[channel].high
+    unit = CHANNELS[channel].unit
+    low = CHANNELS[channel].low
+    high = CHANNELS[channel].high
     span = high - low
     return {
         f"{channel}_bias": Parameter(unit, -span, span, 0.0, "added to the reading"),
         f"{channel}_gain": Parameter("1", 0.0, 10.0, 0.0, "multiplies the reading"),
         f"{channel}_noise": Parameter(unit, 0.0, span, 0.0, "standard deviation of the reading"),
-        f"{channel}_stuck": Parameter("1", 0.0, 1.0, 0.0, "share of the samples that repeat the last reading"),
+        f"{channel}_stuck": Parameter(
+            "1", 0.0, 1.0, 0.0, "share of the samples that repeat the last reading"
+        ),
         f"{channel}_dropout": Parameter("1", 0.0, 1.0, 0.0, "share of the samples that read zero"),
     }
 
@@ -168,7 +186,8 @@ def describe(vehicle: Vehicle) -> list[dict]:
     """One row per constant: name, value, unit, meaning, source."""
     keys = ("unit", "about", "source")
     return [
-        {"name": spec.name, "value": getattr(vehicle, spec.name)} | {key: spec.metadata[key] for key in keys}
+        {"name": spec.name, "value": getattr(vehicle, spec.name)}
+        | {key: spec.metadata[key] for key in keys}
         for spec in fields(vehicle)
         if spec.metadata
     ]

@@ -1,7 +1,8 @@
 """The equations, once: surge and shaft dynamics, controllers, sensors; scalar functions that numba compiles.
 
-One source of physics: the scalar functions take and return floats and named tuples of floats; a single step, a serial
-batch and a parallel batch are loops around them. They create no arrays, raise nothing and never branch on a fault.
+One source of physics: the scalar functions take and return floats and named tuples of floats; a
+single step, a serial batch and a parallel batch are loops around them. They create no arrays, raise
+nothing and never branch on a fault.
 
 Equations (u surge speed, w shaft speed in rad/s, n the same in rpm, V motor voltage)::
 
@@ -9,7 +10,8 @@ Equations (u surge speed, w shaft speed in rad/s, n the same in rpm, V motor vol
     J dw/dt = K_T (V - K_b w)/R - Q - b w - tau_c sign(w),      w >= 0, with stiction at w = 0
     Q       = rho D^5 (w/2 pi)^2 (C1 - C2 J_a),                 J_a = u (1 - wake) / ((w/2 pi) D)
 
-With the surge speed known, the shaft equation is a Riccati equation, solved in closed form by `spin`; see `advance`.
+With the surge speed known, the shaft equation is a Riccati equation, solved in closed form by
+`spin`; see `advance`.
 """
 
 import math
@@ -20,13 +22,18 @@ from auv_fault_env.parameters import SAMPLE_TIME
 
 RPM = 30.0 / math.pi  # rpm per rad/s
 
-# Graded substeps: short where a new voltage shakes the shaft, long where it has settled. See training/integrators.py.
+# Graded substeps: short where a new voltage shakes the shaft, long where it has settled. See
+# training/integrators.py.
 SUBSTEPS = 8
-SUBSTEP = tuple(SAMPLE_TIME * (((k + 1) / SUBSTEPS) ** 1.75 - (k / SUBSTEPS) ** 1.75) for k in range(SUBSTEPS))
+SUBSTEP = tuple(
+    SAMPLE_TIME * (((k + 1) / SUBSTEPS) ** 1.75 - (k / SUBSTEPS) ** 1.75) for k in range(SUBSTEPS)
+)
 NODE_1 = 0.5 - 0.1 * math.sqrt(5.0)  # Lobatto points and weights on [0, 1], order 6
 NODE_2 = 0.5 + 0.1 * math.sqrt(5.0)
 POLE = -(math.pi**2)  # of tan(y)/y beyond its first branch: the shaft has stopped on the way
-END_WEIGHT, INNER_WEIGHT, THIRD = 1.0 / 12.0, 5.0 / 12.0, 1.0 / 3.0
+END_WEIGHT = 1.0 / 12.0
+INNER_WEIGHT = 5.0 / 12.0
+THIRD = 1.0 / 3.0
 
 
 class Constants(NamedTuple):
@@ -109,7 +116,8 @@ class Motion(NamedTuple):
 @scalar
 def motor(shaft, constants, voltage):
     """The shaft equation's coefficients at a held voltage."""
-    flux, diameter = shaft.torque_constant, constants.diameter
+    flux = shaft.torque_constant
+    diameter = constants.diameter
     blade = constants.density * diameter**4 / (2.0 * math.pi * shaft.inertia)
     return Motor(
         (flux * voltage / shaft.resistance - shaft.coulomb_friction) / shaft.inertia,
@@ -123,7 +131,9 @@ def motor(shaft, constants, voltage):
 @scalar
 def surge_acceleration(speed, port_spin, starboard_spin, drag, disturbance, port, starboard):
     """du/dt [m/s^2]; drag is alpha + gamma delta^2 [1/m]."""
-    thrust = port.thrust * port_spin * port_spin + starboard.thrust * starboard_spin * starboard_spin
+    thrust = (
+        port.thrust * port_spin * port_spin + starboard.thrust * starboard_spin * starboard_spin
+    )
     return drag * speed * abs(speed) + thrust + disturbance
 
 
@@ -164,7 +174,9 @@ def steady_spin(alpha, beta, speed, constants):
 def holding_voltage(shaft, spin, speed, constants):
     """Voltage [V] that balances friction and propeller at a steady shaft speed, within the supply; zero at rest."""
     still = motor(shaft, constants, 0.0)
-    torque = shaft.inertia * ((still.damping - still.coupling * speed + still.load * spin) * spin - still.drive)
+    torque = shaft.inertia * (
+        (still.damping - still.coupling * speed + still.load * spin) * spin - still.drive
+    )
     voltage = torque * shaft.resistance / shaft.torque_constant if spin > 0.0 else 0.0
     return min(voltage, constants.maximum_voltage)
 
@@ -178,7 +190,9 @@ def mission_reward(deviation, energy, constants):
 @scalar
 def rates(motion, drag, disturbance, port, starboard):
     """Time derivative of a `Motion`."""
-    u, port_spin, starboard_spin = motion.speed, motion.port_spin, motion.starboard_spin
+    u = motion.speed
+    port_spin = motion.port_spin
+    starboard_spin = motion.starboard_spin
     return Motion(
         surge_acceleration(u, port_spin, starboard_spin, drag, disturbance, port, starboard),
         spin_rate(port_spin, u, port),
@@ -192,11 +206,12 @@ def rates(motion, drag, disturbance, port, starboard):
 def spin(start, side, mean_speed, slope, time):
     """Shaft speed [rad/s] after `time` [s] under a surge speed of given mean and constant slope.
 
-    The Riccati equation is the projection of a linear system of order two with generator M = [[-b/2, a], [c, b/2]].
-    With a constant speed, w(t) = w0 + w'(0) T / (1 + (b/2 + c w0) T) with T = tanh(l t)/l, l^2 = b^2/4 + a c. A linear
-    speed turns b; the Magnus expansion, summed to first order in the slope, then scales a by (1 + k) and c by (1 - k),
-    k = coupling slope t^2 (y coth y - 1)/(4 y^2), y = l t. With x = y^2, one Pade approximant gives both functions,
-    tanh(y)/y = p/(p + x q) and (y coth y - 1)/y^2 = q/p, to all orders of k one division in all: no exponential, no
+    The Riccati equation is the projection of a linear system of order two with generator M =
+    [[-b/2, a], [c, b/2]]. With a constant speed, w(t) = w0 + w'(0) T / (1 + (b/2 + c w0) T) with T
+    = tanh(l t)/l, l^2 = b^2/4 + a c. A linear speed turns b; the Magnus expansion, summed to first
+    order in the slope, then scales a by (1 + k) and c by (1 - k), k = coupling slope t^2 (y coth y
+    - 1)/(4 y^2), y = l t. With x = y^2, one Pade approximant gives both functions, tanh(y)/y = p/(p
+    + x q) and (y coth y - 1)/y^2 = q/p, to all orders of k one division in all: no exponential, no
     singularity at c = 0, and x < 0 is as good as x > 0.
     """
     damping = side.damping - side.coupling * mean_speed
@@ -205,7 +220,9 @@ def spin(start, side, mean_speed, slope, time):
     q = 45045.0 + x * (2772.0 + x * 27.0)
     tilt = 0.25 * side.coupling * slope * time * time * q
     load = side.load * start
-    change = time * ((side.drive - (damping + load) * start) * p + tilt * (side.drive + load * start))
+    change = time * (
+        (side.drive - (damping + load) * start) * p + tilt * (side.drive + load * start)
+    )
     below = p + x * q + time * ((0.5 * damping + load) * p - tilt * load)
     stopped = below <= 0.0 or x < POLE
     return 0.0 if stopped else max(start + change / below, 0.0)
@@ -214,7 +231,9 @@ def spin(start, side, mean_speed, slope, time):
 @scalar
 def node(motion, start, jerk, bend, twist, drag, disturbance, port, starboard, time):
     """Shaft speeds, acceleration and its remainder at `time`, under u' = start + jerk t + bend t^2 + twist t^3."""
-    speed = motion.speed + time * (start + time * (0.5 * jerk + time * (THIRD * bend + time * (0.25 * twist))))
+    speed = motion.speed + time * (
+        start + time * (0.5 * jerk + time * (THIRD * bend + time * (0.25 * twist)))
+    )
     inner = 0.5 * THIRD * jerk + time * (0.25 * THIRD * bend + time * (0.05 * twist))
     mean = motion.speed + time * (0.5 * start + time * inner)
     slope = start + time * (0.5 * jerk + time * (0.3 * bend + time * (0.2 * twist)))
@@ -227,25 +246,35 @@ def node(motion, start, jerk, bend, twist, drag, disturbance, port, starboard, t
 @scalar
 def substep(motion, drag, disturbance, port, starboard, time):
     """The motion after `time`: closed-form shafts at the Lobatto points, quadrature of order 6 for speed and angles."""
-    u, port_0, starboard_0 = motion.speed, motion.port_spin, motion.starboard_spin
+    u = motion.speed
+    port_0 = motion.port_spin
+    starboard_0 = motion.starboard_spin
     first = surge_acceleration(u, port_0, starboard_0, drag, disturbance, port, starboard)
     jerk = 2.0 * drag * abs(u) * first
     jerk += 2.0 * port.thrust * port_0 * spin_rate(port_0, u, port)
     jerk += 2.0 * starboard.thrust * starboard_0 * spin_rate(starboard_0, u, starboard)
-    t_1, t_2 = NODE_1 * time, NODE_2 * time
-    port_1, starboard_1, second, bend_1 = node(motion, first, jerk, 0.0, 0.0, drag, disturbance, port, starboard, t_1)
-    port_2, starboard_2, third, bend_2 = node(motion, first, jerk, bend_1, 0.0, drag, disturbance, port, starboard, t_2)
+    t_1 = NODE_1 * time
+    t_2 = NODE_2 * time
+    port_1, starboard_1, second, bend_1 = node(
+        motion, first, jerk, 0.0, 0.0, drag, disturbance, port, starboard, t_1
+    )
+    port_2, starboard_2, third, bend_2 = node(
+        motion, first, jerk, bend_1, 0.0, drag, disturbance, port, starboard, t_2
+    )
     twist = (bend_2 - bend_1) * (1.0 / (t_2 - t_1))
     port_3, starboard_3, last, _ = node(
         motion, first, jerk, bend_1 - twist * t_1, twist, drag, disturbance, port, starboard, time
     )
-    end, inner = END_WEIGHT * time, INNER_WEIGHT * time
+    end = END_WEIGHT * time
+    inner = INNER_WEIGHT * time
     return Motion(
         u + end * (first + last) + inner * (second + third),
         port_3,
         starboard_3,
         motion.port_angle + end * (port_0 + port_3) + inner * (port_1 + port_2),
-        motion.starboard_angle + end * (starboard_0 + starboard_3) + inner * (starboard_1 + starboard_2),
+        motion.starboard_angle
+        + end * (starboard_0 + starboard_3)
+        + inner * (starboard_1 + starboard_2),
     )
 
 
@@ -253,10 +282,12 @@ def substep(motion, drag, disturbance, port, starboard, time):
 def advance(motion, drag, disturbance, port, starboard):
     """The `Motion` one sample (0.1 s) later, voltages and disturbance held.
 
-    Within 1e-6 of the exact solution for the presets under every fault; a much stiffer shaft (a tenth of the inertia)
-    costs accuracy, not stability. Errors of other schemes: ``python -m training.studies.integrators``.
+    Within 1e-6 of the exact solution for the presets under every fault; a much stiffer shaft (a
+    tenth of the inertia) costs accuracy, not stability. Errors of other schemes: ``python -m
+    training.studies.integrators``.
 
-    drag is alpha + gamma delta^2 [1/m], disturbance an acceleration [m/s^2], port and starboard are `Motor` s.
+    drag is alpha + gamma delta^2 [1/m], disturbance an acceleration [m/s^2], port and starboard are
+    `Motor` s.
     """
     for k in range(SUBSTEPS):
         motion = substep(motion, drag, disturbance, port, starboard, SUBSTEP[k])
@@ -273,12 +304,15 @@ def limited(value, low, high):
 def rpm_command(constants, speed_command, speed, delta_squared):
     """Sliding mode speed control on the nominal hull (form of Healey & Lienard 1993): shaft speed command [rpm].
 
-    It feeds the drag forward at the measured speed, but not above the boundary layer: a vehicle with less drag than
-    nominal, or a wrong reading, would otherwise be pushed the more the faster it is.
+    It feeds the drag forward at the measured speed, but not above the boundary layer: a vehicle
+    with less drag than nominal, or a wrong reading, would otherwise be pushed the more the faster
+    it is.
     """
     ahead = min(speed, speed_command + constants.boundary_layer)
     drag = (constants.alpha + constants.gamma * delta_squared) * ahead * abs(ahead)
-    reach = constants.reaching_rate * limited((speed - speed_command) / constants.boundary_layer, -1.0, 1.0)
+    reach = constants.reaching_rate * limited(
+        (speed - speed_command) / constants.boundary_layer, -1.0, 1.0
+    )
     return min(math.sqrt(max(-(drag + reach) / constants.beta, 0.0)), constants.maximum_rpm)
 
 

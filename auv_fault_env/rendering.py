@@ -1,7 +1,8 @@
 """Frames of `PropulsionEnv`: the vehicle in three views with its faulty parts, and strip charts of the last minute.
 
-Everything follows from the channels, the catalogue and the truth: a new fault shows on the part that its `component`
-names, and in the caption, without an edit here. Nothing is drawn of a fault before it strikes.
+Everything follows from the channels, the catalogue and the truth: a new fault shows on the part
+that its `component` names, and in the caption, without an edit here. Nothing is drawn of a fault
+before it strikes.
 """
 
 import math
@@ -41,15 +42,19 @@ from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import SAMPLE_RATE, SIDES
 from auv_fault_env.silhouette import VIEWS, draw_ruler, draw_vehicle, vehicle_parts
 
-SLOW_MOTION = 20.0  # propellers turn on the screen this much slower, or ten frames a second would show them stand still
+# propellers turn on the screen this much slower, or ten frames a second would show them stand still
+SLOW_MOTION = 20.0
 
 
 def _draw_gauge(canvas: Canvas, row: Mapping[str, float]):
     """The scale of speed: the true one as a bar, the reading as a line, mission and command as marks at its edges."""
-    left, width, top = 678.0, 258.0, 74.0
+    left = 678.0
+    width = 258.0
+    top = 74.0
     marks = ticks(0.0, max(MAXIMUM_COMMAND, row[TRUE_SPEED]))
     places = {
-        name: left + width * min(max(row[name] / marks[-1], 0.0), 1.0) for name in (trace.channel for trace in SPEEDS)
+        name: left + width * min(max(row[name] / marks[-1], 0.0), 1.0)
+        for name in (trace.channel for trace in SPEEDS)
     }
     canvas.text(f"{row['speed']:.2f} m/s measured", (left, 52), size=LARGE)
     canvas.box(left, top, width, 12, GRID)
@@ -59,7 +64,9 @@ def _draw_gauge(canvas: Canvas, row: Mapping[str, float]):
         ("speed_command", BLUE, top - 5, top + 3),
         ("mission_speed", STEEL, top + 17, top + 9),
     ):
-        canvas.polygon([(places[name] - 4, y), (places[name] + 4, y), (places[name], tip)], colour, INK)
+        canvas.polygon(
+            [(places[name] - 4, y), (places[name] + 4, y), (places[name], tip)], colour, INK
+        )
     for mark in marks:
         canvas.text(f"{mark:.1f}", (left + width * mark / marks[-1], top + 24), FAINT, 0.5, SMALL)
 
@@ -70,13 +77,21 @@ def _draw_caption(canvas: Canvas, time: float, faults: Sequence[tuple[str, float
         canvas.text(side, (x, 204), SIDE_COLOURS[side], 0.5)
     canvas.text("NPS AUV II", (674, 18), size=LARGE)
     canvas.text(f"{time:.1f} s", (946, 18), size=LARGE, align=1.0)
-    for words, x, align in (("fault" if faults else "no fault", 674, 0), ("severity", 896, 1), ("since", 946, 1)):
+    for words, x, align in (
+        ("fault" if faults else "no fault", 674, 0),
+        ("severity", 896, 1),
+        ("since", 946, 1),
+    ):
         canvas.text(words if faults or x == 674 else "", (x, 122), FAINT, align)
     shown = 5 if len(faults) <= 5 else 4
     for line, (name, severity, since) in enumerate(faults[:shown]):
         y = 142 + 20 * line
         canvas.box(668, y - 9, 282, 18, WARNING, 4)
-        for words, x, align in ((name, 674, 0), (f"{severity:.2f}", 896, 1), (f"{since:.1f} s", 946, 1)):
+        for words, x, align in (
+            (name, 674, 0),
+            (f"{severity:.2f}", 896, 1),
+            (f"{since:.1f} s", 946, 1),
+        ):
             canvas.text(words, (x, y), align=align)
     if len(faults) > shown:
         canvas.text(f"and {len(faults) - shown} more", (674, 142 + 20 * shown), FAINT)
@@ -94,7 +109,9 @@ class Renderer:
     """
 
     def __init__(self, mode: str, fps: float):
-        self._mode, self._fps, self._canvas = mode, fps, Canvas()
+        self._mode = mode
+        self._fps = fps
+        self._canvas = Canvas()
         self._components = {fault.diagnosis: fault.component for fault in CATALOGUE.values()}
         self._clock = self._canvas.pygame.time.Clock()
         self._dismissed = False
@@ -105,7 +122,8 @@ class Renderer:
         self._rows: deque[tuple[float, ...]] = deque(maxlen=round(WINDOW * SAMPLE_RATE) + 1)
         self._onsets: dict[str, float] = {}
         self._severity: dict[str, float] = {}
-        self._angles, self._thrust = dict.fromkeys(SIDES, 0.0), dict.fromkeys(SIDES, 0.0)
+        self._angles = dict.fromkeys(SIDES, 0.0)
+        self._thrust = dict.fromkeys(SIDES, 0.0)
         self._travelled = self._full_thrust = 0.0
 
     def record(self, time: float, observation: np.ndarray, truth: Mapping[str, Any]):
@@ -113,12 +131,16 @@ class Renderer:
         previous = self._rows[-1][0] if self._rows else time
         state = truth["state"]
         self._rows.append((time, *map(float, observation), state["speed"]))
-        self._severity = {name: severity for name, severity in truth["severity"].items() if severity > 0.0}
+        self._severity = {
+            name: severity for name, severity in truth["severity"].items() if severity > 0.0
+        }
         for name in self._severity:
             self._onsets.setdefault(name, previous)
         self._travelled += state["speed"] * (time - previous)
         for side in SIDES:
-            self._angles[side] += state[f"{side}_rpm"] * 2.0 * math.pi / 60.0 / SLOW_MOTION * (time - previous)
+            self._angles[side] += (
+                state[f"{side}_rpm"] * 2.0 * math.pi / 60.0 / SLOW_MOTION * (time - previous)
+            )
             self._thrust[side] = truth["parameters"][f"{side}_beta"]
         self._full_thrust = max(self._full_thrust, *self._thrust.values())
 
@@ -151,11 +173,14 @@ class Renderer:
         self._dismissed = True
 
     def _draw(self):
-        canvas, rows = self._canvas, np.array(self._rows)
+        canvas = self._canvas
+        rows = np.array(self._rows)
         row = dict(zip(COLUMNS, self._rows[-1], strict=True))
         faulty = {self._components.get(name, name) for name in self._severity}
         onsets = [onset for onset in self._onsets.values() if onset >= row["time"] - WINDOW]
-        shares = {side: thrust / (self._full_thrust or 1.0) for side, thrust in self._thrust.items()}
+        shares = {
+            side: thrust / (self._full_thrust or 1.0) for side, thrust in self._thrust.items()
+        }
         parts = vehicle_parts(row["rudder"], row["stern_plane"], self._angles, shares)
         faults = [(name, severity, self._onsets[name]) for name, severity in self._severity.items()]
         with canvas.fresh():

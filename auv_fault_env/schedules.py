@@ -46,12 +46,24 @@ class FaultEvent:
 
     def __post_init__(self):
         fault_of(self.fault)
-        limits = {"severity": 1.0, "duty": 1.0, "onset": 1e12, "ramp": 1e12, "period": 1e12, "end": math.inf}
+        limits = {
+            "severity": 1.0,
+            "duty": 1.0,
+            "onset": 1e12,
+            "ramp": 1e12,
+            "period": 1e12,
+            "end": math.inf,
+        }
         for name, high in limits.items():
             value = finite_in_range(f"{name} of {self.fault}", getattr(self, name), 0.0, high)
             object.__setattr__(self, name, value)
         if self.end <= self.onset:
-            raise refusal(f"onset of {self.fault}", self.onset, f"before its end at {self.end:g} s", "mend one of them")
+            raise refusal(
+                f"onset of {self.fault}",
+                self.onset,
+                f"before its end at {self.end:g} s",
+                "mend one of them",
+            )
 
 
 Schedule = tuple[FaultEvent, ...]
@@ -63,13 +75,17 @@ def event_of(value: FaultEvent | Mapping) -> FaultEvent:
     if isinstance(value, FaultEvent):
         return value
     if not isinstance(value, Mapping):
-        raise refusal("event of a schedule", value, "a mapping with fault, onset, severity", "write one")
+        raise refusal(
+            "event of a schedule", value, "a mapping with fault, onset, severity", "write one"
+        )
     names = [spec.name for spec in fields(FaultEvent)]
     for name in value:
         known_name("field of a fault event", name, names)
     for spec in fields(FaultEvent):
         if spec.default is MISSING and spec.name not in value:
-            raise refusal("fault event", dict(value), "fault, onset and severity given", f"add {spec.name!r}")
+            raise refusal(
+                "fault event", dict(value), "fault, onset and severity given", f"add {spec.name!r}"
+            )
     return FaultEvent(**value)
 
 
@@ -78,7 +94,9 @@ def schedule_of(value: Sequence[FaultEvent | Mapping] | str | Path) -> Schedule:
     if isinstance(value, str | Path):
         return load_schedule(value)
     if isinstance(value, Mapping | bytes | bytearray) or not isinstance(value, Sequence):
-        raise refusal("schedule", value, "a sequence of events or a path", "put the event into a list")
+        raise refusal(
+            "schedule", value, "a sequence of events or a path", "put the event into a list"
+        )
     return tuple(event_of(item) for item in value)
 
 
@@ -97,11 +115,20 @@ def from_json(text: str, origin: str = "schedule") -> Schedule:
         events = json.loads(text)
     except json.JSONDecodeError as error:
         place = f"line {error.lineno} column {error.colno}"
-        raise refusal(f"{origin}, {place}", error.msg, "a JSON list of fault events", "mend that place") from None
+        raise refusal(
+            f"{origin}, {place}", error.msg, "a JSON list of fault events", "mend that place"
+        ) from None
     except (RecursionError, ValueError) as error:
-        raise refusal(origin, str(error), "a JSON list of fault events", "write plain events") from None
+        raise refusal(
+            origin, str(error), "a JSON list of fault events", "write plain events"
+        ) from None
     if not isinstance(events, list):
-        raise refusal(origin, type(events).__name__, "a JSON list of fault events", "put the event into a list")
+        raise refusal(
+            origin,
+            type(events).__name__,
+            "a JSON list of fault events",
+            "put the event into a list",
+        )
     return schedule_of(events)
 
 
@@ -111,7 +138,9 @@ def load_schedule(path: str | Path) -> Schedule:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
-        raise refusal("schedule file", str(path), "a readable JSON file", f"check the path ({reason})") from None
+        raise refusal(
+            "schedule file", str(path), "a readable JSON file", f"check the path ({reason})"
+        ) from None
     return from_json(text, str(path))
 
 
@@ -157,9 +186,9 @@ def schedules_of(events: Events) -> list[Schedule]:
 class ScheduleSampler:
     """Schedules from declared distributions, all uniform within their range.
 
-    A lane is healthy with probability `healthy`; else it gets one fault, and a second, different one with probability
-    `compound` (none if the prior knows but one fault).
-    Diagnosis classes are equally likely unless `prior` weighs them; the kinds within a class are equally likely.
+    A lane is healthy with probability `healthy`; else it gets one fault, and a second, different
+    one with probability `compound` (none if the prior knows but one fault). Diagnosis classes are
+    equally likely unless `prior` weighs them; the kinds within a class are equally likely.
 
     Attributes
     ----------
@@ -200,13 +229,22 @@ class ScheduleSampler:
     def __post_init__(self):
         for name in ("healthy", "compound", "incipient", "intermittent", "repaired"):
             finite_in_range(name, getattr(self, name), 0.0, 1.0)
-        limits = {"severity": 1.0, "duty": 1.0, "onset": 1e12, "ramp": 1e12, "period": 1e12, "life": 1e12}
+        limits = {
+            "severity": 1.0,
+            "duty": 1.0,
+            "onset": 1e12,
+            "ramp": 1e12,
+            "period": 1e12,
+            "life": 1e12,
+        }
         for name, high in limits.items():
             pair_in_range(name, getattr(self, name), 0.0, high)
         if self.life[0] <= 0.0:
             raise refusal("life", self.life, "a pair above 0", "let a fault last")
         for name, weight in self.prior.items():
-            known_name("class of the prior", name, [fault.diagnosis for fault in CATALOGUE.values()])
+            known_name(
+                "class of the prior", name, [fault.diagnosis for fault in CATALOGUE.values()]
+            )
             finite_in_range(f"prior of {name}", weight, 0.0, 1e12)
         if self.prior and not any(self.prior.values()):
             raise refusal("prior", dict(self.prior), "some weight above 0", "give a class weight")
@@ -243,10 +281,19 @@ class ScheduleSampler:
         }
         profile = np.stack([columns[name] for name in PROFILE], axis=-1)
         chance = uniforms(key, 2, 2)
-        present = np.stack([chance[:, 0] >= self.healthy, (chance > [self.healthy, 1 - self.compound]).all(axis=1)], 1)
+        present = np.stack(
+            [
+                chance[:, 0] >= self.healthy,
+                (chance > [self.healthy, 1 - self.compound]).all(axis=1),
+            ],
+            1,
+        )
         present[:, 1] &= fault[:, 1] != fault[:, 0]
         empty = no_events(*fault.shape)
-        return Events(np.where(present, fault, empty.fault), np.where(present[..., None], profile, empty.profile))
+        return Events(
+            np.where(present, fault, empty.fault),
+            np.where(present[..., None], profile, empty.profile),
+        )
 
     def sample(self, seed: int) -> Schedule:
         """The schedule that the first episode of an environment with this seed draws."""

@@ -23,7 +23,8 @@ from auv_fault_env.canvas import (
 from auv_fault_env.channels import READINGS
 from auv_fault_env.parameters import SIDES
 
-HULL, FIN = (236, 214, 120), (206, 176, 70)
+HULL = (236, 214, 120)
+FIN = (206, 176, 70)
 
 
 class Part(NamedTuple):
@@ -55,7 +56,9 @@ VIEWS = (
 )
 
 SHAFT_OFFSET = dict(zip(SIDES, (-0.11, 0.11), strict=True))  # m, to starboard
-PROPELLER_RADIUS, PROPELLER_PLACE = 0.0508, -1.18  # m
+# m
+PROPELLER_RADIUS = 0.0508
+PROPELLER_PLACE = -1.18
 SENSOR_PLACES = {
     "speed": (0.92, 0.0, 0.1),
     "acceleration": (0.2, 0.0, 0.0),
@@ -76,9 +79,11 @@ def _cube(middle: Point) -> np.ndarray:
 
 def _turned(corners: np.ndarray, axis: int, pivot: Point, angle: float) -> np.ndarray:
     """The points turned by the right-hand rule about a body axis through the pivot."""
-    first, second = (axis + 1) % 3, (axis + 2) % 3
+    first = (axis + 1) % 3
+    second = (axis + 2) % 3
     moved = corners - pivot
-    a, b = moved[:, first].copy(), moved[:, second].copy()
+    a = moved[:, first].copy()
+    b = moved[:, second].copy()
     moved[:, first] = a * math.cos(angle) - b * math.sin(angle)
     moved[:, second] = a * math.sin(angle) + b * math.cos(angle)
     return moved + pivot
@@ -98,38 +103,59 @@ def _fins(rudder: float, plane: float) -> list[np.ndarray]:
         for end in (-1.0, 1.0):
             upright = _box((x - 0.11, -0.007, end * 0.085), (x + 0.05, 0.007, end * 0.25))
             level = _box((x - 0.11, end * 0.2, -0.007), (x + 0.05, end * 0.33, 0.007))
-            fins += [_turned(upright, 2, (x, 0, 0), sign * rudder), _turned(level, 1, (x, 0, 0), sign * plane)]
+            fins += [
+                _turned(upright, 2, (x, 0, 0), sign * rudder),
+                _turned(level, 1, (x, 0, 0), sign * plane),
+            ]
     return fins
 
 
 def _drive(side: str, angle: float, share: float) -> list[Part]:
     """Motor, shaft with its seal, and the propeller: its swept disc and two blades as long as its share of thrust."""
-    y, x, radius = SHAFT_OFFSET[side], PROPELLER_PLACE, PROPELLER_RADIUS
+    y = SHAFT_OFFSET[side]
+    x = PROPELLER_PLACE
+    radius = PROPELLER_RADIUS
     turns = np.arange(0.0, 2.0 * math.pi, math.pi / 12)
-    disc = np.stack([x + 0.005 * (-1) ** np.arange(24), y + radius * np.cos(turns), radius * np.sin(turns)], axis=1)
+    disc = np.stack(
+        [x + 0.005 * (-1) ** np.arange(24), y + radius * np.cos(turns), radius * np.sin(turns)],
+        axis=1,
+    )
     blades = _box((x - 0.006, y - 0.004, -radius * share), (x + 0.006, y + 0.004, radius * share))
-    middle = _box((x - 0.012, y - 0.011, -0.6 * radius * share), (x + 0.012, y + 0.011, 0.6 * radius * share))
+    middle = _box(
+        (x - 0.012, y - 0.011, -0.6 * radius * share), (x + 0.012, y + 0.011, 0.6 * radius * share)
+    )
     propeller = _turned(np.concatenate([blades, middle]), 0, (x, y, 0), angle)
     return [
         Part(f"motor:{side}", _box((-0.84, y - 0.035, -0.035), (-0.62, y + 0.035, 0.035)), STEEL),
-        Part(f"shaft:{side}", _box((x - 0.015, y - 0.008, -0.008), (-0.84, y + 0.008, 0.008)), FAINT),
+        Part(
+            f"shaft:{side}", _box((x - 0.015, y - 0.008, -0.008), (-0.84, y + 0.008, 0.008)), FAINT
+        ),
         Part(f"shaft:{side}", _box((-1.13, y - 0.018, -0.018), (-1.08, y + 0.018, 0.018)), FAINT),
         Part(f"propeller:{side}", disc, PANEL),
     ] + [Part(f"propeller:{side}", propeller, SIDE_COLOURS[side])] * (share > 0.02)
 
 
-def vehicle_parts(rudder: float, plane: float, angles: Mapping[str, float], shares: Mapping[str, float]) -> list[Part]:
+def vehicle_parts(
+    rudder: float, plane: float, angles: Mapping[str, float], shares: Mapping[str, float]
+) -> list[Part]:
     """The hull and all that is on it.
 
     Args:
         rudder: Deflection [rad], positive to port at the trailing edge of the stern.
         plane: Deflection [rad], positive downwards there.
         angles: Angle of each side's propeller [rad]; the two turn against each other.
-        shares: Thrust of each side's propeller relative to a whole one, which is the length of its blades; 0 if lost.
+        shares: Thrust of each side's propeller relative to a whole one, which is the length of its
+        blades; 0 if lost.
     """
     fins = [Part("fins", fin, FIN) for fin in _fins(rudder, plane)]
-    sensors = [Part(f"sensor:{name}", _cube(SENSOR_PLACES.get(name, AMIDSHIPS)), PANEL) for name in READINGS]
-    drives = [_drive(side, sign * angles[side], shares[side]) for side, sign in zip(SIDES, (-1.0, 1.0), strict=True)]
+    sensors = [
+        Part(f"sensor:{name}", _cube(SENSOR_PLACES.get(name, AMIDSHIPS)), PANEL)
+        for name in READINGS
+    ]
+    drives = [
+        _drive(side, sign * angles[side], shares[side])
+        for side, sign in zip(SIDES, (-1.0, 1.0), strict=True)
+    ]
     return [Part("hull", _hull(), HULL), *fins, *sensors, *chain.from_iterable(drives)]
 
 
@@ -154,17 +180,23 @@ def draw_vehicle(canvas: Canvas, view: View, parts: Sequence[Part], faulty: set[
     """The parts in one view, the hull first, those of faulty components last and in the warning colour."""
     canvas.text(view.title, view.label, FAINT)
     for part in (parts[0], *sorted(parts[1:], key=lambda part: part.component in faulty)):
-        points, alarm = view.project(part.corners), part.component in faulty
+        points = view.project(part.corners)
+        alarm = part.component in faulty
         reach = np.ptp(points, axis=0).max() / 2
-        warning = WARNING if reach < 60 else PALE_WARNING  # what lies in the hull must still stand out
-        canvas.polygon(_outline(points), *((warning, WARNING_EDGE) if alarm else (part.colour, INK)))
+        # what lies in the hull must still stand out
+        warning = WARNING if reach < 60 else PALE_WARNING
+        canvas.polygon(
+            _outline(points), *((warning, WARNING_EDGE) if alarm else (part.colour, INK))
+        )
         if alarm and reach < 12:
             canvas.circle(points.mean(axis=0), max(1.5 * reach, 11), WARNING_EDGE, 2)
 
 
 def draw_ruler(canvas: Canvas, travelled: float):
     """Metres through the water, which pass below the vehicle as it moves."""
-    (middle, _), scale, top = VIEWS[0].middle, VIEWS[0].scale, 216
+    (middle, _) = VIEWS[0].middle
+    scale = VIEWS[0].scale
+    top = 216
     canvas.line([(16, top), (420, top)], FAINT)
     for half in range(math.ceil(2 * travelled - 2.4), math.floor(2 * travelled + 2.4) + 1):
         x = middle + (half / 2 - travelled) * scale

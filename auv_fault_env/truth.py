@@ -33,7 +33,8 @@ class FleetTruth(Mapping):
     """
 
     def __init__(self, fleet: Fleet):
-        self._fleet, self._outcomes = fleet, fleet.outcomes
+        self._fleet = fleet
+        self._outcomes = fleet.outcomes
         self._readers: dict[str, Callable[[], Any]] = {
             "label": self._label,
             "severity": self._severity,
@@ -44,7 +45,9 @@ class FleetTruth(Mapping):
 
     def __getitem__(self, key: str):
         if self._fleet.outcomes is not self._outcomes:
-            raise RuntimeError(f"truth[{key!r}]: got a later step; allowed is its own step; keep dict(info['truth'])")
+            raise RuntimeError(
+                f"truth[{key!r}]: got a later step; allowed is its own step; keep dict(info['truth'])"
+            )
         return self._readers[known_name("truth", key, self._readers)]()
 
     def __iter__(self) -> Iterator[str]:
@@ -67,15 +70,18 @@ class FleetTruth(Mapping):
         return np.where(plan.fault >= 0, plan.profile[:, :, 0], np.inf).min(axis=1, initial=np.inf)
 
     def _severity(self) -> dict[str, np.ndarray]:
-        plan, names = self._fleet.plan, classes()
+        plan = self._fleet.plan
+        names = classes()
         of_fault = np.array([names.index(diagnosis) for diagnosis in self._fleet.diagnoses])
-        table, lanes = np.zeros((len(names), self._fleet.n_lanes)), np.arange(self._fleet.n_lanes)
+        table = np.zeros((len(names), self._fleet.n_lanes))
+        lanes = np.arange(self._fleet.n_lanes)
         for fault, severity in zip(plan.fault.T, plan.severity.T, strict=True):
             np.maximum.at(table, (np.where(fault >= 0, of_fault[fault], 0), lanes), severity)
         return dict(zip(names[1:], table[1:], strict=True))
 
     def _label(self) -> np.ndarray:
-        plan, lanes = self._fleet.plan, np.arange(self._fleet.n_lanes)
+        plan = self._fleet.plan
+        lanes = np.arange(self._fleet.n_lanes)
         if not plan.severity.size:
             return np.full(lanes.size, NORMAL)
         worst = plan.severity.argmax(axis=1)
@@ -87,7 +93,9 @@ class LaneTruth:
     """The truth of one lane in plain numbers; what changes only with the faults is read anew only then."""
 
     def __init__(self, fleet: Fleet, lane: int = 0):
-        self._fleet, self._lane, self._seen = fleet, lane, -1
+        self._fleet = fleet
+        self._lane = lane
+        self._seen = -1
         first = lane // layout.LANES * layout.N_ROWS * layout.LANES + lane % layout.LANES
         self._state_at = first + layout.LANES * np.array([row for row, _ in STATE.values()])
         self._state_factors = np.array([factor for _, factor in STATE.values()])
@@ -106,16 +114,26 @@ class LaneTruth:
         }
 
     def _read_faults(self):
-        plan, self._seen = self._fleet.plan, self._fleet.changes
-        column = self._fleet.table[self._lane // layout.LANES, layout.PARAMETER :, self._lane % layout.LANES]
+        plan = self._fleet.plan
+        self._seen = self._fleet.changes
+        column = self._fleet.table[
+            self._lane // layout.LANES, layout.PARAMETER :, self._lane % layout.LANES
+        ]
         self._parameters = dict(zip(PARAMETERS, column.tolist(), strict=True))
-        self._severity, self._onset = dict.fromkeys(classes()[1:], 0.0), float("inf")
-        self._label, worst = NORMAL, 0.0
-        rows = plan.fault[self._lane].tolist(), plan.severity[self._lane].tolist(), plan.profile[self._lane].tolist()
+        self._severity = dict.fromkeys(classes()[1:], 0.0)
+        self._onset = float("inf")
+        self._label = NORMAL
+        worst = 0.0
+        rows = (
+            plan.fault[self._lane].tolist(),
+            plan.severity[self._lane].tolist(),
+            plan.profile[self._lane].tolist(),
+        )
         for fault, severity, profile in zip(*rows, strict=True):
             if fault >= 0:
                 name = str(self._fleet.diagnoses[fault])
                 self._severity[name] = max(self._severity[name], severity)
                 self._onset = min(self._onset, profile[0])
                 if severity > worst:  # of equal ones the first event, as in `FleetTruth`
-                    self._label, worst = name, severity
+                    self._label = name
+                    worst = severity

@@ -1,8 +1,9 @@
 """Diagnosers of propulsion faults, and the filters that feed them.
 
-`make` builds one by name; `NAMES` are the names, `ranked` gives those that compete (the others are references). A
-diagnoser of your own joins by one line: ``diagnosers.REGISTRY["mine"] = Entry("my_package.my_module:MyDiagnoser")``;
-`diagnosers.third_party` tells of ways that need no line here.
+`make` builds one by name; `NAMES` are the names, `ranked` gives those that compete (the others are
+references). A diagnoser of your own joins by one line: ``diagnosers.REGISTRY["mine"] =
+Entry("my_package.my_module:MyDiagnoser")``; `diagnosers.third_party` tells of ways that need no
+line here.
 """
 
 from diagnosers.checks import check_diagnoser

@@ -1,18 +1,20 @@
 """Advice to whoever plans the mission: continue, derate, return or abort, from what is believed of the vehicle.
 
-The rules, the first that applies. The goal is within range if 97.5 % of the vehicles possible under the belief reach
-it, home if a share 1 - `LOST` of them do, with `MARGIN` to spare and no motor beyond what it is rated for:
+The rules, the first that applies. The goal is within range if 97.5 % of the vehicles possible under
+the belief reach it, home if a share 1 - `LOST` of them do, with `MARGIN` to spare and no motor
+beyond what it is rated for:
 
-========== ============================================================================================================
-action     where
-========== ============================================================================================================
-abort      more than `LOST` of the possible vehicles cannot keep their way: none of their speeds exceeds the current by
+==========
+============================================================================================================
+action     where ==========
+============================================================================================================
+abort      more than `LOST` of the possible vehicles cannot keep their way: none of their speeds
+exceeds the current by
            `STEERAGE`
-continue   the goal is within range at the mission's speed; a reading that is probably false is named
-derate     the goal is within range at a lower speed; or at the mission's, but the speed reading is probably false
-return     home is within range
-abort      neither is
-========== ============================================================================================================
+continue   the goal is within range at the mission's speed; a reading that is probably false is
+named derate     the goal is within range at a lower speed; or at the mission's, but the speed
+reading is probably false return     home is within range abort      neither is ==========
+============================================================================================================
 """
 
 from typing import NamedTuple
@@ -32,9 +34,14 @@ MARGIN = 1.05  # of a range over the way: the plant is never quite in steady mot
 STEERAGE = 0.1  # m/s over the ground, below which a vehicle cannot keep its way
 LOST = 0.1  # probability, of not coming home or of having lost its way, from which to abort
 QUANTILES = 0.025, 0.5, 0.975, LOST
-SURE, HIGH, PROBABLE = 0, 2, 3  # which of them
+# which of them
+SURE = 0
+HIGH = 2
+PROBABLE = 3
 NAMED = 0.5  # probability from which a reading is named as false
-RATED = 0.2  # of the stall current: what brushed motors of this size stand for long; an estimate, no source gives it
+# of the stall current: what brushed motors of this size stand for long; an estimate, no source
+# gives it
+RATED = 0.2
 HOLD = 5  # advices in a row that must agree to change the action
 LEAST_POWER = 1e-9  # W, against division by zero
 STEPS = np.arange(1, 21) / 10  # speeds that are weighed, of the mission's
@@ -96,15 +103,15 @@ class Advice(NamedTuple):
     why
         One sentence per lane.
     speed
-        Speed through the water to keep [m/s], 0 to abort. It is meant to be held: a controller without integral action
-        falls short of its command under a fault.
+        Speed through the water to keep [m/s], 0 to abort. It is meant to be held: a controller
+        without integral action falls short of its command under a fault.
     distrusted
         Class of the reading that is probably false, such as ``sensor:speed``; empty if none is.
     reachable_speed
         Largest speed through the water [m/s].
     energy_per_metre, range
-        At the mission's speed on the way to the goal, hotel load included [J/m], and how far the battery so brings the
-        vehicle [m]. Infinite and 0 where it makes no way.
+        At the mission's speed on the way to the goal, hotel load included [J/m], and how far the
+        battery so brings the vehicle [m]. Infinite and 0 where it makes no way.
     best_speed, best_energy_per_metre, best_range
         The same at the speed, up to twice the mission's, that brings it farthest.
     range_home
@@ -133,7 +140,11 @@ class Advice(NamedTuple):
 
 
 def advise(
-    belief: Belief, situation: Situation, vehicle: Vehicle, shafts: int = 2, before: Advice | None = None
+    belief: Belief,
+    situation: Situation,
+    vehicle: Vehicle,
+    shafts: int = 2,
+    before: Advice | None = None,
 ) -> Advice:
     """Advice for every lane.
 
@@ -146,13 +157,15 @@ def advise(
     vehicle
         The nominal vehicle.
     shafts
-        1 or 2. On a vehicle with one shaft a fault of the port side is a fault of all its propulsion.
+        1 or 2. On a vehicle with one shaft a fault of the port side is a fault of all its
+        propulsion.
     before
-        The last advice, about a second ago. With it the action does not flicker: it moves only as far as each of the
-        last `HOLD` judgements would have it.
+        The last advice, about a second ago. With it the action does not flicker: it moves only as
+        far as each of the last `HOLD` judgements would have it.
 
-    Misleads where the diagnoser does: a fault that is none of the catalogue, or two at once, and the ranges are those
-    of another vehicle. It knows nothing of obstacles, tides to come and the crew's own reasons.
+    Misleads where the diagnoser does: a fault that is none of the catalogue, or two at once, and
+    the ranges are those of another vehicle. It knows nothing of obstacles, tides to come and the
+    crew's own reasons.
     """
     if shafts not in (1, 2):
         raise refusal("shafts", shafts, "1 or 2", "say how many the vehicle has")
@@ -173,11 +186,18 @@ def checked(situation: Situation, n_lanes: int) -> Situation:
             value = np.broadcast_to(np.asarray(getattr(situation, name), np.float64), n_lanes)
         except (TypeError, ValueError):
             remedy = "give one number, or one per lane"
-            raise refusal(name, getattr(situation, name), f"numbers of shape ({n_lanes},)", remedy) from None
+            raise refusal(
+                name, getattr(situation, name), f"numbers of shape ({n_lanes},)", remedy
+            ) from None
         wrong = ~((value >= low) & (value <= high))
         if wrong.any():
             allowed = f"a number from {low:g} to {high:g}"
-            raise refusal(f"{name} of the situation", float(value[wrong][0]), allowed, "give one in that range")
+            raise refusal(
+                f"{name} of the situation",
+                float(value[wrong][0]),
+                allowed,
+                "give one in that range",
+            )
         values[name] = value
     return Situation(**values)
 
@@ -185,11 +205,12 @@ def checked(situation: Situation, n_lanes: int) -> Situation:
 class View(NamedTuple):
     """What an advice is made from.
 
-    situation; speeds (n_lanes, n_speeds) [m/s]; reachable_speed; lost (n_lanes,), whether to fear that the way is; cool
-    (n_lanes, n_speeds), whether the motors keep to their rating; onward and homeward (4, n_lanes, n_speeds): quantiles
-    of the way over the ground by energy [m/J]; to_go and home (n_lanes, n_speeds): ranges [m] that are counted on, 0
-    where a motor would run too hot; suspect, probability, severity (n_lanes,): index of the likeliest fault, and what
-    is believed of it; distrusted (n_lanes,) as in `Advice`.
+    situation; speeds (n_lanes, n_speeds) [m/s]; reachable_speed; lost (n_lanes,), whether to fear
+    that the way is; cool (n_lanes, n_speeds), whether the motors keep to their rating; onward and
+    homeward (4, n_lanes, n_speeds): quantiles of the way over the ground by energy [m/J]; to_go and
+    home (n_lanes, n_speeds): ranges [m] that are counted on, 0 where a motor would run too hot;
+    suspect, probability, severity (n_lanes,): index of the likeliest fault, and what is believed of
+    it; distrusted (n_lanes,) as in `Advice`.
     """
 
     situation: Situation
@@ -215,18 +236,27 @@ class View(NamedTuple):
 def _view(belief: Belief, situation: Situation, vehicle: Vehicle, shafts: int) -> View:
     speeds = np.minimum(situation.speed[:, None] * STEPS, MAXIMUM_COMMAND)
     able = capability(drawn(belief, vehicle, shafts), speeds, vehicle)
-    lost = (able.reachable_speed < np.abs(situation.current)[:, None] + STEERAGE).mean(axis=1) > LOST
+    lost = (able.reachable_speed < np.abs(situation.current)[:, None] + STEERAGE).mean(
+        axis=1
+    ) > LOST
     rated = RATED * vehicle.maximum_voltage / vehicle.resistance
     cool = np.quantile(able.current, QUANTILES[HIGH], axis=1) <= rated
-    onward, homeward = (_metres_per_joule(able.power, situation, speeds, against) for against in (1.0, -1.0))
+    onward, homeward = (
+        _metres_per_joule(able.power, situation, speeds, against) for against in (1.0, -1.0)
+    )
     to_go, home = (
-        by_energy * situation.energy_left[:, None] * cool for by_energy in (onward[SURE], homeward[PROBABLE])
+        by_energy * situation.energy_left[:, None] * cool
+        for by_energy in (onward[SURE], homeward[PROBABLE])
     )
     reachable = _spread(np.quantile(able.reachable_speed, QUANTILES, axis=1))
-    return View(situation, speeds, reachable, lost, cool, onward, homeward, to_go, home, *_suspect(belief))
+    return View(
+        situation, speeds, reachable, lost, cool, onward, homeward, to_go, home, *_suspect(belief)
+    )
 
 
-def _metres_per_joule(power: np.ndarray, situation: Situation, speeds: np.ndarray, against: float) -> np.ndarray:
+def _metres_per_joule(
+    power: np.ndarray, situation: Situation, speeds: np.ndarray, against: float
+) -> np.ndarray:
     """Quantiles of the way over the ground by energy, (4, n_lanes, n_speeds), 0 where none is made."""
     way = np.maximum(speeds - against * situation.current[:, None], 0.0)
     demand = np.maximum(power + situation.hotel_load[:, None, None], LEAST_POWER)
@@ -260,10 +290,13 @@ def _derated(view: View) -> np.ndarray:
 
 
 def _advice(view: View, level: np.ndarray, proposals: np.ndarray) -> Advice:
-    lanes, energy = np.arange(level.size), view.situation.energy_left
-    best, best_home = view.to_go.argmax(axis=1), view.home.argmax(axis=1)
+    lanes = np.arange(level.size)
+    energy = view.situation.energy_left
+    best = view.to_go.argmax(axis=1)
+    best_home = view.home.argmax(axis=1)
     step = np.choose(level, [np.full_like(level, MISSION), _derated(view), best_home, best])
-    mission, farthest = view.onward[:, :, MISSION], view.onward[:, lanes, best]
+    mission = view.onward[:, :, MISSION]
+    farthest = view.onward[:, lanes, best]
     return Advice(
         level,
         tuple(_why(view, lane, level[lane], step[lane]) for lane in lanes),
@@ -291,16 +324,24 @@ def _per_metre(by_energy: np.ndarray) -> Spread:
 
 def _why(view: View, lane: int, level: int, step: int) -> str:
     """The figures that speak for the action, and what else a planner should know of this lane."""
-    so, to_go, home = Situation(*(value[lane] for value in view.situation)), view.to_go[lane], view.home[lane]
-    reasons = [f"{to_go[MISSION]:.0f} m are within range at {so.speed:.2f} m/s, {so.distance_to_go:.0f} m are to go"]
+    so = Situation(*(value[lane] for value in view.situation))
+    to_go = view.to_go[lane]
+    home = view.home[lane]
+    reasons = [
+        f"{to_go[MISSION]:.0f} m are within range at {so.speed:.2f} m/s, {so.distance_to_go:.0f} m are to go"
+    ]
     if level == DERATE:
         reasons.append(f"{to_go[step]:.0f} m are at {view.speeds[lane, step]:.2f} m/s")
     if level >= RETURN:
         reasons.append(f"{to_go.max():.0f} m are at the best speed")
-        reasons.append(f"{home.max():.0f} m are probably within range on the way home of {so.distance_home:.0f} m")
+        reasons.append(
+            f"{home.max():.0f} m are probably within range on the way home of {so.distance_home:.0f} m"
+        )
     if view.lost[lane]:
         reach = view.reachable_speed.low[lane]
-        reasons.append(f"it may reach only {reach:.2f} m/s, and the current is {so.current:.2f} m/s")
+        reasons.append(
+            f"it may reach only {reach:.2f} m/s, and the current is {so.current:.2f} m/s"
+        )
     if not view.cool[lane, MISSION]:
         reasons.append(f"at {so.speed:.2f} m/s a motor may draw more than it is rated for")
     if view.probability[lane] >= NAMED:

@@ -1,7 +1,8 @@
 """What a vehicle can still do: the speeds it can hold and what they cost, from the steady state of the plant.
 
-A belief is a mixture over fault classes, severities and the healthy band. It is met by `N_DRAWS` possible vehicles for
-each lane, the same quantiles of it at every call, so that the figures move only when the belief does.
+A belief is a mixture over fault classes, severities and the healthy band. It is met by `N_DRAWS`
+possible vehicles for each lane, the same quantiles of it at every call, so that the figures move
+only when the belief does.
 """
 
 from functools import cache
@@ -30,18 +31,22 @@ from diagnosers.diagnoser import Belief
 
 N_DRAWS = 128  # a power of two: then every quantity alone is drawn at evenly spaced quantiles
 PLANT = len(HULL) + len(SIDES) * len(SHAFT)  # the first of `PARAMETERS`, without the sensors'
-ALPHA, PORT, STARBOARD = 0, len(HULL), len(HULL) + len(SHAFT)
+ALPHA = 0
+PORT = len(HULL)
+STARBOARD = len(HULL) + len(SHAFT)
 TOP_SPEED = CHANNELS["speed"].high  # m/s, beyond which no reachable speed is sought
 HALVINGS = 20
-BALANCE, SPIN_BALANCE = 1e-9, 1e-6  # m/s^2 and rad/s^2: what rounding leaves of a balance
+# m/s^2 and rad/s^2: what rounding leaves of a balance
+BALANCE = 1e-9
+SPIN_BALANCE = 1e-6
 
 
 class Capability(NamedTuple):
     """What each possible vehicle can do.
 
-    reachable_speed (n_lanes, n_draws): largest speed through the water that it holds [m/s]. power and current
-    (n_lanes, n_draws, n_speeds): electrical power of both motors [W], infinite at a speed that it cannot hold, and
-    current of the motor that draws more [A].
+    reachable_speed (n_lanes, n_draws): largest speed through the water that it holds [m/s]. power
+    and current (n_lanes, n_draws, n_speeds): electrical power of both motors [W], infinite at a
+    speed that it cannot hold, and current of the motor that draws more [A].
     """
 
     reachable_speed: np.ndarray
@@ -67,7 +72,8 @@ def _shaft(parameters, first):
 def _turned(shaft, spin, speed, constants):
     """Power [W], current [A] and `Motor` of a shaft held at a speed, and whether the supply suffices for it."""
     voltage = holding_voltage(shaft, spin, speed, constants)
-    current, side = armature_current(shaft, spin, voltage), motor(shaft, constants, voltage)
+    current = armature_current(shaft, spin, voltage)
+    side = motor(shaft, constants, voltage)
     return voltage * current, current, side, spin_rate(spin, speed, side) > -SPIN_BALANCE
 
 
@@ -88,11 +94,14 @@ def _fill(parameters, speeds, constants, reachable, power, current):
     for lane in range(parameters.shape[0]):
         for draw in range(parameters.shape[1]):
             own = parameters[lane, draw]
-            alpha, port, starboard = own[ALPHA], _shaft(own, PORT), _shaft(own, STARBOARD)
+            alpha = own[ALPHA]
+            port = _shaft(own, PORT)
+            starboard = _shaft(own, STARBOARD)
             for k in range(speeds.shape[1]):
                 found = _steady(speeds[lane, k], alpha, port, starboard, constants)
                 power[lane, draw, k], current[lane, draw, k] = found
-            low, high = 0.0, TOP_SPEED
+            low = 0.0
+            high = TOP_SPEED
             for _ in range(HALVINGS):
                 middle = 0.5 * (low + high)
                 holds = _steady(middle, alpha, port, starboard, constants)[0] < np.inf
@@ -103,8 +112,8 @@ def _fill(parameters, speeds, constants, reachable, power, current):
 def capability(parameters: np.ndarray, speeds: np.ndarray, vehicle: Vehicle) -> Capability:
     """What vehicles can do at these speeds [m/s] through the water, (n_lanes, n_speeds).
 
-    Steady motion with the rudders amidships. Misleads in a turn and in waves; and where one shaft alone reaches its
-    limit: with unequal shafts the vehicle would be a little faster.
+    Steady motion with the rudders amidships. Misleads in a turn and in waves; and where one shaft
+    alone reaches its limit: with unequal shafts the vehicle would be a little faster.
 
     Parameters
     ----------
@@ -118,25 +127,36 @@ def capability(parameters: np.ndarray, speeds: np.ndarray, vehicle: Vehicle) -> 
     n_lanes, n_draws, _ = parameters.shape
     shape = n_lanes, n_draws, speeds.shape[1]
     able = Capability(np.empty(shape[:2]), np.empty(shape), np.empty(shape))
-    constants = Constants(*(getattr(vehicle, name) for name in Constants._fields[:-1]), ENERGY_WEIGHT)
-    _fill(np.ascontiguousarray(parameters), np.ascontiguousarray(speeds, np.float64), constants, *able)
+    constants = Constants(
+        *(getattr(vehicle, name) for name in Constants._fields[:-1]), ENERGY_WEIGHT
+    )
+    _fill(
+        np.ascontiguousarray(parameters), np.ascontiguousarray(speeds, np.float64), constants, *able
+    )
     return able
 
 
 def drawn(belief: Belief, vehicle: Vehicle, shafts: int = 2) -> np.ndarray:
     """Plant parameters of the possible vehicles of each lane, (n_lanes, n_draws, PLANT), all equally likely.
 
-    Class and severity are drawn from the belief (severity as a normal distribution within 0 and 1), and the healthy
-    vehicle from its band. A vehicle with one shaft is a pair of sides that are alike, of which only port is known.
+    Class and severity are drawn from the belief (severity as a normal distribution within 0 and 1),
+    and the healthy vehicle from its band. A vehicle with one shaft is a pair of sides that are
+    alike, of which only port is known.
     """
-    probability, mean, std = np.exp(belief.log_probability), belief.severity_mean, belief.severity_std
+    probability = np.exp(belief.log_probability)
+    mean = belief.severity_mean
+    std = belief.severity_std
     if probability.shape[1] != len(classes()):
         allowed = f"{len(classes())}, those of auv_fault_env.classes()"
-        raise refusal("classes of the belief", probability.shape[1], allowed, "give a belief over all of them")
+        raise refusal(
+            "classes of the belief", probability.shape[1], allowed, "give a belief over all of them"
+        )
     points = _points()
     edges = probability.cumsum(axis=1)[:, None, :-1]
     chosen = (points[:, 0, None] > edges).sum(axis=2)
-    of_class = np.take_along_axis(mean, chosen, 1) + np.take_along_axis(std, chosen, 1) * ndtri(points[:, 1])
+    of_class = np.take_along_axis(mean, chosen, 1) + np.take_along_axis(std, chosen, 1) * ndtri(
+        points[:, 1]
+    )
     severity = np.clip(of_class, 0.0, 1.0)[..., None]
     scale, offset = _effects(shafts)
     specs = list(PARAMETERS.values())[:PLANT]
@@ -154,7 +174,8 @@ def _points() -> np.ndarray:
 
 def _effects(shafts: int) -> tuple[np.ndarray, np.ndarray]:
     """Factor and shift of each plant parameter at severity 1 by class, (n_classes, PLANT)."""
-    diagnoses, table = [fault.diagnosis for fault in CATALOGUE.values()], matrices()
+    diagnoses = [fault.diagnosis for fault in CATALOGUE.values()]
+    table = matrices()
     rows = [diagnoses.index(name) for name in classes()[1:]]
     scale = np.concatenate([np.ones((1, PLANT)), table.scale[rows, :PLANT]])
     offset = np.concatenate([np.zeros((1, PLANT)), table.offset[rows, :PLANT]])

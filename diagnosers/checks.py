@@ -15,19 +15,26 @@ from diagnosers.diagnoser import Belief, Diagnoser
 from diagnosers.registry import load
 
 N_SAMPLES = 120
-FAULTS = ("increased_drag", "propeller_loss:port", "motor_overheating:starboard", "sensor_dropout:speed")
+FAULTS = (
+    "increased_drag",
+    "propeller_loss:port",
+    "motor_overheating:starboard",
+    "sensor_dropout:speed",
+)
 SCHEDULES = ((), (), *((FaultEvent(fault, onset=5.0, severity=0.8),) for fault in FAULTS))
 SHORT = 25  # samples of the checks that run the diagnoser many times
-ROUNDING, BATCH_TOLERANCE = 1e-6, 1e-4  # networks compute in float32
+# networks compute in float32
+ROUNDING = 1e-6
+BATCH_TOLERANCE = 1e-4
 
 
 def check_diagnoser(diagnoser: Diagnoser, seed: int = 0) -> None:
     """Raise `InputError`, one line, if the diagnoser breaks a rule of `Diagnoser`; about 2000 updates, and it is reset.
 
-    It is run on six lanes of which four have a fault. Checked are its classes, that every belief is one, that it is
-    causal, batches like single lanes, resets, stands silent and dropped channels, refuses a wrong shape, and, if it can
-    be saved, is loaded as it was. Misleads: it says nothing of how good the diagnoser is, and a dependence on the
-    future beyond 12 s goes unseen.
+    It is run on six lanes of which four have a fault. Checked are its classes, that every belief is
+    one, that it is causal, batches like single lanes, resets, stands silent and dropped channels,
+    refuses a wrong shape, and, if it can be saved, is loaded as it was. Misleads: it says nothing
+    of how good the diagnoser is, and a dependence on the future beyond 12 s goes unseen.
     """
     observations = _fleet_run(whole_number("seed", seed, 0))
     for check in CHECKS:
@@ -49,7 +56,9 @@ def _beliefs(diagnoser: Diagnoser, observations: np.ndarray, when: str = "") -> 
     try:
         return [diagnoser.update(observation) for observation in observations]
     except Exception as error:
-        raise refusal(f"update{when}", error, "a belief", "hold the last reading where there is none") from error
+        raise refusal(
+            f"update{when}", error, "a belief", "hold the last reading where there is none"
+        ) from error
 
 
 def _stacked(beliefs: Iterable[Belief]) -> np.ndarray:
@@ -68,28 +77,62 @@ def _demand_belief(diagnoser: Diagnoser, belief: Belief, n_lanes: int, when: str
     shape = (n_lanes, len(diagnoser.classes))
     for name, values in zip(Belief._fields, belief, strict=True):
         got = getattr(values, "shape", None)
-        _demand(got == shape, f"shape of {name}{when}", got, f"{shape}", "give a row per lane, a column per class")
-        _demand(bool(np.isfinite(values).all()), f"{name}{when}", "NaN or infinity", "finite numbers", "limit it")
-    highest, total = float(belief[0].max()), np.exp(belief[0]).sum(axis=1)
+        _demand(
+            got == shape,
+            f"shape of {name}{when}",
+            got,
+            f"{shape}",
+            "give a row per lane, a column per class",
+        )
+        _demand(
+            bool(np.isfinite(values).all()),
+            f"{name}{when}",
+            "NaN or infinity",
+            "finite numbers",
+            "limit it",
+        )
+    highest = float(belief[0].max())
+    total = np.exp(belief[0]).sum(axis=1)
     worst = float(total[np.abs(total - 1).argmax()])
     _demand(highest <= ROUNDING, f"log_probability{when}", highest, "at most 0", "normalise it")
     _demand(abs(worst - 1) <= ROUNDING, f"sum of probabilities{when}", worst, "1", "normalise them")
-    low, high = float(belief[1].min()), float(belief[1].max())
-    _demand(-ROUNDING <= low <= high <= 1 + ROUNDING, f"severity_mean{when}", (low, high), "0 to 1", "clip it")
+    low = float(belief[1].min())
+    high = float(belief[1].max())
+    _demand(
+        -ROUNDING <= low <= high <= 1 + ROUNDING,
+        f"severity_mean{when}",
+        (low, high),
+        "0 to 1",
+        "clip it",
+    )
     low = float(belief[2].min())
     _demand(low >= 0, f"severity_std{when}", low, "from 0", "give a standard deviation")
 
 
-def _demand_equal(got: np.ndarray, wanted: np.ndarray, thing: str, allowed: str, remedy: str, tolerance=0.0) -> None:
+def _demand_equal(
+    got: np.ndarray, wanted: np.ndarray, thing: str, allowed: str, remedy: str, tolerance=0.0
+) -> None:
     difference = float(np.abs(got - wanted).max())
     _demand(difference <= tolerance, thing, f"a difference of {difference:.2g}", allowed, remedy)
 
 
 def _check_interface(diagnoser: Diagnoser, observations: np.ndarray) -> None:
-    _demand(isinstance(diagnoser, Diagnoser), "diagnoser", type(diagnoser), "classes, reset and update", "add them")
+    _demand(
+        isinstance(diagnoser, Diagnoser),
+        "diagnoser",
+        type(diagnoser),
+        "classes, reset and update",
+        "add them",
+    )
     names = diagnoser.classes
     good = isinstance(names, tuple) and names[:1] == (NORMAL,) and len(set(names)) == len(names) > 1
-    _demand(good, "classes", names, f"a tuple of different names, {NORMAL!r} first", "see auv_fault_env.classes()")
+    _demand(
+        good,
+        "classes",
+        names,
+        f"a tuple of different names, {NORMAL!r} first",
+        "see auv_fault_env.classes()",
+    )
 
 
 def _check_beliefs(diagnoser: Diagnoser, observations: np.ndarray) -> None:
@@ -99,34 +142,57 @@ def _check_beliefs(diagnoser: Diagnoser, observations: np.ndarray) -> None:
 
 def _check_arrays(diagnoser: Diagnoser, observations: np.ndarray) -> None:
     """What it is given stays as it is, and so does what it has returned."""
-    given, kept, copies = observations.copy(), [], []
+    given = observations.copy()
+    kept = []
+    copies = []
     diagnoser.reset(observations.shape[1])
     for observation in given:
         kept.append(diagnoser.update(observation))
         copies.append(_stacked(kept[-1:]))
-    _demand_equal(given, observations, "observation after update", "the one given", "work on a copy")
-    allowed, remedy = "the belief as it was returned", "return new arrays"
-    _demand_equal(_stacked(kept), np.concatenate(copies), "belief after later updates", allowed, remedy)
+    _demand_equal(
+        given, observations, "observation after update", "the one given", "work on a copy"
+    )
+    allowed = "the belief as it was returned"
+    remedy = "return new arrays"
+    _demand_equal(
+        _stacked(kept), np.concatenate(copies), "belief after later updates", allowed, remedy
+    )
 
 
 def _check_causality(diagnoser: Diagnoser, observations: np.ndarray) -> None:
     half = N_SAMPLES // 2
     other = np.concatenate([observations[:half], observations[:half][::-1]])
     one, two = (_stacked(_beliefs(diagnoser, run)[:half]) for run in (observations, other))
-    _demand_equal(one, two, "beliefs before another future", "the same beliefs", "use no later sample")
+    _demand_equal(
+        one, two, "beliefs before another future", "the same beliefs", "use no later sample"
+    )
 
 
 def _check_reset(diagnoser: Diagnoser, observations: np.ndarray) -> None:
     first, again = (_stacked(_beliefs(diagnoser, observations)) for _ in range(2))
-    _demand_equal(again, first, "beliefs after a second reset", "exactly those after the first", "reset everything")
+    _demand_equal(
+        again,
+        first,
+        "beliefs after a second reset",
+        "exactly those after the first",
+        "reset everything",
+    )
 
 
 def _check_lanes(diagnoser: Diagnoser, observations: np.ndarray) -> None:
     batch = _stacked(_beliefs(diagnoser, observations))
     for lane in range(observations.shape[1]):
         single = _stacked(_beliefs(diagnoser, observations[:, lane : lane + 1]))
-        thing, allowed = f"lane {lane} alone and in the batch", f"equal beliefs within {BATCH_TOLERANCE:g}"
-        _demand_equal(batch[:, :, lane : lane + 1], single, thing, allowed, "keep lanes apart", BATCH_TOLERANCE)
+        thing = f"lane {lane} alone and in the batch"
+        allowed = f"equal beliefs within {BATCH_TOLERANCE:g}"
+        _demand_equal(
+            batch[:, :, lane : lane + 1],
+            single,
+            thing,
+            allowed,
+            "keep lanes apart",
+            BATCH_TOLERANCE,
+        )
 
 
 def _check_channels(diagnoser: Diagnoser, observations: np.ndarray) -> None:
@@ -168,9 +234,19 @@ def _check_storage(diagnoser: Diagnoser, observations: np.ndarray) -> None:
         path = Path(folder) / "diagnoser.safetensors"
         diagnoser.save(path)
         loaded = load(path)
-        after, before = (_stacked(_beliefs(one, observations[:SHORT])) for one in (loaded, diagnoser))
-    _demand(loaded.classes == diagnoser.classes, "classes after load", loaded.classes, "those saved", "save them")
-    _demand_equal(after, before, "beliefs after save and load", "equal beliefs", "save all that it has learnt")
+        after, before = (
+            _stacked(_beliefs(one, observations[:SHORT])) for one in (loaded, diagnoser)
+        )
+    _demand(
+        loaded.classes == diagnoser.classes,
+        "classes after load",
+        loaded.classes,
+        "those saved",
+        "save them",
+    )
+    _demand_equal(
+        after, before, "beliefs after save and load", "equal beliefs", "save all that it has learnt"
+    )
 
 
 CHECKS: tuple[Callable[[Diagnoser, np.ndarray], None], ...] = (

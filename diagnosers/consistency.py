@@ -1,6 +1,7 @@
 """Is a filter honest about its errors? Normalised errors and innovations, and the band they should stay in.
 
-Source: Bar-Shalom, Li & Kirubarajan, "Estimation with Applications to Tracking and Navigation", Wiley 2001, 5.4.
+Source: Bar-Shalom, Li & Kirubarajan, "Estimation with Applications to Tracking and Navigation",
+Wiley 2001, 5.4.
 """
 
 import numpy as np
@@ -12,8 +13,9 @@ from diagnosers.kalman import Estimate
 def nees(estimate: Estimate, truth: np.ndarray) -> np.ndarray:
     """Normalised estimation error squared (n_lanes,) of the first m states; truth (n_lanes, m) in the mean's units.
 
-    Chi-square with m degrees of freedom if the filter's model is true, so its mean over lanes is m; above it the filter
-    is overconfident. Misleads over time: successive values of one lane are correlated.
+    Chi-square with m degrees of freedom if the filter's model is true, so its mean over lanes is m;
+    above it the filter is overconfident. Misleads over time: successive values of one lane are
+    correlated.
     """
     m = truth.shape[1]
     error = truth - estimate.mean[:, :m]

@@ -1,7 +1,7 @@
 """Two-sided CUSUM (Page 1954) on the physical residuals; the class by the pattern of the statistics.
 
-Source: Page, "Continuous inspection schemes", Biometrika 41, 1954; as charts of residuals: Basseville & Nikiforov,
-"Detection of Abrupt Changes", Prentice Hall 1993.
+Source: Page, "Continuous inspection schemes", Biometrika 41, 1954; as charts of residuals:
+Basseville & Nikiforov, "Detection of Abrupt Changes", Prentice Hall 1993.
 """
 
 from dataclasses import dataclass
@@ -23,11 +23,15 @@ from diagnosers.kalman import Estimate, SurgeFilter
 from diagnosers.symptoms.residuals import RESIDUALS, healthy_band, residuals
 
 SIGNALS = (*RESIDUALS, "innovation")
-CHARTS = ("above", "below", "rough", "smooth")  # of each signal: mean up, mean down, scatter up, scatter down
+# of each signal: mean up, mean down, scatter up, scatter down
+CHARTS = ("above", "below", "rough", "smooth")
 SLACK = 0.25  # standard deviations, of the drift term beyond the healthy band
-ROUGH_SLACK, SMOOTH_SLACK = 1.5, 0.75  # the same, relative, of the squared differences
+# the same, relative, of the squared differences
+ROUGH_SLACK = 1.5
+SMOOTH_SLACK = 0.75
 DISTURBED = 0.6  # standard deviations of the disturbance in the drift term
-LIMIT = {  # of the charts of a signal (mean, rough, smooth): what healthy vehicles reach about once an hour
+# of the charts of a signal (mean, rough, smooth): what healthy vehicles reach about once an hour
+LIMIT = {
     "voltage": (12.0, 31.0, 2.8),
     "torque": (9.0, 31.0, 4.2),
     "surge": (57.0, 31.0, 2.9),
@@ -38,7 +42,9 @@ LIMITS = np.concatenate([MEAN, MEAN, ROUGH, SMOOTH])
 GAIN = 4.0  # log odds of a fault per limit
 DEEPEST = 100.0  # largest log odds of a fault
 MISSIONS = ("thesis", 0.2, 0.45)  # of the signatures: a name or a speed [m/s]
-ONSET, AGES = 5.0, (2.0, 6.0, 14.0, 24.0)  # s, of the faults of the signatures, and how old they are
+# s, of the faults of the signatures, and how old they are
+ONSET = 5.0
+AGES = (2.0, 6.0, 14.0, 24.0)
 SEVERITIES = (0.3, 0.6, 1.0)
 WIDTH = 0.5  # of a signature, in logarithms of statistics
 IN_CACHE = 32  # lanes whose distances to all signatures a processor's cache holds
@@ -58,8 +64,9 @@ class CusumState(NamedTuple):
 class Signatures(NamedTuple):
     """Statistics that faults leave, sorted by class and severity.
 
-    pattern (n, 24), class index (n,), log weight (n,) in its class; starts (n_classes - 1,): first row of every class
-    but normal; grades ((n_classes - 1) * 3,): first row of every severity in every class.
+    pattern (n, 24), class index (n,), log weight (n,) in its class; starts (n_classes - 1,): first
+    row of every class but normal; grades ((n_classes - 1) * 3,): first row of every severity in
+    every class.
     """
 
     pattern: np.ndarray
@@ -73,15 +80,16 @@ class Signatures(NamedTuple):
 class Cusum(Recursive):
     """Page's CUSUM, two-sided, on every residual and the speed filter's innovation; and on their squared differences.
 
-    A statistic grows by the normalised signal less a drift term: the shift that the healthy band can cause at this
-    operating point (parameter by parameter, added) and `SLACK`. Squared differences catch noise and held readings.
-    The largest statistic, relative to `LIMITS`, gives the log odds of a fault: `GAIN` each, 0 at the limit.
-    A class is named by its signatures: the statistics that each fault of the catalogue leaves on the nominal vehicle in
-    simulation, at three severities, ages and missions; their kernel density by class and the weighted severity.
+    A statistic grows by the normalised signal less a drift term: the shift that the healthy band
+    can cause at this operating point (parameter by parameter, added) and `SLACK`. Squared
+    differences catch noise and held readings. The largest statistic, relative to `LIMITS`, gives
+    the log odds of a fault: `GAIN` each, 0 at the limit. A class is named by its signatures: the
+    statistics that each fault of the catalogue leaves on the nominal vehicle in simulation, at
+    three severities, ages and missions; their kernel density by class and the weighted severity.
     Limits, slacks and width are calibrated on ``training.seeds.seeds("calibration", ...)``.
 
-    Misleads: statistics never forget, so a fault that is repaired stays for as long as it lasted; a shift within
-    the healthy band is never found; at rest most signals are silent.
+    Misleads: statistics never forget, so a fault that is repaired stays for as long as it lasted; a
+    shift within the healthy band is never found; at rest most signals are silent.
     """
 
     vehicle: str | Vehicle = "thesis1992"
@@ -104,8 +112,11 @@ class Cusum(Recursive):
     def initial(self, n_lanes: int) -> CusumState:
         """All statistics at zero."""
         charts = np.zeros((n_lanes, len(CHARTS) * len(SIGNALS)))
-        previous, signals = np.zeros((n_lanes, len(CHANNELS))), np.zeros((n_lanes, len(SIGNALS)))
-        return CusumState(previous, signals, charts, self._filter.initial(n_lanes), np.zeros((n_lanes, 1)))
+        previous = np.zeros((n_lanes, len(CHANNELS)))
+        signals = np.zeros((n_lanes, len(SIGNALS)))
+        return CusumState(
+            previous, signals, charts, self._filter.initial(n_lanes), np.zeros((n_lanes, 1))
+        )
 
     def step(self, state: CusumState, observation: np.ndarray) -> tuple[CusumState, Belief]:
         """One step of the charts, and what they say."""
@@ -119,12 +130,15 @@ class Cusum(Recursive):
         previous = np.where(state.begun > 0.0, state.previous, observation)
         signals, drift = self._signals(previous, observation, surge)
         scatter = 0.5 * (signals - state.signals) ** 2
-        smooth = np.where(signals == 0.0, 0.0, 1.0 - scatter - SMOOTH_SLACK)  # a standing shaft is not stuck
+        # a standing shaft is not stuck
+        smooth = np.where(signals == 0.0, 0.0, 1.0 - scatter - SMOOTH_SLACK)
         steps = np.hstack([signals - drift, -signals - drift, scatter - 1.0 - ROUGH_SLACK, smooth])
         charts = np.maximum(state.charts + steps, 0.0) * state.begun
         return CusumState(observation, signals, charts, surge, np.ones_like(state.begun))
 
-    def _signals(self, previous: np.ndarray, observation: np.ndarray, surge: Estimate) -> tuple[np.ndarray, np.ndarray]:
+    def _signals(
+        self, previous: np.ndarray, observation: np.ndarray, surge: Estimate
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Normalised signals (n_lanes, 6) and their drift terms."""
         values, std = residuals(previous, observation, self._nominal)
         band = healthy_band(previous, observation, self._nominal)
@@ -135,16 +149,22 @@ class Cusum(Recursive):
 
     def _belief(self, charts: np.ndarray) -> Belief:
         odds = np.minimum(GAIN * ((charts / LIMITS).max(axis=1, keepdims=True) - 1.0), DEEPEST)
-        bank, pattern = self._signatures, np.log1p(charts / LIMITS)
+        bank = self._signatures
+        pattern = np.log1p(charts / LIMITS)
         share = cdist(pattern, bank.pattern, "sqeuclidean")
         share *= -0.5 / WIDTH**2
         share += bank.weight
         nearest = np.maximum.reduceat(share, bank.starts, axis=1)
         share -= nearest[:, bank.label - 1]
         np.exp(share, out=share)
-        by_grade = np.add.reduceat(share, bank.grades, axis=1).reshape(len(charts), -1, len(SEVERITIES))
-        total, first, second = np.moveaxis(by_grade @ np.vander(SEVERITIES, 3, increasing=True), 2, 0)
-        mean, none = first / total, np.zeros((len(charts), 1))
+        by_grade = np.add.reduceat(share, bank.grades, axis=1).reshape(
+            len(charts), -1, len(SEVERITIES)
+        )
+        total, first, second = np.moveaxis(
+            by_grade @ np.vander(SEVERITIES, 3, increasing=True), 2, 0
+        )
+        mean = first / total
+        none = np.zeros((len(charts), 1))
         std = np.sqrt(np.maximum(second / total - mean**2, 0.0) + SEVERITY_STD**2)
         fault = nearest + np.log(total)
         fault -= fault.max(axis=1, keepdims=True)
@@ -159,9 +179,12 @@ class Cusum(Recursive):
         cases = list(product(faults, SEVERITIES, MISSIONS))
         fleet = Fleet(len(cases), self._nominal, healthy_band=0.0, parallel=False)
         schedules = [(FaultEvent(fault.name, ONSET, severity),) for fault, severity, _ in cases]
-        missions = [mission if isinstance(mission, str) else [(0.0, mission)] for _, _, mission in cases]
+        missions = [
+            mission if isinstance(mission, str) else [(0.0, mission)] for _, _, mission in cases
+        ]
         observation = fleet.reset([self.seed] * len(cases), schedules=schedules, missions=missions)
-        state, patterns = self._advance(self.initial(len(cases)), observation.astype(np.float64)), []
+        state = self._advance(self.initial(len(cases)), observation.astype(np.float64))
+        patterns = []
         for k in range(1, int(SAMPLE_RATE * (ONSET + AGES[-1])) + 1):
             observation = fleet.step(observation[:, :1] * [1.0, 0.0, 0.0])
             state = self._advance(state, observation.astype(np.float64))
@@ -170,7 +193,14 @@ class Cusum(Recursive):
         label = np.array([self.classes.index(fault.diagnosis) for fault, _, _ in cases] * len(AGES))
         grade = np.array([SEVERITIES.index(severity) for _, severity, _ in cases] * len(AGES))
         order = np.lexsort((grade, label))
-        label, grade = label[order], grade[order]
+        label = label[order]
+        grade = grade[order]
         starts = np.unique(label, return_index=True)[1]
         grades = np.unique(label * len(SEVERITIES) + grade, return_index=True)[1]
-        return Signatures(np.concatenate(patterns)[order], label, -np.log(np.bincount(label)[label]), starts, grades)
+        return Signatures(
+            np.concatenate(patterns)[order],
+            label,
+            -np.log(np.bincount(label)[label]),
+            starts,
+            grades,
+        )

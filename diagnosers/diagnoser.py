@@ -1,7 +1,8 @@
 """What a diagnoser is: readings in, one sample at a time; a belief over the fault classes and their severities out.
 
-`Diagnoser` is the protocol that everything downstream relies on. `Recursive` carries what the diagnosers of this
-package share: they are written as pure functions of a state, and the state is arrays with the lane first.
+`Diagnoser` is the protocol that everything downstream relies on. `Recursive` carries what the
+diagnosers of this package share: they are written as pure functions of a state, and the state is
+arrays with the lane first.
 """
 
 from abc import ABC, abstractmethod
@@ -23,9 +24,10 @@ UNKNOWN = "unknown"
 class Belief(NamedTuple):
     """What a diagnoser believes after a sample; class 0 is `normal`.
 
-    log_probability (n_lanes, n_classes): natural logarithm, each row's probabilities sum to 1. severity_mean and
-    severity_std (n_lanes, n_classes): severity 0 to 1 *if* that class is the fault, and its standard deviation; both 0
-    for `normal`. Multiply by the probability for the severity to expect.
+    log_probability (n_lanes, n_classes): natural logarithm, each row's probabilities sum to 1.
+    severity_mean and severity_std (n_lanes, n_classes): severity 0 to 1 *if* that class is the
+    fault, and its standard deviation; both 0 for `normal`. Multiply by the probability for the
+    severity to expect.
     """
 
     log_probability: np.ndarray
@@ -37,8 +39,9 @@ class Belief(NamedTuple):
 class Diagnoser(Protocol):
     """Reads observations one sample at a time and says what it believes; the same code onboard and in a batch.
 
-    It is causal: a belief depends on the observations so far and on nothing else, never on the truth. Calibration is
-    its author's duty: a threshold on the probability of `normal` is all that an alarm looks at.
+    It is causal: a belief depends on the observations so far and on nothing else, never on the
+    truth. Calibration is its author's duty: a threshold on the probability of `normal` is all that
+    an alarm looks at.
     """
 
     classes: tuple[str, ...]
@@ -55,9 +58,10 @@ class Diagnoser(Protocol):
 class Recursive(ABC):
     """A diagnoser as a pure recursion: `initial` makes a state, `step` takes state and observation to the next.
 
-    A subclass gives these two, and is a frozen dataclass if it has settings. A channel may be silent: NaN means no
-    reading, and the last one is held (zero before the first), but for channels that are not in `held`: these silences
-    are the diagnoser's to understand. The values of a disconnected sensor (zeros) pass as they are.
+    A subclass gives these two, and is a frozen dataclass if it has settings. A channel may be
+    silent: NaN means no reading, and the last one is held (zero before the first), but for channels
+    that are not in `held`: these silences are the diagnoser's to understand. The values of a
+    disconnected sensor (zeros) pass as they are.
     """
 
     name: str
@@ -92,7 +96,9 @@ class Recursive(ABC):
         Raises `ValueError` for another shape, for infinite readings, and before the first `reset`.
         """
         if "_state" not in self.__dict__:
-            raise refusal("update", "no reset before", "an update after a reset", "call reset(n_lanes) first")
+            raise refusal(
+                "update", "no reset before", "an update after a reset", "call reset(n_lanes) first"
+            )
         state, held = self.__dict__["_state"]
         observation = filled(observation, held, self.held)
         state, belief = self.step(state, observation)
@@ -125,17 +131,28 @@ def filled(observation: np.ndarray, held: np.ndarray, channels: slice = slice(No
     try:
         observation = np.array(observation, np.float64, order="C")
     except (TypeError, ValueError):
-        raise refusal("observation", observation, f"numbers of shape {held.shape}", "give one row per lane") from None
+        raise refusal(
+            "observation", observation, f"numbers of shape {held.shape}", "give one row per lane"
+        ) from None
     if observation.shape != held.shape:
-        raise refusal("observation's shape", observation.shape, f"{held.shape}", "give one row per lane of the reset")
+        raise refusal(
+            "observation's shape",
+            observation.shape,
+            f"{held.shape}",
+            "give one row per lane of the reset",
+        )
     silent = np.isnan(observation[:, channels])
     np.copyto(observation[:, channels], held[:, channels], where=silent)
     if np.isinf(observation).any():
-        raise refusal("observation", "infinity", "finite readings, NaN for none", "mend the reading")
+        raise refusal(
+            "observation", "infinity", "finite readings, NaN for none", "mend the reading"
+        )
     return observation
 
 
-def decide(belief: Belief, classes: tuple[str, ...], alarm: float = 0.5, name: float = 0.5) -> list[str]:
+def decide(
+    belief: Belief, classes: tuple[str, ...], alarm: float = 0.5, name: float = 0.5
+) -> list[str]:
     """One word per lane: `normal`, a class, or `unknown`, a fault that looks like none of the classes, or like several.
 
     Parameters
@@ -151,7 +168,8 @@ def decide(belief: Belief, classes: tuple[str, ...], alarm: float = 0.5, name: f
     """
     probability = np.exp(belief.log_probability)
     faults = probability[:, 1:]
-    best, total = faults.argmax(axis=1), np.maximum(faults.sum(axis=1), np.finfo(float).tiny)
+    best = faults.argmax(axis=1)
+    total = np.maximum(faults.sum(axis=1), np.finfo(float).tiny)
     named = faults.max(axis=1) / total >= name
     quiet = probability[:, 0] >= alarm
     words = np.where(named, np.array(classes[1:], dtype=object)[best], UNKNOWN)

@@ -1,6 +1,7 @@
 """The thesis' second recommendation (VI.B): one network on the sensors and on what the Kalman filters make of them.
 
-Recalled in numpy: a vehicle's computer needs no PyTorch for it, and one sample takes a third of the time.
+Recalled in numpy: a vehicle's computer needs no PyTorch for it, and one sample takes a third of the
+time.
 """
 
 from dataclasses import asdict
@@ -26,7 +27,9 @@ N_CLASSES = len(CLASSES)
 N_OUTPUTS = 3 * N_CLASSES  # score, severity and its spread of every class
 WIDTHS = (256, 128)  # of the encoder's hidden layers
 N_MEMORY = 64  # units of the recurrent layer, and of the encoder's last
-CALM = 0.5  # s, over which the first opinion is averaged: single samples are noisy, and a label must not flicker
+# s, over which the first opinion is averaged: single samples are noisy, and a label must not
+# flicker
+CALM = 0.5
 LEAST_STD = 0.02  # of a severity: finer than anybody can know it
 
 
@@ -41,13 +44,23 @@ def _linear(name: str, n_inputs: int, n_outputs: int) -> Shapes:
 
 def _architecture() -> Shapes:
     """The tensors of `integrated_network.Network` with its gated recurrent unit, by name."""
-    widths, gates, shapes = (len(FEATURES), *WIDTHS, N_MEMORY), 3 * N_MEMORY, {}
+    widths = (len(FEATURES), *WIDTHS, N_MEMORY)
+    gates = 3 * N_MEMORY
+    shapes = {}
     for k, (before, after) in enumerate(pairwise(widths)):
         shapes |= _linear(f"encoder.{2 * k}", before, after)
     shapes |= _linear("opinion", N_MEMORY, N_OUTPUTS) | _linear("correction", N_MEMORY, N_OUTPUTS)
-    shapes |= {"memory.weight_ih_l0": (gates, N_MEMORY + N_CLASSES), "memory.weight_hh_l0": (gates, N_MEMORY)}
+    shapes |= {
+        "memory.weight_ih_l0": (gates, N_MEMORY + N_CLASSES),
+        "memory.weight_hh_l0": (gates, N_MEMORY),
+    }
     shapes |= {"memory.bias_ih_l0": (gates,), "memory.bias_hh_l0": (gates,)}
-    return shapes | {"trust": (N_CLASSES - 1,), "lean": (1,), "sharpness": (1,), "bias": (N_CLASSES,)}
+    return shapes | {
+        "trust": (N_CLASSES - 1,),
+        "lean": (1,),
+        "sharpness": (1,),
+        "bias": (N_CLASSES,),
+    }
 
 
 ARCHITECTURE = _architecture()
@@ -72,11 +85,19 @@ class Recall:
             return Layer(np.ascontiguousarray(tensors[weight].T), tensors[bias])
 
         depth = len(WIDTHS) + 1
-        self.encoder = [layer(f"encoder.{2 * k}.weight", f"encoder.{2 * k}.bias") for k in range(depth)]
-        self.opinion, self.correction = (layer(f"{name}.weight", f"{name}.bias") for name in ("opinion", "correction"))
-        self.heard, self.kept = (layer(f"memory.weight_{name}_l0", f"memory.bias_{name}_l0") for name in ("ih", "hh"))
-        self.trust, self.lean = tensors["trust"], EVIDENCE * tensors["lean"]
-        self.sharpness, self.bias = tensors["sharpness"], tensors["bias"]
+        self.encoder = [
+            layer(f"encoder.{2 * k}.weight", f"encoder.{2 * k}.bias") for k in range(depth)
+        ]
+        self.opinion, self.correction = (
+            layer(f"{name}.weight", f"{name}.bias") for name in ("opinion", "correction")
+        )
+        self.heard, self.kept = (
+            layer(f"memory.weight_{name}_l0", f"memory.bias_{name}_l0") for name in ("ih", "hh")
+        )
+        self.trust = tensors["trust"]
+        self.lean = EVIDENCE * tensors["lean"]
+        self.sharpness = tensors["sharpness"]
+        self.bias = tensors["bias"]
 
     def look(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As `Network.look`."""
@@ -88,20 +109,29 @@ class Recall:
         opinion[:, 1:N_CLASSES] += self.trust * features[:, BANK_ODDS]
         return encoded, opinion
 
-    def recall(self, encoded: np.ndarray, opinion: np.ndarray, units: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def recall(
+        self, encoded: np.ndarray, opinion: np.ndarray, units: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """As `Network.recall`, of one sample."""
         heard = self.heard(np.concatenate([encoded, opinion[:, :N_CLASSES] / EVIDENCE], axis=1))
-        kept, gates = self.kept(units), 2 * N_MEMORY
+        kept = self.kept(units)
+        gates = 2 * N_MEMORY
         reset, update = np.split(expit(heard[:, :gates] + kept[:, :gates]), 2, axis=1)
         fresh = np.tanh(heard[:, gates:] + reset * kept[:, gates:])
         units = fresh + update * (units - fresh)
         return opinion + self.correction(units), units
 
-    def read(self, outputs: np.ndarray, features: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def read(
+        self, outputs: np.ndarray, features: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As `Network.read`, float64."""
         scores, mean, spread = np.split(outputs.astype(np.float64), 3, axis=1)
         scores[:, 1:] += self.lean * features[:, BANK_ODDS]
-        return log_softmax(self.sharpness * scores + self.bias), expit(mean), np.logaddexp(0.0, spread) + LEAST_STD
+        return (
+            log_softmax(self.sharpness * scores + self.bias),
+            expit(mean),
+            np.logaddexp(0.0, spread) + LEAST_STD,
+        )
 
 
 class IntegratedState(NamedTuple):
@@ -119,14 +149,15 @@ class IntegratedState(NamedTuple):
 class Integrated(Recursive):
     """A recurrent network on readings, motor and surge residuals, and the filters' estimates, innovations, variances.
 
-    Trained on simulated vehicles (``auv-fault train integrated``; see the card beside the weights), on every sample of
-    faulty, compound and healthy episodes of 60 s. An unknown fault shows as a belief that is neither `normal` nor any
-    one class: `diagnosers.decide` calls it so.
+    Trained on simulated vehicles (``auv-fault train integrated``; see the card beside the weights),
+    on every sample of faulty, compound and healthy episodes of 60 s. An unknown fault shows as a
+    belief that is neither `normal` nor any one class: `diagnosers.decide` calls it so.
 
-    When it misleads: on vehicles, noise or faults far from those it was trained on, its probabilities are no
-    frequencies. It was trained on episodes of a minute whose faults begin within half of one, and stay: reset it after
-    a repair. The odds of a fault fall over seconds at the soonest, so a false alarm lasts. Another nominal ``vehicle``
-    changes the filters and residuals, not what the network makes of them.
+    When it misleads: on vehicles, noise or faults far from those it was trained on, its
+    probabilities are no frequencies. It was trained on episodes of a minute whose faults begin
+    within half of one, and stay: reset it after a repair. The odds of a fault fall over seconds at
+    the soonest, so a false alarm lasts. Another nominal ``vehicle`` changes the filters and
+    residuals, not what the network makes of them.
     """
 
     name = "integrated"
@@ -139,10 +170,15 @@ class Integrated(Recursive):
 
     def initial(self, n_lanes: int) -> IntegratedState:
         """Filters at their start, an empty memory."""
-        units, opinion = np.zeros((n_lanes, N_MEMORY), np.float32), np.full((n_lanes, N_OUTPUTS), np.nan, np.float32)
-        return IntegratedState(self._features.initial(n_lanes), units, opinion, unsteadied(n_lanes, N_CLASSES - 1))
+        units = np.zeros((n_lanes, N_MEMORY), np.float32)
+        opinion = np.full((n_lanes, N_OUTPUTS), np.nan, np.float32)
+        return IntegratedState(
+            self._features.initial(n_lanes), units, opinion, unsteadied(n_lanes, N_CLASSES - 1)
+        )
 
-    def step(self, state: IntegratedState, observation: np.ndarray) -> tuple[IntegratedState, Belief]:
+    def step(
+        self, state: IntegratedState, observation: np.ndarray
+    ) -> tuple[IntegratedState, Belief]:
         """The next state and the belief."""
         following, features = self._features.step(state.features, observation)
         encoded, opinion = self._recall.look(features)
@@ -152,7 +188,9 @@ class Integrated(Recursive):
         for moment in severity:
             moment[:, 0] = 0.0
         steady = state.steady.after(told)
-        return IntegratedState(following, units, opinion, steady), Belief(steady.log_probability(), *severity)
+        return IntegratedState(following, units, opinion, steady), Belief(
+            steady.log_probability(), *severity
+        )
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Weights and calibration, by name."""

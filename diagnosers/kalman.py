@@ -1,14 +1,16 @@
 """Kalman filters of the surge equation, batched over lanes: the thesis' parameter filter and an EKF with the speed.
 
-Both rest on ``du/dt = alpha u|u| + beta n|n| + gamma u|u| delta^2 + d``; ``n|n|`` is the mean of both shafts [rpm^2],
-``delta^2 = rudder^2 + stern_plane^2``, ``beta`` that of both propellers together. `ParameterFilter` reads the
-accelerometer, each measured acceleration being an equation in the parameters; `SurgeFilter` does without it.
+Both rest on ``du/dt = alpha u|u| + beta n|n| + gamma u|u| delta^2 + d``; ``n|n|`` is the mean of
+both shafts [rpm^2], ``delta^2 = rudder^2 + stern_plane^2``, ``beta`` that of both propellers
+together. `ParameterFilter` reads the accelerometer, each measured acceleration being an equation in
+the parameters; `SurgeFilter` does without it.
 
-A filter is a frozen configuration, an `Estimate` an immutable tuple of arrays, ``update`` a pure function: a batch of
-lanes gives bit for bit what each lane gives alone. Parameters are estimated relative to nominal (1 = nominal): ``beta``
-is about 1e-7, and a covariance in SI units would be singular to working precision. `physical` converts.
-Sources: thesis (NPS, June 1992), IV.B; Gelb (ed.), "Applied Optimal Estimation", MIT Press 1974 (filters, Joseph form);
-Bar-Shalom, Li & Kirubarajan, "Estimation with Applications to Tracking and Navigation", Wiley 2001 (NEES, NIS).
+A filter is a frozen configuration, an `Estimate` an immutable tuple of arrays, ``update`` a pure
+function: a batch of lanes gives bit for bit what each lane gives alone. Parameters are estimated
+relative to nominal (1 = nominal): ``beta`` is about 1e-7, and a covariance in SI units would be
+singular to working precision. `physical` converts. Sources: thesis (NPS, June 1992), IV.B; Gelb
+(ed.), "Applied Optimal Estimation", MIT Press 1974 (filters, Joseph form); Bar-Shalom, Li &
+Kirubarajan, "Estimation with Applications to Tracking and Navigation", Wiley 2001 (NEES, NIS).
 """
 
 from collections.abc import Callable
@@ -24,11 +26,14 @@ from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.errors import finite_in_range, refusal
 from auv_fault_env.parameters import PRESETS, SAMPLE_TIME, Vehicle
 
-NOISE_FLOOR = 1e-3  # least scale of the sensor noise: keeps every variance positive in noise-free runs
+# least scale of the sensor noise: keeps every variance positive in noise-free runs
+NOISE_FLOOR = 1e-3
 DISTURBANCE_FLOOR = 1e-6  # m/s^2, least standard deviation of the disturbance, for the same reason
 START_SPEED_STD = 1.0  # m/s, what is known of the speed before the first reading
-BETWEEN_STD = 12**-0.5  # of a jump between two readings: standard deviation of a mean anywhere between them
-LIMIT = 10.0  # of a parameter from nominal, relative: keeps the integration stable whatever the readings say
+# of a jump between two readings: standard deviation of a mean anywhere between them
+BETWEEN_STD = 12**-0.5
+# of a parameter from nominal, relative: keeps the integration stable whatever the readings say
+LIMIT = 10.0
 PARAMETERS = ("alpha", "beta", "gamma")
 N_STATES = 5  # speed, the three parameters, and one of each filter's own
 READINGS = ("speed", "acceleration", "port_rpm", "starboard_rpm", "rudder", "stern_plane")
@@ -38,11 +43,12 @@ COLUMNS = tuple(list(CHANNELS).index(name) for name in READINGS)
 class Estimate(NamedTuple):
     """What a filter knows after an observation; n_states and their names are those of ``filter.states``.
 
-    mean (n_lanes, n_states) and covariance (n_lanes, n_states, n_states): parameters relative to nominal, speed m/s,
-    disturbance m/s^2. innovation and innovation_variance (n_lanes,): last measurement minus its prediction, and its
-    variance, in the measurement's unit. log_likelihood (n_lanes,): log density of the last measurement given those
-    before; their sum is a hypothesis' evidence where a sample is one measurement (`SurgeFilter`). memory (n_lanes,):
-    the reading that the next update integrates from.
+    mean (n_lanes, n_states) and covariance (n_lanes, n_states, n_states): parameters relative to
+    nominal, speed m/s, disturbance m/s^2. innovation and innovation_variance (n_lanes,): last
+    measurement minus its prediction, and its variance, in the measurement's unit. log_likelihood
+    (n_lanes,): log density of the last measurement given those before; their sum is a hypothesis'
+    evidence where a sample is one measurement (`SurgeFilter`). memory (n_lanes,): the reading that
+    the next update integrates from.
     """
 
     mean: np.ndarray
@@ -73,8 +79,9 @@ class Constants(NamedTuple):
 def opening_share(vehicle: Vehicle) -> float:
     """Share of a sample's first value in the mean over the sample, of a shaft that settles exponentially.
 
-    Voltage is held over the sample T, so thrust starts towards a new value at once, with the motor's time constant tau:
-    ``s = tau/T - 1/(exp(T/tau) - 1)``, 0.19 on the NPS AUV II (tau = 19 ms); 1/2, the trapezoid's, for a slow motor.
+    Voltage is held over the sample T, so thrust starts towards a new value at once, with the
+    motor's time constant tau: ``s = tau/T - 1/(exp(T/tau) - 1)``, 0.19 on the NPS AUV II (tau = 19
+    ms); 1/2, the trapezoid's, for a slow motor.
     """
     stiffness = vehicle.torque_constant**2 / vehicle.resistance + vehicle.viscous_friction
     ratio = vehicle.inertia / stiffness / SAMPLE_TIME
@@ -95,8 +102,9 @@ def _dot(left, right):
 def _condition(mean, covariance, row, innovation, variance, work):
     """Condition one lane on a scalar measurement ``z = row x + v``; returns the innovation's variance.
 
-    Joseph form ``(I - K h) P (I - K h)^T + K r K^T``, multiplied out: ``P + S K K^T - K (P h)^T - (P h) K^T``, which
-    rounding of the gain K changes in second order only; one triangle is computed and mirrored.
+    Joseph form ``(I - K h) P (I - K h)^T + K r K^T``, multiplied out: ``P + S K K^T - K (P h)^T -
+    (P h) K^T``, which rounding of the gain K changes in second order only; one triangle is computed
+    and mirrored.
     """
     total = variance
     for i in range(N_STATES):
@@ -107,7 +115,8 @@ def _condition(mean, covariance, row, innovation, variance, work):
         crossed = work[0, i]
         gain = crossed * inverse
         mean[i] += gain * innovation
-        work[1, i], work[2, i] = gain, gain * total - crossed
+        work[1, i] = gain
+        work[2, i] = gain * total - crossed
         for j in range(i + 1):
             covariance[i, j] += gain * work[2, j] - crossed * work[1, j]
             covariance[j, i] = covariance[i, j]
@@ -119,13 +128,18 @@ def _walk(mean, covariance, constants):
     """Random walk of the parameters over one sample, slower the nearer a variance is to its ceiling."""
     for i in range(3):
         mean[i + 1] = min(max(mean[i + 1], 1.0 - LIMIT), 1.0 + LIMIT)
-        covariance[i + 1, i + 1] += constants.walk[i] * max(0.0, 1.0 - covariance[i + 1, i + 1] / constants.ceiling[i])
+        covariance[i + 1, i + 1] += constants.walk[i] * max(
+            0.0, 1.0 - covariance[i + 1, i + 1] / constants.ceiling[i]
+        )
 
 
 @scalar
 def _inputs(readings):
     """Thrust input (mean ``n|n|`` of the shafts), the sum of the shafts' ``n^2`` and the squared deflection."""
-    port, starboard, rudder, plane = readings[2], readings[3], readings[4], readings[5]
+    port = readings[2]
+    starboard = readings[3]
+    rudder = readings[4]
+    plane = readings[5]
     thrust = 0.5 * (port * abs(port) + starboard * abs(starboard))
     return thrust, port * port + starboard * starboard, rudder * rudder + plane * plane
 
@@ -144,17 +158,24 @@ def _predict_parameters(mean, covariance, previous, readings, constants):
     """Let parameters walk, the speed follow the measured accelerations less their errors; draw the new error."""
     c = constants
     _walk(mean, covariance, c)
-    opening, closing = c.step * c.opening, c.step * (1.0 - c.opening)
+    opening = c.step * c.opening
+    closing = c.step * (1.0 - c.opening)
     mean[0] += opening * (previous - mean[4]) + closing * readings[1]
     mean[4] = 0.0
-    variance = covariance[0, 0] - 2.0 * opening * covariance[0, 4] + opening * opening * covariance[4, 4]
+    variance = (
+        covariance[0, 0] - 2.0 * opening * covariance[0, 4] + opening * opening * covariance[4, 4]
+    )
     jump = readings[1] - previous
-    unexplained = max(0.0, jump * jump - 9.0 * c.acceleration_variance)  # noise alone jumps by sqrt(2) sigma
-    variance += closing * closing * c.acceleration_variance + c.step * c.step * BETWEEN_STD**2 * unexplained
+    # noise alone jumps by sqrt(2) sigma
+    unexplained = max(0.0, jump * jump - 9.0 * c.acceleration_variance)
+    variance += (
+        closing * closing * c.acceleration_variance + c.step * c.step * BETWEEN_STD**2 * unexplained
+    )
     for i in range(1, 4):
         covariance[0, i] = covariance[i, 0] = covariance[i, 0] - opening * covariance[i, 4]
         covariance[4, i] = covariance[i, 4] = 0.0
-    covariance[0, 0], covariance[4, 4] = variance, c.acceleration_variance
+    covariance[0, 0] = variance
+    covariance[4, 4] = c.acceleration_variance
     covariance[0, 4] = covariance[4, 0] = -closing * c.acceleration_variance
 
 
@@ -166,7 +187,10 @@ def _condition_on_acceleration(mean, covariance, readings, constants, row, work)
     drag = mean[0] * abs(mean[0])
     by_rpm = c.beta * mean[2]
     row[0] = 2.0 * abs(mean[0]) * (c.alpha * mean[1] + c.gamma * deflection * mean[3])
-    row[1], row[2], row[3], row[4] = c.alpha * drag, c.beta * thrust, c.gamma * drag * deflection, 1.0
+    row[1] = c.alpha * drag
+    row[2] = c.beta * thrust
+    row[3] = c.gamma * drag * deflection
+    row[4] = 1.0
     variance = by_rpm * by_rpm * squares * c.rpm_variance
     variance += c.disturbance_variance * (1.0 + c.disturbance_memory) / (1.0 - c.disturbance_memory)
     innovation = readings[1] - row[1] * mean[1] - row[2] * mean[2] - row[3] * mean[3] - mean[4]
@@ -216,27 +240,37 @@ def _predict_surge(mean, covariance, previous, readings, constants, row, work):
 
 
 @kernel
-def _update_parameters(mean, covariance, innovation, variance, memory, observation, columns, constants):
+def _update_parameters(
+    mean, covariance, innovation, variance, memory, observation, columns, constants
+):
     """Update every lane of the parameter filter in place."""
-    row, work, readings = np.empty(N_STATES), np.empty((3, N_STATES)), np.empty(len(columns))
+    row = np.empty(N_STATES)
+    work = np.empty((3, N_STATES))
+    readings = np.empty(len(columns))
     for lane in range(len(mean)):
         for k in range(len(columns)):
             readings[k] = observation[lane, columns[k]]
-        x, p = mean[lane], covariance[lane]
+        x = mean[lane]
+        p = covariance[lane]
         _predict_parameters(x, p, memory[lane], readings, constants)
         memory[lane] = readings[1]
         _condition_on_speed(x, p, readings, constants, row, work)
-        innovation[lane], variance[lane] = _condition_on_acceleration(x, p, readings, constants, row, work)
+        innovation[lane], variance[lane] = _condition_on_acceleration(
+            x, p, readings, constants, row, work
+        )
 
 
 @kernel
 def _update_surge(mean, covariance, innovation, variance, memory, observation, columns, constants):
     """Update every lane of the state-and-parameter filter in place."""
-    row, work, readings = np.empty(N_STATES), np.empty((3, N_STATES)), np.empty(len(columns))
+    row = np.empty(N_STATES)
+    work = np.empty((3, N_STATES))
+    readings = np.empty(len(columns))
     for lane in range(len(mean)):
         for k in range(len(columns)):
             readings[k] = observation[lane, columns[k]]
-        x, p = mean[lane], covariance[lane]
+        x = mean[lane]
+        p = covariance[lane]
         _predict_surge(x, p, memory[lane], readings, constants, row, work)
         memory[lane] = _inputs(readings)[0]
         innovation[lane], variance[lane] = _condition_on_speed(x, p, readings, constants, row, work)
@@ -264,17 +298,23 @@ class _Filter:
     @cached_property
     def constants(self) -> Constants:
         """What the compiled code gets: the nominal vehicle, noise variances, random walk and its ceiling."""
-        vehicle, noise = self.vehicle, max(self.sensor_noise, NOISE_FLOOR)
-        variances = [(noise * CHANNELS[name].noise) ** 2 for name in ("speed", "acceleration", "port_rpm")]
+        vehicle = self.vehicle
+        noise = max(self.sensor_noise, NOISE_FLOOR)
+        variances = [
+            (noise * CHANNELS[name].noise) ** 2 for name in ("speed", "acceleration", "port_rpm")
+        ]
         disturbance = max(self.disturbance * vehicle.disturbance_std, DISTURBANCE_FLOOR)
         memory = exp(-SAMPLE_TIME / vehicle.disturbance_time)
-        walk, ceiling = tuple(SAMPLE_TIME * std**2 for std in self.walk_std), tuple(std**2 for std in self.prior_std)
+        walk = tuple(SAMPLE_TIME * std**2 for std in self.walk_std)
+        ceiling = tuple(std**2 for std in self.prior_std)
         model = (SAMPLE_TIME, opening_share(vehicle), vehicle.alpha, vehicle.beta, vehicle.gamma)
         return Constants(*model, *variances, disturbance**2, memory, walk, ceiling)
 
     def initial(self, n_lanes: int) -> Estimate:
         """Start n_lanes lanes before any observation: nominal parameters with ``prior_std``, speed unknown."""
-        c, zero, mean = self.constants, np.zeros(n_lanes), np.array([0.0, 1.0, 1.0, 1.0, 0.0])
+        c = self.constants
+        zero = np.zeros(n_lanes)
+        mean = np.array([0.0, 1.0, 1.0, 1.0, 0.0])
         covariance = np.diag([START_SPEED_STD**2, *c.ceiling, c.disturbance_variance])
         tiled = np.tile(mean, (n_lanes, 1)), np.tile(covariance, (n_lanes, 1, 1))
         return Estimate(*tiled, zero, np.ones(n_lanes), zero, zero)
@@ -282,16 +322,32 @@ class _Filter:
     def update(self, estimate: Estimate, observation: np.ndarray) -> Estimate:
         """Return the estimate after the next observation (n_lanes, n_channels), 0.1 s later, channels as in `CHANNELS`.
 
-        Raises `ValueError` if the shape is not the estimate's. A silent channel's zeros count as measurements.
+        Raises `ValueError` if the shape is not the estimate's. A silent channel's zeros count as
+        measurements.
         """
         observation = np.ascontiguousarray(observation, dtype=np.float64)
         if observation.shape != (shape := (len(estimate.mean), len(CHANNELS))):
-            raise refusal("observation's shape", observation.shape, f"{shape}", "give one row per lane of the estimate")
+            raise refusal(
+                "observation's shape",
+                observation.shape,
+                f"{shape}",
+                "give one row per lane of the estimate",
+            )
         if not np.isfinite(observation).all():
-            raise refusal("observation", "NaN or infinity", "finite readings", "hold the last value or give zero")
-        mean, covariance, memory = estimate.mean.copy(), estimate.covariance.copy(), estimate.memory.copy()
-        innovation, variance = np.empty(len(mean)), np.empty(len(mean))
-        self.kernel(mean, covariance, innovation, variance, memory, observation, COLUMNS, self.constants)
+            raise refusal(
+                "observation",
+                "NaN or infinity",
+                "finite readings",
+                "hold the last value or give zero",
+            )
+        mean = estimate.mean.copy()
+        covariance = estimate.covariance.copy()
+        memory = estimate.memory.copy()
+        innovation = np.empty(len(mean))
+        variance = np.empty(len(mean))
+        self.kernel(
+            mean, covariance, innovation, variance, memory, observation, COLUMNS, self.constants
+        )
         log_likelihood = -0.5 * (np.log(2 * pi * variance) + innovation * innovation / variance)
         return Estimate(mean, covariance, innovation, variance, log_likelihood, memory)
 
@@ -308,22 +364,25 @@ class _Filter:
 class ParameterFilter(_Filter):
     """The thesis' parameter filter (IV.B.2): each measured acceleration is an equation in (alpha, beta, gamma).
 
-    ``du/dt = H theta + v``, ``H = [u|u|, n|n|, u|u| delta^2]`` of one instant, theta a random walk. The paddle wheel's
-    noise, squared in H, would pull alpha towards zero by several percent; so the speed in H is a state too: measured
-    acceleration integrated, corrected by the paddle wheel (1.5 mm/s instead of 1 cm/s; the bias falls below 1 %). The
-    accelerometer's error enters both the integral and the equation, so it is the fifth state, drawn anew every sample.
-    The rpm counters' noise enters the innovation's variance to first order.
+    ``du/dt = H theta + v``, ``H = [u|u|, n|n|, u|u| delta^2]`` of one instant, theta a random walk.
+    The paddle wheel's noise, squared in H, would pull alpha towards zero by several percent; so the
+    speed in H is a state too: measured acceleration integrated, corrected by the paddle wheel (1.5
+    mm/s instead of 1 cm/s; the bias falls below 1 %). The accelerometer's error enters both the
+    integral and the equation, so it is the fifth state, drawn anew every sample. The rpm counters'
+    noise enters the innovation's variance to first order.
 
-    ``sensor_noise`` and ``disturbance`` scale the standard deviations of `CHANNELS` and vehicle, down to a floor.
-    ``prior_std``: of (alpha, beta, gamma), relative, at the start; also the ceiling of the random walk, which slows as
-    a variance nears it, so nothing winds up unobserved. 0.3 makes a fault of 50 % an event of 1.7 sigma.
-    ``walk_std``: random walk per square root of a second, relative. 0.03 follows a jump of 35 % within two speed
-    changes and hardly adds to the scatter of a healthy estimate.
+    ``sensor_noise`` and ``disturbance`` scale the standard deviations of `CHANNELS` and vehicle,
+    down to a floor. ``prior_std``: of (alpha, beta, gamma), relative, at the start; also the
+    ceiling of the random walk, which slows as a variance nears it, so nothing winds up unobserved.
+    0.3 makes a fault of 50 % an event of 1.7 sigma. ``walk_std``: random walk per square root of a
+    second, relative. 0.03 follows a jump of 35 % within two speed changes and hardly adds to the
+    scatter of a healthy estimate.
 
-    When it misleads: at constant speed only beta/alpha is observable, so a drag fault moves both until the speed
-    changes; gamma does not move without deflection; a bias b of the accelerometer is a force to it and shifts the speed
-    by about 5 s x b; after a jump of a parameter the covariance says nothing of the lag. The coloured disturbance is
-    taken as white of the same low-frequency density, (1 + rho)/(1 - rho) times its variance: honest for slow changes,
+    When it misleads: at constant speed only beta/alpha is observable, so a drag fault moves both
+    until the speed changes; gamma does not move without deflection; a bias b of the accelerometer
+    is a force to it and shifts the speed by about 5 s x b; after a jump of a parameter the
+    covariance says nothing of the lag. The coloured disturbance is taken as white of the same
+    low-frequency density, (1 + rho)/(1 - rho) times its variance: honest for slow changes,
     pessimistic for quick ones, and NIS falls to 0.05. Take likelihoods from `SurgeFilter`.
     """
 
@@ -335,13 +394,15 @@ class ParameterFilter(_Filter):
 class SurgeFilter(_Filter):
     """Extended Kalman filter of (speed, alpha, beta, gamma, disturbance) from paddle wheel and shaft speeds alone.
 
-    The surge equation is integrated over the sample by the midpoint rule; thrust is the mean of ``n|n|`` between the
-    readings that bound the sample (`opening_share`), uncertain by 0.29 of their difference and by the counters' noise;
-    d is an Ornstein-Uhlenbeck process held over a sample, ``d' = rho d + sqrt(1 - rho^2) std w``. The measurement is
-    the paddle wheel. Configuration as in `ParameterFilter`.
+    The surge equation is integrated over the sample by the midpoint rule; thrust is the mean of
+    ``n|n|`` between the readings that bound the sample (`opening_share`), uncertain by 0.29 of
+    their difference and by the counters' noise; d is an Ornstein-Uhlenbeck process held over a
+    sample, ``d' = rho d + sqrt(1 - rho^2) std w``. The measurement is the paddle wheel.
+    Configuration as in `ParameterFilter`.
 
-    When it misleads: as the parameter filter at constant speed and without deflection. A paddle wheel's gain c reads
-    as alpha/c and c beta. After a jump of a parameter, or with a prior far above 0.3, its covariance is too small.
+    When it misleads: as the parameter filter at constant speed and without deflection. A paddle
+    wheel's gain c reads as alpha/c and c beta. After a jump of a parameter, or with a prior far
+    above 0.3, its covariance is too small.
     """
 
     states: ClassVar[tuple[str, ...]] = ("speed", *PARAMETERS, "disturbance")

@@ -1,10 +1,10 @@
 """The thesis' network on Kalman-filtered data (V.D, Table 5.2): parameter filter, then 2-8-5; class and severity.
 
-`kalman.ParameterFilter`, at its defaults, estimates alpha and beta, `fault_map.normalise` puts them on the thesis' map,
-and the network, trained on that map alone, gives mode and grade. What makes its outputs a belief is fitted afterwards
-on episodes: a slope and an offset for every output node's sum (Platt, "Probabilistic outputs for support vector
-machines", 1999), and a straight line from the height of Fig. 5.12 to the severity; see
-`training.learning.kalman_network`.
+`kalman.ParameterFilter`, at its defaults, estimates alpha and beta, `fault_map.normalise` puts them
+on the thesis' map, and the network, trained on that map alone, gives mode and grade. What makes its
+outputs a belief is fitted afterwards on episodes: a slope and an offset for every output node's sum
+(Platt, "Probabilistic outputs for support vector machines", 1999), and a straight line from the
+height of Fig. 5.12 to the severity; see `training.learning.kalman_network`.
 """
 
 from dataclasses import asdict
@@ -26,7 +26,8 @@ ARCHITECTURE = shapes(2, 8, 5)
 CALIBRATION: Shapes = {
     "slope": (5,),  # of a mode's score in its output node's sum
     "offset": (5,),
-    "severity": (5, 3),  # of a mode, if it is the fault: intercept and slope in the height of Fig. 5.12, and scatter
+    # of a mode, if it is the fault: intercept and slope in the height of Fig. 5.12, and scatter
+    "severity": (5, 3),
 }
 
 
@@ -37,7 +38,9 @@ def labels() -> dict[str, str | None]:
 
 def points(estimate: Estimate) -> np.ndarray:
     """The points (n_lanes, 2) of the fault map at which a filter's estimate stands."""
-    return normalise(*(estimate.mean[:, ParameterFilter.states.index(name)] for name in ("alpha", "beta")))
+    return normalise(
+        *(estimate.mean[:, ParameterFilter.states.index(name)] for name in ("alpha", "beta"))
+    )
 
 
 def outputs(sums: np.ndarray) -> np.ndarray:
@@ -48,11 +51,12 @@ def outputs(sums: np.ndarray) -> np.ndarray:
 class KalmanNetwork(Recursive):
     """2-8-5 on normalised alpha and beta, as the parameter filter estimates them.
 
-    Propulsion modes do not know the side; port and starboard share theirs evenly. What Table 5.2 does not know gets a
-    constant share of the probability of any fault, see `diagnosers.networks.modes.shares`. Misleads at constant speed, where
-    only beta/alpha can be seen; under faults of the speed, acceleration and rpm sensors, which look like drag or
-    thrust; and on what stays in the window of normal operation: one damaged propeller takes at most 25 % of the thrust,
-    the window 28 %, so it is seen late if at all, and then called a lost one.
+    Propulsion modes do not know the side; port and starboard share theirs evenly. What Table 5.2
+    does not know gets a constant share of the probability of any fault, see
+    `diagnosers.networks.modes.shares`. Misleads at constant speed, where only beta/alpha can be
+    seen; under faults of the speed, acceleration and rpm sensors, which look like drag or thrust;
+    and on what stays in the window of normal operation: one damaged propeller takes at most 25 % of
+    the thrust, the window 28 %, so it is seen late if at all, and then called a lost one.
 
     Parameters
     ----------

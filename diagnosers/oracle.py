@@ -15,11 +15,12 @@ CERTAIN = 1e-4  # of the healthy band: what is left of it when the vehicle is kn
 class Oracle(FilterBank):
     """The filter bank told the true healthy vehicle of each lane and, if wanted, how severe its fault will be.
 
-    How near a diagnoser comes to it says how much is lost for want of knowing the vehicle; what it cannot tell apart is
-    alike in the readings. Untold it is the filter bank.
+    How near a diagnoser comes to it says how much is lost for want of knowing the vehicle; what it
+    cannot tell apart is alike in the readings. Untold it is the filter bank.
 
-    When it misleads: it knows the full severity, so while a fault still grows it is surer of it than right; and it is
-    no upper bound for a diagnoser that reads what the bank's model leaves out, such as the controllers' commands.
+    When it misleads: it knows the full severity, so while a fault still grows it is surer of it
+    than right; and it is no upper bound for a diagnoser that reads what the bank's model leaves
+    out, such as the controllers' commands.
     """
 
     name = "oracle"
@@ -35,7 +36,9 @@ class Oracle(FilterBank):
             (n_lanes,), the full severity of the fault to come, 0 to 1; None keeps the grades.
         """
         if "_state" not in self.__dict__:
-            raise refusal("tell", "no reset before", "a tell after a reset", "call reset(n_lanes) first")
+            raise refusal(
+                "tell", "no reset before", "a tell after a reset", "call reset(n_lanes) first"
+            )
         state, held = self.__dict__["_state"]
         healthy = _checked("healthy parameters", healthy, (len(held), len(PARAMETERS)))
         prior = state.prior
@@ -51,5 +54,7 @@ def _checked(thing: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarr
     """The values as float64 of their own if they are finite numbers of that shape, else a refusal."""
     values = np.array(values, np.float64)
     if values.shape != shape or not np.isfinite(values).all():
-        raise refusal(thing, values.shape, f"finite numbers of shape {shape}", "give one row per lane")
+        raise refusal(
+            thing, values.shape, f"finite numbers of shape {shape}", "give one row per lane"
+        )
     return values

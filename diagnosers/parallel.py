@@ -1,9 +1,10 @@
 """Both networks of the thesis side by side (VI.B): one identifies faults of the shafts, the other those of the hull.
 
-Each network is heard only on what it can tell apart, its `labels`: the ratio of what it believes of a label to the
-label's prior is its evidence for every class of that label. The belief is the prior times both pieces of evidence, as
-if they were independent, which they are not. Powers below 1 on either (a logarithmic opinion pool) raised the log-loss;
-on the Kalman network's evidence they named a few more faults.
+Each network is heard only on what it can tell apart, its `labels`: the ratio of what it believes of
+a label to the label's prior is its evidence for every class of that label. The belief is the prior
+times both pieces of evidence, as if they were independent, which they are not. Powers below 1 on
+either (a logarithmic opinion pool) raised the log-loss; on the Kalman network's evidence they named
+a few more faults.
 """
 
 from collections.abc import Mapping
@@ -21,31 +22,37 @@ from diagnosers.raw_network import RawNetwork
 from diagnosers.storage import Weights, tensors_of
 
 PRIOR_NORMAL = 0.5  # all faults share the rest evenly
-RAW, KALMAN = "raw_network.", "kalman_network."  # before the names of their tensors
+# before the names of their tensors
+RAW = "raw_network."
+KALMAN = "kalman_network."
 ARCHITECTURE = {RAW + name: shape for name, shape in raw_network.ARCHITECTURE.items()} | {
-    KALMAN + name: shape for name, shape in (kalman_network.ARCHITECTURE | kalman_network.CALIBRATION).items()
+    KALMAN + name: shape
+    for name, shape in (kalman_network.ARCHITECTURE | kalman_network.CALIBRATION).items()
 }
 
 
 class Parallel(Recursive):
     """The raw network on the shafts beside the Kalman network on the hull, one belief.
 
-    Severity is the Kalman network's, which gives the prior's where it does not know a class. Misleads as each of its
-    parts does; and as both read the same speed and rpm, a fault of these sensors counts twice.
+    Severity is the Kalman network's, which gives the prior's where it does not know a class.
+    Misleads as each of its parts does; and as both read the same speed and rpm, a fault of these
+    sensors counts twice.
 
     Parameters
     ----------
     vehicle
         The nominal vehicle of the filter, a preset's name or a `Vehicle`.
     weights
-        A safetensors file or the tensors by name, those of both networks; None for those that come with the package.
+        A safetensors file or the tensors by name, those of both networks; None for those that come
+        with the package.
     """
 
     name = "parallel"
 
     def __init__(self, vehicle: str | Vehicle = "thesis1992", weights: Weights | None = None):
         if weights is None:
-            self.raw, self.kalman = RawNetwork(), KalmanNetwork(vehicle)
+            self.raw = RawNetwork()
+            self.kalman = KalmanNetwork(vehicle)
         else:
             tensors = tensors_of(weights, ARCHITECTURE)
             self.raw = RawNetwork(_under(RAW, tensors))
@@ -59,7 +66,10 @@ class Parallel(Recursive):
     def labels(self) -> dict[str, str | None]:
         """For every class the labels of both networks, joined; None where neither knows it."""
         pairs = {name: (label, self.kalman.labels[name]) for name, label in self.raw.labels.items()}
-        return {name: ", ".join(dict.fromkeys(filter(None, pair))) or None for name, pair in pairs.items()}
+        return {
+            name: ", ".join(dict.fromkeys(filter(None, pair))) or None
+            for name, pair in pairs.items()
+        }
 
     def initial(self, n_lanes: int) -> Estimate:
         """The filter's state at the start; the raw network has none."""
@@ -77,7 +87,11 @@ class Parallel(Recursive):
     def tensors(self) -> dict[str, np.ndarray]:
         """Those of both networks."""
         parts = {RAW: self.raw.tensors(), KALMAN: self.kalman.tensors()}
-        return {prefix + name: tensor for prefix, tensors in parts.items() for name, tensor in tensors.items()}
+        return {
+            prefix + name: tensor
+            for prefix, tensors in parts.items()
+            for name, tensor in tensors.items()
+        }
 
     def settings(self) -> dict[str, Any]:
         """The nominal vehicle."""
@@ -85,7 +99,11 @@ class Parallel(Recursive):
 
 
 def _under(prefix: str, tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}
+    return {
+        name.removeprefix(prefix): tensor
+        for name, tensor in tensors.items()
+        if name.startswith(prefix)
+    }
 
 
 def _ratios(labels: Mapping[str, str | None], prior: np.ndarray) -> np.ndarray:

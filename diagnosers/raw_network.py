@@ -1,9 +1,10 @@
 """The thesis' network on unprocessed data (V.C, Table 5.1): 4-6-4, one instance per shaft, one sample at a time.
 
-Its inputs are voltage, current and rpm of one shaft and the speed; its outputs the modes of Table 5.1. Both shafts have
-the same weights, by symmetry. Under each hypothesis on the vehicle (nothing wrong, drag, friction or propeller of one
-side) every shaft is in one mode, and the hypothesis' score is the sum of these two outputs; the softmax of the scores
-is the belief. Trained through this softmax with cross-entropy, see `training.learning.raw_network`.
+Its inputs are voltage, current and rpm of one shaft and the speed; its outputs the modes of Table
+5.1. Both shafts have the same weights, by symmetry. Under each hypothesis on the vehicle (nothing
+wrong, drag, friction or propeller of one side) every shaft is in one mode, and the hypothesis'
+score is the sum of these two outputs; the softmax of the scores is the belief. Trained through this
+softmax with cross-entropy, see `training.learning.raw_network`.
 """
 
 from typing import Any
@@ -22,7 +23,10 @@ from diagnosers.storage import WEIGHTS, Weights, tensors_of
 PACKAGED = WEIGHTS / "raw_network.safetensors"
 ARCHITECTURE = shapes(4, 6, 4)
 SCALE = (2.0, 0.5, 300.0, 0.3)  # V, A, rpm, m/s: about those of 0.3 m/s, the middle of the missions
-COLUMNS = tuple([list(CHANNELS).index(f"{side}_{name}") for name in ("voltage", "current", "rpm")] for side in SIDES)
+COLUMNS = tuple(
+    [list(CHANNELS).index(f"{side}_{name}") for name in ("voltage", "current", "rpm")]
+    for side in SIDES
+)
 SPEED = list(CHANNELS).index("speed")
 
 NORMAL, FRICTION, DRAG, PROPELLER = range(4)
@@ -40,7 +44,9 @@ PORT, STARBOARD = (list(modes) for modes in zip(*HYPOTHESES.values(), strict=Tru
 def labels() -> dict[str, str | None]:
     """For every class its hypothesis, None where Table 5.1 does not know it."""
     modes = {name: mode for name, (mode, _) in tables().items()}
-    sides = {name: f":{place}" if (place := name.partition(":")[2]) in SIDES else "" for name in modes}
+    sides = {
+        name: f":{place}" if (place := name.partition(":")[2]) in SIDES else "" for name in modes
+    }
     return {name: mode and mode + sides[name] for name, mode in modes.items()}
 
 
@@ -58,10 +64,11 @@ def scores(outputs: Any) -> Any:
 class RawNetwork(Recursive):
     """4-6-4 on the readings of one shaft, once per shaft, without memory.
 
-    Severity is that of the prior throughout: the thesis' network does not grade it. The classes that Table 5.1 does not
-    know get a constant share of the probability of any fault, see `diagnosers.networks.modes.shares`; a damaged and a lost
-    propeller share theirs evenly. Misleads in transients, which look like drag to a network without memory, so that
-    it hardly ever names drag; and under faults of the sensors it reads.
+    Severity is that of the prior throughout: the thesis' network does not grade it. The classes
+    that Table 5.1 does not know get a constant share of the probability of any fault, see
+    `diagnosers.networks.modes.shares`; a damaged and a lost propeller share theirs evenly. Misleads
+    in transients, which look like drag to a network without memory, so that it hardly ever names
+    drag; and under faults of the sensors it reads.
 
     Parameters
     ----------
@@ -88,7 +95,9 @@ class RawNetwork(Recursive):
         """The belief from this observation (n_lanes, n_channels) alone."""
         log_modes = log_softmax(scores(self.network.recall(inputs(observation))))
         log_probability = spread(log_modes, self.shares)
-        return state, Belief(log_probability, *same_severity(log_probability.shape, *PRIOR_SEVERITY))
+        return state, Belief(
+            log_probability, *same_severity(log_probability.shape, *PRIOR_SEVERITY)
+        )
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Weights and biases by name."""

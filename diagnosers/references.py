@@ -23,7 +23,8 @@ def _guess(log_probability: np.ndarray) -> Belief:
 class Null(Recursive):
     """Always the prior: `normal` as often as in sampled schedules, every fault class with the same share of the rest.
 
-    It never changes its mind, so no threshold makes it alarm once an hour: it alarms never or always.
+    It never changes its mind, so no threshold makes it alarm once an hour: it alarms never or
+    always.
     """
 
     name = "null"
@@ -56,8 +57,9 @@ def _uniforms(bits, seed, count):
 class Random(Recursive):
     """A guess per sample, a hash of the observation's bits and of `seed`: equal readings get equal guesses.
 
-    The log probability of `normal` is uniform from -30 to 0, so that a threshold can be set for any rate of false
-    alarms, down to one in about 10^9 samples; the rest goes to the fault classes at random (Dirichlet of ones).
+    The log probability of `normal` is uniform from -30 to 0, so that a threshold can be set for any
+    rate of false alarms, down to one in about 10^9 samples; the rest goes to the fault classes at
+    random (Dirichlet of ones).
     """
 
     seed: int = 0
@@ -73,8 +75,12 @@ class Random(Recursive):
 
     def step(self, state: tuple[()], observation: np.ndarray) -> tuple[tuple[()], Belief]:
         """Another guess."""
-        uniform = _uniforms(observation.view(np.uint64), np.uint64(self.seed % 2**64), len(self.classes))
+        uniform = _uniforms(
+            observation.view(np.uint64), np.uint64(self.seed % 2**64), len(self.classes)
+        )
         log_probability = np.log(-np.log(uniform))
         normal = -DEEPEST * uniform[:, :1]
-        faults = log_probability[:, 1:] - np.log(np.exp(log_probability[:, 1:]).sum(axis=1, keepdims=True))
+        faults = log_probability[:, 1:] - np.log(
+            np.exp(log_probability[:, 1:]).sum(axis=1, keepdims=True)
+        )
         return state, _guess(np.concatenate([normal, faults + np.log(-np.expm1(normal))], axis=1))

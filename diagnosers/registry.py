@@ -64,11 +64,16 @@ def load(path: str | Path) -> Diagnoser:
     """The diagnoser that ``save`` wrote to a safetensors file; a file that is none is refused in one line."""
     tensors, header = storage.read(path)
     if not isinstance(header, dict) or not isinstance(header.get("settings"), dict):
-        raise refusal("weights file", str(path), "one that a diagnoser's save has written", "save it again")
-    name, settings = known_name(f"diagnoser of {path}", header.get("diagnoser"), REGISTRY), dict(header["settings"])
+        raise refusal(
+            "weights file", str(path), "one that a diagnoser's save has written", "save it again"
+        )
+    name = known_name(f"diagnoser of {path}", header.get("diagnoser"), REGISTRY)
+    settings = dict(header["settings"])
     if isinstance(settings.get("vehicle"), dict):
         try:
             settings["vehicle"] = Vehicle(**settings["vehicle"])
         except TypeError as error:
-            raise refusal(f"vehicle of {path}", settings["vehicle"], "the fields of Vehicle", str(error)) from None
+            raise refusal(
+                f"vehicle of {path}", settings["vehicle"], "the fields of Vehicle", str(error)
+            ) from None
     return make(name, **settings, **({"weights": path} if tensors else {}))

@@ -33,7 +33,8 @@ def write(path: str | Path, tensors: Mapping[str, np.ndarray], header: Mapping[s
             os.replace(aside, path)
         finally:
             Path(aside).unlink(missing_ok=True)
-    except (OSError, SafetensorError) as error:  # safetensors reports a full disk by an exception of its own
+    # safetensors reports a full disk by an exception of its own
+    except (OSError, SafetensorError) as error:
         allowed = f"a place that can be written ({getattr(error, 'strerror', None) or error})"
         raise refusal("weights file", str(path), allowed, "choose another path") from None
 
@@ -41,7 +42,12 @@ def write(path: str | Path, tensors: Mapping[str, np.ndarray], header: Mapping[s
 def read(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Tensors and header of a file that `write` made; anything else is refused in one line."""
     if not Path(path).is_file():
-        raise refusal("weights file", str(path), "an existing safetensors file", "check the path, or train first")
+        raise refusal(
+            "weights file",
+            str(path),
+            "an existing safetensors file",
+            "check the path, or train first",
+        )
     try:
         with safe_open(path, framework="numpy") as file:
             tensors = {name: file.get_tensor(name) for name in file.keys()}
@@ -59,13 +65,17 @@ def checked(
     """The tensors if they have these names and shapes and are finite: the architecture that is to take them."""
     got = {name: tensor.shape for name, tensor in tensors.items()}
     if got != dict(shapes):
-        names = sorted(set(got) ^ set(shapes)) or [name for name in shapes if got[name] != shapes[name]]
+        names = sorted(set(got) ^ set(shapes)) or [
+            name for name in shapes if got[name] != shapes[name]
+        ]
         shown = {name: got.get(name) for name in names[:3]}
         allowed = f"its architecture, {{{', '.join(f'{name}: {shapes.get(name)}' for name in names[:3])}}}"
         raise refusal(f"tensors of {path}", shown, allowed, "take weights of this diagnoser")
     for name, tensor in tensors.items():
         if not np.isfinite(tensor).all():
-            raise refusal(f"tensor {name} of {path}", "NaN or infinity", "finite weights", "train anew")
+            raise refusal(
+                f"tensor {name} of {path}", "NaN or infinity", "finite weights", "train anew"
+            )
     return dict(tensors)
 
 

@@ -66,7 +66,9 @@ class ThirdParty:
         try:
             made = kind()
         except Exception as error:  # foreign code again
-            raise refusal(f"diagnoser {self.target}", error, "a class to call without arguments", "mend it") from error
+            raise refusal(
+                f"diagnoser {self.target}", error, "a class to call without arguments", "mend it"
+            ) from error
         if isinstance(made, Diagnoser):
             return made
         if callable(getattr(made, "Input", None)):
@@ -81,9 +83,13 @@ class ThirdParty:
         try:
             found = getattr(_module(place), name, None)
         except (Exception, SystemExit) as error:  # importing runs foreign code
-            raise refusal(f"diagnoser {self.target}", error, f"what can be imported, {FORM}", "mend it") from error
+            raise refusal(
+                f"diagnoser {self.target}", error, f"what can be imported, {FORM}", "mend it"
+            ) from error
         if not isinstance(found, type):
-            raise refusal(f"diagnoser {self.target}", found, f"a class, {FORM}", "check the name of the class")
+            raise refusal(
+                f"diagnoser {self.target}", found, f"a class, {FORM}", "check the name of the class"
+            )
         return found
 
     @property
@@ -95,9 +101,10 @@ class ThirdParty:
 def found(targets: Sequence[str]) -> dict[str, ThirdParty]:
     """Third parties by name: those at the targets, and those that installed packages declare.
 
-    The name is the attribute `name` of the class, else that of the class itself; of a package, that of the entry point.
-    Raises `InputError` where a target is no class, where two have one name, and where a name is too long. Entry points
-    are not imported here: one that is broken fails when it is made, and spoils nothing but itself.
+    The name is the attribute `name` of the class, else that of the class itself; of a package, that
+    of the entry point. Raises `InputError` where a target is no class, where two have one name, and
+    where a name is too long. Entry points are not imported here: one that is broken fails when it
+    is made, and spoils nothing but itself.
     """
     parties = [ThirdParty(_absolute(target)) for target in targets]
     named = [(_name_of(party.kind), party) for party in parties]
@@ -105,9 +112,13 @@ def found(targets: Sequence[str]) -> dict[str, ThirdParty]:
     by_name: dict[str, ThirdParty] = {}
     for name, party in named:
         if len(name) > LONGEST_NAME:
-            raise refusal(f"name of {party.target}", name, f"up to {LONGEST_NAME} characters", "shorten it")
+            raise refusal(
+                f"name of {party.target}", name, f"up to {LONGEST_NAME} characters", "shorten it"
+            )
         if name in NAMES or by_name.setdefault(name, party) != party:
-            raise refusal(f"name of {party.target}", name, "one that no other diagnoser has", "rename it")
+            raise refusal(
+                f"name of {party.target}", name, "one that no other diagnoser has", "rename it"
+            )
     return by_name
 
 

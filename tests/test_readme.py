@@ -11,7 +11,9 @@ BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 
 @pytest.mark.parametrize("block", BLOCKS, ids=lambda block: block.split("\n")[0])
 def test_example_runs(block):
-    run = subprocess.run([sys.executable, "-W", "error", "-c", block], capture_output=True, text=True)
+    run = subprocess.run(
+        [sys.executable, "-W", "error", "-c", block], capture_output=True, text=True
+    )
     assert run.returncode == 0, run.stderr
 
 

@@ -21,7 +21,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(name, command)
     except KeyboardInterrupt as stop:
-        print(f"auv-fault {name}: stopped; {str(stop) or 'nothing was left behind'}", file=sys.stderr)
+        print(
+            f"auv-fault {name}: stopped; {str(stop) or 'nothing was left behind'}", file=sys.stderr
+        )
         return 130
 
 
@@ -34,10 +36,14 @@ def _end(number: int, frame: Any) -> None:
 
 
 def _run(name: str, command: Any) -> int:
-    from auv_fault_env.errors import InputError  # after the parser, so that --help does not wait for numba
+    # after the parser, so that --help does not wait for numba
+    from auv_fault_env.errors import InputError
 
     try:
-        return importlib.import_module(f"training.commands.{name.replace('-', '_')}").main(command) or 0
+        return (
+            importlib.import_module(f"training.commands.{name.replace('-', '_')}").main(command)
+            or 0
+        )
     except InputError as error:
         print(f"auv-fault {name}: {error}", file=sys.stderr)
         return 2

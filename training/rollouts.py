@@ -17,9 +17,10 @@ from auv_fault_env.schedules import PROFILE, Events, Schedule
 class Rollout(NamedTuple):
     """Episodes of many lanes, time first.
 
-    observations (n_samples, n_lanes, n_channels) float32; label (n_samples, n_lanes), index in `classes()` of the worst
-    fault present, 0 for normal; severity (n_samples, n_lanes) of that fault; onset (n_lanes,) [s] of the first fault,
-    infinite if there is none; healthy (n_lanes, n_parameters), the vehicle without its faults.
+    observations (n_samples, n_lanes, n_channels) float32; label (n_samples, n_lanes), index in
+    `classes()` of the worst fault present, 0 for normal; severity (n_samples, n_lanes) of that
+    fault; onset (n_lanes,) [s] of the first fault, infinite if there is none; healthy (n_lanes,
+    n_parameters), the vehicle without its faults.
     """
 
     observations: np.ndarray
@@ -48,7 +49,8 @@ def roll_out(
     n_samples
         Length of the episodes, the reading at the start included.
     actions
-        (n_samples, n_lanes, 3) added to (mission speed [m/s], rudder 0, stern plane 0); None follows the mission.
+        (n_samples, n_lanes, 3) added to (mission speed [m/s], rudder 0, stern plane 0); None
+        follows the mission.
     schedules, missions
         One per lane, as for `Fleet.reset`.
     """
@@ -60,22 +62,28 @@ def roll_out(
         observation = fleet.step(action if actions is None else action + actions[k])
         observations[k] = observation
     label, severity = targets(fleet.plan, n_samples)
-    onset = np.where(fleet.plan.fault >= 0, fleet.plan.profile[:, :, 0], np.inf).min(axis=1, initial=np.inf)
+    onset = np.where(fleet.plan.fault >= 0, fleet.plan.profile[:, :, 0], np.inf).min(
+        axis=1, initial=np.inf
+    )
     return Rollout(observations, label, severity, onset, fleet.plan.healthy.copy())
 
 
 def targets(plan: Plan | Events, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
     """Label and severity over time, each (n_samples, n_lanes), of the worst fault that has begun and not ended.
 
-    An intermittent fault counts as present between its bursts: a vehicle with a loose contact is not healthy.
+    An intermittent fault counts as present between its bursts: a vehicle with a loose contact is
+    not healthy.
     """
-    time = np.arange(-1, n_samples - 1) * SAMPLE_TIME  # a sample shows the severities of the step that led to it
+    # a sample shows the severities of the step that led to it
+    time = np.arange(-1, n_samples - 1) * SAMPLE_TIME
     names = list(classes())
     of_fault = np.array([names.index(fault.diagnosis) for fault in CATALOGUE.values()])
     label = np.zeros((n_samples, len(plan.fault)), np.int64)
     worst = np.zeros(label.shape, np.float32)
     for fault, profile in zip(plan.fault.T, plan.profile.swapaxes(0, 1), strict=True):
-        onset, severity, ramp, end = (profile[:, PROFILE.index(name)] for name in ("onset", "severity", "ramp", "end"))
+        onset, severity, ramp, end = (
+            profile[:, PROFILE.index(name)] for name in ("onset", "severity", "ramp", "end")
+        )
         since = time[:, None] - onset + 1e-9
         grown = severity * np.clip(since / np.maximum(ramp, 1e-9), 0.0, 1.0)
         grown = np.where((fault >= 0) & (since >= 0.0) & (time[:, None] < end), grown, 0.0)
@@ -87,17 +95,20 @@ def targets(plan: Plan | Events, n_samples: int) -> tuple[np.ndarray, np.ndarray
 def manoeuvres(seed: int, n_samples: int, n_lanes: int) -> np.ndarray:
     """Random stimuli, (n_samples, n_lanes, 3) for `roll_out`: square waves around the mission speed, rudder and planes.
 
-    Half of the lanes follow the mission as it is; the others swing by up to 0.15 m/s with half-periods of 2 to 12 s. A
-    third of them uses rudder and stern plane as well, up to 0.3 rad.
+    Half of the lanes follow the mission as it is; the others swing by up to 0.15 m/s with
+    half-periods of 2 to 12 s. A third of them uses rudder and stern plane as well, up to 0.3 rad.
     """
     random = np.random.default_rng(seed)
-    half, phase = random.uniform(2.0, 12.0, (n_lanes, 3)), random.uniform(0.0, 24.0, (n_lanes, 3))
+    half = random.uniform(2.0, 12.0, (n_lanes, 3))
+    phase = random.uniform(0.0, 24.0, (n_lanes, 3))
     amplitude = random.uniform(0.0, 1.0, (n_lanes, 3)) * [0.15, 0.3, 0.3]
     amplitude *= random.uniform(size=(n_lanes, 3)) < [0.5, 0.3, 0.3]
     return square_waves(amplitude, half, phase, n_samples)
 
 
-def square_waves(amplitude: np.ndarray, half: np.ndarray, phase: np.ndarray, n_samples: int) -> np.ndarray:
+def square_waves(
+    amplitude: np.ndarray, half: np.ndarray, phase: np.ndarray, n_samples: int
+) -> np.ndarray:
     """Square waves (n_samples, n_lanes, n_inputs) from their amplitudes, half-periods [s] and phases [s]."""
     time = np.arange(n_samples)[:, None, None] * SAMPLE_TIME
     return amplitude * np.where(np.floor((time + phase) / half) % 2 == 0, 1.0, -1.0)

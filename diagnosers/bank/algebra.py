@@ -1,12 +1,13 @@
 """The algebra of a bank's filters: Gaussians of five states, the severity last, all filters of a subsystem at once.
 
-A table of filters is an array (20, n_columns): five rows of means, then the lower triangle of the covariance, row by
-row. A column is one filter of one lane, see `bank_pack`; the innermost loops run over the columns, and so vectorise.
-`part` is a range (first, last) of columns, unsigned: with numbers that might be negative they would not vectorise.
+A table of filters is an array (20, n_columns): five rows of means, then the lower triangle of the
+covariance, row by row. A column is one filter of one lane, see `bank_pack`; the innermost loops run
+over the columns, and so vectorise. `part` is a range (first, last) of columns, unsigned: with
+numbers that might be negative they would not vectorise.
 
-Sources: Blom & Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian switching
-coefficients", IEEE Trans. Autom. Control 33(8), 1988, doi:10.1109/9.1299 (mixing); Jeffrey, "The Logic of Decision",
-McGraw-Hill 1965, ch. 11 (belief kinematics, here in `inform`).
+Sources: Blom & Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian
+switching coefficients", IEEE Trans. Autom. Control 33(8), 1988, doi:10.1109/9.1299 (mixing);
+Jeffrey, "The Logic of Decision", McGraw-Hill 1965, ch. 11 (belief kinematics, here in `inform`).
 """
 
 import math
@@ -27,7 +28,8 @@ LEAST_VARIANCE = 1e-12  # of a severity; below, it is known
 @scalar
 def entry(i, j):
     """Row of the covariance of states i and j."""
-    high, low = max(i, j), min(i, j)
+    high = max(i, j)
+    low = min(i, j)
     return N_STATES + high * (high + 1) // 2 + low
 
 
@@ -42,7 +44,8 @@ def widened(variance, prior, walk):
 def mix(x, part, normal, share, centre, variance, walk):
     """Merge each filter with its share of vehicles that have just left the lane's normal filter, `normal` (like x).
 
-    Newcomers have the prior's severity, mean `centre` and `variance`, each (n_columns,). Then the severity walks.
+    Newcomers have the prior's severity, mean `centre` and `variance`, each (n_columns,). Then the
+    severity walks.
     """
     first, last = part
     for i in range(N_STATES - 1, -1, -1):
@@ -67,8 +70,8 @@ def mix(x, part, normal, share, centre, variance, walk):
 def inform(x, part, severity, variance, shift, growth):
     """Give the severities the means and variances (n_columns,) learnt elsewhere; the other states follow.
 
-    What they are at a given severity stays as it was (Jeffrey's rule): exact if the subsystems are independent at a
-    given severity. `shift` and `growth` are scratch.
+    What they are at a given severity stays as it was (Jeffrey's rule): exact if the subsystems are
+    independent at a given severity. `shift` and `growth` are scratch.
     """
     first, last = part
     for f in range(first, last):
@@ -81,7 +84,8 @@ def inform(x, part, severity, variance, shift, growth):
         for f in range(first, last):
             x[i, f] += x[crossed, f] * shift[f]
         for j in range(i + 1):
-            row, other = entry(i, j), entry(SEVERITY, j)
+            row = entry(i, j)
+            other = entry(SEVERITY, j)
             for f in range(first, last):
                 x[row, f] += x[crossed, f] * x[other, f] * growth[f]
     for i in range(SEVERITY):
@@ -106,7 +110,11 @@ def cross(x, part, gradient, crossed):
     """Covariances (5, n_columns) of the states with a quantity of that gradient (5, n_columns)."""
     first, last = part
     for i in range(N_STATES):
-        a, b, c, d, e = entry(i, 0), entry(i, 1), entry(i, 2), entry(i, 3), entry(i, 4)
+        a = entry(i, 0)
+        b = entry(i, 1)
+        c = entry(i, 2)
+        d = entry(i, 3)
+        e = entry(i, 4)
         for f in range(first, last):
             head = x[a, f] * gradient[0, f] + x[b, f] * gradient[1, f] + x[c, f] * gradient[2, f]
             crossed[i, f] = head + x[d, f] * gradient[3, f] + x[e, f] * gradient[4, f]
@@ -116,17 +124,27 @@ def cross(x, part, gradient, crossed):
 def condition(x, part, gradient, innovation, variance, delivered, crossed, gain, evidence):
     """Condition on one measurement of every filter whose sensor has delivered (1, else 0); add its log density.
 
-    Gradient (5, n_columns); innovation and variance of the noise (n_columns,). An innovation beyond six standard
-    deviations counts as six: one outlier, or a moment that the model does not know, must not decide.
+    Gradient (5, n_columns); innovation and variance of the noise (n_columns,). An innovation beyond
+    six standard deviations counts as six: one outlier, or a moment that the model does not know,
+    must not decide.
     """
     first, last = part
     cross(x, part, gradient, crossed)
     for f in range(first, last):
-        head = gradient[0, f] * crossed[0, f] + gradient[1, f] * crossed[1, f] + gradient[2, f] * crossed[2, f]
+        head = (
+            gradient[0, f] * crossed[0, f]
+            + gradient[1, f] * crossed[1, f]
+            + gradient[2, f] * crossed[2, f]
+        )
         total = variance[f] + head + gradient[3, f] * crossed[3, f] + gradient[4, f] * crossed[4, f]
-        total = max(total, variance[f])  # rounding must not make a covariance speak of less than no doubt
+        # rounding must not make a covariance speak of less than no doubt
+        total = max(total, variance[f])
         square = innovation[f] * innovation[f] / total
-        bounded = innovation[f] if square <= CEILING else math.copysign(math.sqrt(CEILING * total), innovation[f])
+        bounded = (
+            innovation[f]
+            if square <= CEILING
+            else math.copysign(math.sqrt(CEILING * total), innovation[f])
+        )
         evidence[f] -= delivered[f] * 0.5 * (LOG_TWO_PI + logarithm(total) + min(square, CEILING))
         innovation[f] = bounded
         gain[f] = delivered[f] / total

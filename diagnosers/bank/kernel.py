@@ -17,18 +17,21 @@ from diagnosers.bank.sensors import N_READINGS, look
 
 RUN_IN = 60.0  # s of constant hazard; then it falls as 1/age: who has run so long is likely sound
 IMPOSSIBLE = -1e30  # log probability of a class without hypotheses: finite, also as float32
-MOTOR_READING = (0, READINGS.index("port_voltage"), READINGS.index("starboard_voltage"))  # first, by subsystem
-motor_update, surge_update = motor.update, surge.update
+# first, by subsystem
+MOTOR_READING = (0, READINGS.index("port_voltage"), READINGS.index("starboard_voltage"))
+motor_update = motor.update
+surge_update = surge.update
 
 
 class BankState(NamedTuple):
     """What a bank knows, lane first.
 
-    log_weight (n_lanes, n_hypotheses): log probabilities. severity (n_lanes, 2, n_hypotheses): mean and variance.
-    filters (n_lanes, 20, n_filters): means and packed covariances of five states. turning (n_lanes, n_filters): the
-    shaft speed [rad/s] that each motor filter believes in. readings (n_lanes, 8): the last ones heard, NaN before.
-    healthy (n_lanes, n_parameters): the vehicle without its fault. prior (n_lanes, 3, n_grades): mean, variance and
-    least value of the severity by grade. age (n_lanes,): samples so far.
+    log_weight (n_lanes, n_hypotheses): log probabilities. severity (n_lanes, 2, n_hypotheses): mean
+    and variance. filters (n_lanes, 20, n_filters): means and packed covariances of five states.
+    turning (n_lanes, n_filters): the shaft speed [rad/s] that each motor filter believes in.
+    readings (n_lanes, 8): the last ones heard, NaN before. healthy (n_lanes, n_parameters): the
+    vehicle without its fault. prior (n_lanes, 3, n_grades): mean, variance and least value of the
+    severity by grade. age (n_lanes,): samples so far.
     """
 
     log_weight: np.ndarray
@@ -44,7 +47,8 @@ class BankState(NamedTuple):
 @scalar
 def log_sum(one, other):
     """Logarithm of the sum of two numbers given by their logarithms."""
-    high, low = max(one, other), min(one, other)
+    high = max(one, other)
+    low = min(one, other)
     return high + math.log1p(math.exp(low - high)) if low > -np.inf else high
 
 
@@ -52,8 +56,8 @@ def log_sum(one, other):
 def switch(old, new, table, walk, newcomers):
     """Let normal vehicles turn faulty: weights, severities, and every hypothesis' share of newcomers.
 
-    The hazard falls with age. A constant one would give the vehicle up in the end, by exp(-hazard) per sample, to any
-    fault that is too slight to be told from the healthy band.
+    The hazard falls with age. A constant one would give the vehicle up in the end, by exp(-hazard)
+    per sample, to any fault that is too slight to be told from the healthy band.
     """
     seasoned = max(1.0, old.age * SAMPLE_TIME / RUN_IN)
     new.log_weight[0] = old.log_weight[0] + table.log_hazard[0] / seasoned
@@ -63,8 +67,10 @@ def switch(old, new, table, walk, newcomers):
         joining = old.log_weight[0] + table.log_hazard[j] - math.log(seasoned)
         new.log_weight[j] = log_sum(old.log_weight[j], joining)
         share = math.exp(joining - new.log_weight[j])
-        centre, variance = old.prior[0, table.grade[j]], old.prior[1, table.grade[j]]
-        away, keep = centre - old.severity[0, j], 1.0 - share
+        centre = old.prior[0, table.grade[j]]
+        variance = old.prior[1, table.grade[j]]
+        away = centre - old.severity[0, j]
+        keep = 1.0 - share
         new.severity[0, j] = old.severity[0, j] + share * away
         merged = keep * old.severity[1, j] + share * (variance + keep * away * away)
         new.severity[1, j] = widened(merged, variance, walk)
@@ -74,7 +80,9 @@ def switch(old, new, table, walk, newcomers):
 @inlined
 def take(m, old, table, work):
     """Fill the columns of subsystem m from the lanes' filters and healthy vehicles."""
-    n_lanes, first, last = np.uint64(old.age.size), table.first[m], table.first[m + 1]
+    n_lanes = np.uint64(old.age.size)
+    first = table.first[m]
+    last = table.first[m + 1]
     part = columns_of(m, table, n_lanes)
     for i in range(N_PACKED):
         for p in range(n_lanes):
@@ -91,7 +99,8 @@ def take(m, old, table, work):
 @inlined
 def give(new, work):
     """Fill the lanes' filters from all columns; `turning` is told by motors alone, and stays zero in others."""
-    n_lanes, n_filters = np.uint64(new.age.size), np.uint64(new.turning.shape[1])
+    n_lanes = np.uint64(new.age.size)
+    n_filters = np.uint64(new.turning.shape[1])
     for p in range(n_lanes):
         for f in range(n_filters):
             new.turning[p, f] = work.turning[f * n_lanes + p]
@@ -103,41 +112,52 @@ def give(new, work):
 @inlined
 def recall(m, old, new, table, walk, work):
     """Bring the filters of subsystem m from the last sample to this one's switching and severities."""
-    n_lanes, x = np.uint64(old.age.size), work.filters
+    n_lanes = np.uint64(old.age.size)
+    x = work.filters
     part = columns_of(m, table, n_lanes)
     take(m, old, table, work)
     for p in range(n_lanes):
         for f in range(table.first[m], table.first[m + 1]):
-            column, j = f * n_lanes + p, table.hypothesis[f]
+            column = f * n_lanes + p
+            j = table.hypothesis[f]
             grade = table.grade[j]
-            work.prior[0, column], work.prior[1, column] = old.prior[p, 0, grade], old.prior[p, 1, grade]
-            work.severity[0, column], work.severity[1, column] = old.severity[p, 0, j], old.severity[p, 1, j]
+            work.prior[0, column] = old.prior[p, 0, grade]
+            work.prior[1, column] = old.prior[p, 1, grade]
+            work.severity[0, column] = old.severity[p, 0, j]
+            work.severity[1, column] = old.severity[p, 1, j]
             work.share[column] = work.newcomers[p, j]
             work.evidence[column] = 0.0
     inform(x, part, work.severity[0], work.severity[1], work.shift, work.growth)
     mix(x, part, work.normal, work.share, work.prior[0], work.prior[1], walk)
     for p in range(n_lanes):
         for f in range(table.first[m], table.first[m + 1]):
-            column, j = f * n_lanes + p, table.hypothesis[f]
-            work.severity[0, column], work.severity[1, column] = new.severity[p, 0, j], new.severity[p, 1, j]
+            column = f * n_lanes + p
+            j = table.hypothesis[f]
+            work.severity[0, column] = new.severity[p, 0, j]
+            work.severity[1, column] = new.severity[p, 1, j]
     inform(x, part, work.severity[0], work.severity[1], work.shift, work.growth)
 
 
 @inlined
 def learn(m, new, table, work):
     """Tell the hypotheses what their filters of subsystem m have learnt of the severity."""
-    n_lanes, x = np.uint64(new.age.size), work.filters
+    n_lanes = np.uint64(new.age.size)
+    x = work.filters
     for p in range(n_lanes):
         for f in range(table.first[m] + np.uint64(1), table.first[m + 1]):
-            column, j = f * n_lanes + p, table.hypothesis[f]
-            new.severity[p, 0, j] = min(max(x[SEVERITY, column], new.prior[p, 2, table.grade[j]]), 1.0)
+            column = f * n_lanes + p
+            j = table.hypothesis[f]
+            new.severity[p, 0, j] = min(
+                max(x[SEVERITY, column], new.prior[p, 2, table.grade[j]]), 1.0
+            )
             new.severity[p, 1, j] = x[SPREAD, column]
 
 
 @inlined
 def update_motor(m, old, new, seen, table, constants, work):
     """All filters of one motor."""
-    n_lanes, rpm = np.uint64(old.age.size), MOTOR_READING[m] + 2
+    n_lanes = np.uint64(old.age.size)
+    rpm = MOTOR_READING[m] + 2
     part = columns_of(m, table, n_lanes)
     recall(m, old, new, table, constants.walk, work)
     for p in range(n_lanes):
@@ -145,7 +165,9 @@ def update_motor(m, old, new, seen, table, constants, work):
         if seen.silent[rpm, p] and not math.isnan(predicted):
             seen.reading[rpm, p] = predicted
         for f in range(table.first[m], table.first[m + 1]):
-            column, own, before = f * n_lanes + p, table.slot[SURGE, table.hypothesis[f]], old.turning[p, f]
+            column = f * n_lanes + p
+            own = table.slot[SURGE, table.hypothesis[f]]
+            before = old.turning[p, f]
             before = seen.reading[rpm, p] / RPM if math.isnan(before) else before
             work.start[column] = max(before, 0.0)
             deaf = table.owns_speed[f] or seen.silent[0, p]
@@ -162,7 +184,9 @@ def take_shaft(shaft, m, old, table, work):
     for p in range(n_lanes):
         for f in range(table.first[SURGE], table.first[SURGE + 1]):
             own = np.uint64(table.slot[m, table.hypothesis[f]])
-            column, motor, before = f * n_lanes + p, own * n_lanes + p, old.turning[p, own]
+            column = f * n_lanes + p
+            motor = own * n_lanes + p
+            before = old.turning[p, own]
             shaft[0, column] = work.turning[motor] * RPM
             shaft[1, column] = shaft[0, column] if math.isnan(before) else before * RPM
             shaft[2, column] = work.turning_slope[motor] * RPM
@@ -184,7 +208,8 @@ def update_surge(old, new, seen, table, constants, work):
 @inlined
 def weigh(log_weight, slot, evidence):
     """Bayes' rule over the hypotheses, normalised."""
-    top, total = -np.inf, 0.0
+    top = -np.inf
+    total = 0.0
     for j in range(log_weight.size):
         log_weight[j] += evidence[slot[0, j]] + evidence[slot[1, j]] + evidence[slot[2, j]]
         top = max(top, log_weight[j])
@@ -203,7 +228,8 @@ def summarise(log_weight, severity, diagnosis, log_probability, mean, std):
     for j in range(log_weight.size):
         log_probability[diagnosis[j]] = log_sum(log_probability[diagnosis[j]], log_weight[j])
     for j in range(1, log_weight.size):
-        share, s = math.exp(log_weight[j] - log_probability[diagnosis[j]]), severity[0, j]
+        share = math.exp(log_weight[j] - log_probability[diagnosis[j]])
+        s = severity[0, j]
         mean[diagnosis[j]] += share * s
         std[diagnosis[j]] += share * (s * s + severity[1, j])
     for c in range(mean.size):
@@ -230,19 +256,23 @@ def lanes_of(state, lanes):
 def step_lanes(first, last, old, new, observation, table, constants, belief, work, seen):
     """One sample of the lanes from `first` to before `last`: fill `new` and `belief` from `old` and the observation.
 
-    `seen` and `work` are memory for a pack of lanes, taken at once; the last pack overlaps the one before if it must.
+    `seen` and `work` are memory for a pack of lanes, taken at once; the last pack overlaps the one
+    before if it must.
     """
     n_lanes = seen.deflection.size
     for start in range(first, last, n_lanes):
         begin = min(start, last - n_lanes)
         lanes = slice(begin, begin + n_lanes)
-        before, after = lanes_of(old, lanes), lanes_of(new, lanes)
+        before = lanes_of(old, lanes)
+        after = lanes_of(new, lanes)
         look(observation[lanes], before.readings, constants.sensors, seen)
         for p in range(n_lanes):
             for c in range(N_READINGS):
                 heard = seen.held[c, p] or not seen.silent[c, p]
                 after.readings[p, c] = seen.reading[c, p] if heard else np.nan
-            switch(lanes_of(before, p), lanes_of(after, p), table, constants.walk, work.newcomers[p])
+            switch(
+                lanes_of(before, p), lanes_of(after, p), table, constants.walk, work.newcomers[p]
+            )
         for m in (PORT, STARBOARD):
             update_motor(m, before, after, seen, table, constants, work)
         update_surge(before, after, seen, table, constants, work)
@@ -250,4 +280,6 @@ def step_lanes(first, last, old, new, observation, table, constants, belief, wor
         for p in range(n_lanes):
             weigh(after.log_weight[p], table.slot, work.evidence[p::n_lanes])
             one = belief[0][begin + p], belief[1][begin + p], belief[2][begin + p]
-            summarise(after.log_weight[p], after.severity[p], table.diagnosis, one[0], one[1], one[2])
+            summarise(
+                after.log_weight[p], after.severity[p], table.diagnosis, one[0], one[1], one[2]
+            )

@@ -1,7 +1,8 @@
 """The motors' filters in the bank: healthy deviations of four parameters and the severity, from current and rpm.
 
-Given the voltage reading, the shaft equation's closed form (`physics.spin`) predicts the rpm reading, and Ohm's law the
-current. The voltage's noise enters both predictions, so both measurements are made independent first.
+Given the voltage reading, the shaft equation's closed form (`physics.spin`) predicts the rpm
+reading, and Ohm's law the current. The voltage's noise enters both predictions, so both
+measurements are made independent first.
 """
 
 import numpy as np
@@ -15,13 +16,19 @@ from diagnosers.bank.sensors import BIAS, GAIN, LEAST_GAIN, NOISE, deliver, mean
 
 # Rows of a motor's parameters, `hypotheses.OWN`
 (C1, C2, RESISTANCE, TORQUE_CONSTANT, COULOMB_FRICTION, VISCOUS_FRICTION, INERTIA) = range(7)
-VOLTAGE, CURRENT, SPEED = 7, 12, 17  # first row of each sensor
+# first row of each sensor
+VOLTAGE = 7
+CURRENT = 12
+SPEED = 17
 N_MOTOR_ROWS = 22
-FORESEEING = (*range(7), *(row + k for row in (VOLTAGE, CURRENT, SPEED) for k in (BIAS, GAIN)))  # `expected` reads them
+# `expected` reads them
+FORESEEING = (*range(7), *(row + k for row in (VOLTAGE, CURRENT, SPEED) for k in (BIAS, GAIN)))
 BELIEVING = (VOLTAGE + NOISE, SPEED + BIAS, SPEED + GAIN, SPEED + NOISE)  # `believe` does
-DEVIATIONS = (TORQUE_CONSTANT, RESISTANCE, COULOMB_FRICTION, C1)  # parameters whose healthy deviation is a state
+# parameters whose healthy deviation is a state
+DEVIATIONS = (TORQUE_CONSTANT, RESISTANCE, COULOMB_FRICTION, C1)
 STEP = 1e-4  # of the forward differences
-STANDING = 10.0  # rpm; below, the shaft may stand, and where it begins to turn no linear model tells
+# rpm; below, the shaft may stand, and where it begins to turn no linear model tells
+STANDING = 10.0
 STANDING_BLUR = 15.0  # rpm, standard deviation of the prediction there
 BLIND_BLUR = 1e4  # rpm, of a motor whose voltage nobody has ever heard: it is not judged
 
@@ -48,11 +55,22 @@ def form(x, part, work):
 def expected(values, f, readings, heard_voltage, heard_rpm, start, speed, shift, water):
     """The shaft speed [rad/s], and what rpm counter and current sensor should show, at a shift of the true voltage.
 
-    A lost voltage is replaced by what current and shaft speed say of it, a lost shaft speed by its prediction.
+    A lost voltage is replaced by what current and shaft speed say of it, a lost shaft speed by its
+    prediction.
     """
-    resistance, flux = values[RESISTANCE, f], values[TORQUE_CONSTANT, f]
+    resistance = values[RESISTANCE, f]
+    flux = values[TORQUE_CONSTANT, f]
     friction = values[COULOMB_FRICTION, f], values[VISCOUS_FRICTION, f]
-    shaft = Shaft(0.0, values[C1, f], values[C2, f], resistance, flux, friction[0], friction[1], values[INERTIA, f])
+    shaft = Shaft(
+        0.0,
+        values[C1, f],
+        values[C2, f],
+        resistance,
+        flux,
+        friction[0],
+        friction[1],
+        values[INERTIA, f],
+    )
     turning = max(meant(values, SPEED, f, readings[2, f]), 0.0) / RPM
     read = meant(values, VOLTAGE, f, readings[0, f])
     balanced = fused(resistance, meant(values, CURRENT, f, readings[1, f]), flux * turning)
@@ -68,7 +86,9 @@ def expect(values, part, shift, water, work, out):
     delivered = work.delivered
     for f in range(part[0], part[1]):
         heard = delivered[0, f], delivered[2, f]
-        one = expected(values, f, work.readings, heard[0], heard[1], work.start[f], work.speed[f], shift, water)
+        one = expected(
+            values, f, work.readings, heard[0], heard[1], work.start[f], work.speed[f], shift, water
+        )
         out[0, f], out[1, f], out[2, f] = one
 
 
@@ -91,7 +111,10 @@ def nudge(part, work):
 @inlined
 def differentiate(x, part, water, work):
     """Fill the expected readings, and their gradients by the states and by the voltage (index -1)."""
-    values, out, trial, kept = work.values, work.expected, work.trial, work.shift
+    values = work.values
+    out = work.expected
+    trial = work.trial
+    kept = work.shift
     expect(values, part, 0.0, water, work, out)
     expect(values, part, STEP, water, work, trial)
     slopes(part, trial, out, STEP, work.by_voltage[0], work.by_voltage[1])
@@ -112,7 +135,9 @@ def differentiate(x, part, water, work):
 @inlined
 def decorrelate(part, work):
     """Fill innovations and variances of both measurements; take out of the current what the rpm reading explains."""
-    values, by_voltage, readings = work.values, work.by_voltage, work.readings
+    values = work.values
+    by_voltage = work.by_voltage
+    readings = work.readings
     for f in range(part[0], part[1]):
         ohms = values[RESISTANCE, f]
         deaf = ohms * values[CURRENT + NOISE, f] / max(values[CURRENT + GAIN, f], LEAST_GAIN)
@@ -121,7 +146,8 @@ def decorrelate(part, work):
         counter = values[SPEED + NOISE, f]
         turning = values[CURRENT + GAIN, f] * values[TORQUE_CONSTANT, f] / (ohms * RPM)
         turning *= counter * work.delivered[2, f] / max(values[SPEED + GAIN, f], LEAST_GAIN)
-        on_rpm, on_current = by_voltage[0, f] * blur, by_voltage[1, f] * blur
+        on_rpm = by_voltage[0, f] * blur
+        on_current = by_voltage[1, f] * blur
         work.variance[0, f] = counter * counter + on_rpm * on_rpm + work.blur[f]
         shared = fused(on_rpm, on_current, turning * counter)
         ratio = work.delivered[2, f] * shared / work.variance[0, f]
@@ -151,7 +177,8 @@ def believe(x, part, work):
     for r in BELIEVING:
         impair(r, work.base[r], x, part, work)
     for f in range(part[0], part[1]):
-        heard, gain = work.delivered[2, f], max(values[SPEED + GAIN, f], LEAST_GAIN)
+        heard = work.delivered[2, f]
+        gain = max(values[SPEED + GAIN, f], LEAST_GAIN)
         read = meant(values, SPEED, f, work.readings[2, f]) / RPM
         work.turning[f] = read if heard > 0.0 else work.expected[0, f]
         tilt = work.by_severity[SPEED, f] / RPM + work.by_severity[SPEED + GAIN, f] * read
@@ -166,13 +193,17 @@ def hear(part, seen, channel, work):
     n_lanes = np.uint64(seen.deflection.size)
     for k in range(3):
         spread(seen.reading[channel + k], part, work.readings[k])
-        deliver(work.values, part, VOLTAGE + 5 * k, seen, channel + k, work.delivered[k], work.evidence)
+        deliver(
+            work.values, part, VOLTAGE + 5 * k, seen, channel + k, work.delivered[k], work.evidence
+        )
     for p in range(n_lanes):
         held = seen.held[channel, p]
-        blind, standing = seen.silent[channel, p] and not held, seen.reading[channel + 2, p] < STANDING
+        blind = seen.silent[channel, p] and not held
+        standing = seen.reading[channel + 2, p] < STANDING
         for f in range(part[0] + p, part[1], n_lanes):
             work.blur[f] = BLIND_BLUR**2 if blind else STANDING_BLUR**2 if standing else 0.0
-            work.delivered[0, f] = 1.0 if held else work.delivered[0, f]  # the controller holds it between two readings
+            # the controller holds it between two readings
+            work.delivered[0, f] = 1.0 if held else work.delivered[0, f]
 
 
 @inlined
@@ -182,9 +213,32 @@ def update(x, part, seen, channel, water, work):
     hear(part, seen, channel, work)
     differentiate(x, part, water, work)
     decorrelate(part, work)
-    innovation, variance, delivered, evidence = work.innovation, work.variance, work.delivered, work.evidence
+    innovation = work.innovation
+    variance = work.variance
+    delivered = work.delivered
+    evidence = work.evidence
     relocate(x, part, work.second, innovation[1], 1.0)
-    condition(x, part, work.gradient, innovation[0], variance[0], delivered[2], work.crossed, work.shift, evidence)
+    condition(
+        x,
+        part,
+        work.gradient,
+        innovation[0],
+        variance[0],
+        delivered[2],
+        work.crossed,
+        work.shift,
+        evidence,
+    )
     relocate(x, part, work.second, innovation[1], -1.0)
-    condition(x, part, work.second, innovation[1], variance[1], delivered[1], work.crossed, work.shift, evidence)
+    condition(
+        x,
+        part,
+        work.second,
+        innovation[1],
+        variance[1],
+        delivered[1],
+        work.crossed,
+        work.shift,
+        evidence,
+    )
     believe(x, part, work)

@@ -1,7 +1,8 @@
 """Packs of lanes: the memory in which the filter bank's kernel works, and how numbers of a lane come to its filters.
 
-The lanes of a pack lie side by side along the filters, so that a small bank fills long loops too. A column is one
-filter of one lane: that of filter f and lane p is ``f * n_lanes + p``. So those of a subsystem are a range, a `part`.
+The lanes of a pack lie side by side along the filters, so that a small bank fills long loops too. A
+column is one filter of one lane: that of filter f and lane p is ``f * n_lanes + p``. So those of a
+subsystem are a range, a `part`.
 """
 
 import math
@@ -15,7 +16,8 @@ from auv_fault_env.compiling import inlined, scalar
 from diagnosers.bank.algebra import N_PACKED, N_STATES
 from diagnosers.bank.hypotheses import N_ROWS, Table
 
-COLUMNS = 512  # of a pack, about: enough to hide what starting a loop costs, few enough for the cache
+# of a pack, about: enough to hide what starting a loop costs, few enough for the cache
+COLUMNS = 512
 TABLES = {  # rows by name, each of n_columns
     **dict.fromkeys(("filters", "normal"), N_PACKED),
     **dict.fromkeys(("base", "values", "by_severity", "nudged"), N_ROWS),
@@ -24,17 +26,22 @@ TABLES = {  # rows by name, each of n_columns
     **dict.fromkeys(("readings", "expected", "trial", "delivered", "pushed"), 3),
     **dict.fromkeys(("by_voltage", "innovation", "variance", "prior", "severity"), 2),
 }
-ROWS = ("shift", "growth", "evidence", "share", "start", "speed", "blur", "deflection")  # each (n_columns,)
+# each (n_columns,)
+ROWS = ("shift", "growth", "evidence", "share", "start", "speed", "blur", "deflection")
 BELIEVED = ("turning", "turning_slope", "turning_noise")  # of the motors, each (n_columns,)
 EFFECTS = ("slope", "offset")  # of the severity on the parameters, each (N_ROWS, n_columns)
 LAST = list(accumulate(TABLES.values()))
 PLACES = {  # of all these in one table
-    **{name: slice(last - n_rows, last) for (name, n_rows), last in zip(TABLES.items(), LAST, strict=True)},
+    **{
+        name: slice(last - n_rows, last)
+        for (name, n_rows), last in zip(TABLES.items(), LAST, strict=True)
+    },
     **{name: row for row, name in enumerate((*ROWS, *BELIEVED), LAST[-1])},
 }
 
 KEPT = threading.local()
-Work = namedtuple("Work", (*PLACES, *EFFECTS, "newcomers"))  # memory of a pack's update; does not outlive it
+# memory of a pack's update; does not outlive it
+Work = namedtuple("Work", (*PLACES, *EFFECTS, "newcomers"))
 
 
 def workspace(table: Table, n_lanes: int) -> Work:

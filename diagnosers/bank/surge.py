@@ -1,7 +1,8 @@
 """The surge filters of the bank: speed, disturbance, healthy deviations of drag and thrust, and the severity.
 
-The equation and its integration are those of `kalman.SurgeFilter`; the accelerometer is a second measurement, of the
-acceleration at the sample's end. Thrust enters through the shaft speeds that each hypothesis believes in.
+The equation and its integration are those of `kalman.SurgeFilter`; the accelerometer is a second
+measurement, of the acceleration at the sample's end. Thrust enters through the shaft speeds that
+each hypothesis believes in.
 """
 
 from auv_fault_env.compiling import inlined
@@ -13,11 +14,15 @@ from diagnosers.kalman import BETWEEN_STD
 
 # Rows of surge's parameters, `hypotheses.OWN`
 ALPHA, GAMMA, PORT_BETA, STARBOARD_BETA = range(4)
-SPEED, ACCELERATION = 4, 9  # first row of each sensor
+# first row of each sensor
+SPEED = 4
+ACCELERATION = 9
 N_SURGE_ROWS = 14
 U, D, DRAG, THRUST = range(4)  # states
-NOW, BEFORE, BY_SEVERITY, BLUR = range(4)  # rows of a shaft: speed [rpm] now and a sample ago, its slope, its noise
-THRUSTING, TILT, SHAKEN = range(3)  # rows of `push`: the acceleration, its slope by severity, its variance
+# rows of a shaft: speed [rpm] now and a sample ago, its slope, its noise
+NOW, BEFORE, BY_SEVERITY, BLUR = range(4)
+# rows of `push`: the acceleration, its slope by severity, its variance
+THRUSTING, TILT, SHAKEN = range(3)
 
 
 @inlined
@@ -39,16 +44,25 @@ def push(part, port, starboard, opening, work):
 
     `opening` is the share of the sample's start in it.
     """
-    values, by_severity, out, closing = work.values, work.by_severity, work.pushed, 1.0 - opening
+    values = work.values
+    by_severity = work.by_severity
+    out = work.pushed
+    closing = 1.0 - opening
     for f in range(part[0], part[1]):
         port_square = opening * port[BEFORE, f] ** 2 + closing * port[NOW, f] ** 2
         starboard_square = opening * starboard[BEFORE, f] ** 2 + closing * starboard[NOW, f] ** 2
-        by_port, by_starboard = values[PORT_BETA, f], values[STARBOARD_BETA, f]
-        slope = by_severity[PORT_BETA, f] * port_square + by_severity[STARBOARD_BETA, f] * starboard_square
-        by_port_now, by_starboard_now = 2.0 * by_port * port[NOW, f], 2.0 * by_starboard * starboard[NOW, f]
+        by_port = values[PORT_BETA, f]
+        by_starboard = values[STARBOARD_BETA, f]
+        slope = (
+            by_severity[PORT_BETA, f] * port_square
+            + by_severity[STARBOARD_BETA, f] * starboard_square
+        )
+        by_port_now = 2.0 * by_port * port[NOW, f]
+        by_starboard_now = 2.0 * by_starboard * starboard[NOW, f]
         slope += by_port_now * port[BY_SEVERITY, f]
         slope += by_starboard_now * starboard[BY_SEVERITY, f]
-        port_blur, starboard_blur = by_port_now * port[BLUR, f], by_starboard_now * starboard[BLUR, f]
+        port_blur = by_port_now * port[BLUR, f]
+        starboard_blur = by_starboard_now * starboard[BLUR, f]
         out[THRUSTING, f] = by_port * port_square + by_starboard * starboard_square
         out[TILT, f] = slope
         out[SHAKEN, f] = port_blur * port_blur + starboard_blur * starboard_blur
@@ -58,7 +72,8 @@ def push(part, port, starboard, opening, work):
 def drift(x, part, memory, variance):
     """Let the disturbance decay to `memory` of itself, towards its stationary variance."""
     for i in range(N_STATES):
-        row, factor = entry(i, D), memory * memory if i == D else memory
+        row = entry(i, D)
+        factor = memory * memory if i == D else memory
         for f in range(part[0], part[1]):
             x[row, f] *= factor
     for f in range(part[0], part[1]):
@@ -69,12 +84,19 @@ def drift(x, part, memory, variance):
 @inlined
 def move(x, part, work):
     """Carry the mean speed over the sample by the midpoint rule; fill its gradient."""
-    values, by_severity, gradient, half = work.values, work.by_severity, work.gradient, 0.5 * SAMPLE_TIME
+    values = work.values
+    by_severity = work.by_severity
+    gradient = work.gradient
+    half = 0.5 * SAMPLE_TIME
     for f in range(part[0], part[1]):
-        thrust, slope, deflection = work.pushed[THRUSTING, f], work.pushed[TILT, f], work.deflection[f]
-        drag, u = values[ALPHA, f] + values[GAMMA, f] * deflection, x[U, f]
+        thrust = work.pushed[THRUSTING, f]
+        slope = work.pushed[TILT, f]
+        deflection = work.deflection[f]
+        drag = values[ALPHA, f] + values[GAMMA, f] * deflection
+        u = x[U, f]
         middle = u + half * (drag * u * abs(u) + thrust + x[D, f])
-        square, pull = middle * abs(middle), SAMPLE_TIME * drag * abs(middle)
+        square = middle * abs(middle)
+        pull = SAMPLE_TIME * drag * abs(middle)
         gain = SAMPLE_TIME * (1.0 + pull)
         gradient[U, f] = 1.0 + 2.0 * pull * (1.0 + SAMPLE_TIME * drag * abs(u))
         gradient[D, f] = gain
@@ -114,10 +136,15 @@ def carry(x, part, gradient, crossed, variance):
 @inlined
 def hear_speed(x, part, work):
     """Fill gradient, innovation and variance of the paddle wheel."""
-    values, by_severity, gradient = work.values, work.by_severity, work.gradient
+    values = work.values
+    by_severity = work.by_severity
+    gradient = work.gradient
     for f in range(part[0], part[1]):
         gain = values[SPEED + GAIN, f]
-        gradient[U, f], gradient[D, f], gradient[DRAG, f], gradient[THRUST, f] = gain, 0.0, 0.0, 0.0
+        gradient[U, f] = gain
+        gradient[D, f] = 0.0
+        gradient[DRAG, f] = 0.0
+        gradient[THRUST, f] = 0.0
         gradient[SEVERITY, f] = by_severity[SPEED + GAIN, f] * x[U, f] + by_severity[SPEED, f]
         work.innovation[0, f] = work.readings[0, f] - gain * x[U, f] - values[SPEED, f]
         work.variance[0, f] = values[SPEED + NOISE, f] ** 2
@@ -126,22 +153,32 @@ def hear_speed(x, part, work):
 @inlined
 def hear_acceleration(x, part, work):
     """Fill gradient, innovation and variance of the accelerometer."""
-    values, by_severity, gradient, expected = work.values, work.by_severity, work.gradient, work.expected[0]
+    values = work.values
+    by_severity = work.by_severity
+    gradient = work.gradient
+    expected = work.expected[0]
     for f in range(part[0], part[1]):
-        thrust, slope, deflection = work.pushed[THRUSTING, f], work.pushed[TILT, f], work.deflection[f]
-        gain, u = values[ACCELERATION + GAIN, f], x[U, f]
-        drag, square = values[ALPHA, f] + values[GAMMA, f] * deflection, u * abs(u)
+        thrust = work.pushed[THRUSTING, f]
+        slope = work.pushed[TILT, f]
+        deflection = work.deflection[f]
+        gain = values[ACCELERATION + GAIN, f]
+        u = x[U, f]
+        drag = values[ALPHA, f] + values[GAMMA, f] * deflection
+        square = u * abs(u)
         acceleration = drag * square + thrust + x[D, f]
         gradient[U, f] = gain * 2.0 * drag * abs(u)
         gradient[D, f] = gain
         gradient[DRAG, f] = gain * values[ALPHA, f] / (1.0 + x[DRAG, f]) * square
         gradient[THRUST, f] = gain * thrust / (1.0 + x[THRUST, f])
         slope += (by_severity[ALPHA, f] + by_severity[GAMMA, f] * deflection) * square
-        by_sensor = by_severity[ACCELERATION + GAIN, f] * acceleration + by_severity[ACCELERATION, f]
+        by_sensor = (
+            by_severity[ACCELERATION + GAIN, f] * acceleration + by_severity[ACCELERATION, f]
+        )
         gradient[SEVERITY, f] = gain * slope + by_sensor
         expected[f] = acceleration
     for f in range(part[0], part[1]):
-        gain, noise = values[ACCELERATION + GAIN, f], values[ACCELERATION + NOISE, f] ** 2
+        gain = values[ACCELERATION + GAIN, f]
+        noise = values[ACCELERATION + NOISE, f] ** 2
         work.innovation[0, f] = work.readings[1, f] - gain * expected[f] - values[ACCELERATION, f]
         work.variance[0, f] = noise + gain * gain * work.pushed[SHAKEN, f]
 
@@ -149,8 +186,12 @@ def hear_acceleration(x, part, work):
 @inlined
 def update(x, part, seen, port, starboard, constants, work):
     """One sample of all surge filters: adds to the evidence. Port and starboard (4, n_columns): see `NOW`."""
-    gradient, innovation, variance, evidence = work.gradient, work.innovation[0], work.variance[0], work.evidence
-    delivered, scratch = work.delivered[0], work.shift
+    gradient = work.gradient
+    innovation = work.innovation[0]
+    variance = work.variance[0]
+    evidence = work.evidence
+    delivered = work.delivered[0]
+    scratch = work.shift
     spread(seen.deflection, part, work.deflection)
     for c in range(2):
         spread(seen.reading[c], part, work.readings[c])

@@ -1,10 +1,12 @@
 """The thesis' map from the hull's parameters to operating mode and severity (V.B, Fig. 5.1, Table 5.2), and its modes.
 
-The plane is that of the thesis: alpha with its nominal value at 0.5, beta with its at 0.9. The windows of normal
-operation are the thesis'. The picture itself is lost, so what follows are decisions of this project:
+The plane is that of the thesis: alpha with its nominal value at 0.5, beta with its at 0.9. The
+windows of normal operation are the thesis'. The picture itself is lost, so what follows are
+decisions of this project:
 
 * The grade of a fault is the severity at which the catalogue's fault moves the parameter there: +35 % of drag has 0.35,
-  twice the drag 1, half the drag 1 (`decreased_drag`), a whole propeller lost 1. It stays at 1 beyond.
+  twice the drag 1, half the drag 1 (`decreased_drag`), a whole propeller lost 1. It stays at 1
+  beyond.
 * Severe propulsion failure begins at 0.5, a little above the 0.45 of one propeller lost, so that a filter's scatter
   does not take a lost propeller out of it.
 * In the corners, where both parameters are out of their windows, the larger grade wins; alpha's if they are equal.
@@ -17,13 +19,20 @@ from auv_fault_env.errors import whole_number
 from auv_fault_env.faults import fault_of
 
 MODES_5_1 = ("normal", "increased seal friction", "increased drag", "degraded propeller")
-MODES_5_2 = ("normal", "increased drag", "decreased drag", "decreased propulsion", "severe propulsion failure")
+MODES_5_2 = (
+    "normal",
+    "increased drag",
+    "decreased drag",
+    "decreased propulsion",
+    "severe propulsion failure",
+)
 
 NOMINAL = (0.5, 0.9)  # of (alpha, beta), thesis V.B
 ALPHA_WINDOW = (0.4, 0.6)  # thesis V.B: 20 % either way
 BETA_WINDOW = (0.65, 1.0)  # thesis V.B: 25 % less, as it says; 28 % by its numbers
 SEVERE = 0.5  # beta below which propulsion has failed
-SEVERITY_WEIGHTS = (0.0, 1.0, 1.0, 1.0, 1.0)  # of the modes in `severity`: exact outputs give the grade back
+# of the modes in `severity`: exact outputs give the grade back
+SEVERITY_WEIGHTS = (0.0, 1.0, 1.0, 1.0, 1.0)
 
 
 def normalise(alpha_relative: np.ndarray, beta_relative: np.ndarray) -> np.ndarray:
@@ -80,8 +89,9 @@ def fault_map(points: np.ndarray) -> np.ndarray:
 def severity(outputs: np.ndarray) -> np.ndarray:
     """Height of the decision surface of Fig. 5.12, (n,): the weighted sum of the network's outputs (n, 5).
 
-    The thesis does not give its weights; with `SEVERITY_WEIGHTS` the height is 0 where all is normal and 1 where a
-    propeller is lost. Misleads where the network wavers between two modes: their parts add up.
+    The thesis does not give its weights; with `SEVERITY_WEIGHTS` the height is 0 where all is
+    normal and 1 where a propeller is lost. Misleads where the network wavers between two modes:
+    their parts add up.
     """
     return np.asarray(outputs) @ np.array(SEVERITY_WEIGHTS)
 

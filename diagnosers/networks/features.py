@@ -1,9 +1,9 @@
 """What the integrated network sees: readings, motor and surge residuals, and what the filters make of them.
 
-The filters are the parameter filters of hull and shafts, with their innovations and variances, and the bank of filters
-with its belief. Every signal comes with running means over several times, so that the network need not learn to
-remember what a first order filter keeps: a step shows in the short mean before the long one, a healthy vehicle's own
-offset stays in the long.
+The filters are the parameter filters of hull and shafts, with their innovations and variances, and
+the bank of filters with its belief. Every signal comes with running means over several times, so
+that the network need not learn to remember what a first order filter keeps: a step shows in the
+short mean before the long one, a healthy vehicle's own offset stays in the long.
 """
 
 from functools import cached_property
@@ -24,9 +24,11 @@ from diagnosers.symptoms.residuals import RESIDUALS, residuals
 
 MEMORIES = (1.0, 4.0, 15.0)  # s, time constants of the running means
 BURST = 2.0  # s, of the running mean square
-YOUNG = 5.0  # s, in which the filters settle; how old a vehicle is thereafter must not tell of faults
+# s, in which the filters settle; how old a vehicle is thereafter must not tell of faults
+YOUNG = 5.0
 LIMIT = 30.0  # standard deviations: what lies beyond is an outlier, and its size says nothing
-SCALE = (0.3, 0.3, 0.3, 0.3, 0.3, 0.03, 3.0, 0.4, 400.0, 3.0, 0.4, 400.0)  # of the channels, for numbers near 1
+# of the channels, for numbers near 1
+SCALE = (0.3, 0.3, 0.3, 0.3, 0.3, 0.03, 3.0, 0.4, 400.0, 3.0, 0.4, 400.0)
 SIGNALS = (
     *RESIDUALS,
     "speed_innovation",
@@ -37,14 +39,21 @@ ESTIMATES = (
     *(f"{kind}_{name}" for kind in ("surge", "parameter") for name in kalman.PARAMETERS),
     *(f"{side}_{name}" for side in SIDES for name in motor_filter.PARAMETERS),
 )
-N_SIGNALS, N_ESTIMATES, N_COMMANDS, N_READINGS = len(SIGNALS), len(ESTIMATES), len(COMMANDS), len(READINGS)
+N_SIGNALS = len(SIGNALS)
+N_ESTIMATES = len(ESTIMATES)
+N_COMMANDS = len(COMMANDS)
+N_READINGS = len(READINGS)
 NOISE = tuple(CHANNELS[name].noise for name in READINGS)
-SPEED_NOISE, SPEED = CHANNELS["speed"].noise, list(CHANNELS).index("speed")
-COMMAND, RUDDER, STERN_PLANE = (COMMANDS.index(name) for name in ("speed_command", "rudder", "stern_plane"))
+SPEED_NOISE = CHANNELS["speed"].noise
+SPEED = list(CHANNELS).index("speed")
+COMMAND, RUDDER, STERN_PLANE = (
+    COMMANDS.index(name) for name in ("speed_command", "rudder", "stern_plane")
+)
 
 
 CLASSES = classes()
-GRADES = ((0.1, 1.0),)  # of the bank: one filter per fault names it as well as three, and the network grades it
+# of the bank: one filter per fault names it as well as three, and the network grades it
+GRADES = ((0.1, 1.0),)
 EVIDENCE = 5.0  # nats, scale of the bank's log odds
 
 
@@ -55,7 +64,11 @@ def _names() -> tuple[str, ...]:
         "command_error",
         "deflection",
         *(f"{name}:{part}" for name in SIGNALS for part in ("now", *past, "burst")),
-        *(f"{name}:{part}" for name in READINGS for part in ("step", "repeated", "zero", "repeats", "zeros")),
+        *(
+            f"{name}:{part}"
+            for name in READINGS
+            for part in ("step", "repeated", "zero", "repeats", "zeros")
+        ),
         *(f"{name}:{part}" for name in ESTIMATES for part in ("now", "std", "change")),
         "disturbance",
         "speed_correction",
@@ -71,9 +84,9 @@ BANK_ODDS = slice(-2 * (len(CLASSES) - 1), -(len(CLASSES) - 1))
 class Past(NamedTuple):
     """Running values of every lane.
 
-    observation (n_lanes, n_channels), the last; means (n_lanes, n_signals, n_memories) and squares (n_lanes, n_signals)
-    of the signals; shares of repeated and of zero readings (n_lanes, n_readings, 2); slow means of the estimates
-    (n_lanes, n_estimates); age (n_lanes,) in samples.
+    observation (n_lanes, n_channels), the last; means (n_lanes, n_signals, n_memories) and squares
+    (n_lanes, n_signals) of the signals; shares of repeated and of zero readings (n_lanes,
+    n_readings, 2); slow means of the estimates (n_lanes, n_estimates); age (n_lanes,) in samples.
     """
 
     observation: np.ndarray
@@ -99,8 +112,10 @@ class Features:
 
     def __init__(self, vehicle: Vehicle):
         self.vehicle = vehicle
-        self.surge, self.parameters = kalman.SurgeFilter(vehicle), kalman.ParameterFilter(vehicle)
-        self.motors, self.bank = motor_filter.MotorFilter(vehicle), FilterBank(vehicle, GRADES)
+        self.surge = kalman.SurgeFilter(vehicle)
+        self.parameters = kalman.ParameterFilter(vehicle)
+        self.motors = motor_filter.MotorFilter(vehicle)
+        self.bank = FilterBank(vehicle, GRADES)
 
     @cached_property
     def shares(self) -> tuple[float, float, float]:
@@ -131,7 +146,13 @@ class Features:
         means, stds = self._estimates(surge, parameters, motors)
         past = Past(observation, *(part.copy() for part in state.past[1:]))
         features = np.empty((len(observation), len(FEATURES)), np.float32)
-        extra = np.stack([surge.mean[:, 4] / self.vehicle.disturbance_std, observation[:, SPEED] - surge.mean[:, 0]], 1)
+        extra = np.stack(
+            [
+                surge.mean[:, 4] / self.vehicle.disturbance_std,
+                observation[:, SPEED] - surge.mean[:, 0],
+            ],
+            1,
+        )
         _fold(before, *past, signals, means, stds, extra, self.shares, features)
         features[:, -2 * (len(CLASSES) - 1) :] = _told(belief, self.bank)
         return FeatureState(surge, parameters, motors, bank, past), features
@@ -142,7 +163,10 @@ class Features:
         return np.concatenate(
             [
                 left.values / left.std,
-                *((e.innovation / np.sqrt(e.innovation_variance))[:, None] for e in (surge, parameters)),
+                *(
+                    (e.innovation / np.sqrt(e.innovation_variance))[:, None]
+                    for e in (surge, parameters)
+                ),
                 (motors.innovation / np.sqrt(motors.innovation_variance)).reshape(-1, 4),
             ],
             axis=1,
@@ -152,19 +176,29 @@ class Features:
     def _estimates(surge, parameters, motors) -> tuple[np.ndarray, np.ndarray]:
         """Deviations of the estimates from nominal and their standard deviations, each (n_lanes, n_estimates)."""
         hull = slice(1, 1 + len(kalman.PARAMETERS))
-        mean = [*(e.mean[:, hull] for e in (surge, parameters)), motors.mean.reshape(len(motors.mean), -1)]
-        variance = [np.diagonal(e.covariance, axis1=1, axis2=2)[:, hull] for e in (surge, parameters)]
-        variance.append(np.diagonal(motors.covariance, axis1=2, axis2=3).reshape(len(motors.mean), -1))
+        mean = [
+            *(e.mean[:, hull] for e in (surge, parameters)),
+            motors.mean.reshape(len(motors.mean), -1),
+        ]
+        variance = [
+            np.diagonal(e.covariance, axis1=1, axis2=2)[:, hull] for e in (surge, parameters)
+        ]
+        variance.append(
+            np.diagonal(motors.covariance, axis1=2, axis2=3).reshape(len(motors.mean), -1)
+        )
         return np.concatenate(mean, axis=1) - 1.0, np.sqrt(np.concatenate(variance, axis=1))
 
 
 def _told(belief: Belief, bank: FilterBank) -> np.ndarray:
     """The bank's log odds of every fault class against normal, bent, and its severities, (n_lanes, 2 n_faults)."""
     known: slice | list[int] = slice(1, None)
-    if belief.log_probability.shape[1] != len(CLASSES):  # the catalogue has grown since this module was loaded
+    # the catalogue has grown since this module was loaded
+    if belief.log_probability.shape[1] != len(CLASSES):
         known = [bank.classes.index(name) for name in CLASSES[1:]]
     odds = (belief.log_probability[:, known] - belief.log_probability[:, :1]) / EVIDENCE
-    return np.concatenate([odds / (1.0 + 0.25 * np.abs(odds)), belief.severity_mean[:, known]], axis=1)
+    return np.concatenate(
+        [odds / (1.0 + 0.25 * np.abs(odds)), belief.severity_mean[:, known]], axis=1
+    )
 
 
 @scalar
@@ -193,13 +227,17 @@ def _fold_signals(signals, means, squares, age, shares, features, at):
 def _fold_readings(before, row, shares, age, features, at):
     """Steps of the readings in standard deviations, and how often they repeat or read zero."""
     for k in range(N_READINGS):
-        got, last = row[N_COMMANDS + k], before[N_COMMANDS + k]
-        repeated, zero = 1.0 if got == last and age > 0 else 0.0, 1.0 if got == 0.0 else 0.0
+        got = row[N_COMMANDS + k]
+        last = before[N_COMMANDS + k]
+        repeated = 1.0 if got == last and age > 0 else 0.0
+        zero = 1.0 if got == 0.0 else 0.0
         shares[k, 0] += SAMPLE_TIME / MEMORIES[1] * (repeated - shares[k, 0])
         shares[k, 1] += SAMPLE_TIME / MEMORIES[1] * (zero - shares[k, 1])
         features[at] = _squashed((got - last) / (sqrt(2.0) * NOISE[k]))
-        features[at + 1], features[at + 2] = repeated, zero
-        features[at + 3], features[at + 4] = sqrt(shares[k, 0]), sqrt(shares[k, 1])
+        features[at + 1] = repeated
+        features[at + 2] = zero
+        features[at + 3] = sqrt(shares[k, 0])
+        features[at + 4] = sqrt(shares[k, 1])
         at += 5
     return at
 
@@ -218,10 +256,26 @@ def _fold_estimates(estimates, stds, slow, age, share, features, at):
 
 
 @kernel
-def _fold(before, observation, means, squares, slots, slow, age, signals, estimates, stds, extra, shares, features):
+def _fold(
+    before,
+    observation,
+    means,
+    squares,
+    slots,
+    slow,
+    age,
+    signals,
+    estimates,
+    stds,
+    extra,
+    shares,
+    features,
+):
     """Fold one sample into the running values of every lane and write its features."""
     for lane in range(len(observation)):
-        row, out, old = observation[lane], features[lane], age[lane]
+        row = observation[lane]
+        out = features[lane]
+        old = age[lane]
         for c in range(len(SCALE)):
             out[c] = _squashed(row[c] / SCALE[c])
         at = len(SCALE)

@@ -34,11 +34,15 @@ class FeedForward(torch.nn.Module):
     def __init__(self, tensors: Mapping[str, np.ndarray]):
         super().__init__()
         for name, tensor in tensors.items():
-            self.register_parameter(name, torch.nn.Parameter(torch.tensor(tensor, dtype=torch.float32)))
+            self.register_parameter(
+                name, torch.nn.Parameter(torch.tensor(tensor, dtype=torch.float32))
+            )
 
     def forward(self, inputs: torch.Tensor) -> torch.Tensor:
         """The output nodes' sums (n, n_outputs) of inputs (n, n_inputs)."""
-        hidden = torch.sigmoid(torch.nn.functional.linear(inputs, self.hidden_weight, self.hidden_bias))
+        hidden = torch.sigmoid(
+            torch.nn.functional.linear(inputs, self.hidden_weight, self.hidden_bias)
+        )
         return torch.nn.functional.linear(hidden, self.output_weight, self.output_bias)
 
     def recall(self, inputs: np.ndarray) -> np.ndarray:
@@ -48,4 +52,6 @@ class FeedForward(torch.nn.Module):
 
     def tensors(self) -> dict[str, np.ndarray]:
         """A copy of the tensors, by name."""
-        return {name: parameter.detach().numpy().copy() for name, parameter in self.named_parameters()}
+        return {
+            name: parameter.detach().numpy().copy() for name, parameter in self.named_parameters()
+        }

@@ -13,10 +13,11 @@ from diagnosers.networks.features import BANK_ODDS, EVIDENCE, FEATURES
 class Network(nn.Module):
     """Features to class scores and severities: an encoder with a first opinion, and a memory that corrects it.
 
-    The encoder sees one sample; its opinion is added to the log odds of the filter bank, which it so corrects. The
-    recurrent layer sees the encoded samples and the averaged opinion, and adds to it what follows from the past.
-    Last, on lanes of its own, it is calibrated: how far it leans on the bank once more, as a logarithmic pool of both
-    (the bank never forgets a fault, and so steadies the label), one sharpness, and a bias per class.
+    The encoder sees one sample; its opinion is added to the log odds of the filter bank, which it
+    so corrects. The recurrent layer sees the encoded samples and the averaged opinion, and adds to
+    it what follows from the past. Last, on lanes of its own, it is calibrated: how far it leans on
+    the bank once more, as a logarithmic pool of both (the bank never forgets a fault, and so
+    steadies the label), one sharpness, and a bias per class.
     """
 
     def __init__(self, memory: type[nn.Module] = nn.GRU):
@@ -44,7 +45,9 @@ class Network(nn.Module):
         self, encoded: torch.Tensor, opinion: torch.Tensor, units: torch.Tensor | None = None
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Outputs (n_samples, n_lanes, 3 n_classes) from encoded samples and averaged opinions; and the units after."""
-        recalled, units = self.memory(torch.cat([encoded, opinion[..., :N_CLASSES] / EVIDENCE], dim=-1), units)
+        recalled, units = self.memory(
+            torch.cat([encoded, opinion[..., :N_CLASSES] / EVIDENCE], dim=-1), units
+        )
         return opinion + self.correction(recalled), units
 
     def pooled(self, outputs: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
@@ -52,11 +55,17 @@ class Network(nn.Module):
         bank = EVIDENCE * features[..., BANK_ODDS]
         return outputs[..., :N_CLASSES] + self.lean * nn.functional.pad(bank, (1, 0))
 
-    def read(self, outputs: torch.Tensor, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    def read(
+        self, outputs: torch.Tensor, features: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Log probability, severity mean and standard deviation, each (..., n_classes)."""
         _, mean, spread = outputs.split(N_CLASSES, dim=-1)
         scores = self.sharpness * self.pooled(outputs, features) + self.bias
-        return torch.log_softmax(scores, dim=-1), torch.sigmoid(mean), nn.functional.softplus(spread) + LEAST_STD
+        return (
+            torch.log_softmax(scores, dim=-1),
+            torch.sigmoid(mean),
+            nn.functional.softplus(spread) + LEAST_STD,
+        )
 
     def tensors(self) -> dict[str, np.ndarray]:
         """A copy of weights and calibration, by name."""

@@ -5,15 +5,17 @@ from collections.abc import Mapping
 import numpy as np
 
 LEAST = -500.0  # of a mode's log-probability: far from where exp gives zero
-PRIOR_SEVERITY = 0.6, 0.8 / 12**0.5  # mean and standard deviation where nothing is known: uniform on 0.2 to 1
+# mean and standard deviation where nothing is known: uniform on 0.2 to 1
+PRIOR_SEVERITY = 0.6, 0.8 / 12**0.5
 
 
 def shares(labels: Mapping[str, str | None], modes: tuple[str, ...]) -> np.ndarray:
     """What of each mode's probability goes to each class, (n_modes, n_classes); rows sum to 1.
 
-    A mode's probability is shared evenly by the classes of that label. Classes that the table does not know (None) look
-    like any fault: each takes the same constant share of every mode but the first, `normal`, that which it has among
-    all faults if these are equally likely. Misleads where an unknown fault looks normal.
+    A mode's probability is shared evenly by the classes of that label. Classes that the table does
+    not know (None) look like any fault: each takes the same constant share of every mode but the
+    first, `normal`, that which it has among all faults if these are equally likely. Misleads where
+    an unknown fault looks normal.
     """
     of_class = list(labels.values())
     table = np.array([[label == mode for label in of_class] for mode in modes], dtype=np.float64)

@@ -19,7 +19,8 @@ def share_of(time: float) -> float:
 class Steady(NamedTuple):
     """Log odds of any fault (n_lanes,), and averaged fault probabilities (n_lanes, n_faults).
 
-    The odds rise at once and fall slowly, so a false alarm lasts too; they are NaN before the first sample.
+    The odds rise at once and fall slowly, so a false alarm lasts too; they are NaN before the first
+    sample.
     """
 
     odds: np.ndarray
@@ -34,7 +35,11 @@ class Steady(NamedTuple):
     def log_probability(self) -> np.ndarray:
         """The steadied belief, (n_lanes, n_classes)."""
         faults = np.log(np.maximum(self.faults / self.faults.sum(axis=1, keepdims=True), LEAST))
-        faulty = faults - np.logaddexp.reduce(faults, axis=1, keepdims=True) - np.logaddexp(0.0, -self.odds)[:, None]
+        faulty = (
+            faults
+            - np.logaddexp.reduce(faults, axis=1, keepdims=True)
+            - np.logaddexp(0.0, -self.odds)[:, None]
+        )
         return np.concatenate([-np.logaddexp(0.0, self.odds)[:, None], faulty], axis=1)
 
 

@@ -1,7 +1,8 @@
 """Physical residuals of one sample: what Ohm's law, the torque balance and the surge equation leave unexplained.
 
-All from the nominal vehicle and the readings of the sample; no memory but the shaft speeds of the sample before. A
-healthy residual is not zero but lies within what the healthy band allows (5 % of the drag, 10 % of the friction ...).
+All from the nominal vehicle and the readings of the sample; no memory but the shaft speeds of the
+sample before. A healthy residual is not zero but lies within what the healthy band allows (5 % of
+the drag, 10 % of the friction ...).
 """
 
 from dataclasses import fields, replace
@@ -15,17 +16,26 @@ from auv_fault_env.channels import CHANNELS
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.errors import refusal
 from auv_fault_env.parameters import SAMPLE_TIME, SHAFT, SIDES, Vehicle
-from auv_fault_env.physics import RPM, Shaft, armature_current, limited, motor, spin_rate, surge_acceleration
+from auv_fault_env.physics import (
+    RPM,
+    Shaft,
+    armature_current,
+    limited,
+    motor,
+    spin_rate,
+    surge_acceleration,
+)
 
 RESIDUALS = (*(f"{side}_{kind}" for side in SIDES for kind in ("voltage", "torque")), "surge")
-STANDSTILL = 5.0  # times the standard deviation of a shaft speed reading: below, the shaft is taken to stand
+# times the standard deviation of a shaft speed reading: below, the shaft is taken to stand
+STANDSTILL = 5.0
 
 
 class Residuals(NamedTuple):
     """Residuals and the standard deviation that sensor noise gives each, (n_lanes, 5): `RESIDUALS`, V, N m and m/s^2.
 
-    The standard deviation misses the disturbance (in ``surge``) and the healthy band: divide by it for sensitivity,
-    not for a test of health.
+    The standard deviation misses the disturbance (in ``surge``) and the healthy band: divide by it
+    for sensitivity, not for a test of health.
     """
 
     values: np.ndarray
@@ -35,7 +45,8 @@ class Residuals(NamedTuple):
 class Plant(NamedTuple):
     """What the compiled code gets of the nominal vehicle and its sensors: SI units, variances of single readings.
 
-    ``settling`` [1/s]: rate of change of a shaft speed at the end of a sample by its change over the sample.
+    ``settling`` [1/s]: rate of change of a shaft speed at the end of a sample by its change over
+    the sample.
     """
 
     density: float
@@ -55,15 +66,20 @@ class Plant(NamedTuple):
 def plant_of(vehicle: Vehicle) -> tuple[Plant, Shaft]:
     """The nominal plant, and one of its two equal shafts.
 
-    The voltage is held over a sample T, so a shaft settles exponentially with the motor's time constant tau; its speed
-    changes at the end by ``1/(tau (exp(T/tau) - 1))`` of the change over the sample: 0.3/s on the NPS AUV II, where the
-    chord's 1/T would be 10/s.
+    The voltage is held over a sample T, so a shaft settles exponentially with the motor's time
+    constant tau; its speed changes at the end by ``1/(tau (exp(T/tau) - 1))`` of the change over
+    the sample: 0.3/s on the NPS AUV II, where the chord's 1/T would be 10/s.
     """
     shaft = Shaft(**{name: getattr(vehicle, name) for name in SHAFT} | {"beta": vehicle.beta / 2})
-    rate = (vehicle.torque_constant**2 / vehicle.resistance + vehicle.viscous_friction) / vehicle.inertia
+    rate = (
+        vehicle.torque_constant**2 / vehicle.resistance + vehicle.viscous_friction
+    ) / vehicle.inertia
     decay = exp(-rate * SAMPLE_TIME)
     water = (vehicle.density, vehicle.diameter, vehicle.wake_fraction)
-    noise = [CHANNELS[name].noise ** 2 for name in ("speed", "acceleration", "port_voltage", "port_current")]
+    noise = [
+        CHANNELS[name].noise ** 2
+        for name in ("speed", "acceleration", "port_voltage", "port_current")
+    ]
     spin_variance = (CHANNELS["port_rpm"].noise / RPM) ** 2
     settling = rate * decay / (1.0 - decay)
     return Plant(*water, vehicle.alpha, vehicle.gamma, settling, *noise, spin_variance), shaft
@@ -73,15 +89,20 @@ def plant_of(vehicle: Vehicle) -> tuple[Plant, Shaft]:
 def _torque(current, spin, speed, change, side, shaft, plant):
     """Torque [N m] that the balance of one shaft leaves unexplained, and its variance.
 
-    The current stands in as the voltage that would drive it. Friction holds a standing shaft with up to its torque.
+    The current stands in as the voltage that would drive it. Friction holds a standing shaft with
+    up to its torque.
     """
-    flux, inertia = shaft.torque_constant, shaft.inertia
+    flux = shaft.torque_constant
+    inertia = shaft.inertia
     drive = flux * current
     held = drive - limited(drive, -shaft.coulomb_friction, shaft.coulomb_friction)
     stands = abs(spin) < STANDSTILL * plant.spin_variance**0.5
     moving = inertia * (spin_rate(spin, speed, side) - plant.settling * change)
     by_previous = inertia * plant.settling
-    by_spin = inertia * (side.damping - side.coupling * speed + 2.0 * side.load * spin) - flux * flux / shaft.resistance
+    by_spin = (
+        inertia * (side.damping - side.coupling * speed + 2.0 * side.load * spin)
+        - flux * flux / shaft.resistance
+    )
     by_spin += by_previous
     by_speed = inertia * side.coupling * spin
     variance = flux * flux * plant.current_variance + by_speed * by_speed * plant.speed_variance
@@ -92,7 +113,9 @@ def _torque(current, spin, speed, change, side, shaft, plant):
 @scalar
 def _shaft(before, row, first, speed, plant, shaft, values, std, k):
     """Both residuals of the shaft whose voltage is channel `first`; returns its `Motor` and its speed [rad/s]."""
-    voltage, current, spin = row[first], row[first + 1], row[first + 2] / RPM
+    voltage = row[first]
+    current = row[first + 1]
+    spin = row[first + 2] / RPM
     side = motor(shaft, plant, shaft.resistance * current + shaft.torque_constant * spin)
     values[k] = shaft.resistance * (armature_current(shaft, spin, voltage) - current)
     variance = plant.voltage_variance + shaft.resistance**2 * plant.current_variance
@@ -108,16 +131,21 @@ def _residuals(previous, observation, plant, shaft, columns, values, std):
     """All residuals of all lanes; columns are those of rudder, plane, speed, acceleration and both voltages."""
     rudder, plane, speed, acceleration, port, starboard = columns
     for lane in range(len(observation)):
-        before, row = previous[lane], observation[lane]
+        before = previous[lane]
+        row = observation[lane]
         u = row[speed]
         left, left_spin = _shaft(before, row, port, u, plant, shaft, values[lane], std[lane], 0)
-        right, right_spin = _shaft(before, row, starboard, u, plant, shaft, values[lane], std[lane], 2)
+        right, right_spin = _shaft(
+            before, row, starboard, u, plant, shaft, values[lane], std[lane], 2
+        )
         drag = plant.alpha + plant.gamma * (row[rudder] ** 2 + row[plane] ** 2)
         force = surge_acceleration(u, left_spin, right_spin, drag, 0.0, left, right)
         values[lane, 4] = row[acceleration] - force
         variance = plant.acceleration_variance + (2.0 * drag * u) ** 2 * plant.speed_variance
         variance += (2.0 * left.thrust * left_spin) ** 2 * plant.spin_variance
-        std[lane, 4] = (variance + (2.0 * right.thrust * right_spin) ** 2 * plant.spin_variance) ** 0.5
+        std[lane, 4] = (
+            variance + (2.0 * right.thrust * right_spin) ** 2 * plant.spin_variance
+        ) ** 0.5
 
 
 _READ = ("rudder", "stern_plane", "speed", "acceleration", "port_voltage", "starboard_voltage")
@@ -140,20 +168,31 @@ def residuals(previous: np.ndarray, observation: np.ndarray, vehicle: Vehicle) -
     Parameters
     ----------
     previous
-        The observation (n_lanes, n_channels) one sample before; at the first sample the observation itself.
+        The observation (n_lanes, n_channels) one sample before; at the first sample the observation
+        itself.
     observation
         The observation (n_lanes, n_channels), channels as in `CHANNELS`, finite.
     vehicle
         The nominal vehicle.
 
-    Misleads: a reading that is held or dropped upsets every residual that it enters, and at rest the residuals say
-    nothing of propeller and friction.
+    Misleads: a reading that is held or dropped upsets every residual that it enters, and at rest
+    the residuals say nothing of propeller and friction.
     """
     previous, observation = (np.ascontiguousarray(x, np.float64) for x in (previous, observation))
-    if observation.ndim != 2 or observation.shape[1] != len(CHANNELS) or previous.shape != observation.shape:
+    if (
+        observation.ndim != 2
+        or observation.shape[1] != len(CHANNELS)
+        or previous.shape != observation.shape
+    ):
         got = f"{previous.shape} and {observation.shape}"
-        raise refusal("shapes of observations", got, f"(n_lanes, {len(CHANNELS)}) twice", "give one row per lane")
-    values, std = np.empty((len(observation), len(RESIDUALS))), np.empty((len(observation), len(RESIDUALS)))
+        raise refusal(
+            "shapes of observations",
+            got,
+            f"(n_lanes, {len(CHANNELS)}) twice",
+            "give one row per lane",
+        )
+    values = np.empty((len(observation), len(RESIDUALS)))
+    std = np.empty((len(observation), len(RESIDUALS)))
     _residuals(previous, observation, *plant_of(vehicle), _COLUMNS, values, std)
     return Residuals(values, std)
 
@@ -163,10 +202,17 @@ def neighbours(vehicle: Vehicle) -> tuple[Vehicle, ...]:
     """Vehicles at the edge of the healthy band, one for each parameter that varies."""
     bands = {spec.name: spec.metadata["band"] for spec in fields(Vehicle) if spec.metadata}
     edges = {name: getattr(vehicle, name) * (1.0 + band) for name, band in bands.items()}
-    return tuple(replace(vehicle, **{name: edge}) for name, edge in edges.items() if edge != getattr(vehicle, name))
+    return tuple(
+        replace(vehicle, **{name: edge})
+        for name, edge in edges.items()
+        if edge != getattr(vehicle, name)
+    )
 
 
 def healthy_band(previous: np.ndarray, observation: np.ndarray, vehicle: Vehicle) -> np.ndarray:
     """How far the healthy band can shift each residual at this operating point, (n_lanes, 5): the parameters' sum."""
     values = residuals(previous, observation, vehicle).values
-    return sum(np.abs(residuals(previous, observation, other).values - values) for other in neighbours(vehicle))
+    return sum(
+        np.abs(residuals(previous, observation, other).values - values)
+        for other in neighbours(vehicle)
+    )

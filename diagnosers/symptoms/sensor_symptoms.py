@@ -15,10 +15,16 @@ RULES = {f"sensor:{channel}": tuple(f"+{channel}_{kind}" for kind in KINDS) for 
 
 FORGET = exp(-SAMPLE_TIME / 8.0)  # of counts and averages, per sample
 ODD = 1.5  # symptom of a held or lost reading that is not yet forgotten
-CLIPPED, HEALTHY_BEND = 3.0, (2.0 / pi) ** 0.5  # of second differences in standard deviations: most, and mean
-ROUGH = {"m/s": 0.27, "m/s^2": 0.33, "V": 0.67, "A": 0.39, "rpm": 1.25}  # their averaged excess, healthy, once an hour
+# of second differences in standard deviations: most, and mean
+CLIPPED = 3.0
+HEALTHY_BEND = (2.0 / pi) ** 0.5
+# their averaged excess, healthy, once an hour
+ROUGH = {"m/s": 0.27, "m/s^2": 0.33, "V": 0.67, "A": 0.39, "rpm": 1.25}
 NOISE = np.array([CHANNELS[name].noise for name in READINGS])
-SCALE = np.stack([np.full(len(READINGS), 1 / ODD)] * 2 + [np.array([ROUGH[CHANNELS[name].unit] for name in READINGS])])
+SCALE = np.stack(
+    [np.full(len(READINGS), 1 / ODD)] * 2
+    + [np.array([ROUGH[CHANNELS[name].unit] for name in READINGS])]
+)
 
 
 class Oddities(NamedTuple):
@@ -33,7 +39,9 @@ class Oddities(NamedTuple):
 def initial(n_lanes: int) -> Oddities:
     """Nothing odd has been seen."""
     readings = np.zeros((n_lanes, len(READINGS)))
-    return Oddities(readings, readings, np.zeros((n_lanes, len(KINDS), len(READINGS))), np.zeros((n_lanes, 1)))
+    return Oddities(
+        readings, readings, np.zeros((n_lanes, len(KINDS), len(READINGS))), np.zeros((n_lanes, 1))
+    )
 
 
 def update(old: Oddities, observation: np.ndarray) -> Oddities:

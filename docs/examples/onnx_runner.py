@@ -4,8 +4,9 @@
     python onnx_runner.py integrated.onnx               # on integrated.npz, which lies beside it
     python onnx_runner.py integrated.onnx episode.npz
 
-The episode holds the network's inputs, (n_samples, n_lanes, n_columns) each, and, if it comes from the export, the
-answers that PyTorch gave; the largest difference from these is printed, relative where a value is larger than 1.
+The episode holds the network's inputs, (n_samples, n_lanes, n_columns) each, and, if it comes from
+the export, the answers that PyTorch gave; the largest difference from these is printed, relative
+where a value is larger than 1.
 """
 
 import json
@@ -16,12 +17,19 @@ import numpy as np
 import onnxruntime
 
 
-def run(session: onnxruntime.InferenceSession, episode: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def run(
+    session: onnxruntime.InferenceSession, episode: dict[str, np.ndarray]
+) -> dict[str, np.ndarray]:
     """The network's answers, sample by sample as on a vehicle; its state begins at zeros and goes round."""
-    inputs, outputs = session.get_inputs(), [output.name for output in session.get_outputs()]
+    inputs = session.get_inputs()
+    outputs = [output.name for output in session.get_outputs()]
     fed = {entry.name: episode[entry.name] for entry in inputs if entry.name != "state"}
     n_samples, n_lanes, _ = next(iter(fed.values())).shape
-    state = {entry.name: np.zeros((n_lanes, entry.shape[1]), np.float32) for entry in inputs if entry.name == "state"}
+    state = {
+        entry.name: np.zeros((n_lanes, entry.shape[1]), np.float32)
+        for entry in inputs
+        if entry.name == "state"
+    }
     answers: dict[str, list[np.ndarray]] = {name: [] for name in outputs if name != "next_state"}
     for k in range(n_samples):
         sample = {name: values[k] for name, values in fed.items()}
@@ -37,12 +45,15 @@ def show(answers: dict[str, np.ndarray], about: dict[str, str]) -> None:
     if "action" in answers:
         print(" ".join(f"{action:+.2f}" for action in answers["action"][:, 0, 0]))
         return
-    classes, samples_per_second = json.loads(about["classes"]), round(1 / json.loads(about["sample_time"]))
+    classes = json.loads(about["classes"])
+    samples_per_second = round(1 / json.loads(about["sample_time"]))
     for k in range(0, len(answers["log_probability"]), samples_per_second):
         log_probability, mean, std = (answers[name][k, 0] for name in answers)
         best = log_probability.argmax()
         told = f"{classes[best]:28} p = {np.exp(log_probability[best]):.3f}"
-        print(f"{k / samples_per_second:4.0f} s  {told}  severity {mean[best]:.2f} +- {std[best]:.2f}")
+        print(
+            f"{k / samples_per_second:4.0f} s  {told}  severity {mean[best]:.2f} +- {std[best]:.2f}"
+        )
 
 
 def main(model: str, episode: str | None = None) -> None:
@@ -54,7 +65,8 @@ def main(model: str, episode: str | None = None) -> None:
     show(answers, session.get_modelmeta().custom_metadata_map)
     expected = {name: saved[name] for name in answers if name in saved}
     differences = [
-        np.abs(answers[name] - values) / np.maximum(1.0, np.abs(values)) for name, values in expected.items()
+        np.abs(answers[name] - values) / np.maximum(1.0, np.abs(values))
+        for name, values in expected.items()
     ]
     if differences:
         print(f"largest difference from PyTorch: {max(map(np.max, differences)):.1e}")

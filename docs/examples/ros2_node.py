@@ -2,9 +2,10 @@
 
     python ros2_node.py --ros-args -p diagnoser:=integrated -r readings:=/vehicle/readings
 
-It hears `readings` (std_msgs/Float64MultiArray): one number per channel of `auv_fault_env.CHANNELS`, in that order and
-in its units, NaN where there is no reading. It says `/diagnostics` (diagnostic_msgs/DiagnosticArray) after each of
-them: OK or WARN, the most probable class, and the figures behind it. The vehicle is the nominal one of the diagnoser.
+It hears `readings` (std_msgs/Float64MultiArray): one number per channel of
+`auv_fault_env.CHANNELS`, in that order and in its units, NaN where there is no reading. It says
+`/diagnostics` (diagnostic_msgs/DiagnosticArray) after each of them: OK or WARN, the most probable
+class, and the figures behind it. The vehicle is the nominal one of the diagnoser.
 """
 
 import numpy as np
@@ -16,8 +17,13 @@ def told(belief: diagnosers.Belief, classes: tuple[str, ...]) -> tuple[str, dict
     """The class to name, and the figures, of a belief over one lane."""
     (name,) = diagnosers.decide(belief, classes)
     log_probability, mean, std = (values[0] for values in belief)
-    likely = int(log_probability[1:].argmax()) + 1 if name == diagnosers.UNKNOWN else classes.index(name)
-    figures = {"p(normal)": np.exp(log_probability[0]), f"p({classes[likely]})": np.exp(log_probability[likely])}
+    likely = (
+        int(log_probability[1:].argmax()) + 1 if name == diagnosers.UNKNOWN else classes.index(name)
+    )
+    figures = {
+        "p(normal)": np.exp(log_probability[0]),
+        f"p({classes[likely]})": np.exp(log_probability[likely]),
+    }
     return name, figures | {"severity": mean[likely], "severity std": std[likely]}
 
 

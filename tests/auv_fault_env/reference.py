@@ -1,7 +1,8 @@
 """An independent solution of the plant's equations: written from the thesis, calls nothing of `physics`.
 
-Voltages, angles and disturbance are held over each sample; scipy's DOP853 goes from event to event, an event being a
-shaft that stops. A stopped shaft stays until the motor's torque exceeds the Coulomb friction.
+Voltages, angles and disturbance are held over each sample; scipy's DOP853 goes from event to event,
+an event being a shaft that stops. A stopped shaft stays until the motor's torque exceeds the
+Coulomb friction.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,8 +17,11 @@ from auv_fault_env.parameters import PARAMETERS, SIDES, Vehicle
 
 SAMPLE = 0.1  # s
 FULL = 24.0  # V
-FLOOR = np.array([0.05, 1.0, 1.0, 0.1, 0.1])  # m/s, rad/s, rad: errors are relative to no less than this
-PLANT_FAULTS = [name for name, fault in CATALOGUE.items() if not fault.component.startswith("sensor")]
+# m/s, rad/s, rad: errors are relative to no less than this
+FLOOR = np.array([0.05, 1.0, 1.0, 0.1, 0.1])
+PLANT_FAULTS = [
+    name for name, fault in CATALOGUE.items() if not fault.component.startswith("sensor")
+]
 
 
 class Inputs(NamedTuple):
@@ -42,7 +46,8 @@ def random_inputs(seed: int, n_samples: int) -> Inputs:
     rng = np.random.default_rng(seed)
     voltages = [held(rng, n_samples) for _ in SIDES]
     for voltage in voltages:
-        voltage[: n_samples // 4], voltage[-n_samples // 8 :] = FULL, 0.0
+        voltage[: n_samples // 4] = FULL
+        voltage[-n_samples // 8 :] = 0.0
     angles = 0.4 * rng.uniform(-1, 1, (2, n_samples))
     return Inputs(*voltages, *angles, 0.002 * rng.standard_normal(n_samples))
 
@@ -61,16 +66,23 @@ def faulted(healthy: Mapping[str, float], severity: Mapping[str, float]) -> dict
 
 def within_band(healthy: Mapping[str, float], rng: np.random.Generator) -> dict[str, float]:
     """A random healthy vehicle."""
-    return {name: value * (1 + PARAMETERS[name].band * rng.uniform(-1, 1)) for name, value in healthy.items()}
+    return {
+        name: value * (1 + PARAMETERS[name].band * rng.uniform(-1, 1))
+        for name, value in healthy.items()
+    }
 
 
-def shaft(vehicle: Vehicle, parameters: Mapping[str, float], side: str) -> tuple[Callable, Callable, float]:
+def shaft(
+    vehicle: Vehicle, parameters: Mapping[str, float], side: str
+) -> tuple[Callable, Callable, float]:
     """Of one shaft: dw/dt of (u, w, V), whether V breaks it away, and its thrust per (rev/s)^2."""
     beta, c1, c2, resistance, flux, coulomb, viscous, inertia = (
         parameters[f"{side}_{name}"]
         for name in "beta c1 c2 resistance torque_constant coulomb_friction viscous_friction inertia".split()
     )
-    rho, diameter, wake = vehicle.density, vehicle.diameter, vehicle.wake_fraction
+    rho = vehicle.density
+    diameter = vehicle.diameter
+    wake = vehicle.wake_fraction
 
     def rate(u, w, voltage):
         n = w / (2 * pi)
@@ -84,13 +96,17 @@ def shaft(vehicle: Vehicle, parameters: Mapping[str, float], side: str) -> tuple
 def stop(index: int) -> Callable:
     """The event of a shaft coming to rest."""
     event = lambda t, y: y[index]  # noqa: E731
-    event.terminal, event.direction = True, -1
+    event.terminal = True
+    event.direction = -1
     return event
 
 
-def sample(state: np.ndarray, hull: Callable, shafts: list, voltages: tuple, rtol: float) -> np.ndarray:
+def sample(
+    state: np.ndarray, hull: Callable, shafts: list, voltages: tuple, rtol: float
+) -> np.ndarray:
     """The state (u, two w, two angles) one sample later."""
-    state, time = np.array(state), 0.0
+    state = np.array(state)
+    time = 0.0
     while time < SAMPLE:
         moving = [state[1 + k] > 0 or shafts[k][1](voltages[k]) for k in range(2)]
 
@@ -100,18 +116,26 @@ def sample(state: np.ndarray, hull: Callable, shafts: list, voltages: tuple, rto
             return [hull(u) + shafts[0][2] * w[0] ** 2 + shafts[1][2] * w[1] ** 2, *spins, *w]
 
         events = [stop(1 + k) for k in range(2) if moving[k]]
-        solution = solve_ivp(rates, (time, SAMPLE), state, "DOP853", rtol=rtol, atol=0.1 * rtol, events=events)
-        state, time = solution.y[:, -1], solution.t[-1]
+        solution = solve_ivp(
+            rates, (time, SAMPLE), state, "DOP853", rtol=rtol, atol=0.1 * rtol, events=events
+        )
+        state = solution.y[:, -1]
+        time = solution.t[-1]
         for index, times in zip(np.flatnonzero(moving), solution.t_events, strict=True):
             state[1 + index] = 0.0 if len(times) else max(state[1 + index], 0.0)
     return state
 
 
-def solve(vehicle: Vehicle, parameters: Mapping[str, float], inputs: Inputs, rtol: float = 1e-11) -> np.ndarray:
+def solve(
+    vehicle: Vehicle, parameters: Mapping[str, float], inputs: Inputs, rtol: float = 1e-11
+) -> np.ndarray:
     """Surge speed, shaft speeds and the angles turned in each sample, (n_samples, 5), from rest."""
     shafts = [shaft(vehicle, parameters, side) for side in SIDES]
-    state, states = np.zeros(5), []
-    for port, starboard, rudder, plane, disturbance in zip(*(row.tolist() for row in inputs), strict=True):
+    state = np.zeros(5)
+    states = []
+    for port, starboard, rudder, plane, disturbance in zip(
+        *(row.tolist() for row in inputs), strict=True
+    ):
         drag = parameters["alpha"] + parameters["gamma"] * (rudder**2 + plane**2)
         hull = lambda u, drag=drag, push=disturbance: drag * u * abs(u) + push  # noqa: E731
         state[3:] = 0.0

@@ -57,7 +57,9 @@ def run(folder):
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     environment |= {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     command = [sys.executable, "-W", "ignore", "-c", SCRIPT]
-    printed = subprocess.run(command, cwd=folder, env=environment, check=True, capture_output=True, text=True).stdout
+    printed = subprocess.run(
+        command, cwd=folder, env=environment, check=True, capture_output=True, text=True
+    ).stdout
     return printed.splitlines()
 
 
@@ -67,7 +69,8 @@ def cached(folder):
 
 def edit(path, old, new):
     """Replace text by text of the same length and give the file its old time back."""
-    text, stat = path.read_text(encoding="utf-8"), path.stat()
+    text = path.read_text(encoding="utf-8")
+    stat = path.stat()
     assert text.count(old) == 1 and len(old) == len(new)
     path.write_text(text.replace(old, new), encoding="utf-8")
     os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns))
@@ -91,7 +94,8 @@ def test_cache_is_used_until_a_compiled_file_is_edited(project):
     assert files
     assert run(project) == first and cached(project) == files
     edit(package / "physics.py", "RPM = 30.0 / math.pi", "RPM = 20.0 / math.pi")
-    assert run(project) == first and cached(project) > files  # compiled anew; `advance` itself does not use RPM
+    # compiled anew; `advance` itself does not use RPM
+    assert run(project) == first and cached(project) > files
     edit(package / "parameters.py", "SAMPLE_RATE = 10.0", "SAMPLE_RATE = 20.0")
     assert run(project)[0] != first[0]
     edit(package / "parameters.py", "SAMPLE_RATE = 20.0", "SAMPLE_RATE = 10.0")
@@ -117,7 +121,11 @@ def module_name(path):
 
 def imported(path):
     """Files of the project whose names a file imports, found as Python's import system finds them."""
-    package = module_name(path) if path.name == "__init__.py" else module_name(path.parent / "__init__.py")
+    package = (
+        module_name(path)
+        if path.name == "__init__.py"
+        else module_name(path.parent / "__init__.py")
+    )
     found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -164,7 +172,9 @@ def reached(function, seen):
                 yield Path(file)
 
 
-@pytest.mark.parametrize("path", [path for path in MODULES if "@kernel" in path.read_text()], ids=module_name)
+@pytest.mark.parametrize(
+    "path", [path for path in MODULES if "@kernel" in path.read_text()], ids=module_name
+)
 def test_digest_of_every_kernel_covers_all_files_that_it_depends_on(path):
     functions = compiled(importlib.import_module(module_name(path)))
     assert functions

@@ -55,12 +55,23 @@ def test_spaces_are_the_documented_ones():
     assert env.observation_space.dtype == env.action_space.dtype == np.float32
     assert env.observation_space.shape == (12,) and env.action_space.shape == (3,)
     assert np.isfinite([env.observation_space.low, env.observation_space.high]).all()
-    np.testing.assert_array_equal(env.observation_space.low, np.float32([c.low for c in CHANNELS.values()]))
-    np.testing.assert_array_equal(env.observation_space.high, np.float32([c.high for c in CHANNELS.values()]))
+    np.testing.assert_array_equal(
+        env.observation_space.low, np.float32([c.low for c in CHANNELS.values()])
+    )
+    np.testing.assert_array_equal(
+        env.observation_space.high, np.float32([c.high for c in CHANNELS.values()])
+    )
     np.testing.assert_array_equal(env.action_space.high, np.float32([1.0, 0.4, 0.4]))
     assert tuple(CHANNELS) == (
         *("mission_speed", "speed_command", "rudder", "stern_plane", "speed", "acceleration"),
-        *("port_voltage", "port_current", "port_rpm", "starboard_voltage", "starboard_current", "starboard_rpm"),
+        *(
+            "port_voltage",
+            "port_current",
+            "port_rpm",
+            "starboard_voltage",
+            "starboard_current",
+            "starboard_rpm",
+        ),
     )
 
 
@@ -73,16 +84,24 @@ def test_info_and_truth_have_their_form(seed):
         assert set(truth) == {"label", "severity", "onset", "parameters", "state"}
         assert truth["label"] in classes() and tuple(truth["severity"]) == classes()[1:]
         assert tuple(truth["parameters"]) == tuple(PARAMETERS)
-        assert type(truth["onset"]) is float and (truth["onset"] >= 5.0 or math.isnan(truth["onset"]))
+        assert type(truth["onset"]) is float and (
+            truth["onset"] >= 5.0 or math.isnan(truth["onset"])
+        )
         assert set(CHANNELS) - set(list(CHANNELS)[:4]) <= set(truth["state"])
-        plain = [*truth["severity"].values(), *truth["parameters"].values(), *truth["state"].values()]
+        plain = [
+            *truth["severity"].values(),
+            *truth["parameters"].values(),
+            *truth["state"].values(),
+        ]
         assert {type(value) for value in plain} == {float} and np.isfinite(plain).all()
         assert observation.dtype == np.float32 and observation.shape == (12,)
 
 
 def test_truth_is_a_fresh_dictionary_every_step():
     rows = ride(PropulsionEnv(), 3, schedule=FAULTS)
-    rows[1][2]["truth"]["parameters"]["alpha"] = rows[1][2]["truth"]["severity"]["increased_drag"] = 7.0
+    rows[1][2]["truth"]["parameters"]["alpha"] = rows[1][2]["truth"]["severity"][
+        "increased_drag"
+    ] = 7.0
     assert rows[2][2]["truth"]["parameters"]["alpha"] < 0.0
     assert rows[2][2]["truth"]["severity"]["increased_drag"] == 0.0
     assert not any(np.shares_memory(one[0], two[0]) for one, two in itertools.pairwise(rows))
@@ -103,13 +122,17 @@ def test_energy_lies_between_the_powers_at_the_ends_of_the_sample():
     for (_, _, before), (_, _, after) in itertools.pairwise(rows):
         low = high = 0.0
         for side in SIDES:
-            state, parameters = after["truth"]["state"], after["truth"]["parameters"]
+            state = after["truth"]["state"]
+            parameters = after["truth"]["parameters"]
             flux = parameters[f"{side}_torque_constant"] * math.pi / 30.0
-            voltage, spin = state[f"{side}_voltage"], before["truth"]["state"][f"{side}_rpm"]
+            voltage = state[f"{side}_voltage"]
+            spin = before["truth"]["state"][f"{side}_rpm"]
             first = (voltage - flux * spin) / parameters[f"{side}_resistance"]
             ends = sorted(0.1 * voltage * current for current in (first, state[f"{side}_current"]))
-            low, high = low + ends[0], high + ends[1]
-        slack = 1e-9 + 2e-3 * max(abs(low), abs(high))  # while the shaft is steady the surge still moves the current
+            low = low + ends[0]
+            high = high + ends[1]
+        # while the shaft is steady the surge still moves the current
+        slack = 1e-9 + 2e-3 * max(abs(low), abs(high))
         assert low - slack <= after["energy"] <= high + slack
         wide += high - low > 1e-3
     assert wide > 100  # the bracket is put to the test by real transients
@@ -136,7 +159,9 @@ def test_readings_without_noise_are_the_true_state():
 def test_noise_of_the_readings_has_its_default_size():
     rows = ride(PropulsionEnv(), 600, mission="cruise", schedule=[])
     readings = list(CHANNELS)[4:]
-    errors = np.array([row[0][4:] - [row[2]["truth"]["state"][name] for name in readings] for row in rows])
+    errors = np.array(
+        [row[0][4:] - [row[2]["truth"]["state"][name] for name in readings] for row in rows]
+    )
     sigma = np.array([CHANNELS[name].noise for name in readings])
     np.testing.assert_allclose(errors.std(axis=0), sigma, rtol=0.15)
     assert (np.abs(errors.mean(axis=0)) < 4 * sigma / len(rows) ** 0.5).all()
@@ -152,9 +177,15 @@ def test_commands_are_observed_clipped():
     assert env.observation_space.contains(observation)
 
 
-@pytest.mark.parametrize("kind", [list, tuple, np.float32, np.float64], ids=["list", "tuple", "float32", "float64"])
+@pytest.mark.parametrize(
+    "kind", [list, tuple, np.float32, np.float64], ids=["list", "tuple", "float32", "float64"]
+)
 def test_an_action_may_be_any_sequence_of_numbers(kind):
-    action = kind([0.5, 0.0, 0.25]) if isinstance(kind(()), list | tuple) else np.array([0.5, 0.0, 0.25], kind)
+    action = (
+        kind([0.5, 0.0, 0.25])
+        if isinstance(kind(()), list | tuple)
+        else np.array([0.5, 0.0, 0.25], kind)
+    )
     env = PropulsionEnv()
     env.reset(seed=1)
     assert env.step(action)[0][1:4].tolist() == [0.5, 0.0, 0.25]
@@ -168,14 +199,18 @@ def test_same_seed_same_episode():
 
 def test_different_seeds_and_later_episodes_differ():
     env = PropulsionEnv()
-    starts = [env.reset(seed=seed)[0].tobytes() for seed in range(20)] + [env.reset()[0].tobytes() for _ in range(20)]
+    starts = [env.reset(seed=seed)[0].tobytes() for seed in range(20)] + [
+        env.reset()[0].tobytes() for _ in range(20)
+    ]
     assert len(set(starts)) == 40
     env.reset(seed=19)
     assert [env.reset()[0].tobytes() for _ in range(3)] == starts[20:23]
 
 
 def test_vehicles_differ_within_the_healthy_band():
-    alphas = np.array([PropulsionEnv().reset(seed=s)[1]["truth"]["parameters"]["alpha"] for s in range(200)])
+    alphas = np.array(
+        [PropulsionEnv().reset(seed=s)[1]["truth"]["parameters"]["alpha"] for s in range(200)]
+    )
     relative = alphas / PRESETS["thesis1992"].alpha - 1.0
     assert np.abs(relative).max() <= 0.05 and np.ptp(relative) > 0.09
 
@@ -183,25 +218,34 @@ def test_vehicles_differ_within_the_healthy_band():
 def test_without_a_band_the_vehicle_is_the_nominal_one():
     truth = PropulsionEnv(healthy_band=0.0).reset(seed=5, options={"schedule": []})[1]["truth"]
     preset = PRESETS["thesis1992"]
-    assert truth["parameters"]["alpha"] == preset.alpha and truth["parameters"]["port_c1"] == preset.c1
-    assert truth["parameters"]["port_beta"] == truth["parameters"]["starboard_beta"] == preset.beta / 2
+    assert (
+        truth["parameters"]["alpha"] == preset.alpha and truth["parameters"]["port_c1"] == preset.c1
+    )
+    assert (
+        truth["parameters"]["port_beta"] == truth["parameters"]["starboard_beta"] == preset.beta / 2
+    )
 
 
 @pytest.mark.parametrize("factor", ["sensor_noise", "disturbance", "healthy_band"])
 def test_make_takes_the_factors_of_the_design(factor):
-    default, off = gym.make(NAME, preset="thesis1992"), gym.make(NAME, **{factor: 0.0})
+    default = gym.make(NAME, preset="thesis1992")
+    off = gym.make(NAME, **{factor: 0.0})
     one, two = (env.reset(seed=1, options={"schedule": []}) for env in (default, off))
     changed = {
         "sensor_noise": lambda info: info["truth"]["parameters"]["speed_noise"],
         "disturbance": lambda info: info["truth"]["state"]["disturbance"],
-        "healthy_band": lambda info: info["truth"]["parameters"]["alpha"] - PRESETS["thesis1992"].alpha,
+        "healthy_band": lambda info: (
+            info["truth"]["parameters"]["alpha"] - PRESETS["thesis1992"].alpha
+        ),
     }
     for name, value in changed.items():
         assert value(one[1]) != 0.0
         assert (value(two[1]) == 0.0) == (name == factor)
 
 
-@pytest.mark.parametrize("preset", [*PRESETS, dataclasses.replace(PRESETS["thesis1992"], name="mine", alpha=-0.2)])
+@pytest.mark.parametrize(
+    "preset", [*PRESETS, dataclasses.replace(PRESETS["thesis1992"], name="mine", alpha=-0.2)]
+)
 def test_make_takes_presets_and_vehicles(preset):
     vehicle = preset if not isinstance(preset, str) else PRESETS[preset]
     _, info = gym.make(NAME, preset=preset, healthy_band=0.0).reset(seed=1)
@@ -217,16 +261,29 @@ def test_time_limit_truncates_and_nothing_terminates(limit):
 
 
 def test_every_element_varies_and_stays_inside_under_random_actions():
-    n, steps = 10 * (len(CATALOGUE) + 1), 200  # 102000 lane-steps: every fault at severity 1, and healthy lanes
+    # 102000 lane-steps: every fault at severity 1, and healthy lanes
+    n = 10 * (len(CATALOGUE) + 1)
+    steps = 200
     schedules = [[{"fault": name, "onset": 1.0, "severity": 1.0}] for name in CATALOGUE] + [[]]
-    env, random = PropulsionVectorEnv(n), np.random.default_rng(0)
+    env = PropulsionVectorEnv(n)
+    random = np.random.default_rng(0)
     rows = [env.reset(seed=77, options={"schedules": schedules * 10})[0]]
-    low, high = env.action_space.low, env.action_space.high
+    low = env.action_space.low
+    high = env.action_space.high
     for step in range(steps):
-        rows.append(env.step(random.uniform(low, high) if step % 20 < 10 else random.choice([0.0, 1.0], (n, 3)))[0])
+        rows.append(
+            env.step(
+                random.uniform(low, high) if step % 20 < 10 else random.choice([0.0, 1.0], (n, 3))
+            )[0]
+        )
     rows = np.array(rows)
     assert np.isfinite(rows).all()
-    assert (rows >= env.single_observation_space.low).all() and (rows <= env.single_observation_space.high).all()
+    assert (rows >= env.single_observation_space.low).all() and (
+        rows <= env.single_observation_space.high
+    ).all()
     healthy = rows[:, len(CATALOGUE) :: len(CATALOGUE) + 1]
-    assert (np.ptp(healthy[:, :, 1:], axis=0) > 0.0).all()  # in every healthy lane; the mission speed has its legs
-    assert (np.ptp(rows, axis=(0, 1)) > 0.1).all() and np.ptp(rows[0], axis=0)[[0, 4, 6, 8]].min() > 0.0
+    # in every healthy lane; the mission speed has its legs
+    assert (np.ptp(healthy[:, :, 1:], axis=0) > 0.0).all()
+    assert (np.ptp(rows, axis=(0, 1)) > 0.1).all() and np.ptp(rows[0], axis=0)[
+        [0, 4, 6, 8]
+    ].min() > 0.0

@@ -13,9 +13,11 @@ from auv_fault_env import PRESETS, FaultEvent, Fleet, Mission, from_json, load_s
 from auv_fault_env.env import PropulsionEnv, PropulsionVectorEnv
 
 LINE = re.compile(r"(?P<thing>.+?): got (?P<got>.+); allowed is (?P<allowed>.+); (?P<remedy>[^;]+)")
-NAN, INF = math.nan, math.inf
+NAN = math.nan
+INF = math.inf
 EVENT = {"fault": "increased_drag", "onset": 1.0, "severity": 0.5}
-FRACTION, POSITIVE = r"0 to 1$", r"a whole number from 1$"
+FRACTION = r"0 to 1$"
+POSITIVE = r"a whole number from 1$"
 
 
 def assert_refused(call, thing, got, allowed, remedy=".+", kind=ValueError):
@@ -47,10 +49,28 @@ def vector(**options):
 
 
 EVENTS = {
-    "unknown_fault": (event(fault="propeler_loss:port"), "fault", "propeler", "propeller_loss:port", "did you mean"),
-    "fault_far_from_any": (event(fault="zzzzzz"), "fault", "zzzzzz", "one of .*increased_drag", "list"),
+    "unknown_fault": (
+        event(fault="propeler_loss:port"),
+        "fault",
+        "propeler",
+        "propeller_loss:port",
+        "did you mean",
+    ),
+    "fault_far_from_any": (
+        event(fault="zzzzzz"),
+        "fault",
+        "zzzzzz",
+        "one of .*increased_drag",
+        "list",
+    ),
     "fault_none": (event(fault=None), "fault", "None", "one of increased_drag", "list"),
-    "fault_array": (event(fault=np.array(["increased_drag"] * 2)), "fault", "array", "one of", "list"),
+    "fault_array": (
+        event(fault=np.array(["increased_drag"] * 2)),
+        "fault",
+        "array",
+        "one of",
+        "list",
+    ),
     "severity_above_one": (event(severity=1.01), "severity of increased_drag", "1.01", FRACTION),
     "severity_in_percent": (event(severity=50), "severity", "50", FRACTION),
     "severity_negative": (event(severity=-0.1), "severity", "-0.1", FRACTION),
@@ -66,8 +86,18 @@ EVENTS = {
     "onset_negative": (event(onset=-1), "onset of increased_drag", "-1", "0 to 1e"),
     "onset_nan": (event(onset=NAN), "onset", "nan", "0 to 1e"),
     "onset_infinite": (event(onset=INF), "onset", "inf", "0 to 1e"),
-    "onset_after_its_end": (event(onset=5, end=3), "onset of increased_drag", "5.0", "before its end at 3 s"),
-    "onset_at_its_end": (event(onset=3, end=3), "onset of increased_drag", "3.0", "before its end at 3 s"),
+    "onset_after_its_end": (
+        event(onset=5, end=3),
+        "onset of increased_drag",
+        "5.0",
+        "before its end at 3 s",
+    ),
+    "onset_at_its_end": (
+        event(onset=3, end=3),
+        "onset of increased_drag",
+        "3.0",
+        "before its end at 3 s",
+    ),
     "ramp_negative": (event(ramp=-1), "ramp of", "-1", "0 to 1e"),
     "end_null": (event(end=None), "end of", "None", "0 to inf"),
     "period_nan": (event(period=NAN), "period of", "nan", "0 to 1e"),
@@ -112,7 +142,12 @@ SCHEDULES = {
         "given",
         "'severity'",
     ),
-    "name_instead_of_path": ("increased_drag", "schedule file", "'increased_drag'", "a readable JSON file"),
+    "name_instead_of_path": (
+        "increased_drag",
+        "schedule file",
+        "'increased_drag'",
+        "a readable JSON file",
+    ),
     "empty_path": ("", "schedule file", "''", "a readable JSON file"),
     "bad_severity": ([EVENT | {"severity": 2}], "severity of increased_drag", "2", FRACTION),
 }
@@ -128,7 +163,8 @@ def test_schedules(case, environment):
 @pytest.mark.parametrize("onset", [60.0, 61, 1e9])
 @pytest.mark.parametrize("form", ["gym_make", "vector", "vector_by_lane", "make_vec"])
 def test_onset_after_the_end_of_the_episode(onset, form):
-    late, name = [EVENT | {"onset": onset}], "auv_fault_env/Propulsion-v0"
+    late = [EVENT | {"onset": onset}]
+    name = "auv_fault_env/Propulsion-v0"
     calls = {
         "gym_make": lambda: gym.make(name).reset(options={"schedule": late}),
         "vector": vector(schedule=late),
@@ -136,7 +172,11 @@ def test_onset_after_the_end_of_the_episode(onset, form):
         "make_vec": lambda: gym.make_vec(name, num_envs=2).reset(options={"schedule": late}),
     }
     assert_refused(
-        calls[form], "onset of increased_drag", f"{float(onset)}", "before the episode's end at 60 s", "raise"
+        calls[form],
+        "onset of increased_drag",
+        f"{float(onset)}",
+        "before the episode's end at 60 s",
+        "raise",
     )
 
 
@@ -145,11 +185,18 @@ def test_a_longer_episode_takes_a_later_onset():
     assert longer.reset(options={"schedule": [LATE]})[1]["truth"]["onset"].tolist() == [60.0, 60.0]
     longer = gym.make("auv_fault_env/Propulsion-v0", max_episode_steps=700, horizon=70.0)
     assert longer.reset(options={"schedule": [LATE]})[1]["truth"]["onset"] == 60.0
-    assert PropulsionEnv(horizon=math.inf).reset(options={"schedule": [LATE]})[1]["truth"]["onset"] == 60.0
+    assert (
+        PropulsionEnv(horizon=math.inf).reset(options={"schedule": [LATE]})[1]["truth"]["onset"]
+        == 60.0
+    )
 
 
 BROKEN = {
-    "missing_comma": ('[\n {"fault": "increased_drag" "onset": 1}\n]', r"line 2 column 29", "delimiter"),
+    "missing_comma": (
+        '[\n {"fault": "increased_drag" "onset": 1}\n]',
+        r"line 2 column 29",
+        "delimiter",
+    ),
     "empty": ("", r"line 1 column 1", "Expecting value"),
     "trailing_text": ("[] x", r"line 1 column 4", "Extra data"),
     "single_quotes": ("[{'fault': 1}]", r"line 1 column 3", "double quotes"),
@@ -157,7 +204,11 @@ BROKEN = {
     "text": ('"increased_drag"', "^schedule$", "str"),
     "null": ("null", "^schedule$", "NoneType"),
     "too_deep": ("[" * 100_000, "^schedule", "."),
-    "endless_number": (f'[{{"fault": "increased_drag", "onset": 1{"0" * 5000}, "severity": 1}}]', "^schedule", "."),
+    "endless_number": (
+        f'[{{"fault": "increased_drag", "onset": 1{"0" * 5000}, "severity": 1}}]',
+        "^schedule",
+        ".",
+    ),
 }
 
 
@@ -170,24 +221,44 @@ def test_broken_json(case):
 def test_broken_json_file_names_the_file_and_the_place(tmp_path):
     path = tmp_path / "broken.json"
     path.write_text('[\n\n  {"fault"}]')
-    assert_refused(lambda: load_schedule(path), r"broken\.json, line 3 column 11", "delimiter", "a JSON list", "mend")
+    assert_refused(
+        lambda: load_schedule(path),
+        r"broken\.json, line 3 column 11",
+        "delimiter",
+        "a JSON list",
+        "mend",
+    )
 
 
 @pytest.mark.parametrize(
-    "kind", ["missing", "directory", "binary", "utf16", "name_too_long", "null_in_the_name", "newline"]
+    "kind",
+    ["missing", "directory", "binary", "utf16", "name_too_long", "null_in_the_name", "newline"],
 )
 def test_unreadable_files(kind, tmp_path):
     path = tmp_path / "schedule.json"
     contents = {"binary": bytes(range(256)), "utf16": "[]".encode("utf-16")}
     if kind in contents:
         path.write_bytes(contents[kind])
-    names = dict(directory=tmp_path, name_too_long="x" * 300, null_in_the_name="a\0b", newline="a\nb.json")
+    names = dict(
+        directory=tmp_path, name_too_long="x" * 300, null_in_the_name="a\0b", newline="a\nb.json"
+    )
     name = str(names.get(kind, path))
-    assert_refused(single(schedule=name), "schedule file", re.escape(repr(name)[:100]), "a readable JSON file", "check")
+    assert_refused(
+        single(schedule=name),
+        "schedule file",
+        re.escape(repr(name)[:100]),
+        "a readable JSON file",
+        "check",
+    )
 
 
 def test_missing_file_given_as_a_path():
-    assert_refused(single(schedule=Path("no") / "where.json"), "schedule file", "where.json", "a readable JSON file")
+    assert_refused(
+        single(schedule=Path("no") / "where.json"),
+        "schedule file",
+        "where.json",
+        "a readable JSON file",
+    )
 
 
 def legs(*pairs):
@@ -197,14 +268,30 @@ def legs(*pairs):
 SPEED = "0 to 1$"
 FORM = r"a name, a speed or a list of \(start, speed\)"
 MISSIONS = {
-    "unknown": ("crusie", "^mission$", "'crusie'", "one of thesis, acceleration, cruise", "did you mean 'cruise'"),
+    "unknown": (
+        "crusie",
+        "^mission$",
+        "'crusie'",
+        "one of thesis, acceleration, cruise",
+        "did you mean 'cruise'",
+    ),
     "number_as_text": ("0.3", "^mission$", "'0.3'", "one of thesis"),
     "negative": (-0.1, "mission speed", "-0.1", SPEED),
     "in_knots": (2.0, "mission speed", "2.0", SPEED),
     "nan": (NAN, "mission speed", "nan", SPEED),
     "bool": (True, "mission", "True", "."),
-    "unordered": (legs((0, 0.3), (5, 0.2), (3, 0.1)), "mission legs", r"5.0, 3.0", "begin at 0 and ascend"),
-    "repeated_start": (legs((0, 0.3), (0, 0.2)), "mission legs", r"0.0, 0.0", "begin at 0 and ascend"),
+    "unordered": (
+        legs((0, 0.3), (5, 0.2), (3, 0.1)),
+        "mission legs",
+        r"5.0, 3.0",
+        "begin at 0 and ascend",
+    ),
+    "repeated_start": (
+        legs((0, 0.3), (0, 0.2)),
+        "mission legs",
+        r"0.0, 0.0",
+        "begin at 0 and ascend",
+    ),
     "late_start": (legs((1, 0.3)), "mission legs", r"1.0", "begin at 0 and ascend"),
     "negative_start": (legs((-1, 0.3), (0, 0.3)), "start of a mission leg", "-1", "0 to 1e"),
     "empty": ([], "mission legs", r"\[\]", "begin at 0 and ascend"),
@@ -234,7 +321,13 @@ ACTIONS = {
     "nan": ([0.3, NAN, 0.0], "action, rudder", "nan", "finite"),
     "infinite": ([0.3, 0.0, -INF], "action, stern_plane", "-inf", "finite"),
     "both_infinities": ([INF, -INF, 0.0], "action, speed_command", "inf", "finite"),
-    "too_short": ([0.3, 0.0], "shape of the action", r"2[,)]", "3", "speed_command, rudder, stern_plane"),
+    "too_short": (
+        [0.3, 0.0],
+        "shape of the action",
+        r"2[,)]",
+        "3",
+        "speed_command, rudder, stern_plane",
+    ),
     "nested": ([[[0.3, 0.0, 0.0]]], "shape of the action", r"1, 3\)", "3"),
     "number": (0.3, "shape of the action", r"\(", "3"),
     "none": (None, "action", ".", "."),
@@ -257,7 +350,8 @@ def test_actions(case, lanes):
 
 
 def test_a_refused_action_leaves_the_episode_as_it_was():
-    env, twin = PropulsionEnv(), PropulsionEnv()
+    env = PropulsionEnv()
+    twin = PropulsionEnv()
     for one in (env, twin):
         one.reset(seed=1)
     with pytest.raises(ValueError, match="action"):
@@ -265,18 +359,26 @@ def test_a_refused_action_leaves_the_episode_as_it_was():
     assert env.step([0.3, 0.0, 0.0])[0].tobytes() == twin.step([0.3, 0.0, 0.0])[0].tobytes()
 
 
-@pytest.mark.parametrize("shape", [(1, 3), (2, 3), (4, 3), (3,), (9,), (3, 2), (3, 4), (0, 3)], ids=str)
+@pytest.mark.parametrize(
+    "shape", [(1, 3), (2, 3), (4, 3), (3,), (9,), (3, 2), (3, 4), (0, 3)], ids=str
+)
 @pytest.mark.parametrize("maker", [PropulsionVectorEnv, Fleet])
 def test_actions_of_a_wrong_shape_never_reach_the_kernel(maker, shape):
     one = maker(3)
     one.reset(seed=1) if maker is PropulsionVectorEnv else one.reset([1, 2, 3])
-    assert_refused(lambda: one.step(np.zeros(shape)), "shape of the action", re.escape(str(shape)), r"\(3, 3\)")
+    assert_refused(
+        lambda: one.step(np.zeros(shape)), "shape of the action", re.escape(str(shape)), r"\(3, 3\)"
+    )
 
 
-@pytest.mark.parametrize("maker", [PropulsionEnv, lambda: PropulsionVectorEnv(2)], ids=["single", "vector"])
+@pytest.mark.parametrize(
+    "maker", [PropulsionEnv, lambda: PropulsionVectorEnv(2)], ids=["single", "vector"]
+)
 def test_step_before_reset(maker):
     call = lambda: maker().step(np.zeros(3))  # noqa: E731
-    assert_refused(call, "step", "no reset", "after a reset", r"reset\(\)", kind=gym.error.ResetNeeded)
+    assert_refused(
+        call, "step", "no reset", "after a reset", r"reset\(\)", kind=gym.error.ResetNeeded
+    )
 
 
 def factor(**changes):
@@ -303,7 +405,13 @@ ARGUMENTS = {
     "disturbance_text": (factor(disturbance="1"), "disturbance", "'1'", "0 to 10"),
     "band_text": (factor(healthy_band="1"), "healthy_band", "'1'", "0 to 10"),
     "band_in_percent": (factor(healthy_band=100), "healthy_band", "100", "0 to 10"),
-    "render_mode": (factor(render_mode="humann"), "render_mode", "humann", "one of rgb_array, human", "human"),
+    "render_mode": (
+        factor(render_mode="humann"),
+        "render_mode",
+        "humann",
+        "one of rgb_array, human",
+        "human",
+    ),
     "positive_alpha": (vehicle(alpha=0.1), "alpha", "0.1", "-10 to -0.0001"),
     "alpha_nan": (vehicle(alpha=NAN), "alpha", "nan", "-10 to"),
     "alpha_text": (vehicle(alpha="-0.1"), "alpha", "'-0.1'", "-10 to"),

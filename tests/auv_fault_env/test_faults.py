@@ -18,13 +18,24 @@ READINGS_AT = slice(len(CHANNELS) - len(READINGS), None)
 QUIET = dict(sensor_noise=0.0, disturbance=0.0, healthy_band=0.0)
 # thesis V.C and V.D
 TABLE_5_1 = {"normal", "increased seal friction", "increased drag", "degraded propeller"}
-TABLE_5_2 = {"normal", "increased drag", "decreased drag", "decreased propulsion", "severe propulsion failure"}
+TABLE_5_2 = {
+    "normal",
+    "increased drag",
+    "decreased drag",
+    "decreased propulsion",
+    "severe propulsion failure",
+}
 PLACES = {
     "normal": ("normal", "normal"),
     "increased_drag": ("increased drag", "increased drag"),
     "decreased_drag": (None, "decreased drag"),
-    **{f"propeller_damage:{side}": ("degraded propeller", "decreased propulsion") for side in SIDES},
-    **{f"propeller_loss:{side}": ("degraded propeller", "severe propulsion failure") for side in SIDES},
+    **{
+        f"propeller_damage:{side}": ("degraded propeller", "decreased propulsion") for side in SIDES
+    },
+    **{
+        f"propeller_loss:{side}": ("degraded propeller", "severe propulsion failure")
+        for side in SIDES
+    },
     **{f"seal_friction:{side}": ("increased seal friction", None) for side in SIDES},
     **{f"motor_overheating:{side}": (None, None) for side in SIDES},
     **{f"sensor:{channel}": (None, None) for channel in READINGS},
@@ -34,7 +45,8 @@ every_fault = pytest.mark.parametrize("name", CATALOGUE)
 
 def ride(*schedules, seed=5, steps=300, **factors):
     """Observations (steps + 1, n_lanes, n_channels) and parameters in force at the end; all lanes have one seed."""
-    fleet, n = Fleet(len(schedules), **factors), len(schedules)
+    fleet = Fleet(len(schedules), **factors)
+    n = len(schedules)
     rows = [fleet.reset([seed] * n, schedules=schedules, missions=[MISSIONS["thesis"]] * n)]
     for _ in range(steps):
         rows.append(fleet.step(np.c_[rows[-1][:, 0], np.full((n, 2), 0.1)]))
@@ -43,7 +55,10 @@ def ride(*schedules, seed=5, steps=300, **factors):
 
 def faulty(fault, healthy, severity=1.0):
     """The fault's parameters by the documented formula."""
-    values = {name: value * (1 + severity * (fault.scale.get(name, 1.0) - 1)) for name, value in healthy.items()}
+    values = {
+        name: value * (1 + severity * (fault.scale.get(name, 1.0) - 1))
+        for name, value in healthy.items()
+    }
     return {name: value + severity * fault.offset.get(name, 0.0) for name, value in values.items()}
 
 
@@ -65,7 +80,8 @@ def test_same_seed_is_the_exact_twin_until_the_onset(name):
 @every_fault
 @pytest.mark.parametrize("preset", PRESETS)
 def test_parameters_stay_physical_at_severity_one(name, preset):
-    for spread in (0.0, -1.0, 1.0, -10.0, 10.0):  # nominal, ends of the default band, ends of the widest band
+    # nominal, ends of the default band, ends of the widest band
+    for spread in (0.0, -1.0, 1.0, -10.0, 10.0):
         healthy = {
             parameter: value * (1 + spread * PARAMETERS[parameter].band)
             for parameter, value in nominal(PRESETS[preset]).items()
@@ -79,7 +95,9 @@ def test_parameters_in_force_follow_the_formula(name):
     _, parameters = ride((FaultEvent(name, 0.2, 0.7),), (), steps=4)
     healthy = {parameter: float(value[1]) for parameter, value in parameters.items()}
     expected = faulty(CATALOGUE[name], healthy, 0.7)
-    assert {parameter: float(value[0]) for parameter, value in parameters.items()} == pytest.approx(expected, rel=1e-14)
+    assert {parameter: float(value[0]) for parameter, value in parameters.items()} == pytest.approx(
+        expected, rel=1e-14
+    )
     assert expected != healthy
 
 
@@ -98,7 +116,10 @@ def test_a_reading_moves_beyond_its_noise_under_a_speed_change(name):
 
 @every_fault
 def test_json_round_trip_is_exact(name):
-    events = (FaultEvent(name, 0.1 + 0.2, 1 / 3), FaultEvent(name, 1e-9, 1.0, 2 / 3, 1e3 / 7, np.pi, 0.1))
+    events = (
+        FaultEvent(name, 0.1 + 0.2, 1 / 3),
+        FaultEvent(name, 1e-9, 1.0, 2 / 3, 1e3 / 7, np.pi, 0.1),
+    )
     assert from_json(to_json(events)) == events
 
 
@@ -113,8 +134,11 @@ def test_an_entry_is_complete(name):
 @pytest.mark.parametrize("name", [name for name in CATALOGUE if name.endswith(":port")])
 def test_a_port_fault_mirrors_the_starboard_fault(name):
     twin = name.replace(":port", ":starboard")
-    observations, _ = ride((FaultEvent(name, ONSET, 0.6),), (FaultEvent(twin, ONSET, 0.6),), **QUIET)
-    port, starboard = observations[:, 0], observations[:, 1]
+    observations, _ = ride(
+        (FaultEvent(name, ONSET, 0.6),), (FaultEvent(twin, ONSET, 0.6),), **QUIET
+    )
+    port = observations[:, 0]
+    starboard = observations[:, 1]
     mirrored = starboard[:, [0, 1, 2, 3, 4, 5, 9, 10, 11, 6, 7, 8]]
     np.testing.assert_allclose(port, mirrored, rtol=1e-5, atol=1e-5)
     assert np.abs(port - starboard).max() > 0.1
@@ -125,9 +149,12 @@ def test_broken_sensors_read_as_documented(channel):
     kinds = ("bias", "scale", "stuck", "dropout")
     schedules = [(FaultEvent(f"sensor_{kind}:{channel}", ONSET, 1.0),) for kind in kinds]
     observations, parameters = ride(*schedules, seed=2, **QUIET | {"healthy_band": 1.0})
-    column, onset = list(CHANNELS).index(channel), round(10 * ONSET)
+    column = list(CHANNELS).index(channel)
+    onset = round(10 * ONSET)
     assert (observations[onset + 1 :, 2, column] == observations[onset, 2, column]).all()
-    assert (observations[onset + 1 :, 3, column] == 0.0).all() and (observations[1:onset, 3, column] != 0.0).all()
+    assert (observations[onset + 1 :, 3, column] == 0.0).all() and (
+        observations[1:onset, 3, column] != 0.0
+    ).all()
     assert parameters[f"{channel}_bias"][0] != 0.0 and parameters[f"{channel}_gain"][1] != 1.0
     assert np.isfinite(observations).all()
 
@@ -145,7 +172,9 @@ def test_noise_fault_grows_the_noise_tenfold():
     event = FaultEvent("sensor_noise:port_current", 0.0, 1.0)
     fleet = Fleet(2000, disturbance=0.0, healthy_band=0.0)
     missions = [MISSIONS["cruise"]] * 2000
-    observations = fleet.reset(range(2000), schedules=[(event,)] * 1000 + [()] * 1000, missions=missions)
+    observations = fleet.reset(
+        range(2000), schedules=[(event,)] * 1000 + [()] * 1000, missions=missions
+    )
     current = observations[:, list(CHANNELS).index("port_current")]
     sigma = CHANNELS["port_current"].noise
     assert np.std(current[:1000]) == pytest.approx(10 * sigma, rel=0.1)
@@ -166,11 +195,15 @@ def test_labels_cover_both_tables():
 def test_classes_begin_with_normal_and_group_sensors_by_channel():
     assert classes()[0] == "normal"
     assert len(set(classes())) == len(classes()) == 1 + 2 + 4 * len(SIDES) + len(READINGS)
-    assert [name for name in classes() if name.startswith("sensor")] == [f"sensor:{channel}" for channel in READINGS]
+    assert [name for name in classes() if name.startswith("sensor")] == [
+        f"sensor:{channel}" for channel in READINGS
+    ]
 
 
 def ice():
-    return Fault("ice_on_hull", "hull", scale={"alpha": 1.4, "gamma": 1.2}, about="Ice.", source="estimate")
+    return Fault(
+        "ice_on_hull", "hull", scale={"alpha": 1.4, "gamma": 1.2}, about="Ice.", source="estimate"
+    )
 
 
 def test_a_new_fault_needs_one_entry(monkeypatch):
@@ -179,7 +212,10 @@ def test_a_new_fault_needs_one_entry(monkeypatch):
     assert classes()[-1] == "ice_on_hull" and labels()["ice_on_hull"] == (None, None)
     event = FaultEvent("ice_on_hull", 0.1, 0.5)
     assert from_json(to_json((event,))) == (event,)
-    sampled = [ScheduleSampler(prior={"ice_on_hull": 1.0}, healthy=0.0, compound=0.0).sample(seed) for seed in range(9)]
+    sampled = [
+        ScheduleSampler(prior={"ice_on_hull": 1.0}, healthy=0.0, compound=0.0).sample(seed)
+        for seed in range(9)
+    ]
     assert [schedule[0].fault for schedule in sampled] == ["ice_on_hull"] * 9
     observations, parameters = ride((event,), (), **QUIET)
     assert parameters["alpha"][0] == pytest.approx(1.2 * parameters["alpha"][1], rel=1e-14)
@@ -190,12 +226,16 @@ def test_a_new_fault_needs_one_entry(monkeypatch):
 @pytest.mark.parametrize("vector", [False, True], ids=["single", "vector"])
 def test_a_new_fault_appears_in_the_truth(monkeypatch, vector):
     monkeypatch.setitem(CATALOGUE, "ice_on_hull", ice())
-    name, options = "auv_fault_env/Propulsion-v0", {"schedule": [FaultEvent("ice_on_hull", 0.1, 0.5)]}
+    name = "auv_fault_env/Propulsion-v0"
+    options = {"schedule": [FaultEvent("ice_on_hull", 0.1, 0.5)]}
     env = gym.make_vec(name, num_envs=2) if vector else gym.make(name)
     env.reset(seed=1, options=options)
     action = np.zeros(env.action_space.shape, np.float32)
     truth = [dict(env.step(action)[4]["truth"]) for _ in range(2)]
-    assert np.ravel(truth[0]["label"])[0] == "normal" and np.ravel(truth[1]["label"])[-1] == "ice_on_hull"
+    assert (
+        np.ravel(truth[0]["label"])[0] == "normal"
+        and np.ravel(truth[1]["label"])[-1] == "ice_on_hull"
+    )
     assert np.ravel(truth[1]["severity"]["ice_on_hull"])[-1] == 0.5
 
 
@@ -225,7 +265,9 @@ def test_fault_added_beside_open_environments_strikes_in_them(monkeypatch):
 
 def test_compound_of_many_stops_at_the_physical_limits():
     fleet = Fleet(1)
-    events = [FaultEvent("increased_drag", 0.0, 1.0)] * 30 + [FaultEvent("sensor_stuck:speed", 0.0, 1.0)] * 3
+    events = [FaultEvent("increased_drag", 0.0, 1.0)] * 30 + [
+        FaultEvent("sensor_stuck:speed", 0.0, 1.0)
+    ] * 3
     fleet.reset(seeds=[1], schedules=[tuple(events)])
     for _ in range(20):
         observation = fleet.step(np.array([[0.5, 0.0, 0.0]]))

@@ -5,7 +5,16 @@ import sys
 
 import pytest
 
-HEAVY = ["torch", "stable_baselines3", "matplotlib", "pygame", "pandas", "pyarrow", "diagnosers", "training"]
+HEAVY = [
+    "torch",
+    "stable_baselines3",
+    "matplotlib",
+    "pygame",
+    "pandas",
+    "pyarrow",
+    "diagnosers",
+    "training",
+]
 SCRIPT = """
 import sys
 import auv_fault_env, gymnasium
@@ -16,7 +25,9 @@ print(" ".join({name.partition(".")[0] for name in sys.modules}))
 
 @pytest.fixture(scope="module")
 def loaded():
-    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, timeout=300, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT], capture_output=True, text=True, timeout=300, check=True
+    )
     assert done.stderr == ""
     return set(done.stdout.split())
 

@@ -17,7 +17,10 @@ LIMITS = np.array([[channel.low, channel.high] for channel in list(CHANNELS.valu
 
 def actions_of(seeds, n_steps):
     """Random commands that change every second, some beyond the limits, (n_steps, n_lanes, 3)."""
-    draws = np.stack([np.random.default_rng(seed).uniform(-0.1, 1.1, (-(-n_steps // 10), 3)) for seed in seeds], axis=1)
+    draws = np.stack(
+        [np.random.default_rng(seed).uniform(-0.1, 1.1, (-(-n_steps // 10), 3)) for seed in seeds],
+        axis=1,
+    )
     return np.repeat(LIMITS[:, 0] + draws * (LIMITS[:, 1] - LIMITS[:, 0]), 10, axis=0)[:n_steps]
 
 
@@ -25,9 +28,11 @@ def history(seeds, n_steps, parallel=False, keep=slice(None)):
     """Observations and outcomes of the lanes `keep`, (n_steps + 1, n_kept, n_channels) and (n_steps, n_kept, 4)."""
     fleet = Fleet(len(seeds), parallel=parallel)
     if parallel and fleet.table.shape[0] > 1:
-        middle, last = fleet.table.shape[0] // 2, fleet.table.shape[0]
+        middle = fleet.table.shape[0] // 2
+        last = fleet.table.shape[0]
         fleet._shares = [(0, middle), (middle, last)]  # two threads even on one core
-    observations, outcomes = [fleet.reset(seeds=seeds)[keep].copy()], []
+    observations = [fleet.reset(seeds=seeds)[keep].copy()]
+    outcomes = []
     for actions in actions_of(seeds, n_steps):
         observations.append(fleet.step(actions)[keep].copy())
         outcomes.append(fleet.outcomes.T[keep].copy())
@@ -74,15 +79,19 @@ def test_later_episode_is_the_same_alone_and_in_a_fleet():
 
 @pytest.mark.parametrize("factor", [1.0, 3.0])
 def test_disturbance_has_the_stated_deviation_and_correlation_time(factor):
-    vehicle, n_lanes, n_steps = PRESETS["thesis1992"], 4096, 101
-    fleet, pushes = Fleet(n_lanes, disturbance=factor), []
+    vehicle = PRESETS["thesis1992"]
+    n_lanes = 4096
+    n_steps = 101
+    fleet = Fleet(n_lanes, disturbance=factor)
+    pushes = []
     fleet.reset(seeds=range(n_lanes), schedules=[()] * n_lanes)
     for actions in np.zeros((n_steps, n_lanes, 3)):
         pushes.append(fleet.table[:, layout.DISTURBANCE].ravel().copy())
         fleet.step(actions)
     pushes = np.array(pushes)
     std = factor * vehicle.disturbance_std
-    assert np.abs(pushes.std(axis=1) / std - 1).max() < 5 / math.sqrt(2 * n_lanes)  # stationary from the start
+    # stationary from the start
+    assert np.abs(pushes.std(axis=1) / std - 1).max() < 5 / math.sqrt(2 * n_lanes)
     assert np.abs(pushes.mean(axis=1)).max() < 5 * std / math.sqrt(n_lanes)
     for lag in (1, 10, 50, 100):
         product = np.mean(pushes[lag:] * pushes[:-lag]) / std**2
@@ -103,7 +112,10 @@ def test_resetting_a_lane_leaves_the_truth_of_the_others_alone():
         fleet.step(np.zeros((2, 3)))
     before = FleetTruth(fleet)["parameters"]["alpha"][1]
     fleet.reset(lanes=np.array([0]))
-    assert FleetTruth(fleet)["label"][1] == "normal" and FleetTruth(fleet)["parameters"]["alpha"][1] == before
+    assert (
+        FleetTruth(fleet)["label"][1] == "normal"
+        and FleetTruth(fleet)["parameters"]["alpha"][1] == before
+    )
     fleet.step(np.zeros((2, 3)))
     assert FleetTruth(fleet)["label"][1] == "increased_drag"
 
@@ -122,9 +134,15 @@ def test_a_fleet_is_reset_before_it_steps():
 
 
 def test_the_steady_start_stays_within_supply_and_command():
-    schedule = tuple(FaultEvent(f"propeller_loss:{side}", 0.0, 0.98) for side in ("port", "starboard"))
+    schedule = tuple(
+        FaultEvent(f"propeller_loss:{side}", 0.0, 0.98) for side in ("port", "starboard")
+    )
     fleet = Fleet(1, sensor_noise=0.0)
     observation = dict(
-        zip(CHANNELS, fleet.reset([1], schedules=[schedule], missions=[Mission(((0.0, 1.0),))])[0], strict=True)
+        zip(
+            CHANNELS,
+            fleet.reset([1], schedules=[schedule], missions=[Mission(((0.0, 1.0),))])[0],
+            strict=True,
+        )
     )
     assert observation["port_voltage"] <= 24.0 and observation["port_rpm"] <= 1500.0

@@ -13,7 +13,8 @@ LATE = 320  # steps: every sampled fault has begun
 
 def accuracy(features, labels):
     """Held-out accuracy of least squares on the standardised features and their products, one output per class."""
-    spread, training = features.std(axis=0), len(labels) // 2
+    spread = features.std(axis=0)
+    training = len(labels) // 2
     scaled = (features - features.mean(axis=0))[:, spread > 0] / spread[spread > 0]
     one, two = np.triu_indices(scaled.shape[1])
     design = np.c_[np.ones(len(labels)), scaled, scaled[:, one] * scaled[:, two]]
@@ -53,7 +54,9 @@ def task(request, episodes):
     if request.param == "which_class":
         return episodes
     faulty = labels != "normal"
-    lanes = np.sort(np.r_[np.flatnonzero(~faulty), np.flatnonzero(faulty)[: np.count_nonzero(~faulty)]])
+    lanes = np.sort(
+        np.r_[np.flatnonzero(~faulty), np.flatnonzero(faulty)[: np.count_nonzero(~faulty)]]
+    )
     lanes = np.random.default_rng(0).permutation(lanes)
     return first[lanes], late[lanes], faulty[lanes]
 
@@ -73,12 +76,14 @@ def test_the_same_classifier_finds_a_leak(task):
     first, _, labels = task
     _, numbers = np.unique(labels, return_inverse=True)
     leaky = first.astype(float)
-    leaky[:, 8] += leaky[:, 8].std() * (numbers > 0)  # one standard deviation on the port rpm of other than the first
+    # one standard deviation on the port rpm of other than the first
+    leaky[:, 8] += leaky[:, 8].std() * (numbers > 0)
     assert accuracy(leaky, labels) > band(labels)[1]
 
 
 def test_reset_observation_is_that_of_the_healthy_twin():
-    sampled, healthy = PropulsionVectorEnv(2000, parallel=False), PropulsionVectorEnv(2000, parallel=False)
+    sampled = PropulsionVectorEnv(2000, parallel=False)
+    healthy = PropulsionVectorEnv(2000, parallel=False)
     one, _ = sampled.reset(seed=3)
     two, _ = healthy.reset(seed=3, options={"schedule": []})
     assert one.tobytes() == two.tobytes()

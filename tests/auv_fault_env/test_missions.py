@@ -44,11 +44,15 @@ def test_every_form_of_a_mission_means_the_same(form):
 @pytest.mark.parametrize("start", [0.1, 0.3, 0.7, 1.1, 1.2, 2.3])
 def test_a_leg_counts_from_the_first_step_that_starts_at_its_start(start):
     steps = round(10 * start)
-    assert legs_seen([(0.0, 0.2), (start, 0.4)], steps + 2) == pytest.approx([0.2] * (steps + 1) + [0.4] * 2)
+    assert legs_seen([(0.0, 0.2), (start, 0.4)], steps + 2) == pytest.approx(
+        [0.2] * (steps + 1) + [0.4] * 2
+    )
 
 
 def test_a_leg_that_starts_within_a_sample_counts_from_the_next():
-    assert legs_seen([(0.0, 0.2), (0.25, 0.4), (0.26, 0.5)], 5) == pytest.approx([0.2] * 4 + [0.5] * 2)
+    assert legs_seen([(0.0, 0.2), (0.25, 0.4), (0.26, 0.5)], 5) == pytest.approx(
+        [0.2] * 4 + [0.5] * 2
+    )
 
 
 def test_thesis_mission_alternates_every_ten_seconds():
@@ -77,7 +81,9 @@ def test_a_mission_starts_in_steady_motion(preset, speed):
 
 def test_start_speed_may_differ_from_the_first_leg():
     env = PropulsionEnv(**QUIET)
-    observation, _ = env.reset(options={"mission": Mission(((0.0, 0.4),), start_speed=0.2), "schedule": []})
+    observation, _ = env.reset(
+        options={"mission": Mission(((0.0, 0.4),), start_speed=0.2), "schedule": []}
+    )
     assert observation[0] == np.float32(0.4) and observation[4] == np.float32(0.2)
 
 
@@ -89,7 +95,9 @@ def test_registered_missions_stay_within_the_command(name):
 
 def test_each_lane_has_its_mission():
     env = PropulsionVectorEnv(3, **QUIET)
-    observations, info = env.reset(options={"missions": ["cruise", 0.2, [(0.0, 0.5), (0.1, 0.6)]], "schedule": []})
+    observations, info = env.reset(
+        options={"missions": ["cruise", 0.2, [(0.0, 0.5), (0.1, 0.6)]], "schedule": []}
+    )
     assert info["mission_speed"].tolist() == pytest.approx([FOOT, 0.2, 0.5])
     for _ in range(2):
         observations, *_, info = env.step(np.zeros((3, 3)))
@@ -98,7 +106,8 @@ def test_each_lane_has_its_mission():
 
 
 def test_a_given_mission_and_a_sampled_schedule_go_together():
-    fixed, free = PropulsionVectorEnv(30), PropulsionVectorEnv(30)
+    fixed = PropulsionVectorEnv(30)
+    free = PropulsionVectorEnv(30)
     _, given = fixed.reset(seed=4, options={"mission": "cruise"})
     _, drawn = free.reset(seed=4)
     assert given["truth"]["onset"].tolist() == drawn["truth"]["onset"].tolist()

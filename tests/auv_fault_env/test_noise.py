@@ -9,14 +9,16 @@ from scipy import stats
 from auv_fault_env import layout, noise
 from auv_fault_env.lanes import draw_normals
 
-N_STEPS, N_NORMALS = 1600, 10
+N_STEPS = 1600
+N_NORMALS = 10
 
 
 @pytest.fixture(scope="module")
 def draws():
     """Normals (n_steps, 10 channels, 64 lanes) of neighbouring keys and consecutive steps: a million."""
     scratch = np.zeros(layout.N_SCRATCH * layout.LANES)
-    key, out = np.arange(1, layout.LANES + 1, dtype=np.uint64), []
+    key = np.arange(1, layout.LANES + 1, dtype=np.uint64)
+    out = []
     for step in range(N_STEPS):
         draw_normals(scratch, layout.LANES, key, np.full(layout.LANES, step))
         out.append(scratch.reshape(-1, layout.LANES)[layout.NORMAL :].copy())
@@ -67,8 +69,13 @@ def test_channel_of_one_step_is_not_another_channel_of_the_next(draws):
 
 def test_logarithm():
     rng = np.random.default_rng(0)
-    values = np.concatenate([2.0 ** rng.uniform(-1020, 1020, 3000), rng.uniform(0, 2, 3000), [1.0, 2.0**-33, 2.0**0.5]])
-    assert max(abs(noise.logarithm(x) - math.log(x)) / max(1.0, abs(math.log(x))) for x in values) < 1e-9
+    values = np.concatenate(
+        [2.0 ** rng.uniform(-1020, 1020, 3000), rng.uniform(0, 2, 3000), [1.0, 2.0**-33, 2.0**0.5]]
+    )
+    assert (
+        max(abs(noise.logarithm(x) - math.log(x)) / max(1.0, abs(math.log(x))) for x in values)
+        < 1e-9
+    )
 
 
 def test_sine_of_turns():
@@ -81,7 +88,8 @@ def test_normal_pair_lies_on_the_circle_of_its_radius():
         one, two = noise.normal_pair(word)
         radius = math.sqrt(-2 * math.log((int(word >> np.uint64(32)) + 0.5) / 2**32))
         angle = 2 * math.pi * (int(word) % 2**32) / 2**32
-        # cos(2 pi turn) up to the sign convention: |turn - 1/2| - 1/4 maps turn to -cos's quarter wave
+        # cos(2 pi turn) up to the sign convention: |turn - 1/2| - 1/4 maps turn to -cos's quarter
+        # wave
         assert math.hypot(one, two) == pytest.approx(radius, rel=1e-9)
         assert abs(one) == pytest.approx(abs(radius * math.cos(angle)), abs=1e-9)
         assert abs(two) == pytest.approx(abs(radius * math.sin(angle)), abs=1e-9)
@@ -89,7 +97,9 @@ def test_normal_pair_lies_on_the_circle_of_its_radius():
 
 def test_gates_are_uniform_and_independent_of_each_other():
     words = np.random.default_rng(2).integers(0, 2**64, 5000, dtype=np.uint64)
-    gates = np.array([[noise.gate(word, np.uint64(channel)) for channel in range(4)] for word in words])
+    gates = np.array(
+        [[noise.gate(word, np.uint64(channel)) for channel in range(4)] for word in words]
+    )
     assert 0.0 <= gates.min() and gates.max() < 1.0
     assert stats.kstest(gates.ravel(), "uniform").pvalue > 1e-3
     assert np.abs(np.corrcoef(gates.T) - np.eye(4)).max() * math.sqrt(len(words)) < 4.5
@@ -111,5 +121,7 @@ def test_uniforms_of_more_numbers_begin_with_those_of_fewer():
 
 
 def test_episode_keys_are_distinct():
-    seed, episode = (part.ravel().astype(np.uint64) for part in np.meshgrid(np.arange(2000), np.arange(200)))
+    seed, episode = (
+        part.ravel().astype(np.uint64) for part in np.meshgrid(np.arange(2000), np.arange(200))
+    )
     assert np.unique(noise.episode_keys(seed, episode)).size == seed.size

@@ -31,22 +31,29 @@ def shafts_of(parameters):
 
 def motors_of(vehicle, parameters, *voltages):
     constants = constants_of(vehicle)
-    return [physics.motor(shaft, constants, v) for shaft, v in zip(shafts_of(parameters), voltages, strict=True)]
+    return [
+        physics.motor(shaft, constants, v)
+        for shaft, v in zip(shafts_of(parameters), voltages, strict=True)
+    ]
 
 
 def simulate(vehicle, parameters, inputs):
-    motion, states = REST, []
+    motion = REST
+    states = []
     for port, starboard, rudder, plane, disturbance in zip(*inputs, strict=True):
         drag = parameters["alpha"] + parameters["gamma"] * (rudder**2 + plane**2)
         motors = motors_of(vehicle, parameters, port, starboard)
-        motion = physics.advance(motion._replace(port_angle=0.0, starboard_angle=0.0), drag, disturbance, *motors)
+        motion = physics.advance(
+            motion._replace(port_angle=0.0, starboard_angle=0.0), drag, disturbance, *motors
+        )
         states.append(motion)
     return np.array(states)
 
 
 def settle(vehicle, parameters, voltage, n_samples=3000):
     """The motion after a long time at one voltage on both sides."""
-    motors, motion = motors_of(vehicle, parameters, voltage, voltage), REST
+    motors = motors_of(vehicle, parameters, voltage, voltage)
+    motion = REST
     for _ in range(n_samples):
         motion = physics.advance(motion, parameters["alpha"], 0.0, *motors)
     return motion
@@ -62,17 +69,20 @@ def healthy_case(preset):
 def check(vehicle, parameters, inputs, exact):
     got = simulate(vehicle, parameters, inputs)
     errors = reference.error(got, exact)
-    print(f"worst error: speed {errors[0]:.1e}, shafts {max(errors[1:3]):.1e}")  # pytest -rP shows it
+    # pytest -rP shows it
+    print(f"worst error: speed {errors[0]:.1e}, shafts {max(errors[1:3]):.1e}")
     assert max(errors[:3]) < 1e-6
     angles = np.abs(got[:, 3:] - exact[:, 3:])
-    stopped = (exact[:, 1:3] == 0.0) & (exact[:, 3:] > 0.0)  # within the sample, which leaves a kink: energy only
+    # within the sample, which leaves a kink: energy only
+    stopped = (exact[:, 1:3] == 0.0) & (exact[:, 3:] > 0.0)
     assert angles.max(where=~stopped, initial=0.0) < 1e-5 and angles.max() < 1e-2
 
 
 @EACH_PRESET
 def test_healthy_vehicle_follows_the_exact_solution(preset):
     vehicle, parameters, inputs, exact = healthy_case(preset)
-    assert exact[:, 0].max() > 0.8 and exact[-1, 1:3].max() == 0.0  # fast, and the shafts stopped at the end
+    # fast, and the shafts stopped at the end
+    assert exact[:, 0].max() > 0.8 and exact[-1, 1:3].max() == 0.0
     check(vehicle, parameters, inputs, exact)
 
 
@@ -104,7 +114,8 @@ def test_random_vehicle_with_compound_faults_follows_the_exact_solution(seed):
 def test_shaft_braked_from_full_speed_to_almost_nothing(severity):
     """The hardest sample: all of 200 rad/s is lost within it, and the error counts relative to the 1 rad/s left."""
     faults = {"motor_overheating:port": severity, "seal_friction:starboard": severity}
-    parameters, n = reference.faulted(nominal(THESIS), faults), 60
+    parameters = reference.faulted(nominal(THESIS), faults)
+    n = 60
     low = np.linspace(0.0, 0.5, n)
     rows = [np.stack([np.full(n, 24.0)] * 9 + [low]).T.ravel()] * 2 + [np.zeros(10 * n)] * 3
     inputs = Inputs(*rows)
@@ -122,20 +133,25 @@ def test_shaft_stays_until_the_motor_overcomes_coulomb_friction():
 def test_free_shaft_reaches_the_no_load_speed():
     parameters = nominal(replace(THESIS, c1=0.0, c2=0.0, beta=0.0))
     for voltage in (1.0, 6.0, 24.0):
-        flux, friction = THESIS.torque_constant, THESIS.coulomb_friction
+        flux = THESIS.torque_constant
+        friction = THESIS.coulomb_friction
         expected = (voltage - THESIS.resistance * friction / flux) / flux
-        assert settle(THESIS, parameters, voltage, 100).port_spin == pytest.approx(expected, rel=1e-12)
+        assert settle(THESIS, parameters, voltage, 100).port_spin == pytest.approx(
+            expected, rel=1e-12
+        )
 
 
 def test_stall_and_no_load_current_are_those_of_appendix_a():
-    fleet, scratch = (
-        Fleet(1, sensor_noise=0.0, disturbance=0.0, healthy_band=0.0),
-        np.zeros(layout.N_SCRATCH * layout.LANES),
-    )
+    fleet = Fleet(1, sensor_noise=0.0, disturbance=0.0, healthy_band=0.0)
+    scratch = np.zeros(layout.N_SCRATCH * layout.LANES)
     fleet.reset(seeds=[0], schedules=[()])
-    block, current = fleet.table[0], []
+    block = fleet.table[0]
+    current = []
     block[layout.PORT_STATE + layout.VOLTAGE, 0] = 24.0
-    for spin in (0.0, (24.0 - 1.01 * THESIS.coulomb_friction / THESIS.torque_constant) / THESIS.torque_constant):
+    for spin in (
+        0.0,
+        (24.0 - 1.01 * THESIS.coulomb_friction / THESIS.torque_constant) / THESIS.torque_constant,
+    ):
         block[layout.PORT_STATE + layout.SPIN, 0] = spin
         lanes.derive(block.ravel(), scratch, 1)
         current.append(block[layout.PORT_STATE + layout.CURRENT, 0])
@@ -146,13 +162,16 @@ def test_stall_and_no_load_current_are_those_of_appendix_a():
 
 @EACH_PRESET
 def test_terminal_speed_at_a_held_shaft_speed(preset):
-    vehicle, spin = PRESETS[preset], 40.0
+    vehicle = PRESETS[preset]
+    spin = 40.0
     held = Motor(0.0, 0.0, 0.0, 0.0, 0.5 * vehicle.beta * RPM**2)
     motion = REST._replace(port_spin=spin, starboard_spin=spin)
     for _ in range(6000):
         motion = physics.advance(motion, vehicle.alpha, 0.0, held, held)
     assert motion.port_spin == spin
-    assert motion.speed == pytest.approx(sqrt(vehicle.beta / -vehicle.alpha) * spin * RPM, rel=1e-10)
+    assert motion.speed == pytest.approx(
+        sqrt(vehicle.beta / -vehicle.alpha) * spin * RPM, rel=1e-10
+    )
 
 
 @pytest.mark.parametrize("feet,seconds", [(0.5, 40.0), (1.0, 20.0), (2.0, 10.0)])
@@ -169,12 +188,18 @@ def test_time_constant_at_a_held_shaft_speed(feet, seconds):
 
 
 def test_propeller_torque_at_the_steady_advance_ratio():
-    motion, parameters = settle(THESIS, nominal(THESIS), 6.0), nominal(THESIS)
+    motion = settle(THESIS, nominal(THESIS), 6.0)
+    parameters = nominal(THESIS)
     revs = motion.port_spin / (2 * pi)
     advance_ratio = motion.speed * (1 - THESIS.wake_fraction) / (revs * THESIS.diameter)
-    assert advance_ratio == pytest.approx(3.696e-3 * 60 / (4 / 12) * 0.9, rel=1e-3)  # 3.696e-3 ft/s per rpm
+    # 3.696e-3 ft/s per rpm
+    assert advance_ratio == pytest.approx(3.696e-3 * 60 / (4 / 12) * 0.9, rel=1e-3)
     side = motors_of(THESIS, parameters, 6.0, 6.0)[0]
-    torque = THESIS.inertia * (side.load * motion.port_spin - side.coupling * motion.speed) * motion.port_spin
+    torque = (
+        THESIS.inertia
+        * (side.load * motion.port_spin - side.coupling * motion.speed)
+        * motion.port_spin
+    )
     coefficient = torque / (THESIS.density * THESIS.diameter**5 * revs**2)
     assert coefficient == pytest.approx(THESIS.c1 - THESIS.c2 * advance_ratio, rel=1e-12)
 
@@ -184,7 +209,8 @@ def test_propeller_torque_at_the_steady_advance_ratio():
 def test_steady_power_balance(preset, voltage):
     vehicle = replace(PRESETS[preset], viscous_friction=1e-4)
     motion = settle(vehicle, nominal(vehicle), voltage)
-    w, revs = motion.port_spin, motion.port_spin / (2 * pi)
+    w = motion.port_spin
+    revs = motion.port_spin / (2 * pi)
     current = (voltage - vehicle.torque_constant * w) / vehicle.resistance
     ratio = motion.speed * (1 - vehicle.wake_fraction) / (revs * vehicle.diameter)
     propeller = vehicle.density * vehicle.diameter**5 * revs**2 * (vehicle.c1 - vehicle.c2 * ratio)
@@ -203,13 +229,17 @@ def test_operating_points(feet, ampere, volt):
         assert state[side + layout.VOLTAGE] == pytest.approx(volt, abs=0.05)
     fleet.step(np.array([[feet * FOOT, 0.0, 0.0]]))
     assert state[layout.SPEED] == pytest.approx(feet * FOOT, rel=1e-9)
-    power = 2 * state[layout.PORT_STATE + layout.VOLTAGE] * state[layout.PORT_STATE + layout.CURRENT]
+    power = (
+        2 * state[layout.PORT_STATE + layout.VOLTAGE] * state[layout.PORT_STATE + layout.CURRENT]
+    )
     assert fleet.outcomes[1, 0] == pytest.approx(0.1 * power, rel=1e-6)
 
 
 def textbook_spin(start, side, speed, time):
     """Solution of dw/dt = a - b w - c w^2 for constant coefficients."""
-    a, b, c = side.drive, side.damping - side.coupling * speed, side.load
+    a = side.drive
+    b = side.damping - side.coupling * speed
+    c = side.load
     if c == 0.0:
         return a / b + (start - a / b) * exp(-b * time)
     root = sqrt(b * b / 4 + a * c)
@@ -223,19 +253,28 @@ def textbook_spin(start, side, speed, time):
 def random_shafts(n, rng, lost=False):
     """Motor coefficients at random voltages under random faults, a random start and surge speed each."""
     for _ in range(n):
-        faults = {name: rng.uniform() for name in PLANT_FAULTS[2:6] if not name.startswith("propeller_loss")}
-        parameters = reference.faulted(nominal(THESIS), faults | ({"propeller_loss:port": 1.0} if lost else {}))
+        faults = {
+            name: rng.uniform()
+            for name in PLANT_FAULTS[2:6]
+            if not name.startswith("propeller_loss")
+        }
+        parameters = reference.faulted(
+            nominal(THESIS), faults | ({"propeller_loss:port": 1.0} if lost else {})
+        )
         side = motors_of(THESIS, parameters, rng.uniform(1.0, 24.0), 0.0)[0]
         yield side, rng.uniform(1.0, 250.0), rng.uniform(0.0, 1.5)
 
 
 @pytest.mark.parametrize("lost", [False, True])
 def test_spin_is_the_textbook_solution_at_constant_speed(lost):
-    time, rng = 0.01, np.random.default_rng(1)
+    time = 0.01
+    rng = np.random.default_rng(1)
     for side, start, speed in random_shafts(200, rng, lost):
         expected = textbook_spin(start, side, speed, time)
         if expected > 0.0:
-            assert physics.spin(start, side, speed, 0.0, time) == pytest.approx(expected, rel=1e-12, abs=1e-12)
+            assert physics.spin(start, side, speed, 0.0, time) == pytest.approx(
+                expected, rel=1e-12, abs=1e-12
+            )
 
 
 def test_longest_substep_lies_within_the_reach_of_the_approximant():
@@ -244,21 +283,33 @@ def test_longest_substep_lies_within_the_reach_of_the_approximant():
     assert sum(physics.SUBSTEP) == pytest.approx(0.1, rel=1e-14)
     for side, start, speed in random_shafts(200, rng):
         expected = max(textbook_spin(start, side, speed, time), 0.0)
-        assert physics.spin(start, side, speed, 0.0, time) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        assert physics.spin(start, side, speed, 0.0, time) == pytest.approx(
+            expected, rel=1e-9, abs=1e-9
+        )
 
 
 def sloped_error(slope, time, used):
     """Error of `spin` under u = 0.5 + slope t, told the slope `used`."""
     side = motors_of(THESIS, nominal(THESIS), 12.0, 0.0)[0]
-    rate = lambda t, w: side.drive - (side.damping - side.coupling * (0.5 + slope * t)) * w - side.load * w * w  # noqa: E731
+
+    def rate(t, w):
+        damping = side.damping - side.coupling * (0.5 + slope * t)
+        return side.drive - damping * w - side.load * w * w
+
     exact = solve_ivp(rate, (0.0, time), [60.0], "DOP853", rtol=1e-13, atol=1e-13).y[0, -1]
     return abs(physics.spin(60.0, side, 0.5 + 0.5 * slope * time, used, time) - exact)
 
 
 def test_order_of_the_slope_correction():
     """Untold of the slope, the error is its first power and of order 3 in time; told, the second power and order 5."""
-    order = lambda error, large, small: log2(error(large) / error(small))  # noqa: E731
-    untold, told = partial(sloped_error, used=0.0), lambda slope, time: sloped_error(slope, time, slope)
+
+    def order(error, large, small):
+        return log2(error(large) / error(small))
+
+    def told(slope, time):
+        return sloped_error(slope, time, slope)
+
+    untold = partial(sloped_error, used=0.0)
     assert order(lambda t: untold(50.0, t), 0.002, 0.001) == pytest.approx(3.0, abs=0.1)
     assert order(lambda s: untold(s, 0.002), 50.0, 25.0) == pytest.approx(1.0, abs=0.02)
     assert order(lambda t: told(2e4, t), 0.002, 0.001) == pytest.approx(5.0, abs=0.2)
@@ -269,7 +320,12 @@ EXTREMES = {
     "friction": {"coulomb_friction": 3 * THESIS.coulomb_friction, "viscous_friction": 2e-4},
     "stuck": {"coulomb_friction": 10.0},
     "light": {"inertia": 1e-6},
-    "light and hot": {"inertia": 1e-6, "resistance": 1.4, "torque_constant": 0.049, "coulomb_friction": 0.04},
+    "light and hot": {
+        "inertia": 1e-6,
+        "resistance": 1.4,
+        "torque_constant": 0.049,
+        "coulomb_friction": 0.04,
+    },
     "heavy": {"inertia": 1.0},
     "strong": {"torque_constant": 1.0, "resistance": 0.1},
     "no propeller": {"c1": 0.0, "c2": 0.0, "beta": 0.0},
@@ -293,7 +349,9 @@ def test_unpowered_shaft_stops_and_stays(name):
     vehicle = replace(THESIS, **EXTREMES[name])
     for speed in (0.0, 1.0, 2.4):
         inputs = np.zeros(30)
-        motors, motion, spins = motors_of(vehicle, nominal(vehicle), 0.0, 0.0), Motion(speed, 200.0, 1.0, 0.0, 0.0), []
+        motors = motors_of(vehicle, nominal(vehicle), 0.0, 0.0)
+        motion = Motion(speed, 200.0, 1.0, 0.0, 0.0)
+        spins = []
         for _ in inputs:
             motion = physics.advance(motion, vehicle.alpha, 0.0, *motors)
             spins.append(motion[1:3])

@@ -54,7 +54,9 @@ def frame_of(severity=None, parameters=HEALTHY):
 
 
 def warned(frame, region):
-    return int(sum((frame[region] == colour).all(axis=-1).sum() for colour in (WARNING, PALE_WARNING)))
+    return int(
+        sum((frame[region] == colour).all(axis=-1).sum() for colour in (WARNING, PALE_WARNING))
+    )
 
 
 @pytest.fixture
@@ -88,7 +90,8 @@ def test_rendering_twice_gives_the_same_picture():
 
 
 def test_rendering_does_not_touch_the_episode():
-    seen, blind = make(), gym.make(ID).unwrapped
+    seen = make()
+    blind = gym.make(ID).unwrapped
     start(seen), start(blind)
     for _ in range(5):
         seen.render()
@@ -96,7 +99,8 @@ def test_rendering_does_not_touch_the_episode():
 
 
 def test_future_onset_is_not_drawn():
-    faulty, twin = make(), make()
+    faulty = make()
+    twin = make()
     start(faulty, [event("propeller_loss:port", 1.0), event("sensor_bias:speed", 2.0)]), start(twin)
     for _ in range(11):
         np.testing.assert_array_equal(faulty.render(), twin.render())
@@ -105,7 +109,8 @@ def test_future_onset_is_not_drawn():
 
 
 def test_reset_empties_the_charts_and_forgets_the_faults():
-    used, fresh = make(), make()
+    used = make()
+    fresh = make()
     start(used, [event("increased_drag", 0.0)], seed=1)
     advance(used, 20)
     start(used), start(fresh)
@@ -113,7 +118,8 @@ def test_reset_empties_the_charts_and_forgets_the_faults():
 
 
 def test_deflected_rudder_shows_from_above():
-    still, turning = make(), make()
+    still = make()
+    turning = make()
     start(still), start(turning)
     advance(still, 3), advance(turning, 3, rudder=0.4)
     assert (still.render()[VEHICLE] != turning.render()[VEHICLE]).any()
@@ -174,9 +180,13 @@ def test_lost_propeller_is_missing_and_a_damaged_one_is_shorter():
     def blades(share):
         both = {"port": 1.0, "starboard": share}
         parts = vehicle_parts(0.0, 0.0, {"port": 0.0, "starboard": 0.0}, both)
-        return [np.ptp(part.corners[:, 2]) for part in parts if part.component == "propeller:starboard"]
+        return [
+            np.ptp(part.corners[:, 2]) for part in parts if part.component == "propeller:starboard"
+        ]
 
-    whole, damaged, lost = blades(1.0), blades(0.5), blades(0.0)
+    whole = blades(1.0)
+    damaged = blades(0.5)
+    lost = blades(0.0)
     assert len(lost) == 1, "only the empty disc remains"
     assert damaged[1] == pytest.approx(whole[1] / 2)
 
@@ -192,7 +202,9 @@ def test_onset_is_marked_where_the_fault_struck_and_leaves_with_the_minute():
             np.testing.assert_array_equal(np.flatnonzero(columns), expected)
 
 
-@pytest.mark.parametrize("low, high", [(0.0, 1.0), (-0.03, 0.02), (1234.0, 1234.5), (-1.0, 6000.0), (0.1, 0.3)])
+@pytest.mark.parametrize(
+    "low, high", [(0.0, 1.0), (-0.03, 0.02), (1234.0, 1234.5), (-1.0, 6000.0), (0.1, 0.3)]
+)
 def test_ticks_enclose_the_range_in_round_steps(low, high):
     marks = ticks(low, high)
     step = marks[1] - marks[0]
@@ -231,7 +243,9 @@ def test_importing_the_package_and_stepping_leaves_pygame_alone():
 
 def test_missing_pygame_is_named_with_the_remedy(monkeypatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
-    with pytest.raises(gym.error.DependencyNotInstalled, match=r'pip install "auv-fault\[render\]"'):
+    with pytest.raises(
+        gym.error.DependencyNotInstalled, match=r'pip install "auv-fault\[render\]"'
+    ):
         Renderer("rgb_array", 10)
 
 

@@ -7,8 +7,10 @@ from auv_fault_env.missions import Mission
 from auv_fault_env.schedules import FaultEvent
 from auv_fault_env.truth import FleetTruth
 
-EARLY, LATE = FaultEvent("increased_drag", 1.0, 0.6, ramp=2.0), FaultEvent("sensor_stuck:speed", 2.0, 0.7)
-SLOW, FAST = Mission(((0.0, 0.3),)), Mission(((0.0, 0.3), (2.0, 0.5)))
+EARLY = FaultEvent("increased_drag", 1.0, 0.6, ramp=2.0)
+LATE = FaultEvent("sensor_stuck:speed", 2.0, 0.7)
+SLOW = Mission(((0.0, 0.3),))
+FAST = Mission(((0.0, 0.3), (2.0, 0.5)))
 
 
 def fly(fleet, n_samples):
@@ -21,7 +23,8 @@ def fly(fleet, n_samples):
 
 
 def test_a_plan_made_under_way_is_as_good_as_one_made_before():
-    planned, replanned = Fleet(2), Fleet(2)
+    planned = Fleet(2)
+    replanned = Fleet(2)
     planned.reset([1, 2], schedules=[(EARLY, LATE), (LATE,)], missions=[FAST, SLOW])
     replanned.reset([1, 2], schedules=[(EARLY,), ()], missions=[SLOW, SLOW])
     whole = fly(planned, 40)
@@ -42,7 +45,9 @@ def test_an_empty_schedule_repairs_and_leaves_the_mission():
     assert observations[0, 0, 0] == np.float32(0.5)
 
 
-@pytest.mark.parametrize("plan", [{"schedules": [()] * 3}, {"missions": [SLOW]}], ids=["schedules", "missions"])
+@pytest.mark.parametrize(
+    "plan", [{"schedules": [()] * 3}, {"missions": [SLOW]}], ids=["schedules", "missions"]
+)
 def test_another_number_than_that_of_the_lanes_is_refused(plan):
     fleet = Fleet(2)
     fleet.reset([1, 2])

@@ -11,7 +11,8 @@ from auv_fault_env.env import PropulsionEnv, PropulsionVectorEnv
 from auv_fault_env.errors import InputError
 
 LINE = re.compile(r"(?P<thing>.+?): got (?P<got>.+); allowed is (?P<allowed>.+); (?P<remedy>[^;]+)")
-NAN, INF = math.nan, math.inf
+NAN = math.nan
+INF = math.inf
 EVENT = {"fault": "increased_drag", "onset": 1.0, "severity": 0.5}
 
 
@@ -30,18 +31,29 @@ def assert_refused(call, thing, got, allowed, remedy=".+"):
 def test_unknown_reset_option(lanes, name):
     env = PropulsionVectorEnv(lanes) if lanes else PropulsionEnv()
     assert_refused(
-        lambda: env.reset(options={name: []}), "reset option", re.escape(repr(name)), "one of schedule, mission"
+        lambda: env.reset(options={name: []}),
+        "reset option",
+        re.escape(repr(name)),
+        "one of schedule, mission",
     )
 
 
 @pytest.mark.parametrize("options", [5, "schedule", ["schedule"]], ids=repr)
 def test_options_that_are_no_mapping(options):
-    assert_refused(lambda: PropulsionEnv().reset(options=options), "options", re.escape(repr(options)), "mapping")
+    assert_refused(
+        lambda: PropulsionEnv().reset(options=options),
+        "options",
+        re.escape(repr(options)),
+        "mapping",
+    )
 
 
 def test_options_by_lane_belong_to_the_vector_environment():
     assert_refused(
-        lambda: PropulsionEnv().reset(options={"schedules": [[]]}), "reset option", "schedules", "one of schedule"
+        lambda: PropulsionEnv().reset(options={"schedules": [[]]}),
+        "reset option",
+        "schedules",
+        "one of schedule",
     )
 
 
@@ -64,12 +76,30 @@ def test_seeds_of_the_vector_environment(case):
 
 
 PER_LANE = {
-    "schedules_too_few": ({"schedules": [[EVENT]]}, "number of schedules", "1", "3, one per lane", "'schedule'"),
+    "schedules_too_few": (
+        {"schedules": [[EVENT]]},
+        "number of schedules",
+        "1",
+        "3, one per lane",
+        "'schedule'",
+    ),
     "schedules_none_given": ({"schedules": []}, "number of schedules", "0", "3, one per lane"),
     "schedules_path": ({"schedules": "x.json"}, "schedules", "x.json", "."),
     "schedules_number": ({"schedules": 5}, "schedules", "5", "."),
-    "schedules_flat": ({"schedules": [EVENT] * 3}, "schedule", "increased_drag", "sequence of events", "list"),
-    "missions_too_many": ({"missions": ["cruise"] * 4}, "number of missions", "4", "3, one per lane", "'mission'"),
+    "schedules_flat": (
+        {"schedules": [EVENT] * 3},
+        "schedule",
+        "increased_drag",
+        "sequence of events",
+        "list",
+    ),
+    "missions_too_many": (
+        {"missions": ["cruise"] * 4},
+        "number of missions",
+        "4",
+        "3, one per lane",
+        "'mission'",
+    ),
     "missions_name": ({"missions": "cruise"}, "missions", "cruise", "."),
     "both": ({"schedule": [], "schedules": [[]] * 3}, "reset option", "schedule", "either"),
 }
@@ -82,10 +112,15 @@ def test_options_by_lane(case):
 
 
 def test_a_refused_reset_leaves_the_episode_as_it_was():
-    env, twin = PropulsionVectorEnv(3), PropulsionVectorEnv(3)
+    env = PropulsionVectorEnv(3)
+    twin = PropulsionVectorEnv(3)
     for one in (env, twin):
         one.reset(seed=1)
-    for bad in (dict(options={"mission": "nowhere"}), dict(seed=[1, 2]), dict(seed=2, options={"schedule": 5})):
+    for bad in (
+        dict(options={"mission": "nowhere"}),
+        dict(seed=[1, 2]),
+        dict(seed=2, options={"schedule": 5}),
+    ):
         with pytest.raises(ValueError, match="got"):
             env.reset(**bad)
     assert env.step(np.zeros((3, 3)))[0].tobytes() == twin.step(np.zeros((3, 3)))[0].tobytes()
@@ -147,7 +182,12 @@ SAMPLERS = {
         "one of",
         "sensor:speed",
     ),
-    "fault_instead_of_class": (schedules(prior={"sensor_bias:speed": 1}), "class of the prior", "bias", "one of"),
+    "fault_instead_of_class": (
+        schedules(prior={"sensor_bias:speed": 1}),
+        "class of the prior",
+        "bias",
+        "one of",
+    ),
     "negative_weight": (schedules(prior={"sensor:speed": -1}), "sensor:speed", "-1", "0 to"),
     "weight_nan": (schedules(prior={"sensor:speed": NAN}), "sensor:speed", "nan", "0 to"),
     "weight_infinite": (schedules(prior={"sensor:speed": INF}), "sensor:speed", "inf", "0 to"),
@@ -182,11 +222,22 @@ def test_distributions_are_checked_when_they_are_declared(case):
 
 @pytest.mark.parametrize("seed", [-1, 1.5, "a"], ids=repr)
 def test_seed_of_a_sample(seed):
-    assert_refused(lambda: ScheduleSampler().sample(seed), "seed", re.escape(repr(seed)), "a whole number from 0")
+    assert_refused(
+        lambda: ScheduleSampler().sample(seed),
+        "seed",
+        re.escape(repr(seed)),
+        "a whole number from 0",
+    )
 
 
 FAULTS = {
-    "unknown_parameter": ({"scale": {"alpa": 2.0}}, "parameter of fault icing", "'alpa'", "one of alpha", "'alpha'"),
+    "unknown_parameter": (
+        {"scale": {"alpa": 2.0}},
+        "parameter of fault icing",
+        "'alpa'",
+        "one of alpha",
+        "'alpha'",
+    ),
     "scale_nan": ({"scale": {"alpha": NAN}}, "icing", "nan", "."),
     "scale_negative": ({"scale": {"alpha": -2.0}}, "icing", "-2", "0 to"),
     "scale_text": ({"scale": {"alpha": "2"}}, "icing", "'2'", "."),
@@ -202,7 +253,9 @@ def test_faults(case):
 
 def test_unknown_key_of_the_truth():
     info = PropulsionVectorEnv(2).reset(seed=1)[1]
-    assert_refused(lambda: info["truth"]["labl"], "truth", "labl", "one of label, severity", "'label'")
+    assert_refused(
+        lambda: info["truth"]["labl"], "truth", "labl", "one of label, severity", "'label'"
+    )
 
 
 def test_fleet_needs_a_reset_of_all_lanes_first():
@@ -213,7 +266,9 @@ def test_fleet_needs_a_reset_of_all_lanes_first():
         fleet.reset(seeds=[1], lanes=[0])
 
 
-@pytest.mark.parametrize("values", [np.ones((2, 3)), np.full((2, 58), np.nan)], ids=["shape", "nan"])
+@pytest.mark.parametrize(
+    "values", [np.ones((2, 3)), np.full((2, 58), np.nan)], ids=["shape", "nan"]
+)
 def test_healthy_parameters_are_checked(values):
     fleet = Fleet(2)
     fleet.reset(seeds=[1, 2])

@@ -38,7 +38,9 @@ def test_healthy_and_compound_shares(healthy, compound):
     assert not (present[:, 1] & ~present[:, 0]).any()
     if healthy < 1.0:
         assert_share(present[present[:, 0], 1], compound)
-    assert np.isinf(profile["onset"][~present]).all() and (profile["severity"][~present] == 0.0).all()
+    assert (
+        np.isinf(profile["onset"][~present]).all() and (profile["severity"][~present] == 0.0).all()
+    )
 
 
 def diagnoses(fault):
@@ -59,7 +61,9 @@ def test_classes_follow_the_prior(prior):
     fault, _ = drawn(prior=prior, healthy=0.0, compound=0.0)
     got = diagnoses(fault)
     weights = prior or dict.fromkeys(classes()[1:], 1.0)
-    weights = {name: weight / sum(weights.values()) for name, weight in weights.items() if weight > 0.0}
+    weights = {
+        name: weight / sum(weights.values()) for name, weight in weights.items() if weight > 0.0
+    }
     assert set(got) == set(weights)
     for name, weight in weights.items():
         assert_share(got == name, weight)
@@ -73,9 +77,17 @@ def test_kinds_within_a_class_are_equally_likely():
 
 @pytest.mark.parametrize("slot", [0, 1], ids=["first_fault", "second_fault"])
 def test_ranges_are_filled_uniformly(slot):
-    ranges = dict(severity=(0.3, 0.6), onset=(2.0, 9.0), ramp=(1.0, 3.0), period=(4.0, 5.0), duty=(0.2, 0.9))
+    ranges = dict(
+        severity=(0.3, 0.6), onset=(2.0, 9.0), ramp=(1.0, 3.0), period=(4.0, 5.0), duty=(0.2, 0.9)
+    )
     _, profile = drawn(
-        healthy=0.0, compound=1.0, incipient=1.0, intermittent=1.0, repaired=1.0, life=(7.0, 8.0), **ranges
+        healthy=0.0,
+        compound=1.0,
+        incipient=1.0,
+        intermittent=1.0,
+        repaired=1.0,
+        life=(7.0, 8.0),
+        **ranges,
     )
     for name, (low, high) in ranges.items():
         assert_uniform(profile[name][:, slot], low, high)
@@ -94,7 +106,8 @@ def test_profiles_have_their_shares(slot):
 
 def test_default_ranges_are_the_declared_ones():
     fault, profile = drawn()
-    default, present = ScheduleSampler(), fault >= 0
+    default = ScheduleSampler()
+    present = fault >= 0
     assert_uniform(profile["severity"][present], *default.severity)
     assert_uniform(profile["onset"][present], *default.onset)
 
@@ -116,11 +129,14 @@ def test_later_episodes_draw_anew_from_the_same_distribution():
 
 
 def test_sample_is_what_an_environment_with_that_seed_draws():
-    n, sampler = 40, ScheduleSampler()
-    sampled, given = PropulsionVectorEnv(n), PropulsionVectorEnv(n)
+    n = 40
+    sampler = ScheduleSampler()
+    sampled = PropulsionVectorEnv(n)
+    given = PropulsionVectorEnv(n)
     schedules = [sampler.sample(seed) for seed in range(100, 100 + n)]
     assert {len(schedule) for schedule in schedules} == {0, 1, 2}
-    one, two = sampled.reset(seed=100)[0], given.reset(seed=100, options={"schedules": schedules})[0]
+    one = sampled.reset(seed=100)[0]
+    two = given.reset(seed=100, options={"schedules": schedules})[0]
     for _ in range(400):
         assert one.tobytes() == two.tobytes()
         one, two = (env.step(np.c_[one[:, 0], np.zeros((n, 2))])[0] for env in (sampled, given))
@@ -135,9 +151,13 @@ def test_sampled_schedules_survive_json(seed):
 
 
 def test_fleet_takes_a_sampler():
-    fleet = Fleet(50, schedules=ScheduleSampler(prior={"increased_drag": 1.0}, healthy=0.0, compound=0.0))
+    fleet = Fleet(
+        50, schedules=ScheduleSampler(prior={"increased_drag": 1.0}, healthy=0.0, compound=0.0)
+    )
     fleet.reset(range(50))
-    assert set(fleet.plan.fault[fleet.plan.fault >= 0].tolist()) == {list(CATALOGUE).index("increased_drag")}
+    assert set(fleet.plan.fault[fleet.plan.fault >= 0].tolist()) == {
+        list(CATALOGUE).index("increased_drag")
+    }
 
 
 def test_missions_follow_their_declared_distribution():
@@ -155,12 +175,19 @@ def test_schedules_missions_and_vehicles_are_drawn_independently():
     fleet = Fleet(N_LANES)
     fleet.reset(range(N_LANES))
     healthy = (fleet.plan.fault[:, 0] < 0).astype(float)
-    columns = [healthy, fleet.plan.legs[:, 0, 1], fleet.plan.healthy[:, 0], fleet.plan.healthy[:, 2]]
+    columns = [
+        healthy,
+        fleet.plan.legs[:, 0, 1],
+        fleet.plan.healthy[:, 0],
+        fleet.plan.healthy[:, 2],
+    ]
     correlation = np.corrcoef(columns) - np.eye(len(columns))
     assert np.abs(correlation).max() < stats.norm.isf(RISK / 12) / np.sqrt(N_LANES)
 
 
 def test_a_second_fault_is_another_one():
-    fault, _ = drawn(healthy=0.0, compound=1.0, prior={"increased_drag": 9.0, "motor_overheating:port": 1.0})
+    fault, _ = drawn(
+        healthy=0.0, compound=1.0, prior={"increased_drag": 9.0, "motor_overheating:port": 1.0}
+    )
     assert (fault >= 0).all() and (fault[:, 0] != fault[:, 1]).all()
     assert (drawn(healthy=0.0, compound=1.0, prior={"increased_drag": 1.0})[0][:, 1] < 0).all()

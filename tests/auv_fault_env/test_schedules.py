@@ -27,7 +27,9 @@ def truths(*events, steps, **options):
 
 def expected_severity(step, onset, severity, ramp, end, period, duty):
     """The profile of the documentation at the start of a step, decimal times taken at their word."""
-    time, onset, ramp, period, duty = (Fraction(str(x)) for x in (step / 10, onset, ramp, period, duty))
+    time, onset, ramp, period, duty = (
+        Fraction(str(x)) for x in (step / 10, onset, ramp, period, duty)
+    )
     since = time - onset
     ended = end < math.inf and time >= Fraction(str(end))
     if since < 0 or ended or (period and since % period >= duty * period and duty < 1):
@@ -60,9 +62,13 @@ PROFILES = {
 
 @pytest.mark.parametrize("profile", PROFILES.values(), ids=PROFILES)
 def test_severity_in_force_follows_the_profile(profile):
-    fields = [getattr(profile, name) for name in ("onset", "severity", "ramp", "end", "period", "duty")]
+    fields = [
+        getattr(profile, name) for name in ("onset", "severity", "ramp", "end", "period", "duty")
+    ]
     got = [truth["severity"][DRAG] for truth in truths(profile, steps=150)]
-    assert got == pytest.approx([expected_severity(step, *fields) for step in range(150)], abs=1e-12)
+    assert got == pytest.approx(
+        [expected_severity(step, *fields) for step in range(150)], abs=1e-12
+    )
 
 
 @pytest.mark.parametrize("onset", [0.0, 0.1, 0.3, 0.7, 1.1, 2.3, 4.7, 8.2, 12.3])
@@ -78,7 +84,10 @@ def test_intermittent_fault_is_present_for_its_share_of_the_period():
 
 
 def test_parameters_return_to_healthy_when_repaired():
-    alpha = [truth["parameters"]["alpha"] for truth in truths(event(onset=0.5, severity=1.0, end=1.0), steps=15)]
+    alpha = [
+        truth["parameters"]["alpha"]
+        for truth in truths(event(onset=0.5, severity=1.0, end=1.0), steps=15)
+    ]
     assert alpha == [alpha[0]] * 5 + [2.0 * alpha[0]] * 5 + [alpha[0]] * 5
 
 
@@ -91,8 +100,11 @@ def test_compound_faults_compose_by_product_and_sum():
         event("propeller_damage:port", 0.0, 1.0),
         event("propeller_damage:port", 0.0, 0.5),
     ]
-    healthy, broken = truths(steps=1)[0]["parameters"], truths(*events, steps=1)[0]["parameters"]
-    assert broken["alpha"] == pytest.approx(healthy["alpha"] * (1 + 0.4) * (1 - 0.5 * 0.5), rel=1e-14)
+    healthy = truths(steps=1)[0]["parameters"]
+    broken = truths(*events, steps=1)[0]["parameters"]
+    assert broken["alpha"] == pytest.approx(
+        healthy["alpha"] * (1 + 0.4) * (1 - 0.5 * 0.5), rel=1e-14
+    )
     assert broken["gamma"] == pytest.approx(healthy["gamma"] * (1 - 0.5 * 0.5), rel=1e-14)
     assert broken["port_beta"] == pytest.approx(healthy["port_beta"] * 0.5 * 0.75, rel=1e-14)
     assert broken["speed_bias"] == pytest.approx(0.75 * 0.15, rel=1e-14)
@@ -101,15 +113,20 @@ def test_compound_faults_compose_by_product_and_sum():
 
 
 def test_label_is_the_class_of_the_largest_severity_in_force():
-    weak, strong = event(onset=0.1, severity=0.3), event("sensor_bias:speed", 0.3, 0.6, end=0.5)
+    weak = event(onset=0.1, severity=0.3)
+    strong = event("sensor_bias:speed", 0.3, 0.6, end=0.5)
     got = truths(weak, strong, steps=7)
-    assert [truth["label"] for truth in got] == ["normal"] + [DRAG] * 2 + ["sensor:speed"] * 2 + [DRAG] * 2
+    assert [truth["label"] for truth in got] == ["normal"] + [DRAG] * 2 + ["sensor:speed"] * 2 + [
+        DRAG
+    ] * 2
     assert got[3]["severity"][DRAG] == 0.3 and got[3]["severity"]["sensor:speed"] == 0.6
     assert {truth["onset"] for truth in got} == {0.1}
 
 
 def test_severity_of_a_class_is_the_largest_of_its_kinds():
-    got = truths(event("sensor_bias:speed", 0.0, 0.3), event("sensor_scale:speed", 0.0, 0.7), steps=1)[0]
+    got = truths(
+        event("sensor_bias:speed", 0.0, 0.3), event("sensor_scale:speed", 0.0, 0.7), steps=1
+    )[0]
     assert got["severity"]["sensor:speed"] == 0.7 and sum(got["severity"].values()) == 0.7
 
 
@@ -135,19 +152,40 @@ def test_every_form_of_a_schedule_means_the_same(form, tmp_path):
         {"fault": DRAG, "onset": 0.5, "severity": 0.25},
         {"fault": "sensor_stuck:speed", "onset": 1, "severity": 1},
     ]
-    events, path = tuple(FaultEvent(**fields) for fields in plain), tmp_path / "schedule.json"
+    events = tuple(FaultEvent(**fields) for fields in plain)
+    path = tmp_path / "schedule.json"
     path.write_text(json.dumps(plain))
-    forms = dict(events=list(events), mappings=plain, tuple=events, json_path=path, json_string_path=str(path))
+    forms = dict(
+        events=list(events),
+        mappings=plain,
+        tuple=events,
+        json_path=path,
+        json_string_path=str(path),
+    )
     assert schedule_of(forms[form]) == events
     got = truths(steps=12, schedule=forms[form])
-    assert got[4]["label"] == "normal" and got[5]["label"] == DRAG and got[10]["label"] == "sensor:speed"
+    assert (
+        got[4]["label"] == "normal"
+        and got[5]["label"] == DRAG
+        and got[10]["label"] == "sensor:speed"
+    )
 
 
 def test_json_leaves_defaults_out_and_keeps_the_rest():
-    text = to_json((event(), event("propeller_loss:port", 0.3, 1.0, ramp=1.5, end=9.0, period=2.0, duty=0.25)))
+    text = to_json(
+        (event(), event("propeller_loss:port", 0.3, 1.0, ramp=1.5, end=9.0, period=2.0, duty=0.25))
+    )
     assert json.loads(text) == [
         {"fault": DRAG, "onset": 1.0, "severity": 0.8},
-        dict(fault="propeller_loss:port", onset=0.3, severity=1.0, ramp=1.5, end=9.0, period=2.0, duty=0.25),
+        dict(
+            fault="propeller_loss:port",
+            onset=0.3,
+            severity=1.0,
+            ramp=1.5,
+            end=9.0,
+            period=2.0,
+            duty=0.25,
+        ),
     ]
 
 
@@ -157,7 +195,8 @@ def test_json_round_trip_of_random_events_is_exact(seed, tmp_path):
     names = random.choice(list(CATALOGUE), 4).tolist()
     draw = lambda: random.uniform(0.0, 1.0)  # noqa: E731
     events = tuple(
-        event(name, draw(), draw(), ramp=draw(), end=2 + draw(), period=draw(), duty=draw()) for name in names
+        event(name, draw(), draw(), ramp=draw(), end=2 + draw(), period=draw(), duty=draw())
+        for name in names
     )
     (tmp_path / "schedule.json").write_text(to_json(events))
     assert from_json(to_json(events)) == events == load_schedule(tmp_path / "schedule.json")

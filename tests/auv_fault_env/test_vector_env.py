@@ -9,7 +9,10 @@ from auv_fault_env import CATALOGUE, CHANNELS, PARAMETERS, FaultEvent, Fleet, cl
 from auv_fault_env.env import PropulsionEnv, PropulsionVectorEnv
 
 NAME = "auv_fault_env/Propulsion-v0"
-LANES, SEED, STEPS, LIMIT = 7, 31, 700, 600
+LANES = 7
+SEED = 31
+STEPS = 700
+LIMIT = 600
 FAULT = {"fault": "sensor_bias:speed", "onset": 0.5, "severity": 0.5}
 
 
@@ -29,12 +32,17 @@ def lane_of(values, lane):
 
 def single_ride(lane, actions, **options):
     """(observation, reward, terminated, truncated, info) of a single environment that resets when it is truncated."""
-    env, rows, truncated = gym.make(NAME, max_episode_steps=LIMIT), [], False
+    env = gym.make(NAME, max_episode_steps=LIMIT)
+    rows = []
+    truncated = False
     observation, info = env.reset(seed=SEED + lane, options=options)
     rows.append((observation.tobytes(), 0.0, False, False, info))
     for action in actions:
         if truncated:
-            (observation, info), reward, terminated, truncated = env.reset(), 0.0, False, False
+            (observation, info) = env.reset()
+            reward = 0.0
+            terminated = False
+            truncated = False
         else:
             observation, reward, terminated, truncated, info = env.step(action)
         rows.append((observation.tobytes(), reward, terminated, truncated, info))
@@ -51,7 +59,9 @@ def vector_ride(env, actions, **options):
         for lane, rows in enumerate(lanes):
             observation, reward, terminated, truncated, info = outcome
             told = {key: lane_of(info[key], lane) for key in info}
-            rows.append((observation[lane].tobytes(), reward[lane], terminated[lane], truncated[lane], told))
+            rows.append(
+                (observation[lane].tobytes(), reward[lane], terminated[lane], truncated[lane], told)
+            )
         outcome = env.step(action) if action is not None else None
     return lanes
 
@@ -68,7 +78,8 @@ def test_lane_equals_the_single_environment_through_a_reset(given):
 
 
 def fleet_ride(parallel, lanes):
-    fleet, actions = Fleet(lanes, parallel=parallel), commands(lanes, 350)
+    fleet = Fleet(lanes, parallel=parallel)
+    actions = commands(lanes, 350)
     rows = [fleet.reset(range(lanes))]
     outcomes = []
     for action in actions:
@@ -84,25 +95,30 @@ def test_serial_equals_parallel_bit_for_bit(lanes):
 
 def test_a_lane_does_not_depend_on_its_company():
     n_lanes = 2 * layout.LANES + 9
-    small, large = Fleet(3), Fleet(n_lanes)
+    small = Fleet(3)
+    large = Fleet(n_lanes)
     places = [5, layout.LANES - 1, layout.LANES + 130]
     seeds = np.arange(n_lanes) + 900
     seeds[places] = [40, 41, 42]
-    one, two = small.reset([40, 41, 42]), large.reset(seeds)
+    one = small.reset([40, 41, 42])
+    two = large.reset(seeds)
     for action in commands(n_lanes, 300):
         assert one.tobytes() == two[places].tobytes()
-        one, two = small.step(action[places]), large.step(action)
+        one = small.step(action[places])
+        two = large.step(action)
 
 
 def test_resetting_some_lanes_leaves_the_others_alone():
-    touched, untouched = Fleet(70), Fleet(70)
+    touched = Fleet(70)
+    untouched = Fleet(70)
     for fleet in (touched, untouched):
         fleet.reset(range(70))
     others = np.setdiff1d(np.arange(70), [0, 13, 69])
     for step, action in enumerate(commands(70, 60)):
         if step == 20:
             touched.reset(lanes=np.array([0, 13, 69]))
-        one, two = touched.step(action), untouched.step(action)
+        one = touched.step(action)
+        two = untouched.step(action)
         assert one[others].tobytes() == two[others].tobytes()
     assert (one[[0, 13, 69]] != two[[0, 13, 69]]).any(axis=1).all()
 
@@ -126,8 +142,11 @@ def test_each_variation_makes_lanes_differ(factor):
 
 
 def test_the_same_seed_without_the_fault_is_the_exact_twin_before_onset():
-    names, n = list(CATALOGUE), len(CATALOGUE)
-    faulty, healthy, seeds = Fleet(n), Fleet(n), range(500, 500 + n)
+    names = list(CATALOGUE)
+    n = len(CATALOGUE)
+    faulty = Fleet(n)
+    healthy = Fleet(n)
+    seeds = range(500, 500 + n)
     one = faulty.reset(seeds, schedules=[(FaultEvent(name, 5.0, 1.0),) for name in names])
     two = healthy.reset(seeds, schedules=[()] * n)
     differs = np.zeros(n, bool)
@@ -135,7 +154,8 @@ def test_the_same_seed_without_the_fault_is_the_exact_twin_before_onset():
         assert step > 50 or one.tobytes() == two.tobytes()
         differs |= (one != two).any(axis=1)
         action = np.c_[two[:, 0], np.full((n, 2), 0.1)]
-        one, two = faulty.step(action), healthy.step(action)
+        one = faulty.step(action)
+        two = healthy.step(action)
     assert differs.all(), [name for name, seen in zip(names, differs, strict=True) if not seen]
 
 
@@ -144,15 +164,21 @@ def test_auto_reset_comes_on_the_step_after_the_end():
     assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
     env.reset(seed=1, options={"schedule": [FAULT | {"onset": 0.0}]})
     actions = np.tile([0.5, 0.1, 0.1], (2, 1))
-    truncated, labels = [], []
+    truncated = []
+    labels = []
     for _ in range(12):
         observations, rewards, terminated, ends, info = env.step(actions)
         truncated.append(ends.tolist())
         labels.append(info["truth"]["label"].tolist())
         assert not terminated.any()
         if len(truncated) in (6, 12):
-            assert (rewards == 0.0).all() and (info["energy"] == 0.0).all() and (info["cost"] == 0.0).all()
-            np.testing.assert_array_equal(observations[:, 1], observations[:, 0])  # the action was ignored
+            assert (
+                (rewards == 0.0).all()
+                and (info["energy"] == 0.0).all()
+                and (info["cost"] == 0.0).all()
+            )
+            # the action was ignored
+            np.testing.assert_array_equal(observations[:, 1], observations[:, 0])
             assert (observations[:, 2:4] == 0.0).all()
     assert truncated == ([[False] * 2] * 4 + [[True] * 2] + [[False] * 2]) * 2
     assert labels[:5] == [["sensor:speed"] * 2] * 5 and labels[5:] == [["normal"] * 2] * 7
@@ -161,14 +187,18 @@ def test_auto_reset_comes_on_the_step_after_the_end():
 @pytest.mark.parametrize("limit", [20, 600])
 def test_make_vec_hands_the_time_limit_on(limit):
     env = gym.make_vec(NAME, num_envs=3, max_episode_steps=limit)
-    assert isinstance(env.unwrapped, PropulsionVectorEnv) and env.unwrapped.max_episode_steps == limit
+    assert (
+        isinstance(env.unwrapped, PropulsionVectorEnv) and env.unwrapped.max_episode_steps == limit
+    )
     env.reset(seed=1)
     ends = [env.step(np.zeros((3, 3), np.float32))[3].any() for _ in range(limit)]
     assert ends == [False] * (limit - 1) + [True]
 
 
 def test_make_vec_takes_the_factors():
-    env = gym.make_vec(NAME, num_envs=2, preset="npsnet1995", sensor_noise=0.0, disturbance=0.0, healthy_band=0.0)
+    env = gym.make_vec(
+        NAME, num_envs=2, preset="npsnet1995", sensor_noise=0.0, disturbance=0.0, healthy_band=0.0
+    )
     _, info = env.reset(seed=1, options={"schedule": [], "mission": "cruise"})
     assert info["truth"]["parameters"]["alpha"][0] == -0.0276 / 0.3048
     assert info["truth"]["parameters"]["speed_noise"].tolist() == [0.0, 0.0]
@@ -180,11 +210,23 @@ def test_info_and_truth_are_arrays_of_the_lanes():
     for _ in range(3):
         truth = info["truth"]
         assert set(info) == {"mission_speed", "energy", "cost", "truth"}
-        assert list(truth) == ["label", "severity", "onset", "parameters", "state"] and len(truth) == 5
-        assert tuple(truth["severity"]) == classes()[1:] and tuple(truth["parameters"]) == tuple(PARAMETERS)
+        assert (
+            list(truth) == ["label", "severity", "onset", "parameters", "state"] and len(truth) == 5
+        )
+        assert tuple(truth["severity"]) == classes()[1:] and tuple(truth["parameters"]) == tuple(
+            PARAMETERS
+        )
         assert set(list(CHANNELS)[4:]) <= set(truth["state"])
-        nested = [value for key in ("severity", "parameters", "state") for value in truth[key].values()]
-        for values in (*nested, truth["onset"], info["mission_speed"], info["energy"], info["cost"]):
+        nested = [
+            value for key in ("severity", "parameters", "state") for value in truth[key].values()
+        ]
+        for values in (
+            *nested,
+            truth["onset"],
+            info["mission_speed"],
+            info["energy"],
+            info["cost"],
+        ):
             assert values.shape == (70,) and values.dtype == np.float64
         assert truth["label"].shape == (70,) and set(truth["label"]) <= set(classes())
         *_, info = env.step(np.zeros((70, 3)))
@@ -197,7 +239,9 @@ def test_truth_is_not_served_stale():
     *_, later = env.step(np.zeros((2, 3)))
     assert later["truth"]["label"].tolist() == kept["label"].tolist() == ["sensor:speed"] * 2
     for key in kept:
-        with pytest.raises(RuntimeError, match=r"got a later step; allowed is its own step; keep dict"):
+        with pytest.raises(
+            RuntimeError, match=r"got a later step; allowed is its own step; keep dict"
+        ):
             info["truth"][key]
 
 
@@ -212,11 +256,17 @@ def test_truth_is_not_served_stale_after_a_reset():
 
 
 def test_what_a_step_returns_is_the_caller_s_own():
-    env, twin = PropulsionVectorEnv(3), PropulsionVectorEnv(3)
+    env = PropulsionVectorEnv(3)
+    twin = PropulsionVectorEnv(3)
     rows = [one.reset(seed=1, options={"schedule": [FAULT]}) for one in (env, twin)]
     for _ in range(20):
         observations, *arrays, info = rows[0]
-        for values in (observations, *arrays, *info["truth"]["parameters"].values(), *info["truth"]["state"].values()):
+        for values in (
+            observations,
+            *arrays,
+            *info["truth"]["parameters"].values(),
+            *info["truth"]["state"].values(),
+        ):
             values[:] = 1
         rows = [one.step(np.tile([0.4, 0.1, 0.1], (3, 1))) for one in (env, twin)]
         for one, two in zip(rows[0][:-1], rows[1][:-1], strict=True):
@@ -224,7 +274,13 @@ def test_what_a_step_returns_is_the_caller_s_own():
         assert lane_of(rows[0][-1]["truth"], 1) == lane_of(rows[1][-1]["truth"], 1)
 
 
-SEEDS = {"int": 5, "numpy_int": np.int64(5), "list": [5, 6, 7], "tuple": (5, 6, 7), "array": np.array([5, 6, 7])}
+SEEDS = {
+    "int": 5,
+    "numpy_int": np.int64(5),
+    "list": [5, 6, 7],
+    "tuple": (5, 6, 7),
+    "array": np.array([5, 6, 7]),
+}
 
 
 @pytest.mark.parametrize("seed", SEEDS.values(), ids=SEEDS)
@@ -235,7 +291,8 @@ def test_seeds_of_the_lanes(seed):
 
 
 def test_reset_without_a_seed_goes_on_to_the_next_episode():
-    env, single = PropulsionVectorEnv(2), PropulsionEnv()
+    env = PropulsionVectorEnv(2)
+    single = PropulsionEnv()
     env.reset(seed=5)
     single.reset(seed=6)
     for _ in range(3):
@@ -256,8 +313,12 @@ def test_schedules_by_lane(tmp_path):
 
 
 def test_of_equally_severe_faults_both_environments_name_the_first():
-    schedule = [FAULT | {"onset": 0.0}, {"fault": "increased_drag", "onset": 0.0, "severity": FAULT["severity"]}]
+    schedule = [
+        FAULT | {"onset": 0.0},
+        {"fault": "increased_drag", "onset": 0.0, "severity": FAULT["severity"]},
+    ]
     single, vector = (
-        kind().reset(seed=1, options={"schedule": schedule})[1] for kind in (PropulsionEnv, PropulsionVectorEnv)
+        kind().reset(seed=1, options={"schedule": schedule})[1]
+        for kind in (PropulsionEnv, PropulsionVectorEnv)
     )
     assert single["truth"]["label"] == vector["truth"]["label"][0] == "sensor:speed"

@@ -15,7 +15,14 @@ from diagnosers.advisory import ACTIONS, HOLD, LIMITS, MARGIN, Situation, Spread
 from diagnosers.capability import PLANT, capability
 
 VEHICLE = PRESETS["thesis1992"]
-EASY = Situation(speed=0.8, distance_to_go=500.0, distance_home=500.0, energy_left=1e6, hotel_load=5.0, current=0.0)
+EASY = Situation(
+    speed=0.8,
+    distance_to_go=500.0,
+    distance_home=500.0,
+    energy_left=1e6,
+    hotel_load=5.0,
+    current=0.0,
+)
 
 
 def belief_of(name="normal", severity=0.0, probability=1.0, n_lanes=1):
@@ -39,9 +46,19 @@ def action(belief, situation, vehicle=VEHICLE, **settings):
 
 def test_a_healthy_vehicle_with_energy_to_spare_continues():
     advice = advise(belief_of(), EASY, VEHICLE)
-    assert advice.action[0] == "continue" and advice.speed[0] == EASY.speed and advice.distrusted[0] == ""
+    assert (
+        advice.action[0] == "continue"
+        and advice.speed[0] == EASY.speed
+        and advice.distrusted[0] == ""
+    )
     assert advice.range.low[0] > EASY.distance_to_go
-    for spread in (advice.reachable_speed, advice.energy_per_metre, advice.range, advice.best_range, advice.range_home):
+    for spread in (
+        advice.reachable_speed,
+        advice.energy_per_metre,
+        advice.range,
+        advice.best_range,
+        advice.range_home,
+    ):
         assert isinstance(spread, Spread) and spread.low[0] < spread.middle[0] < spread.high[0]
 
 
@@ -79,14 +96,21 @@ def test_the_derated_speed_is_the_fastest_that_reaches_the_goal(tight):
     belief = belief_of("increased_drag", 1.0)
     advice = advise(belief, situation, VEHICLE)
     assert advice.action[0] == "derate"
-    kept, faster = (situation._replace(speed=advice.speed[0] + more) for more in (0.0, 0.1 * situation.speed))
+    kept, faster = (
+        situation._replace(speed=advice.speed[0] + more) for more in (0.0, 0.1 * situation.speed)
+    )
     assert action(belief, kept) == "continue"
     assert action(belief, faster) == "derate"
-    assert f"at {advice.speed[0]:.2f} m/s" in advice.why[0] and "increased_drag is likely (100 %" in advice.why[0]
+    assert (
+        f"at {advice.speed[0]:.2f} m/s" in advice.why[0]
+        and "increased_drag is likely (100 %" in advice.why[0]
+    )
 
 
 def test_a_head_current_shortens_the_way_to_go_and_lengthens_the_way_home():
-    against, still = (advise(belief_of(), EASY._replace(current=current), VEHICLE) for current in (0.2, 0.0))
+    against, still = (
+        advise(belief_of(), EASY._replace(current=current), VEHICLE) for current in (0.2, 0.0)
+    )
     assert against.range.middle[0] == pytest.approx(still.range.middle[0] * 0.6 / 0.8)
     assert against.range_home.middle[0] > still.range_home.middle[0]
 
@@ -106,7 +130,9 @@ def test_a_head_current_shortens_the_way_to_go_and_lengthens_the_way_home():
 )
 def test_a_vehicle_that_has_lost_its_way_aborts(shafts, probability, current, expected):
     situation = EASY._replace(current=current, speed=0.3 if current == 0.0 else 1.0)
-    got = advise(belief_of("propeller_loss:port", 1.0, probability), situation, VEHICLE, shafts=shafts)
+    got = advise(
+        belief_of("propeller_loss:port", 1.0, probability), situation, VEHICLE, shafts=shafts
+    )
     assert got.action[0] == expected
     assert ("it may reach only" in got.why[0]) == (expected == "abort")
 
@@ -114,25 +140,34 @@ def test_a_vehicle_that_has_lost_its_way_aborts(shafts, probability, current, ex
 @pytest.mark.parametrize("channel", READINGS)
 def test_a_false_reading_is_named(channel):
     advice = advise(belief_of(f"sensor:{channel}", 0.8, 0.9), EASY, VEHICLE)
-    assert advice.distrusted[0] == f"sensor:{channel}" and f"sensor:{channel} is likely (90 %)" in advice.why[0]
+    assert (
+        advice.distrusted[0] == f"sensor:{channel}"
+        and f"sensor:{channel} is likely (90 %)" in advice.why[0]
+    )
     assert advice.action[0] == ("derate" if channel == "speed" else "continue")
     assert advice.speed[0] <= EASY.speed
 
 
 def test_a_motor_is_spared_what_it_is_not_rated_for():
-    stiff = replace(VEHICLE, coulomb_friction=0.25)  # N m: 4.1 A of the rated 4.75 before the propeller is turned
+    # N m: 4.1 A of the rated 4.75 before the propeller is turned
+    stiff = replace(VEHICLE, coulomb_friction=0.25)
     advice = advise(belief_of(), EASY._replace(speed=0.9), stiff)
     assert advice.action[0] == "derate" and 0.3 < advice.speed[0] < 0.6
     assert "rated" in advice.why[0]
 
 
 def test_with_memory_the_action_changes_only_when_every_recent_judgement_asks_for_it():
-    fine, bad = belief_of(), belief_of("propeller_loss:port", 1.0)
-    seen, advice = [], None
-    for belief in [fine] + [bad] * (HOLD - 1) + [fine] + [bad] * HOLD + [fine, bad] * 3 + [fine] * HOLD:
+    fine = belief_of()
+    bad = belief_of("propeller_loss:port", 1.0)
+    seen = []
+    advice = None
+    for belief in (
+        [fine] + [bad] * (HOLD - 1) + [fine] + [bad] * HOLD + [fine, bad] * 3 + [fine] * HOLD
+    ):
         advice = advise(belief, EASY._replace(speed=0.3), VEHICLE, shafts=1, before=advice)
         seen.append(str(advice.action[0]))
-    quiet, alarmed = HOLD + HOLD, 6 + HOLD
+    quiet = HOLD + HOLD
+    alarmed = 6 + HOLD
     assert seen == ["continue"] * quiet + ["abort"] * alarmed + ["continue"]
 
 
@@ -143,11 +178,15 @@ def test_lanes_are_independent_of_each_other():
         belief_of("propeller_loss:port", 1.0),
         belief_of("sensor:speed", 1),
     ]
-    situation = EASY._replace(energy_left=np.array([1e4, 8e3, 6e3, 1e5]), distance_to_go=np.full(4, 400.0))
+    situation = EASY._replace(
+        energy_left=np.array([1e4, 8e3, 6e3, 1e5]), distance_to_go=np.full(4, 400.0)
+    )
     together = advise(stacked(*beliefs), situation, VEHICLE)
     for lane, belief in enumerate(beliefs):
         alone = advise(
-            belief, situation._replace(energy_left=situation.energy_left[lane], distance_to_go=400.0), VEHICLE
+            belief,
+            situation._replace(energy_left=situation.energy_left[lane], distance_to_go=400.0),
+            VEHICLE,
         )
         assert alone.action[0] == together.action[lane] and alone.why[0] == together.why[lane]
         for one, all_lanes in zip(alone.range, together.range, strict=True):
@@ -157,7 +196,9 @@ def test_lanes_are_independent_of_each_other():
 def test_the_interval_holds_the_true_energy_of_healthy_vehicles():
     fleet = Fleet(400)
     fleet.reset(range(400), schedules=[()] * 400)
-    true = capability(fleet.plan.healthy[:, None, :PLANT], np.full((400, 1), EASY.speed), VEHICLE).power[:, 0, 0]
+    true = capability(
+        fleet.plan.healthy[:, None, :PLANT], np.full((400, 1), EASY.speed), VEHICLE
+    ).power[:, 0, 0]
     per_metre = advise(belief_of(), EASY, VEHICLE).energy_per_metre
     truly = (true + EASY.hotel_load) / EASY.speed
     assert 0.90 <= ((truly >= per_metre.low) & (truly <= per_metre.high)).mean() <= 0.99

@@ -16,7 +16,9 @@ from diagnosers import Belief
 from diagnosers.capability import N_DRAWS, PLANT, capability, drawn
 
 NAMES = list(PARAMETERS)[:PLANT]
-PLANT_FAULTS = [name for name, fault in CATALOGUE.items() if not fault.component.startswith("sensor")]
+PLANT_FAULTS = [
+    name for name, fault in CATALOGUE.items() if not fault.component.startswith("sensor")
+]
 VEHICLE = PRESETS["thesis1992"]
 
 
@@ -25,7 +27,8 @@ def belief_of(shares, severity=0.0, std=0.0):
     probability = np.full(len(classes()), 1e-40)
     for name, share in shares.items():
         probability[classes().index(name)] = share
-    means, stds = np.full((1, probability.size), severity), np.full((1, probability.size), std)
+    means = np.full((1, probability.size), severity)
+    stds = np.full((1, probability.size), std)
     means[:, 0] = stds[:, 0] = 0.0
     return Belief(np.log(probability)[None], means, stds)
 
@@ -72,13 +75,16 @@ def test_the_supply_limits_the_speed_too():
     slow = capability(nominal_with(), np.array([[0.3]]), weak).reachable_speed[0, 0]
     able = capability(nominal_with(), np.array([[0.99 * slow, 1.01 * slow]]), weak)
     assert 0.3 < slow < 0.8
-    assert 3.8 < able.power[0, 0, 0] / (2 * able.current[0, 0, 0]) < 4.0  # W by A of both motors: the voltage
+    # W by A of both motors: the voltage
+    assert 3.8 < able.power[0, 0, 0] / (2 * able.current[0, 0, 0]) < 4.0
     assert np.isinf(able.power[0, 0, 1])
 
 
 @pytest.mark.parametrize("share", [0.25, 0.5, 1.0])
 def test_a_class_has_its_share_of_the_possible_vehicles(share):
-    belief = belief_of({"normal": 1.0 - share + 1e-40, "propeller_loss:starboard": share}, severity=1.0)
+    belief = belief_of(
+        {"normal": 1.0 - share + 1e-40, "propeller_loss:starboard": share}, severity=1.0
+    )
     thrust = drawn(belief, VEHICLE)[0, :, NAMES.index("starboard_beta")]
     assert (thrust == 0.0).sum() == share * N_DRAWS
 
@@ -96,13 +102,15 @@ def test_severity_and_healthy_band_spread():
 def test_severities_beyond_the_end_are_cut():
     lost = drawn(belief_of({"propeller_loss:port": 1.0}, severity=0.9, std=0.5), VEHICLE)[0]
     assert (lost[:, NAMES.index("port_beta")] >= 0.0).all()
-    assert (lost[:, NAMES.index("port_beta")] == 0.0).mean() == pytest.approx(0.42, abs=0.05)  # of a normal above 1
+    # of a normal above 1
+    assert (lost[:, NAMES.index("port_beta")] == 0.0).mean() == pytest.approx(0.42, abs=0.05)
 
 
 @pytest.mark.parametrize("channel", list(CHANNELS)[4:])
 def test_sensor_faults_leave_the_plant_as_it_is(channel):
     failing, healthy = (
-        drawn(belief_of({name: 1.0}, severity=1.0), VEHICLE) for name in (f"sensor:{channel}", "normal")
+        drawn(belief_of({name: 1.0}, severity=1.0), VEHICLE)
+        for name in (f"sensor:{channel}", "normal")
     )
     np.testing.assert_array_equal(failing, healthy)
 

@@ -25,11 +25,14 @@ class Mine(Recursive):
         return np.zeros(n_lanes), np.zeros(n_lanes)
 
     def step(self, state, observation):
-        total, count = state[0] + observation[:, SPEED], state[1] + 1
+        total = state[0] + observation[:, SPEED]
+        count = state[1] + 1
         odds = self.scale * total / count
         log_probability = np.full((len(observation), len(self.classes)), -np.inf)
         log_probability[:, 0] = -np.logaddexp(0.0, odds)
-        log_probability[:, 1:] = (-np.logaddexp(0.0, -odds) - np.log(len(self.classes) - 1))[:, None]
+        log_probability[:, 1:] = (-np.logaddexp(0.0, -odds) - np.log(len(self.classes) - 1))[
+            :, None
+        ]
         half = np.full(log_probability.shape, 0.5)
         return (total, count), Belief(log_probability, half, half.copy())
 
@@ -133,7 +136,10 @@ BROKEN = {
     "normal is not first": (Reversed, "classes"),
     "shape": (lambda: altered(lambda p, m, s: (p[:, 1:], m, s)), "shape of log_probability"),
     "not finite": (lambda: altered(lambda p, m, s: (p, m * np.nan, s)), "severity_mean"),
-    "does not sum to one": (lambda: altered(lambda p, m, s: (p - 0.1, m, s)), "sum of probabilities"),
+    "does not sum to one": (
+        lambda: altered(lambda p, m, s: (p - 0.1, m, s)),
+        "sum of probabilities",
+    ),
     "above zero": (lambda: altered(lambda p, m, s: (p + 20.0, m, s)), "log_probability"),
     "severity beyond one": (lambda: altered(lambda p, m, s: (p, m + 1.0, s)), "severity_mean"),
     "negative deviation": (lambda: altered(lambda p, m, s: (p, m, -s)), "severity_std"),

@@ -10,7 +10,8 @@ from auv_fault_env.schedules import FaultEvent
 from diagnosers import make
 from training.rollouts import roll_out
 
-N_HEALTHY, ONSET = 24, 8.0  # lanes; s
+N_HEALTHY = 24  # lanes
+ONSET = 8.0  # s
 SEVERE = {
     "increased_drag": 1.0,
     "propeller_loss:port": 1.0,
@@ -27,7 +28,9 @@ def run(schedules, first_seed, n_samples=300):
     """Observations (n_samples, n_lanes, n_channels) of the thesis' mission."""
     n_lanes = len(schedules)
     seeds = range(first_seed, first_seed + n_lanes)
-    return roll_out(Fleet(n_lanes), seeds, n_samples, None, schedules, ["thesis"] * n_lanes).observations
+    return roll_out(
+        Fleet(n_lanes), seeds, n_samples, None, schedules, ["thesis"] * n_lanes
+    ).observations
 
 
 @pytest.fixture(scope="module", params=["limits", "cusum", "rules"])
@@ -41,7 +44,9 @@ def follow(diagnoser, observations):
 
 
 def test_healthy_vehicles_stay_normal(diagnoser):
-    quiet = np.array([belief.log_probability[:, 0] for belief in follow(diagnoser, run([()] * N_HEALTHY, 0))])
+    quiet = np.array(
+        [belief.log_probability[:, 0] for belief in follow(diagnoser, run([()] * N_HEALTHY, 0))]
+    )
     assert (quiet > -3.0).all()
     assert (quiet > np.log(0.5)).mean() > 0.99
 
@@ -57,13 +62,17 @@ def test_severe_faults_are_detected_and_named(diagnoser):
     log_probability = surest(diagnoser, run(schedules, 100))
     named = [classes()[k] for k in log_probability.argmax(axis=1)]
     wanted = [CATALOGUE[fault].diagnosis for fault in SEVERE]
-    assert sum(got == want for got, want in zip(named, wanted, strict=True)) >= len(SEVERE) - 1, named
+    assert sum(got == want for got, want in zip(named, wanted, strict=True)) >= len(SEVERE) - 1, (
+        named
+    )
     assert (log_probability[:, 0] < -3.0).all() and log_probability[:, 0].min() < -50.0
 
 
 def test_a_new_fault_gets_its_signature_without_an_edit(monkeypatch):
     scale = {
-        f"{side}_{name}": value for side in SIDES for name, value in (("resistance", 1.4), ("torque_constant", 0.8))
+        f"{side}_{name}": value
+        for side in SIDES
+        for name, value in (("resistance", 1.4), ("torque_constant", 0.8))
     }
     monkeypatch.setitem(CATALOGUE, "both_hot", Fault("both_hot", "motors", scale=scale))
     log_probability = surest(make("cusum"), run([(FaultEvent("both_hot", ONSET, 0.8),)] * 2, 300))
@@ -72,8 +81,14 @@ def test_a_new_fault_gets_its_signature_without_an_edit(monkeypatch):
 
 def test_severity_grows_with_the_fault(diagnoser):
     severities = [0.3, 0.6, 1.0]
-    schedules = [(FaultEvent("seal_friction:port", ONSET, severity),) for severity in severities for _ in range(4)]
+    schedules = [
+        (FaultEvent("seal_friction:port", ONSET, severity),)
+        for severity in severities
+        for _ in range(4)
+    ]
     belief = follow(diagnoser, run(schedules, 200))[-1]
-    found = belief.severity_mean[:, classes().index("seal_friction:port")].reshape(3, 4).mean(axis=1)
+    found = (
+        belief.severity_mean[:, classes().index("seal_friction:port")].reshape(3, 4).mean(axis=1)
+    )
     assert found[0] < found[1] < found[2]
     assert found[2] - found[0] > 0.2

@@ -1,8 +1,9 @@
 """Pairs of faults that look alike at constant speed, and no more once the speed has changed.
 
-Both faults are sized to show the same: what the belief says of which of the two it is must then not depend on which it
-is. They are there from the start, and the diagnoser is switched on when the vehicle has settled with them: a beginning
-is a change itself, which the accelerometer tells from a fouled paddle wheel.
+Both faults are sized to show the same: what the belief says of which of the two it is must then not
+depend on which it is. They are there from the start, and the diagnoser is switched on when the
+vehicle has settled with them: a beginning is a change itself, which the accelerometer tells from a
+fouled paddle wheel.
 """
 
 from typing import NamedTuple
@@ -20,7 +21,10 @@ from training.rollouts import roll_out
 from training.seeds import seeds
 
 N_LANES = 16  # of either fault, on the same vehicles
-SETTLED, CHANGE, END = 300, 500, 600  # samples: the diagnoser is switched on, the speed changes, 10 s have passed
+# samples: the diagnoser is switched on, the speed changes, 10 s have passed
+SETTLED = 300
+CHANGE = 500
+END = 600
 
 
 class Pair(NamedTuple):
@@ -35,29 +39,40 @@ class Pair(NamedTuple):
 
 
 PAIRS = {
-    # The same shaft speed for the same reading: drag 1.3 times, or the true speed 1/0.877 = sqrt(1.3) times. The faster
-    # vehicle's propellers need less torque, 0.2 mN m of 15; friction may be off by 1.3.
+    # The same shaft speed for the same reading: drag 1.3 times, or the true speed 1/0.877 =
+    # sqrt(1.3) times. The faster vehicle's propellers need less torque, 0.2 mN m of 15; friction
+    # may be off by 1.3.
     "drag, fouling": Pair("increased_drag", 0.3, "sensor_scale:speed", 0.307, 0.2, 0.6),
-    # Drag 1.2 times, or thrust 1/1.2 times. A damaged propeller needs less torque as well; but at 0.2 m/s friction is
-    # four fifths of it, and may be off by more than the damage. The propeller's torque grows with the square of speed.
+    # Drag 1.2 times, or thrust 1/1.2 times. A damaged propeller needs less torque as well; but at
+    # 0.2 m/s friction is four fifths of it, and may be off by more than the damage. The propeller's
+    # torque grows with the square of speed.
     "drag, thrust": Pair("increased_drag", 0.2, "propeller_damage:port", 0.67, 0.2, 0.6),
-    # About 0.1 A more, for a stiffer shaft or a sensor that says so. Ohm's law would tell, but at 0.9 m/s the back-EMF
-    # of 5 V may be off by 1 %, and the torque by as much as the friction; at 0.15 m/s these unknowns are small.
-    "friction, current bias": Pair("seal_friction:port", 0.15, "sensor_bias:port_current", 0.18, 0.9, 0.15),
+    # About 0.1 A more, for a stiffer shaft or a sensor that says so. Ohm's law would tell, but at
+    # 0.9 m/s the back-EMF of 5 V may be off by 1 %, and the torque by as much as the friction; at
+    # 0.15 m/s these unknowns are small.
+    "friction, current bias": Pair(
+        "seal_friction:port", 0.15, "sensor_bias:port_current", 0.18, 0.9, 0.15
+    ),
 }
 
 
 def shares(diagnoser: str, pair: Pair) -> np.ndarray:
     """What fault `one` has of the probability of both, (n_samples, 2): where it is true, and where the other is."""
-    schedules = [FaultEvent(pair.one, 0.0, pair.severity)], [FaultEvent(pair.other, 0.0, pair.other_severity)]
+    schedules = (
+        [FaultEvent(pair.one, 0.0, pair.severity)],
+        [FaultEvent(pair.other, 0.0, pair.other_severity)],
+    )
     mission = Mission(((0.0, pair.hiding), (CHANGE * SAMPLE_TIME, pair.telling)))
-    lanes, fleet = seeds("calibration", N_LANES, 60_000), Fleet(2 * N_LANES)
+    lanes = seeds("calibration", N_LANES, 60_000)
+    fleet = Fleet(2 * N_LANES)
     faults = [schedule for schedule in schedules for _ in lanes]
     rolled = roll_out(fleet, [*lanes, *lanes], END, None, faults, [mission] * fleet.n_lanes)
     one, other = (classes().index(CATALOGUE[fault].diagnosis) for fault in (pair.one, pair.other))
     judge = make(diagnoser)
     judge.reset(fleet.n_lanes)
-    log_probability = np.stack([judge.update(seen).log_probability for seen in rolled.observations[SETTLED:]])
+    log_probability = np.stack(
+        [judge.update(seen).log_probability for seen in rolled.observations[SETTLED:]]
+    )
     share = 1.0 / (1.0 + np.exp(log_probability[:, :, other] - log_probability[:, :, one]))
     return share.reshape(len(share), 2, N_LANES).mean(axis=2)
 
@@ -67,6 +82,7 @@ def shares(diagnoser: str, pair: Pair) -> np.ndarray:
 def test_a_change_of_speed_parts_what_looks_alike(diagnoser, pair):
     share = shares(diagnoser, pair)
     where_true, where_not = share[CHANGE - SETTLED - 1]
-    assert where_true - where_not < 0.35  # 0 if the belief does not depend on which of both is true, 1 if it is right
+    # 0 if the belief does not depend on which of both is true, 1 if it is right
+    assert where_true - where_not < 0.35
     where_true, where_not = share[-1]
     assert where_true > 0.85 and where_not < 0.15

@@ -23,7 +23,8 @@ class Echo(Recursive):
 
 
 def test_silent_channels_hold_their_last_reading_and_are_zero_before_the_first():
-    echo, readings = Echo(), np.full((1, len(CHANNELS)), 2.0)
+    echo = Echo()
+    readings = np.full((1, len(CHANNELS)), 2.0)
     echo.reset(1)
     readings[0, 3] = np.nan
     assert (echo.update(readings).log_probability == [*[2.0] * 3, 0.0, *[2.0] * 8]).all()

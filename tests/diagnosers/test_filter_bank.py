@@ -27,7 +27,9 @@ CLASSES = list(classes())
 
 def episodes(n_lanes: int, n_samples: int, *events: FaultEvent) -> Rollout:
     lanes = seeds("calibration", n_lanes, 50_000)
-    return roll_out(Fleet(n_lanes), lanes, n_samples, None, [events] * n_lanes, [MISSIONS["thesis"]] * n_lanes)
+    return roll_out(
+        Fleet(n_lanes), lanes, n_samples, None, [events] * n_lanes, [MISSIONS["thesis"]] * n_lanes
+    )
 
 
 def beliefs(bank: FilterBank, observations: np.ndarray) -> np.ndarray:
@@ -57,7 +59,9 @@ def test_probabilities_sum_to_one_and_severities_are_fractions():
 
 @pytest.mark.parametrize("threads", ["1", "2"])
 @pytest.mark.parametrize("bank", [FilterBank(), lighter_bank()], ids=["full", "light"])
-def test_a_batch_is_its_lanes_whatever_the_threads_and_the_neighbours_silence(bank, threads, monkeypatch):
+def test_a_batch_is_its_lanes_whatever_the_threads_and_the_neighbours_silence(
+    bank, threads, monkeypatch
+):
     monkeypatch.setenv("OMP_NUM_THREADS", threads)
     observations = episodes(70, 12, FaultEvent("sensor_bias:port_current", 0.5, 0.6)).observations
     observations[3:, 1::2, len(COMMANDS) :] = np.nan
@@ -101,7 +105,8 @@ def test_a_forked_child_goes_on(monkeypatch):
     observations = episodes(70, 4, FaultEvent("increased_drag", 0.1, 1.0)).observations
     expected = beliefs(bank, observations)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of forking beside threads: it is what is tried
+        # of forking beside threads: it is what is tried
+        warnings.simplefilter("ignore", DeprecationWarning)
         child = os.fork()
     if not child:
         signal.alarm(60)
@@ -110,9 +115,11 @@ def test_a_forked_child_goes_on(monkeypatch):
 
 
 def test_a_step_changes_neither_state_nor_observation():
-    bank, observation = FilterBank(), episodes(2, 2).observations[1].astype(np.float64)
+    bank = FilterBank()
+    observation = episodes(2, 2).observations[1].astype(np.float64)
     state = bank.step(bank.initial(2), observation)[0]
-    kept, seen = [part.copy() for part in state], observation.copy()
+    kept = [part.copy() for part in state]
+    seen = observation.copy()
     bank.step(state, observation)
     for part, before in zip(state, kept, strict=True):
         np.testing.assert_array_equal(part, before)
@@ -135,7 +142,8 @@ def test_a_fault_is_found_named_and_measured():
 
 def test_a_repair_shows_in_the_severity_alone():
     rolled = episodes(8, 300, FaultEvent("seal_friction:starboard", 5.0, 0.8, end=10.0))
-    bank, column = FilterBank(), CLASSES.index("seal_friction:starboard")
+    bank = FilterBank()
+    column = CLASSES.index("seal_friction:starboard")
     bank.reset(8)
     for k, observation in enumerate(rolled.observations):
         log_probability, severity, _ = bank.update(observation)
@@ -148,31 +156,38 @@ def test_a_repair_shows_in_the_severity_alone():
 
 
 def test_no_way_leads_back_to_normal():
-    bank, observation = FilterBank(), episodes(1, 1).observations[0].astype(np.float64)
+    bank = FilterBank()
+    observation = episodes(1, 1).observations[0].astype(np.float64)
     n_hypotheses = bank.hypotheses().log_hazard.size
     faulty = np.where(np.arange(n_hypotheses) == 7, 0.0, -1e6)[None]
     after, belief = bank.step(bank.initial(1)._replace(log_weight=faulty), observation)
     assert after.log_weight[0].argmax() == 7
-    np.testing.assert_allclose(belief.log_probability[0, 0], -1e6, atol=150.0)  # eight readings of six deviations: 144
+    # eight readings of six deviations: 144
+    np.testing.assert_allclose(belief.log_probability[0, 0], -1e6, atol=150.0)
 
 
 @pytest.mark.slow
 def test_half_an_hour_leaves_healthy_vehicles_normal_and_every_number_finite():
-    bank, fleet = FilterBank(), Fleet(3)
+    bank = FilterBank()
+    fleet = Fleet(3)
     bank.reset(3)
-    observation = fleet.reset([4, 6, 5], schedules=[(), (), [FaultEvent("propeller_loss:port", 60.0, 1.0)]])
+    observation = fleet.reset(
+        [4, 6, 5], schedules=[(), (), [FaultEvent("propeller_loss:port", 60.0, 1.0)]]
+    )
     for k in range(18_000):
         command = 0.3 + 0.15 * (-1) ** (k // 100)
         observation = fleet.step(np.tile([command, 0.0, 0.0], (3, 1)))
         belief = bank.update(observation)
-    assert (belief.log_probability[:2, 0] > np.log(0.5)).all()  # with a hazard that stays as it is: -6 and -8
+    # with a hazard that stays as it is: -6 and -8
+    assert (belief.log_probability[:2, 0] > np.log(0.5)).all()
     assert belief.log_probability[2, 0] < -1e3
     assert all(np.isfinite(part).all() for part in bank._state[0].filters)
     assert not any(np.isnan(part).any() for part in belief)
 
 
 def test_the_hazard_holds_for_a_minute_and_falls_with_age_thereafter():
-    bank, observation = FilterBank(), episodes(1, 1).observations[0].astype(np.float64)
+    bank = FilterBank()
+    observation = episodes(1, 1).observations[0].astype(np.float64)
     state = bank.initial(1)
     begun = [
         bank.step(state._replace(age=np.array([age])), observation)[1].log_probability[0, 1:]
@@ -183,15 +198,21 @@ def test_the_hazard_holds_for_a_minute_and_falls_with_age_thereafter():
 
 
 def test_a_new_catalogue_entry_gets_its_hypotheses(monkeypatch):
-    bank, before = FilterBank(), FilterBank().hypotheses()
-    ice = Fault("ice_on_hull", component="hull", scale={"alpha": 1.4, "gamma": 1.2}, source="estimate")
+    bank = FilterBank()
+    before = FilterBank().hypotheses()
+    ice = Fault(
+        "ice_on_hull", component="hull", scale={"alpha": 1.4, "gamma": 1.2}, source="estimate"
+    )
     monkeypatch.setitem(CATALOGUE, "ice_on_hull", ice)
     after = bank.hypotheses()
     assert after.log_hazard.size == before.log_hazard.size + 3
     np.testing.assert_allclose(np.exp(after.log_hazard).sum(), 1.0)
     assert after.diagnosis[-1] == list(classes()).index("ice_on_hull")
     assert after.slot[SURGE, -1] != after.slot[SURGE, 0]
-    assert after.slot[PORT, -1] == after.slot[PORT, 0] and after.slot[STARBOARD, -1] == after.slot[STARBOARD, 0]
+    assert (
+        after.slot[PORT, -1] == after.slot[PORT, 0]
+        and after.slot[STARBOARD, -1] == after.slot[STARBOARD, 0]
+    )
     assert beliefs(bank, episodes(1, 2).observations).shape[2] == len(CLASSES) + 1
 
 
@@ -211,14 +232,18 @@ def test_bad_settings_are_refused(settings):
 
 def test_the_oracle_untold_is_the_bank():
     rolled = episodes(2, 20)
-    np.testing.assert_array_equal(beliefs(Oracle(), rolled.observations), beliefs(FilterBank(), rolled.observations))
+    np.testing.assert_array_equal(
+        beliefs(Oracle(), rolled.observations), beliefs(FilterBank(), rolled.observations)
+    )
 
 
 @pytest.mark.parametrize(
     ("fault", "severity", "told_severity", "sample", "gain"),
     [
-        ("motor_overheating:port", 0.3, False, 100, 0.15),  # hides in the healthy band; measured 0.22 to 0.38
-        ("propeller_damage:port", 0.6, True, 199, 0.12),  # looks like half a lost propeller; measured 0.17 to 0.19
+        # hides in the healthy band; measured 0.22 to 0.38
+        ("motor_overheating:port", 0.3, False, 100, 0.15),
+        # looks like half a lost propeller; measured 0.17 to 0.19
+        ("propeller_damage:port", 0.6, True, 199, 0.12),
     ],
     ids=["the vehicle", "the severity"],
 )
@@ -228,7 +253,9 @@ def test_told_is_better_than_untold(fault, severity, told_severity, sample, gain
     told = Oracle()
     told.reset(n_lanes)
     told.tell(rolled.healthy, np.full(n_lanes, severity) if told_severity else None)
-    told_probability = np.exp([told.update(seen).log_probability for seen in rolled.observations][-1])
+    told_probability = np.exp(
+        [told.update(seen).log_probability for seen in rolled.observations][-1]
+    )
     probability = np.exp(beliefs(Oracle(), rolled.observations)[-1])
     column = CLASSES.index(fault)
     assert told_probability[:, column].mean() > probability[:, column].mean() + gain
@@ -255,10 +282,13 @@ def test_settings_survive_storage(tmp_path):
 
 
 def test_hypotheses_that_explain_nothing_do_not_diverge():
-    bank, lanes = FilterBank(grades=((0.1, 1.0),)), 64
+    bank = FilterBank(grades=((0.1, 1.0),))
+    lanes = 64
     lost = [(FaultEvent("sensor_dropout:port_rpm", 5.0, 1.0),)] * lanes
     bank.reset(lanes)
-    for observation in roll_out(Fleet(lanes), range(7000, 7000 + lanes), 500, schedules=lost).observations:
+    for observation in roll_out(
+        Fleet(lanes), range(7000, 7000 + lanes), 500, schedules=lost
+    ).observations:
         belief = bank.update(observation)
         assert np.isfinite(belief.log_probability).all()
     deviations = bank._state[0].filters[:, 2:4]
@@ -267,6 +297,10 @@ def test_hypotheses_that_explain_nothing_do_not_diverge():
 
 def test_the_bank_is_one_kernel_so_that_compiling_it_anew_changes_no_bit():
     modules = algebra, kernel, motor, pack, sensors, surge
-    compiled = {one for module in modules for one in vars(module).values() if isinstance(one, Dispatcher)}
+    compiled = {
+        one for module in modules for one in vars(module).values() if isinstance(one, Dispatcher)
+    }
     assert len(compiled) > 30
-    assert {one for one in compiled if not one.targetoptions.get("forceinline")} == {kernel.step_lanes}
+    assert {one for one in compiled if not one.targetoptions.get("forceinline")} == {
+        kernel.step_lanes
+    }

@@ -9,7 +9,16 @@ from auv_fault_env.faults import CATALOGUE, Fault
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import UNKNOWN, decide, make, storage
-from diagnosers.integrated import ARCHITECTURE, CLASSES, N_MEMORY, N_OUTPUTS, PACKAGED, Integrated, Recall, calmed
+from diagnosers.integrated import (
+    ARCHITECTURE,
+    CLASSES,
+    N_MEMORY,
+    N_OUTPUTS,
+    PACKAGED,
+    Integrated,
+    Recall,
+    calmed,
+)
 from diagnosers.networks.integrated_network import Network
 from training.rollouts import manoeuvres, roll_out
 
@@ -35,7 +44,9 @@ def test_weights_of_the_package_are_small_and_complete():
     assert tensors["sharpness"] > 0.0
 
 
-@pytest.mark.parametrize("fault", ["seal_friction:port", "motor_overheating:starboard", "sensor_bias:port_voltage"])
+@pytest.mark.parametrize(
+    "fault", ["seal_friction:port", "motor_overheating:starboard", "sensor_bias:port_voltage"]
+)
 def test_plain_faults_are_named_and_graded(fault):
     beliefs, classes = watched(fault, 0.6)
     assert decide(beliefs[80], classes).count("normal") >= 15
@@ -65,20 +76,25 @@ def test_an_untrained_network_says_what_the_bank_says():
 
 
 def test_a_calm_opinion_follows_within_its_time():
-    before, opinion = np.zeros((1, N_OUTPUTS)), np.ones((1, N_OUTPUTS))
+    before = np.zeros((1, N_OUTPUTS))
+    opinion = np.ones((1, N_OUTPUTS))
     for _ in range(5):  # half a second
         before = calmed(opinion, before)
     assert 0.55 < before[0, 0] < 0.7
 
 
 def test_the_architecture_is_that_of_the_network_in_torch():
-    assert {name: tuple(tensor.shape) for name, tensor in Network().state_dict().items()} == ARCHITECTURE
+    assert {
+        name: tuple(tensor.shape) for name, tensor in Network().state_dict().items()
+    } == ARCHITECTURE
 
 
 def test_numpy_recalls_what_torch_does():
-    network, tensors = Network(), storage.read(PACKAGED)[0]
+    network = Network()
+    tensors = storage.read(PACKAGED)[0]
     network.load_state_dict({name: torch.from_numpy(tensor) for name, tensor in tensors.items()})
-    recall, random = Recall(tensors), np.random.default_rng(0)
+    recall = Recall(tensors)
+    random = np.random.default_rng(0)
     features = random.normal(size=(40, 3, network.encoder[0].in_features)).astype(np.float32)
     units = np.zeros((3, N_MEMORY), np.float32)
     with torch.inference_mode():
@@ -91,7 +107,12 @@ def test_numpy_recalls_what_torch_does():
 
 
 @pytest.mark.parametrize(
-    "break_it", [lambda t: t.pop("trust"), lambda t: t.update(trust=t["trust"][:-1]), lambda t: t["bias"].fill(np.nan)]
+    "break_it",
+    [
+        lambda t: t.pop("trust"),
+        lambda t: t.update(trust=t["trust"][:-1]),
+        lambda t: t["bias"].fill(np.nan),
+    ],
 )
 def test_weights_of_another_architecture_are_refused(break_it):
     tensors = storage.read(PACKAGED)[0]
@@ -103,5 +124,7 @@ def test_weights_of_another_architecture_are_refused(break_it):
 def test_a_truncated_file_is_refused(tmp_path):
     path = tmp_path / "integrated.safetensors"
     path.write_bytes(PACKAGED.read_bytes()[:-100])
-    with pytest.raises(InputError, match=r"weights file: got .*integrated.safetensors.*complete safetensors"):
+    with pytest.raises(
+        InputError, match=r"weights file: got .*integrated.safetensors.*complete safetensors"
+    ):
         make("integrated", weights=path)

@@ -45,11 +45,15 @@ def runge_kutta(rate, speed, substeps=10):
 
 def observe(speed=0.0, acceleration=0.0, rpm=0.0, rudder=0.0, noise=0.0, rng=None, n_lanes=1):
     observation = np.zeros((n_lanes, len(CHANNELS)))
-    readings = dict(speed=speed, acceleration=acceleration, port_rpm=rpm, starboard_rpm=rpm, rudder=rudder)
+    readings = dict(
+        speed=speed, acceleration=acceleration, port_rpm=rpm, starboard_rpm=rpm, rudder=rudder
+    )
     for name, value in readings.items():
         observation[:, COLUMN[name]] = value
         if noise:
-            observation[:, COLUMN[name]] += noise * CHANNELS[name].noise * rng.standard_normal(n_lanes)
+            observation[:, COLUMN[name]] += (
+                noise * CHANNELS[name].noise * rng.standard_normal(n_lanes)
+            )
     return observation
 
 
@@ -63,22 +67,34 @@ def follow(kalman, observations):
 def thesis_run(theta_after):
     """Noise-free observations (600, 1, n_channels): 0.5/1.0 ft/s for ten seconds each, parameters change at 10 s."""
     tau = VEHICLE.inertia * VEHICLE.resistance / VEHICLE.torque_constant**2
-    speed, rpm, observations = np.array([0.5 * FOOT]), 135.27, []
+    speed = np.array([0.5 * FOOT])
+    rpm = 135.27
+    observations = []
     for k in range(600):
         command = FOOT * (1.0 if (k // 100) % 2 else 0.5)
         theta = np.array([theta_after if k >= 100 else (1.0, 1.0, 1.0)])
-        wanted = max(0.0, (0.03 * (command - speed[0]) / 0.15 - VEHICLE.alpha * speed[0] ** 2) / VEHICLE.beta) ** 0.5
+        wanted = (
+            max(
+                0.0,
+                (0.03 * (command - speed[0]) / 0.15 - VEHICLE.alpha * speed[0] ** 2) / VEHICLE.beta,
+            )
+            ** 0.5
+        )
 
         def thrust(t, last=rpm, wanted=wanted):
             return (wanted + (last - wanted) * np.exp(-t / tau)) ** 2
 
-        speed = runge_kutta(lambda u, t, theta=theta, thrust=thrust: surge_rate(u, theta, thrust(t), 0, 0), speed)
+        speed = runge_kutta(
+            lambda u, t, theta=theta, thrust=thrust: surge_rate(u, theta, thrust(t), 0, 0), speed
+        )
         rpm = wanted + (rpm - wanted) * exp(-SAMPLE_TIME / tau)
         observations.append(observe(speed, surge_rate(speed, theta, rpm * rpm, 0, 0), rpm))
     return np.array(observations)
 
 
-@pytest.mark.parametrize("change", [(1.35, 1.0, 1.0), (1.0, 0.65, 1.0)], ids=["alpha+35%", "beta-35%"])
+@pytest.mark.parametrize(
+    "change", [(1.35, 1.0, 1.0), (1.0, 0.65, 1.0)], ids=["alpha+35%", "beta-35%"]
+)
 @FILTERS
 def test_thesis_run_is_identified_as_in_figures_4_1_and_4_2(kind, change):
     kalman = kind(VEHICLE, sensor_noise=0.01, disturbance=0.0)
@@ -111,20 +127,26 @@ def test_parameter_filter_without_walk_is_regularised_least_squares():
     rho = exp(-SAMPLE_TIME / VEHICLE.disturbance_time)
     noise = CHANNELS["acceleration"].noise ** 2 + DISTURBANCE_FLOOR**2 * (1 + rho) / (1 - rho)
     for _ in range(200):
-        speed, rpm, rudder = rng.uniform(0.1, 1), rng.uniform(100, 900), rng.uniform(-0.4, 0.4)
+        speed = rng.uniform(0.1, 1)
+        rpm = rng.uniform(100, 900)
+        rudder = rng.uniform(-0.4, 0.4)
         acceleration = rng.normal(0, 0.05)
         estimate = kalman.update(forget_speed(estimate), observe(speed, acceleration, rpm, rudder))
         row = NOMINAL * [speed**2, rpm**2, speed**2 * rudder**2]
         precision += np.outer(row, row) / noise
         moment += row * acceleration / noise
-    np.testing.assert_allclose(estimate.covariance[0, 1:4, 1:4], np.linalg.inv(precision), rtol=1e-6)
+    np.testing.assert_allclose(
+        estimate.covariance[0, 1:4, 1:4], np.linalg.inv(precision), rtol=1e-6
+    )
     np.testing.assert_allclose(estimate.mean[0, 1:4], np.linalg.solve(precision, moment), rtol=1e-6)
 
 
 def test_innovation_variance_of_the_acceleration_counts_every_input_noise():
     """One update from known, uncorrelated uncertainties, against the first-order sum by hand."""
     kalman = ParameterFilter(VEHICLE, sensor_noise=10.0, disturbance=0.0, walk_std=(0.0, 0.0, 0.0))
-    u, rpm, rudder = 1.5, 400.0, 0.4
+    u = 1.5
+    rpm = 400.0
+    rudder = 0.4
     start = kalman.initial(1)._replace(mean=np.array([[u, 1.0, 1.0, 1.0, 0.0]]))
     after = kalman.update(start, observe(u, 0.0, rpm, rudder))
     by_speed = 2 * u * (VEHICLE.alpha + VEHICLE.gamma * rudder**2)
@@ -145,16 +167,28 @@ def test_surge_filter_at_rest_has_the_likelihood_of_a_linear_gaussian_model():
     estimates = follow(kalman, np.array([observe(z) for z in readings]))
     total = sum(estimate.log_likelihood[0] for estimate in estimates)
     steps = np.arange(len(readings))
-    drive = VEHICLE.disturbance_std**2 * exp(-SAMPLE_TIME / VEHICLE.disturbance_time) ** np.abs(steps - steps[:, None])
+    drive = VEHICLE.disturbance_std**2 * exp(-SAMPLE_TIME / VEHICLE.disturbance_time) ** np.abs(
+        steps - steps[:, None]
+    )
     sums = SAMPLE_TIME * np.tri(len(readings))
-    covariance = sums @ drive @ sums.T + START_SPEED_STD**2 + CHANNELS["speed"].noise ** 2 * np.eye(len(readings))
-    assert total == pytest.approx(stats.multivariate_normal(cov=covariance).logpdf(readings), abs=1e-4)
+    covariance = (
+        sums @ drive @ sums.T
+        + START_SPEED_STD**2
+        + CHANNELS["speed"].noise ** 2 * np.eye(len(readings))
+    )
+    assert total == pytest.approx(
+        stats.multivariate_normal(cov=covariance).logpdf(readings), abs=1e-4
+    )
 
 
 def test_speed_stage_removes_the_attenuation_of_a_squared_paddle_wheel():
-    rng, n_lanes, speed = np.random.default_rng(2), 2000, 0.1
+    rng = np.random.default_rng(2)
+    n_lanes = 2000
+    speed = 0.1
     rpm = (VEHICLE.alpha / -VEHICLE.beta) ** 0.5 * speed
-    kalman = ParameterFilter(VEHICLE, disturbance=0.0, walk_std=(0.0, 0.0, 0.0), prior_std=(10.0, 1e-6, 1e-6))
+    kalman = ParameterFilter(
+        VEHICLE, disturbance=0.0, walk_std=(0.0, 0.0, 0.0), prior_std=(10.0, 1e-6, 1e-6)
+    )
     observations = np.array([observe(speed, 0.0, rpm, 0.0, 1.0, rng, n_lanes) for _ in range(600)])
     *_, last = follow(kalman, observations)
     square = VEHICLE.alpha * observations[..., COLUMN["speed"]] ** 2
@@ -164,36 +198,52 @@ def test_speed_stage_removes_the_attenuation_of_a_squared_paddle_wheel():
     assert last.mean[:, 1].mean() == pytest.approx(1.0, abs=0.015)
 
 
-TRUE_STATES = {ParameterFilter: 4, SurgeFilter: 5}  # leading states of which the model run knows the truth
+# leading states of which the model run knows the truth
+TRUE_STATES = {ParameterFilter: 4, SurgeFilter: 5}
 
 
 def model_run(kalman, n_lanes, n_steps, seed):
     """Yield (estimate, truth), the truth drawn from the filter's own model and walking as the filter lets it."""
-    rng, c = np.random.default_rng(seed), kalman.constants
+    rng = np.random.default_rng(seed)
+    c = kalman.constants
     normal = lambda *shape: rng.standard_normal((n_lanes, *shape))  # noqa: E731
     theta = 1 + normal(3) * kalman.prior_std
     disturbed = ("disturbance" in kalman.states) * c.disturbance_variance**0.5
-    speed, disturbance, rpm = 0.3 + 0.02 * normal(), disturbed * normal(), 0.0
+    speed = 0.3 + 0.02 * normal()
+    disturbance = disturbed * normal()
+    rpm = 0.0
     estimate = kalman.initial(n_lanes)
     for k in range(n_steps):
         diagonal = np.einsum("lii->li", estimate.covariance)[:, 1:4]
         theta = theta + normal(3) * np.sqrt(c.walk * np.maximum(0, 1 - diagonal / c.ceiling))
         rho = c.disturbance_memory
         disturbance = rho * disturbance + disturbed * (1 - rho**2) ** 0.5 * normal()
-        last, rpm, rudder = rpm, (550.0, 150.0)[k // 50 % 2], (0.0, 0.4, 0.2)[k // 35 % 3]
-        thrust = c.opening * last**2 + (1 - c.opening) * rpm**2 + BETWEEN_STD * (rpm**2 - last**2) * normal()
+        last = rpm
+        rpm = (550.0, 150.0)[k // 50 % 2]
+        rudder = (0.0, 0.4, 0.2)[k // 35 % 3]
+        thrust = (
+            c.opening * last**2
+            + (1 - c.opening) * rpm**2
+            + BETWEEN_STD * (rpm**2 - last**2) * normal()
+        )
         state = (theta, thrust, rudder**2, disturbance)
         speed = runge_kutta(lambda u, _, state=state: surge_rate(u, *state), speed, 2)
         acceleration = surge_rate(speed, theta, rpm**2, rudder**2, disturbance)
-        estimate = kalman.update(estimate, observe(speed, acceleration, rpm, rudder, 1.0, rng, n_lanes))
+        estimate = kalman.update(
+            estimate, observe(speed, acceleration, rpm, rudder, 1.0, rng, n_lanes)
+        )
         yield estimate, np.column_stack([speed, theta, disturbance])[:, : TRUE_STATES[type(kalman)]]
 
 
-@pytest.mark.parametrize("kalman", [ParameterFilter(disturbance=0.0), SurgeFilter()], ids=lambda k: type(k).__name__)
+@pytest.mark.parametrize(
+    "kalman", [ParameterFilter(disturbance=0.0), SurgeFilter()], ids=lambda k: type(k).__name__
+)
 def test_errors_and_innovations_are_as_large_as_the_filter_says(kalman):
-    n_lanes, times = 200, (50, 150, 300, 450)
+    n_lanes = 200
+    times = (50, 150, 300, 450)
     run = list(model_run(kalman, n_lanes, times[-1], seed=0))
-    low, high = band(TRUE_STATES[type(kalman)], n_lanes, 1 - 0.05 / len(times))  # 95 % for all instants together
+    # 95 % for all instants together
+    low, high = band(TRUE_STATES[type(kalman)], n_lanes, 1 - 0.05 / len(times))
     for time in times:
         assert low < nees(*run[time - 1]).mean() < high
     innovations = np.array([nis(estimate) for estimate, _ in run[50:]])
@@ -206,7 +256,9 @@ def hostile(n_lanes, n_steps, seed=4):
     rng = np.random.default_rng(seed)
     low, high = np.array([(channel.low, channel.high) for channel in CHANNELS.values()]).T
     calm = observe(0.3, 0.0, 270.0, n_lanes=n_lanes)
-    least, full, empty = np.tile(low, (n_lanes, 1)), np.tile(high, (n_lanes, 1)), 0 * calm
+    least = np.tile(low, (n_lanes, 1))
+    full = np.tile(high, (n_lanes, 1))
+    empty = 0 * calm
     for k in range(n_steps):
         phase = k // 50 % 7
         if phase == 1:
@@ -221,7 +273,8 @@ def hostile(n_lanes, n_steps, seed=4):
 @FILTERS
 def test_covariance_stays_symmetric_positive_definite_and_bounded(kind, scale):
     kalman = kind(VEHICLE, sensor_noise=scale, disturbance=scale)
-    estimate, ceiling = kalman.initial(2), 1.001 * np.array(kalman.prior_std) ** 2
+    estimate = kalman.initial(2)
+    ceiling = 1.001 * np.array(kalman.prior_std) ** 2
     for k, observation in enumerate(hostile(2, 100_000)):
         estimate = kalman.update(estimate, observation)
         if k % 13 == 0:
@@ -233,7 +286,8 @@ def test_covariance_stays_symmetric_positive_definite_and_bounded(kind, scale):
 
 @FILTERS
 def test_a_minute_of_good_readings_undoes_hostile_ones(kind):
-    kalman, n_lanes = kind(VEHICLE, disturbance=0.0), 50
+    kalman = kind(VEHICLE, disturbance=0.0)
+    n_lanes = 50
     *_, estimate = follow(kalman, np.array(list(hostile(n_lanes, 350))))
     assert np.abs(estimate.mean[:, 1:3] - 1).max() > 0.5
     for observation in thesis_run((1.0, 1.0, 1.0)):
@@ -243,7 +297,8 @@ def test_a_minute_of_good_readings_undoes_hostile_ones(kind):
 
 @FILTERS
 def test_a_batch_of_lanes_is_its_lanes_bit_for_bit(kind):
-    kalman, rng = kind(VEHICLE), np.random.default_rng(5)
+    kalman = kind(VEHICLE)
+    rng = np.random.default_rng(5)
     observations = np.array([observe(0.3, 0.0, 270.0, 0.1, 1.0, rng, 7) for _ in range(50)])
     *_, together = follow(kalman, observations)
     for lane in range(7):
@@ -266,7 +321,9 @@ def test_dead_parameters_stay_at_their_prior(kind):
     """At rest, with shafts and planes still, nothing is learned and nothing winds up."""
     kalman = kind(VEHICLE)
     *_, estimate = follow(kalman, np.zeros((2000, 1, len(CHANNELS))))
-    assert np.sqrt(np.diag(estimate.covariance[0])[1:4]) == pytest.approx(kalman.prior_std, rel=1e-9)
+    assert np.sqrt(np.diag(estimate.covariance[0])[1:4]) == pytest.approx(
+        kalman.prior_std, rel=1e-9
+    )
     assert estimate.mean[0, 1:4] == pytest.approx(1.0)
 
 

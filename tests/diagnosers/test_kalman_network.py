@@ -17,15 +17,23 @@ CLASSES = classes()
 )
 def test_the_network_has_learnt_the_map(alpha, beta):
     point = normalise(np.array([alpha]), np.array([beta]))
-    got, target = outputs(make("kalman_network").network.recall(point)), fault_map(point)
+    got = outputs(make("kalman_network").network.recall(point))
+    target = fault_map(point)
     assert got.argmax() == target.argmax()
     np.testing.assert_allclose(got, target, atol=0.2)
 
 
 def test_labels_are_the_modes_of_table_5_2():
     labels = make("kalman_network").labels
-    assert labels["propeller_loss:port"] == labels["propeller_loss:starboard"] == "severe propulsion failure"
-    assert labels["propeller_damage:port"] == "decreased propulsion" and labels["decreased_drag"] == "decreased drag"
+    assert (
+        labels["propeller_loss:port"]
+        == labels["propeller_loss:starboard"]
+        == "severe propulsion failure"
+    )
+    assert (
+        labels["propeller_damage:port"] == "decreased propulsion"
+        and labels["decreased_drag"] == "decreased drag"
+    )
     assert labels["seal_friction:port"] is labels["sensor:speed"] is None
     assert set(labels.values()) - {None} == set(MODES_5_2)
 
@@ -48,7 +56,10 @@ def test_a_healthy_vehicle_is_normal():
 
 
 def test_severity_grows_with_the_drag():
-    means = [final_belief("kalman_network", "increased_drag", severity).severity_mean[0, 1] for severity in (0.3, 0.9)]
+    means = [
+        final_belief("kalman_network", "increased_drag", severity).severity_mean[0, 1]
+        for severity in (0.3, 0.9)
+    ]
     assert means[0] + 0.15 < means[1]
 
 

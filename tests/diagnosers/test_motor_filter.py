@@ -12,7 +12,8 @@ from auv_fault_env.schedules import FaultEvent
 from diagnosers.motor_filter import MotorFilter
 
 VEHICLE = PRESETS["thesis1992"]
-LEGS = tuple((6.0 * leg, (0.2, 0.45, 0.3, 0.55)[leg % 4]) for leg in range(20))  # a mission that changes the speed
+# a mission that changes the speed
+LEGS = tuple((6.0 * leg, (0.2, 0.45, 0.3, 0.55)[leg % 4]) for leg in range(20))
 CHANGES = {
     "nominal": {},
     "resistance": {"port_resistance": 1.2},
@@ -20,7 +21,12 @@ CHANGES = {
     "coulomb_friction": {"port_coulomb_friction": 2.0},
     "propeller_torque": {"port_c1": 0.7, "port_c2": 0.7},
 }
-FOUND = {"resistance": 1.2, "torque_constant": 0.9, "coulomb_friction": 2.0, "propeller_torque": 0.7}
+FOUND = {
+    "resistance": 1.2,
+    "torque_constant": 0.9,
+    "coulomb_friction": 2.0,
+    "propeller_torque": 0.7,
+}
 
 
 def run(change=None, n_lanes=32, n_samples=600, schedule=()):
@@ -58,7 +64,8 @@ def test_changed_parameters_are_found_within_their_uncertainty(change):
 def test_innovations_are_as_large_as_claimed():
     estimates = list(follow(MotorFilter(), run(n_lanes=64, n_samples=300)))
     innovation, variance = (
-        np.array([getattr(e, name) for e in estimates]) for name in ("innovation", "innovation_variance")
+        np.array([getattr(e, name) for e in estimates])
+        for name in ("innovation", "innovation_variance")
     )
     turning = innovation != 0.0
     nis = (innovation**2 / variance)[turning].mean()
@@ -66,7 +73,9 @@ def test_innovations_are_as_large_as_claimed():
 
 
 def test_a_fault_on_one_side_is_followed_within_ten_seconds_of_speed_changes():
-    run_with_fault = run(schedule=(FaultEvent("seal_friction:starboard", 10.0, 0.5),), n_samples=300)
+    run_with_fault = run(
+        schedule=(FaultEvent("seal_friction:starboard", 10.0, 0.5),), n_samples=300
+    )
     *_, estimate = follow(MotorFilter(), run_with_fault)
     friction = MotorFilter.states.index("coulomb_friction")
     assert 1.7 < estimate.mean[:, 1, friction].mean() < 2.3  # severity 0.5 doubles it
@@ -81,7 +90,8 @@ def test_at_standstill_nothing_is_learnt():
 
 
 def test_update_is_pure_and_a_batch_is_its_lanes():
-    observations, motors = run(n_lanes=4, n_samples=50), MotorFilter()
+    observations = run(n_lanes=4, n_samples=50)
+    motors = MotorFilter()
     *_, batch = follow(motors, observations)
     kept = [values.copy() for values in batch]
     motors.update(batch, observations[0])

@@ -11,15 +11,20 @@ CLASSES = classes()
 
 def saying(part, belief):
     """The part, made to say a fixed belief."""
-    part.step = lambda state, observation: (state, Belief(np.log(belief)[None], *np.zeros((2, 1, len(CLASSES)))))
+    part.step = lambda state, observation: (
+        state,
+        Belief(np.log(belief)[None], *np.zeros((2, 1, len(CLASSES)))),
+    )
 
 
 def test_the_pool_by_hand():
     prior = np.array([0.5, *[0.5 / 18] * 18])
     drag, loss, damage = (
-        CLASSES.index(name) for name in ("increased_drag", "propeller_loss:port", "propeller_damage:port")
+        CLASSES.index(name)
+        for name in ("increased_drag", "propeller_loss:port", "propeller_damage:port")
     )
-    shaft, hull = prior.copy(), prior.copy()
+    shaft = prior.copy()
+    hull = prior.copy()
     shaft[[loss, damage]] *= 3.0  # evidence for the port propeller
     hull[loss] *= 5.0  # evidence for a loss, half of which it gives to the port side
     parallel = make("parallel")
@@ -27,7 +32,8 @@ def test_the_pool_by_hand():
     saying(parallel.kalman, hull / hull.sum())
     _, belief = parallel.step(None, np.zeros((1, 12)))
     ratio = np.exp(belief.log_probability[0] - belief.log_probability[0, 0]) / prior * prior[0]
-    np.testing.assert_allclose(ratio[[0, drag, damage, loss]], [1.0, 1.0, 3.0, 9.0])  # 9 = 3 (5 + 1) / 2
+    # 9 = 3 (5 + 1) / 2
+    np.testing.assert_allclose(ratio[[0, drag, damage, loss]], [1.0, 1.0, 3.0, 9.0])
 
 
 def test_labels_join_those_of_both():
@@ -40,7 +46,13 @@ def test_labels_join_those_of_both():
 
 @pytest.mark.parametrize(
     "fault",
-    ["increased_drag", "decreased_drag", "propeller_loss:port", "propeller_loss:starboard", "seal_friction:port"],
+    [
+        "increased_drag",
+        "decreased_drag",
+        "propeller_loss:port",
+        "propeller_loss:starboard",
+        "seal_friction:port",
+    ],
 )
 def test_names_what_takes_both_networks(fault):
     assert CLASSES[final_belief("parallel", fault).log_probability.argmax()] == fault

@@ -25,22 +25,37 @@ def mirrored(names):
 
 def test_inputs_are_those_of_one_shaft_and_the_speed():
     observation = np.zeros((1, len(CHANNELS)))
-    for name, value in dict(speed=0.3, port_voltage=2.0, starboard_current=1.0, starboard_rpm=300.0).items():
+    for name, value in dict(
+        speed=0.3, port_voltage=2.0, starboard_current=1.0, starboard_rpm=300.0
+    ).items():
         observation[0, list(CHANNELS).index(name)] = value
     np.testing.assert_allclose(inputs(observation), [[1, 0, 0, 1], [0, 2, 1, 1]])
 
 
 def test_scores_by_hand():
-    port, starboard = [1.0, 2.0, 3.0, 4.0], [10.0, 20.0, 30.0, 40.0]  # normal, friction, drag, propeller
-    np.testing.assert_allclose(scores(np.array([port, starboard])), [[11.0, 33.0, 12.0, 14.0, 21.0, 41.0]])
+    # normal, friction, drag, propeller
+    port = [1.0, 2.0, 3.0, 4.0]
+    starboard = [10.0, 20.0, 30.0, 40.0]
+    np.testing.assert_allclose(
+        scores(np.array([port, starboard])), [[11.0, 33.0, 12.0, 14.0, 21.0, 41.0]]
+    )
 
 
 def test_labels_are_the_modes_of_table_5_1_with_the_side():
     labels = make("raw_network").labels
-    assert labels["propeller_loss:port"] == labels["propeller_damage:port"] == "degraded propeller:port"
+    assert (
+        labels["propeller_loss:port"]
+        == labels["propeller_damage:port"]
+        == "degraded propeller:port"
+    )
     assert labels["seal_friction:starboard"] == "increased seal friction:starboard"
     assert labels["increased_drag"] == "increased drag" and labels["normal"] == "normal"
-    assert labels["motor_overheating:port"] is labels["sensor:speed"] is labels["decreased_drag"] is None
+    assert (
+        labels["motor_overheating:port"]
+        is labels["sensor:speed"]
+        is labels["decreased_drag"]
+        is None
+    )
     assert set(labels.values()) - {None} == set(HYPOTHESES)
 
 
@@ -54,7 +69,8 @@ def test_classes_of_one_label_get_equal_shares():
 @pytest.mark.parametrize("side", ["port", "starboard"])
 @pytest.mark.parametrize("fault", ["seal_friction", "propeller_loss"])
 def test_names_the_mode_and_the_side_of_severe_faults_of_a_shaft(fault, side):
-    labels, belief = make("raw_network").labels, final_belief("raw_network", f"{fault}:{side}")
+    labels = make("raw_network").labels
+    belief = final_belief("raw_network", f"{fault}:{side}")
     assert labels[CLASSES[belief.log_probability.argmax()]] == labels[f"{fault}:{side}"]
 
 
@@ -66,7 +82,8 @@ def test_both_sides_are_alike():
     observation = np.abs(np.random.default_rng(0).normal(size=(5, len(CHANNELS))))
     network = RawNetwork(feed_forward.drawn(ARCHITECTURE, 0))
     straight, swapped = (
-        network.step((), one)[1].log_probability for one in (observation, observation[:, mirrored(CHANNELS)])
+        network.step((), one)[1].log_probability
+        for one in (observation, observation[:, mirrored(CHANNELS)])
     )
     np.testing.assert_allclose(swapped, straight[:, mirrored(CLASSES)], atol=1e-6)
 

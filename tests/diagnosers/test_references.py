@@ -34,7 +34,9 @@ def test_random_spreads_widely_and_favours_no_class():
     log_probability = beliefs(Random(), OBSERVATIONS)
     normal = np.sort(log_probability[..., 0].ravel())
     np.testing.assert_allclose(np.quantile(normal, [0.1, 0.5, 0.9]), [-27.0, -15.0, -3.0], atol=1.0)
-    wins = np.bincount(log_probability[..., 1:].argmax(axis=-1).ravel(), minlength=log_probability.shape[-1] - 1)
+    wins = np.bincount(
+        log_probability[..., 1:].argmax(axis=-1).ravel(), minlength=log_probability.shape[-1] - 1
+    )
     expected = wins.sum() / len(wins)
     assert ((wins - expected) ** 2 / expected).sum() < 2.5 * len(wins)
 

@@ -17,7 +17,8 @@ from diagnosers import load
 from diagnosers.filter_bank import FilterBank
 from training.rollouts import roll_out
 
-CLASSES, NAMES = list(classes()), list(CHANNELS)
+CLASSES = list(classes())
+NAMES = list(CHANNELS)
 
 
 @cache
@@ -50,7 +51,8 @@ def test_a_silent_reading_accuses_no_sensor(channel):
     rows = silenced(observations()[:100], channel)
     belief = log_probability(FilterBank(), rows)
     assert belief[-1, 0] > np.log(0.5)
-    assert np.exp(belief[-1, CLASSES.index(f"sensor:{channel}")]) < 0.02  # the hazard of ten seconds, and no more
+    # the hazard of ten seconds, and no more
+    assert np.exp(belief[-1, CLASSES.index(f"sensor:{channel}")]) < 0.02
 
 
 def test_a_reading_now_and_then_tells_of_a_fault():
@@ -81,7 +83,8 @@ def test_without_rpm_and_acceleration_a_lost_propeller_is_found():
 
 
 def test_one_shaft_has_all_the_thrust():
-    bank, names = FilterBank(shafts=1), list(PARAMETERS)
+    bank = FilterBank(shafts=1)
+    names = list(PARAMETERS)
     healthy = bank.healthy
     assert healthy[names.index("port_beta")] == PRESETS["thesis1992"].beta
     assert healthy[names.index("starboard_beta")] == 0.0
@@ -89,11 +92,14 @@ def test_one_shaft_has_all_the_thrust():
     rows = silenced(observations(), *starboard)
     own = tuple(name for name in CATALOGUE if "starboard" not in name)
     assert log_probability(FilterBank(shafts=1, faults=own), rows)[-1, 0] > np.log(0.9)
-    assert log_probability(FilterBank(faults=own), rows)[-1, 0] < np.log(0.5)  # half of the thrust would be missing
+    # half of the thrust would be missing
+    assert log_probability(FilterBank(faults=own), rows)[-1, 0] < np.log(0.5)
 
 
 def test_settings_at_their_defaults_change_nothing():
-    bands = {name: PARAMETERS[f"port_{name}"].band for name in SHAFT} | {"alpha": PARAMETERS["alpha"].band}
+    bands = {name: PARAMETERS[f"port_{name}"].band for name in SHAFT} | {
+        "alpha": PARAMETERS["alpha"].band
+    }
     noise = {name: CHANNELS[name].noise for name in READINGS}
     rows = observations("sensor_stuck:speed", 100)
     same = FilterBank(band=bands, noise=noise, resolution=dict.fromkeys(READINGS, 0.0), shafts=2)
@@ -109,7 +115,9 @@ def test_a_wider_band_forgives_more(name):
     healthy[:, [list(PARAMETERS).index(f"{side}_{name}") for side in ("port", "starboard")]] *= 1.4
     fleet.set_healthy(healthy)
     rows = [row := fleet.step(row[:, :1] * [1.0, 0.0, 0.0]) for _ in range(300)]
-    narrow, wide = (log_probability(FilterBank(band={name: width}), rows)[-1, 0] for width in (0.01, 0.6))
+    narrow, wide = (
+        log_probability(FilterBank(band={name: width}), rows)[-1, 0] for width in (0.01, 0.6)
+    )
     assert wide > narrow + 3.0
 
 
@@ -121,14 +129,20 @@ def test_more_noise_is_forgiven_where_it_is_known():
 
 
 def test_repeated_values_of_a_coarse_sensor_are_no_stuck_one():
-    rows, column = observations()[:100].copy(), NAMES.index("port_rpm")
+    rows = observations()[:100].copy()
+    column = NAMES.index("port_rpm")
     rows[:, :, column] = rows[:, :, column].round()
     assert log_probability(FilterBank(), rows)[-1, 0] < -10.0
     assert log_probability(FilterBank(resolution={"port_rpm": 1.0}), rows)[-1, 0] > np.log(0.5)
 
 
 def test_it_is_stored_with_its_settings(tmp_path):
-    bank = FilterBank(PRESETS["npsnet1995"], band={"alpha": 0.1}, noise={"speed": 0.02}, resolution={"speed": 0.01})
+    bank = FilterBank(
+        PRESETS["npsnet1995"],
+        band={"alpha": 0.1},
+        noise={"speed": 0.02},
+        resolution={"speed": 0.01},
+    )
     bank.save(tmp_path / "bank.safetensors")
     assert load(tmp_path / "bank.safetensors") == bank
     assert json.dumps(bank.settings())

@@ -10,7 +10,10 @@ import diagnosers
 from auv_fault_env.errors import InputError
 from diagnosers import storage
 
-TENSORS = {"weight": np.arange(6.0, dtype=np.float32).reshape(2, 3), "bias": np.zeros(3, np.float32)}
+TENSORS = {
+    "weight": np.arange(6.0, dtype=np.float32).reshape(2, 3),
+    "bias": np.zeros(3, np.float32),
+}
 HEADER = {"diagnoser": "random", "settings": {"seed": 4}}
 SHAPES = {"weight": (2, 3), "bias": (3,)}
 
@@ -43,19 +46,25 @@ def test_a_truncated_file_is_refused(path, keep):
     assert "complete safetensors file" in refused(storage.read, path)
 
 
-@pytest.mark.parametrize("content", [b"\x80\x04pickle", b"{}", b"\xff" * 64], ids=["pickle", "json", "noise"])
+@pytest.mark.parametrize(
+    "content", [b"\x80\x04pickle", b"{}", b"\xff" * 64], ids=["pickle", "json", "noise"]
+)
 def test_a_file_that_is_no_safetensors_is_refused(path, content):
     path.write_bytes(content)
     assert str(path) in refused(storage.read, path)
 
 
-@pytest.mark.parametrize("metadata", [None, {"other": "1"}, {storage.HEADER: "{"}], ids=["none", "other", "broken"])
+@pytest.mark.parametrize(
+    "metadata", [None, {"other": "1"}, {storage.HEADER: "{"}], ids=["none", "other", "broken"]
+)
 def test_a_missing_or_broken_header_is_refused(path, metadata):
     save_file(TENSORS, path, metadata=metadata)
     refused(storage.read, path)
 
 
-@pytest.mark.parametrize("header", [[], {}, {"settings": {}}, {"diagnoser": "nobody", "settings": {}}])
+@pytest.mark.parametrize(
+    "header", [[], {}, {"settings": {}}, {"diagnoser": "nobody", "settings": {}}]
+)
 def test_load_refuses_a_header_that_names_no_diagnoser(path, header):
     save_file({}, path, metadata={storage.HEADER: json.dumps(header)})
     refused(diagnosers.load, path)
@@ -63,7 +72,11 @@ def test_load_refuses_a_header_that_names_no_diagnoser(path, header):
 
 def test_load_refuses_a_vehicle_with_other_parameters(path):
     settings = {"vehicle": {"mass": 1.0}}
-    save_file({}, path, metadata={storage.HEADER: json.dumps({"diagnoser": "limits", "settings": settings})})
+    save_file(
+        {},
+        path,
+        metadata={storage.HEADER: json.dumps({"diagnoser": "limits", "settings": settings})},
+    )
     assert "mass" in refused(diagnosers.load, path)
 
 
@@ -97,4 +110,6 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(path, monkeypatch):
 
 
 def test_a_place_that_cannot_be_written_is_refused(path):
-    assert "choose another path" in refused(storage.write, path / "below" / "weights.safetensors", TENSORS, HEADER)
+    assert "choose another path" in refused(
+        storage.write, path / "below" / "weights.safetensors", TENSORS, HEADER
+    )

@@ -37,7 +37,10 @@ BROKEN = {
     "stumbles": ("import nowhere_at_all", "No module named 'nowhere_at_all'"),
     "is_empty": ("", "None; allowed is a class"),
     "is_no_class": ("Mine = 3", "3; allowed is a class"),
-    "raises": ("class Mine:\n    def __init__(self):\n        raise RuntimeError('no\\nidea')", "RuntimeError"),
+    "raises": (
+        "class Mine:\n    def __init__(self):\n        raise RuntimeError('no\\nidea')",
+        "RuntimeError",
+    ),
     "wants": ("class Mine:\n    def __init__(self, size): ...", "without arguments"),
     "is_something_else": ("class Mine: ...", "reset and update, or with Input"),
 }
@@ -87,7 +90,9 @@ def test_an_installed_package_joins_by_its_entry_point(place):
     info = place / "their_package-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: their-package\nVersion: 1.0\n")
-    points = "[auv_fault.diagnosers]\nas_they_say = mine_of_a_test:Mine\nbroken = nowhere_at_all:Mine\n"
+    points = (
+        "[auv_fault.diagnosers]\nas_they_say = mine_of_a_test:Mine\nbroken = nowhere_at_all:Mine\n"
+    )
     (info / "entry_points.txt").write_text(points)
     parties = found([])
     assert list(parties) == ["as_they_say", "broken"]
@@ -105,14 +110,20 @@ def test_what_is_broken_is_refused_in_one_line(place, name):
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("target", ["nowhere_at_all:Mine", "/nowhere/mine.py:Mine", "nothing", ":", "mine.py"])
+@pytest.mark.parametrize(
+    "target", ["nowhere_at_all:Mine", "/nowhere/mine.py:Mine", "nothing", ":", "mine.py"]
+)
 def test_what_is_not_there_is_refused_in_one_line(target):
     with pytest.raises(InputError, match="what can be imported, module:Class or path/to/file"):
         found([target])
 
 
 def test_a_name_that_is_taken_is_refused(place):
-    path = written(place, "mine_of_a_test", OURS + "class Limits(Mine):\n    name = 'limits'\nclass Other(Mine): ...")
+    path = written(
+        place,
+        "mine_of_a_test",
+        OURS + "class Limits(Mine):\n    name = 'limits'\nclass Other(Mine): ...",
+    )
     with pytest.raises(InputError, match=r"name of .*Limits: got 'limits'; .*rename it"):
         found([f"{path}:Limits"])
     with pytest.raises(InputError, match=r"name of .*Other: got 'mine'"):
@@ -121,7 +132,10 @@ def test_a_name_that_is_taken_is_refused(place):
 
 
 def test_a_name_is_text_that_a_file_can_have(place):
-    text = OURS + "class Other(Mine):\n    name = property(lambda self: 3)\nclass Long(Mine):\n    name = 61 * 'x'"
+    text = (
+        OURS
+        + "class Other(Mine):\n    name = property(lambda self: 3)\nclass Long(Mine):\n    name = 61 * 'x'"
+    )
     path = written(place, "mine_of_a_test", text)
     assert list(found([f"{path}:Other"])) == ["Other"]
     with pytest.raises(InputError, match="up to 60 characters; shorten it"):
@@ -136,16 +150,23 @@ def test_a_system_of_one_sample_becomes_a_diagnoser_of_lanes(place):
     diagnoser = party()
     assert isinstance(diagnoser, SampleAdapter)
     diagnoser.reset(2)
-    beliefs = [np.exp(diagnoser.update(np.zeros((2, len(CHANNELS)))).log_probability) for _ in range(3)]
+    beliefs = [
+        np.exp(diagnoser.update(np.zeros((2, len(CHANNELS)))).log_probability) for _ in range(3)
+    ]
     names = list(classes())
-    quiet, sure = beliefs[0][1], beliefs[2][1]
+    quiet = beliefs[0][1]
+    sure = beliefs[2][1]
     assert quiet[0] == pytest.approx(1.0 - DOUBT, abs=1e-15)
     assert sure[0] == pytest.approx(DOUBT, rel=1e-6)
     assert sure[names.index("increased_drag")] == pytest.approx(0.1)
     assert sure[names.index("propeller_loss:port")] == pytest.approx(0.5)
-    assert sure[names.index("sensor:speed")] == pytest.approx(0.4 / 16)  # the 16 faults without a column
-    assert quiet[names.index("sensor:speed")] == pytest.approx(DOUBT / 16)  # nothing isolated is unknown
-    assert quiet[names.index("increased_drag")] == 0.0 or quiet[names.index("increased_drag")] < 1e-40
+    # the 16 faults without a column
+    assert sure[names.index("sensor:speed")] == pytest.approx(0.4 / 16)
+    # nothing isolated is unknown
+    assert quiet[names.index("sensor:speed")] == pytest.approx(DOUBT / 16)
+    assert (
+        quiet[names.index("increased_drag")] == 0.0 or quiet[names.index("increased_drag")] < 1e-40
+    )
 
 
 class Fixed:
@@ -167,10 +188,12 @@ def belief(answer, faults=None):
 def test_detection_says_whether_and_isolation_which():
     pytest.importorskip("pandas")
     sure = np.eye(18)[4] * 7.0  # scaled to 1
-    assert belief((0, sure))[5] == pytest.approx(DOUBT)  # sure of a fault, but none detected: normal
+    # sure of a fault, but none detected: normal
+    assert belief((0, sure))[5] == pytest.approx(DOUBT)
     assert belief((0, sure))[0] == pytest.approx(1.0)
     assert belief((0.25, sure))[[0, 5]] == pytest.approx([0.75, 0.25])
-    assert belief((1, np.zeros(18)))[1:] == pytest.approx(np.full(18, 1 / 18))  # detected, and no idea which
+    # detected, and no idea which
+    assert belief((1, np.zeros(18)))[1:] == pytest.approx(np.full(18, 1 / 18))
     assert belief((1, [1.0]), faults=["unknown"])[1:] == pytest.approx(np.full(18, 1 / 18))
 
 

@@ -20,7 +20,10 @@ class Node:
     """As much of `rclpy.node.Node` as the example uses."""
 
     def __init__(self, parameters):
-        self.parameters, self.published, self.errors, self.ended = parameters, [], [], False
+        self.parameters = parameters
+        self.published = []
+        self.errors = []
+        self.ended = False
 
     def declare_parameter(self, name, default):
         return SimpleNamespace(value=self.parameters.get(name, default))
@@ -63,12 +66,22 @@ def spin(monkeypatch):
             raise KeyboardInterrupt
 
         status = message()
-        status.OK, status.WARN = b"\x00", b"\x01"
+        status.OK = b"\x00"
+        status.WARN = b"\x01"
         modules = {
-            "rclpy": dict(init=lambda: None, create_node=lambda name: node, spin=push, try_shutdown=lambda: None),
-            "rclpy.executors": dict(ExternalShutdownException=type("ExternalShutdownException", (Exception,), {})),
+            "rclpy": dict(
+                init=lambda: None,
+                create_node=lambda name: node,
+                spin=push,
+                try_shutdown=lambda: None,
+            ),
+            "rclpy.executors": dict(
+                ExternalShutdownException=type("ExternalShutdownException", (Exception,), {})
+            ),
             "diagnostic_msgs.msg": dict(
-                DiagnosticArray=lambda status: SimpleNamespace(header=SimpleNamespace(), status=status),
+                DiagnosticArray=lambda status: SimpleNamespace(
+                    header=SimpleNamespace(), status=status
+                ),
                 DiagnosticStatus=status,
                 KeyValue=message(),
             ),

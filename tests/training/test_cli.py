@@ -15,7 +15,9 @@ with contextlib.suppress(SystemExit):
 
 
 def modules_after(statement):
-    run = subprocess.run([sys.executable, "-c", PROBE.format(statement)], capture_output=True, text=True, check=True)
+    run = subprocess.run(
+        [sys.executable, "-c", PROBE.format(statement)], capture_output=True, text=True, check=True
+    )
     return set(run.stdout.split("\n")[-2].split())
 
 
@@ -26,7 +28,14 @@ def modules_after(statement):
 )
 def test_start_loads_nothing_heavy(statement):
     code = statement if "\n" not in statement else f"exec({statement!r})"
-    assert not modules_after(code) & {"torch", "matplotlib", "stable_baselines3", "pandas", "pygame", "pyarrow"}
+    assert not modules_after(code) & {
+        "torch",
+        "matplotlib",
+        "stable_baselines3",
+        "pandas",
+        "pygame",
+        "pyarrow",
+    }
 
 
 def test_every_command_has_a_module_with_main():
@@ -39,26 +48,50 @@ def test_every_command_has_a_module_with_main():
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_explains_every_argument(name):
     run = subprocess.run(
-        [sys.executable, "-m", "training.cli", name, "--help"], capture_output=True, text=True, check=True
+        [sys.executable, "-m", "training.cli", name, "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
     )
     for field in COMMANDS[name].__dataclass_fields__:
-        assert "--" + field.replace("_", "-") in run.stdout or field.upper() in run.stdout  # an option, or by position
+        # an option, or by position
+        assert "--" + field.replace("_", "-") in run.stdout or field.upper() in run.stdout
 
 
 def test_bad_input_is_one_line_without_a_traceback(tmp_path):
     run = subprocess.run(
-        [sys.executable, "-m", "training.cli", "simulate", "--preset", "x", "--output", str(tmp_path / "run")],
+        [
+            sys.executable,
+            "-m",
+            "training.cli",
+            "simulate",
+            "--preset",
+            "x",
+            "--output",
+            str(tmp_path / "run"),
+        ],
         capture_output=True,
         text=True,
     )
     assert run.returncode == 2
     assert run.stderr.count("\n") == 1
-    assert run.stderr.startswith("auv-fault simulate: preset: got 'x'; allowed is one of thesis1992, npsnet1995;")
+    assert run.stderr.startswith(
+        "auv-fault simulate: preset: got 'x'; allowed is one of thesis1992, npsnet1995;"
+    )
 
 
 def test_termination_leaves_nothing(tmp_path):
     process = subprocess.Popen(
-        [sys.executable, "-m", "training.cli", "simulate", "--vehicles", "5000", "--output", str(tmp_path / "run")],
+        [
+            sys.executable,
+            "-m",
+            "training.cli",
+            "simulate",
+            "--vehicles",
+            "5000",
+            "--output",
+            str(tmp_path / "run"),
+        ],
         stderr=subprocess.DEVNULL,
     )
     deadline = time.monotonic() + 60

@@ -1,8 +1,9 @@
 """The active environment: second by second an agent chooses how fast to go, so that a fault is identified sooner.
 
-Importing this module registers ``auv_fault_env/ActiveDiagnosis-v0``. Gymnasium does so by itself when it is asked for
-the environment with its module: ``gym.make("training.active_env:auv_fault_env/ActiveDiagnosis-v0")``; ``gym.make_vec``
-takes the same name. (`auv_fault_env` never imports this package, so its import alone does not register it.)
+Importing this module registers ``auv_fault_env/ActiveDiagnosis-v0``. Gymnasium does so by itself
+when it is asked for the environment with its module:
+``gym.make("training.active_env:auv_fault_env/ActiveDiagnosis-v0")``; ``gym.make_vec`` takes the
+same name. (`auv_fault_env` never imports this package, so its import alone does not register it.)
 """
 
 from typing import Any, ClassVar
@@ -125,7 +126,13 @@ class ActiveDiagnosisEnv(gym.Env):
     def step(self, action):
         """Hold the action for one second."""
         observation, reward, terminated, truncated, info = self.lane.step(np.asarray(action)[None])
-        return observation[0], reward.item(), terminated.item(), truncated.item(), lane_info(info, 0)
+        return (
+            observation[0],
+            reward.item(),
+            terminated.item(),
+            truncated.item(),
+            lane_info(info, 0),
+        )
 
     def close(self):
         """End the fleet's threads."""

@@ -19,10 +19,11 @@ NAMES = (*TOLD, "truth")
 class ActiveVecEnv(VecEnv):
     """What ``DummyVecEnv`` over single environments returns, at the speed of a fleet.
 
-    A lane that ends is reset within the same step: its last observation is `terminal_observation` in its information,
-    where `TimeLimit.truncated` says whether time ended it, and `reset_infos` has the information of its new start.
-    Seeds and options (`seed`, `set_options`) count for the next reset, as with any `VecEnv`. Attributes and methods are
-    those of the one vector environment behind it, the same for every index.
+    A lane that ends is reset within the same step: its last observation is `terminal_observation`
+    in its information, where `TimeLimit.truncated` says whether time ended it, and `reset_infos`
+    has the information of its new start. Seeds and options (`seed`, `set_options`) count for the
+    next reset, as with any `VecEnv`. Attributes and methods are those of the one vector environment
+    behind it, the same for every index.
 
     Parameters
     ----------
@@ -32,7 +33,12 @@ class ActiveVecEnv(VecEnv):
 
     def __init__(self, env: ActiveDiagnosisVectorEnv):
         if env.metadata["autoreset_mode"] is not AutoresetMode.SAME_STEP:
-            raise refusal("autoreset_mode", env.metadata["autoreset_mode"].value, "SameStep", "leave the argument out")
+            raise refusal(
+                "autoreset_mode",
+                env.metadata["autoreset_mode"].value,
+                "SameStep",
+                "leave the argument out",
+            )
         self.env = env
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
         self._actions: np.ndarray | None = None
@@ -53,7 +59,8 @@ class ActiveVecEnv(VecEnv):
     def step_wait(self) -> VecEnvStepReturn:
         """Hold the actions for a second; observations, rewards (float32), ends, and information by lane."""
         observation, reward, terminated, truncated, info = self.env.step(self._actions)
-        done, infos = terminated | truncated, _split(info, range(self.num_envs))
+        done = terminated | truncated
+        infos = _split(info, range(self.num_envs))
         for lane, by_time in enumerate((truncated & ~terminated).tolist()):
             infos[lane]["TimeLimit.truncated"] = by_time
         if done.any():
@@ -65,7 +72,8 @@ class ActiveVecEnv(VecEnv):
         for lane, final in zip(lanes, _split(info["final_info"], lanes), strict=True):
             by_time = infos[lane].pop("TimeLimit.truncated")
             last = {"terminal_observation": info["final_obs"][lane], "TimeLimit.truncated": by_time}
-            self.reset_infos[lane], infos[lane] = infos[lane], final | last
+            self.reset_infos[lane] = infos[lane]
+            infos[lane] = final | last
 
     def close(self) -> None:
         """End the fleet's threads."""
@@ -79,12 +87,16 @@ class ActiveVecEnv(VecEnv):
         """Set it on the vector environment, whatever the indices."""
         setattr(self.env, attr_name, value)
 
-    def env_method(self, method_name: str, *method_args, indices: VecEnvIndices = None, **method_kwargs) -> list[Any]:
+    def env_method(
+        self, method_name: str, *method_args, indices: VecEnvIndices = None, **method_kwargs
+    ) -> list[Any]:
         """Call the vector environment's method once; its result for each index."""
         result = getattr(self.env, method_name)(*method_args, **method_kwargs)
         return [result] * len(list(self._get_indices(indices)))
 
-    def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
+    def env_is_wrapped(
+        self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None
+    ) -> list[bool]:
         """No lane is wrapped."""
         return [False] * len(list(self._get_indices(indices)))
 
@@ -101,13 +113,16 @@ class LaneView(Mapping):
     """
 
     def __init__(self, truth: dict[str, Any], lane: int):
-        self._truth, self._lane = truth, lane
+        self._truth = truth
+        self._lane = lane
 
     def __getitem__(self, name: str) -> Any:
         values = self._truth[name]
         if isinstance(values, list):
             return values[self._lane]
-        return LaneView(values, self._lane) if isinstance(values, dict) else values[self._lane].item()
+        return (
+            LaneView(values, self._lane) if isinstance(values, dict) else values[self._lane].item()
+        )
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._truth)
@@ -119,10 +134,14 @@ class LaneView(Mapping):
 def _split(info: Mapping[str, Any], lanes: Sequence[int]) -> list[dict[str, Any]]:
     """The information of these lanes, each by itself."""
     truth = {  # read once for all, before the next step makes it unreadable
-        name: values if isinstance(values, dict) else values.tolist() for name, values in info["truth"].items()
+        name: values if isinstance(values, dict) else values.tolist()
+        for name, values in info["truth"].items()
     }
     told = (info[name][lanes].tolist() for name in TOLD)
-    return [dict(zip(NAMES, one, strict=True)) for one in zip(*told, (LaneView(truth, k) for k in lanes), strict=True)]
+    return [
+        dict(zip(NAMES, one, strict=True))
+        for one in zip(*told, (LaneView(truth, k) for k in lanes), strict=True)
+    ]
 
 
 def _joined(options: list[dict[str, Any]]) -> dict[str, Any] | None:
@@ -131,6 +150,11 @@ def _joined(options: list[dict[str, Any]]) -> dict[str, Any] | None:
     joined = {}
     for name in names:
         if not all(name in one for one in options):
-            raise refusal(f"reset option {name}", "some lanes", "all lanes or none", f"give every lane its {name}")
+            raise refusal(
+                f"reset option {name}",
+                "some lanes",
+                "all lanes or none",
+                f"give every lane its {name}",
+            )
         joined[f"{name}s"] = [one[name] for one in options]
     return joined or None

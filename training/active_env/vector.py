@@ -26,7 +26,8 @@ from training.stimuli.policy_inputs import FLOOR, HIGH, LOW, MISSION_SPEED, feat
 DECISION = round(SAMPLE_RATE)  # samples of a decision, one second
 LIMIT = 120  # decisions of an episode at most
 SCHEDULES = ScheduleSampler(healthy=0.3, onset=(5.0, 40.0))
-STEADY, STEADY_SPEEDS = 7, (0.2, 0.5)  # stream of a lane's noise key, beside those of fleet and suites; [m/s]
+STEADY = 7  # stream of a lane's noise key, beside those of fleet and suites
+STEADY_SPEEDS = (0.2, 0.5)  # [m/s]
 MODES = {mode.value: mode for mode in (AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP)}
 
 
@@ -45,17 +46,22 @@ class Missions(MissionSampler):
 class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
     """`ActiveDiagnosisEnv` for many vehicles at once, with one diagnoser over all: see there for all but what follows.
 
-    Lane k of ``reset(seed=s)`` is the single environment with seed s + k, and its next episodes are that one's next. A
-    lane that ends starts its next episode within the same step (`AutoresetMode.SAME_STEP`): its observation and
-    information are those of the start; ``info["final_obs"]`` and ``info["final_info"]`` hold those of the end, on the
-    lanes that ``info["_final_info"]`` marks. With ``autoreset_mode="NextStep"`` it starts on the next step, whose
-    action it ignores. Values in `info` are arrays (num_envs,); `truth` is a mapping of arrays, valid until the next
-    step.
+    Lane k of ``reset(seed=s)`` is the single environment with seed s + k, and its next episodes are
+    that one's next. A lane that ends starts its next episode within the same step
+    (`AutoresetMode.SAME_STEP`): its observation and information are those of the start;
+    ``info["final_obs"]`` and ``info["final_info"]`` hold those of the end, on the lanes that
+    ``info["_final_info"]`` marks. With ``autoreset_mode="NextStep"`` it starts on the next step,
+    whose action it ignores. Values in `info` are arrays (num_envs,); `truth` is a mapping of
+    arrays, valid until the next step.
 
-    `reset(options=...)` takes `schedule` and `mission` for all lanes, or `schedules` and `missions` with one per lane.
+    `reset(options=...)` takes `schedule` and `mission` for all lanes, or `schedules` and `missions`
+    with one per lane.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}
+    metadata: ClassVar[dict[str, Any]] = {
+        "render_modes": [],
+        "autoreset_mode": AutoresetMode.SAME_STEP,
+    }
 
     def __init__(
         self,
@@ -70,13 +76,17 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
     ):
         self.max_episode_steps = whole_number("max_episode_steps", max_episode_steps)
         self.propulsion = PropulsionVectorEnv(num_envs, self.max_episode_steps * DECISION)
-        self.num_envs, self.fleet = self.propulsion.num_envs, self.propulsion.fleet
-        self.fleet.schedules, self.fleet.missions = SCHEDULES, Missions()
+        self.num_envs = self.propulsion.num_envs
+        self.fleet = self.propulsion.fleet
+        self.fleet.schedules = SCHEDULES
+        self.fleet.missions = Missions()
         self.amplitude = finite_in_range("amplitude", amplitude, 0.01, MAXIMUM_COMMAND)
         self.budget = finite_in_range("budget", budget, 0.001, MAXIMUM_COMMAND)
         self.cost_weight = finite_in_range("cost_weight", cost_weight, 0.0, 1e6)
         mode = getattr(autoreset_mode, "value", autoreset_mode)
-        self.metadata = self.metadata | {"autoreset_mode": MODES[known_name("autoreset_mode", mode, MODES)]}
+        self.metadata = self.metadata | {
+            "autoreset_mode": MODES[known_name("autoreset_mode", mode, MODES)]
+        }
         self.single_action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.single_observation_space = gym.spaces.Box(LOW, HIGH, dtype=np.float32)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -87,12 +97,21 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         self._allocate(self.num_envs)
 
     def _allocate(self, n: int):
-        self._lanes, self._readings = np.arange(n), None
-        self._label = np.zeros((self.max_episode_steps + 1, n), np.int64)  # class that is true after each decision
-        self._steps, self._done = np.zeros(n, np.int64), np.zeros(n, bool)
-        self._action, self._spent = np.zeros(n), np.zeros(n)  # the last one; sum of the costs
+        self._lanes = np.arange(n)
+        self._readings = None
+        # class that is true after each decision
+        self._label = np.zeros((self.max_episode_steps + 1, n), np.int64)
+        self._steps = np.zeros(n, np.int64)
+        self._done = np.zeros(n, bool)
+        self._action = np.zeros(n)  # the last one
+        self._spent = np.zeros(n)  # sum of the costs
 
-    def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ):
         """Start an episode on every lane."""
         super().reset(seed=seed if isinstance(seed, int) else None)
         self._readings, _ = self.propulsion.reset(seed=seed, options=options)
@@ -103,7 +122,9 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
     def step(self, actions):
         """Hold the actions (num_envs, 1) for a second; lanes that have ended start their next episode."""
         if self._readings is None:
-            raise gym.error.ResetNeeded("step: got no reset before; allowed is a step after a reset; call reset()")
+            raise gym.error.ResetNeeded(
+                "step: got no reset before; allowed is a step after a reset; call reset()"
+            )
         self._action, before = _checked(actions, (self.num_envs, 1))[:, 0], self._score()
         cost, energy, deviation = self._drive()
         self._steps += 1
@@ -115,14 +136,16 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
                 values[self._done] = 0
             self._restart(self._done)
         self._done = ends.any(axis=0)
-        observation, info = self._features(), self._info(np.stack([cost, energy]))
+        observation = self._features()
+        info = self._info(np.stack([cost, energy]))
         if self._done.any() and self.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP:
             observation, info = self._renewed(observation, info)
         return observation, reward, *ends, info
 
     def _drive(self) -> np.ndarray:
         """Run a second; mean squared command offset, energy [J], mean squared true deviation, (3, n_lanes)."""
-        sums, command = np.zeros((3, self.num_envs)), np.zeros((self.num_envs, 3))
+        sums = np.zeros((3, self.num_envs))
+        command = np.zeros((self.num_envs, 3))
         for _ in range(DECISION):
             mission = self._readings[:, MISSION_SPEED].astype(np.float64)
             command[:, 0] = np.clip(mission + self.amplitude * self._action, 0.0, MAXIMUM_COMMAND)
@@ -143,7 +166,9 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         self._watch.begin(lanes, self._readings)
         self._declaration.begin(lanes)
         events = Events(self.fleet.plan.fault[lanes], self.fleet.plan.profile[lanes])
-        self._label[:, lanes] = targets(events, self.max_episode_steps * DECISION + 1)[0][::DECISION]
+        self._label[:, lanes] = targets(events, self.max_episode_steps * DECISION + 1)[0][
+            ::DECISION
+        ]
         for values in (self._steps, self._action, self._spent):
             values[lanes] = 0
 
@@ -153,9 +178,12 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
             self.fleet.reset(lanes=lanes, observations=self._readings)
             self._begin(lanes)
 
-    def _renewed(self, observation: np.ndarray, info: dict[str, Any]) -> tuple[np.ndarray, dict[str, Any]]:
+    def _renewed(
+        self, observation: np.ndarray, info: dict[str, Any]
+    ) -> tuple[np.ndarray, dict[str, Any]]:
         """Observation and information after the lanes that have ended are restarted, those of the end beside them."""
-        ended, last = self._done.copy(), np.full(self.num_envs, None)
+        ended = self._done.copy()
+        last = np.full(self.num_envs, None)
         for lane in np.flatnonzero(ended):
             last[lane] = observation[lane]
         final = info | {"truth": dict(info["truth"])} | {f"_{name}": ended for name in info}
@@ -167,7 +195,9 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
     def _features(self) -> np.ndarray:
         time = self._steps * (DECISION * SAMPLE_TIME)
         left = np.maximum(self.budget**2 * EPISODE - self._spent * (DECISION * SAMPLE_TIME), 0.0)
-        return features(self._watch.belief, self._watch.estimate, self._readings, self._action, time, left)
+        return features(
+            self._watch.belief, self._watch.estimate, self._readings, self._action, time, left
+        )
 
     def _info(self, paid: np.ndarray) -> dict[str, Any]:
         """Information of the last second; paid (2, n_lanes): cost and energy."""
@@ -198,9 +228,13 @@ def _checked(actions, shape: tuple[int, ...]) -> np.ndarray:
     try:
         actions = np.array(actions, np.float64)
     except (TypeError, ValueError):
-        raise refusal("action", actions, f"numbers of shape {shape}", "give the speed offset") from None
+        raise refusal(
+            "action", actions, f"numbers of shape {shape}", "give the speed offset"
+        ) from None
     if actions.shape != shape:
-        raise refusal("shape of the action", actions.shape, shape, "give the speed offset, one per lane")
+        raise refusal(
+            "shape of the action", actions.shape, shape, "give the speed offset, one per lane"
+        )
     if not np.isfinite(actions).all():
         raise refusal("action", actions.tolist(), "finite numbers", "check the policy")
     return np.clip(actions, -1.0, 1.0)

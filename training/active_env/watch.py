@@ -36,8 +36,11 @@ class Watch:
     def __init__(self, diagnoser: Recursive):
         if not isinstance(diagnoser, Recursive):
             allowed = "a diagnoser that is `Recursive`, so that single lanes can start anew"
-            raise refusal("diagnoser", type(diagnoser).__name__, allowed, "subclass diagnosers.Recursive")
-        self._diagnoser, self._filter = diagnoser, ParameterFilter()
+            raise refusal(
+                "diagnoser", type(diagnoser).__name__, allowed, "subclass diagnosers.Recursive"
+            )
+        self._diagnoser = diagnoser
+        self._filter = ParameterFilter()
         self._known: tuple | None = None
 
     def begin(self, lanes: np.ndarray, observation: np.ndarray) -> None:
@@ -52,7 +55,9 @@ class Watch:
         state, _, estimate = self._known
         self._set(self._after((state, estimate), np.asarray(observation, np.float64)))
 
-    def _after(self, before: tuple[Any, Estimate], observation: np.ndarray) -> tuple[Any, Belief, Estimate]:
+    def _after(
+        self, before: tuple[Any, Estimate], observation: np.ndarray
+    ) -> tuple[Any, Belief, Estimate]:
         state, belief = self._diagnoser.step(before[0], observation)
         return state, belief, self._filter.update(before[1], observation)
 

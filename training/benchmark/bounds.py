@@ -4,20 +4,22 @@ What `bounds_of` gives for a stimulus; times in seconds up to `HORIZON`, a `rate
 alarms, a value with its 95 % interval a list [value, low, high]::
 
     classes      {class: {information_rate [nat/s], asymptotic_delay {rate: value},
-                 detection_delay {rate: [value, low, high]}, delay_by_rate [value at each of amoc's rates],
-                 rival, rival_rate [nat/s], isolation_delay [value, low, high], asymptotic_isolation}}
+                 detection_delay {rate: [value, low, high]}, delay_by_rate [value at each of amoc's
+                 rates], rival, rival_rate [nat/s], isolation_delay [value, low, high],
+                 asymptotic_isolation}}
     all          {detection_delay {rate: [...]}, isolation_delay {rate: [...]}}: mean over classes
-    amoc         {false_alarms_per_hour, delay}: least mean detection delay against the rate of false alarms
-    calibration  {inverse_ratio {time: value}, healthy_beyond {level: share}}
-    lanes        number of lanes, all classes together
+    amoc         {false_alarms_per_hour, delay}: least mean detection delay against the rate of
+    false alarms calibration  {inverse_ratio {time: value}, healthy_beyond {level: share}} lanes
+    number of lanes, all classes together
 
-How to read it: `detection_delay` holds for any diagnoser with so few false alarms (`bounds.detection_power`), and
-`all.isolation_delay` for any (no decision is right more often, in the mean over classes and severities, than that for
-the most likely class, told the vehicle and the onset). `isolation_delay` of a class is against its most dangerous rival
-and holds for a diagnoser that gives the rival the class' name with a chance of at most `MISNAMED`. The asymptotic
-figures may be beaten. Calibration: the mean inverse ratio of the ratios used is 1 if they are likelihood ratios, less
-where healthy vehicles can show what faulty ones cannot, and the share of healthy vehicles whose ratio ever exceeds
-1/level is at most the level (Ville's inequality).
+How to read it: `detection_delay` holds for any diagnoser with so few false alarms
+(`bounds.detection_power`), and `all.isolation_delay` for any (no decision is right more often, in
+the mean over classes and severities, than that for the most likely class, told the vehicle and the
+onset). `isolation_delay` of a class is against its most dangerous rival and holds for a diagnoser
+that gives the rival the class' name with a chance of at most `MISNAMED`. The asymptotic figures may
+be beaten. Calibration: the mean inverse ratio of the ratios used is 1 if they are likelihood
+ratios, less where healthy vehicles can show what faulty ones cannot, and the share of healthy
+vehicles whose ratio ever exceeds 1/level is at most the level (Ville's inequality).
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -43,18 +45,22 @@ from training.metrics.records import HORIZON
 from training.stimuli import Stimulus
 
 PER_HOUR = 3600.0 * SAMPLE_RATE  # samples
-RATES = {rate: time * SAMPLE_RATE for rate, time in MEAN_TIMES.items()}  # samples between false alarms
+# samples between false alarms
+RATES = {rate: time * SAMPLE_RATE for rate, time in MEAN_TIMES.items()}
 MISNAMED = 0.01
 AMOC_RATES = np.geomspace(0.02, 500.0, 23)  # false alarms per hour
 CALIBRATED_AT = (1.0, 3.0, 10.0)  # s after onset
 LEVELS = (0.01, 0.05, 0.2)
-FEWEST = 8  # episodes of a class that are compared with its bound: the interval of fewer is far too narrow
+# episodes of a class that are compared with its bound: the interval of fewer is far too narrow
+FEWEST = 8
 
 
 def bounds_of(stimulus: Stimulus, seed: int, n_lanes: int) -> dict[str, Any]:
     """All bounds under a stimulus, from so many lanes like those of the standard suite."""
     lanes = suite_like(stimulus, seed, n_lanes)
-    known, free, diagnosis = told(lanes), untold(lanes), lanes.diagnosis
+    known = told(lanes)
+    free = untold(lanes)
+    diagnosis = lanes.diagnosis
     by_class = {
         name: _of_class(known[:, diagnosis == k], free[:, diagnosis == k], k, seed)
         for k, name in enumerate(classes())
@@ -62,7 +68,9 @@ def bounds_of(stimulus: Stimulus, seed: int, n_lanes: int) -> dict[str, Any]:
     }
     healthy = _own(told(suite_like(stimulus, seed, n_lanes, healthy=True)), diagnosis)
     curves = np.mean([one["delay_by_rate"] for one in by_class.values()], axis=0)
-    detection = {rate: _mean([one["detection_delay"][rate] for one in by_class.values()]) for rate in RATES}
+    detection = {
+        rate: _mean([one["detection_delay"][rate] for one in by_class.values()]) for rate in RATES
+    }
     isolation = {
         rate: _isolation_of_all(free, _own(known, diagnosis), diagnosis, samples, seed)
         for rate, samples in RATES.items()
@@ -70,7 +78,10 @@ def bounds_of(stimulus: Stimulus, seed: int, n_lanes: int) -> dict[str, Any]:
     return {
         "classes": by_class,
         "all": {"detection_delay": detection, "isolation_delay": isolation},
-        "amoc": {"false_alarms_per_hour": AMOC_RATES.round(4).tolist(), "delay": curves.round(4).tolist()},
+        "amoc": {
+            "false_alarms_per_hour": AMOC_RATES.round(4).tolist(),
+            "delay": curves.round(4).tolist(),
+        },
         "calibration": _calibration(_own(known, diagnosis), healthy),
         "lanes": n_lanes,
     }
@@ -93,10 +104,14 @@ def _of_class(known: np.ndarray, free: np.ndarray, k: int, seed: int) -> dict[st
         "information_rate": float(rates.mean()),
         "asymptotic_delay": {rate: _restricted(rates, samples) for rate, samples in RATES.items()},
         "detection_delay": {
-            rate: _with_interval(own, lambda llr, samples=samples: delay_bound(detection_power(llr, samples)), seed)
+            rate: _with_interval(
+                own, lambda llr, samples=samples: delay_bound(detection_power(llr, samples)), seed
+            )
             for rate, samples in RATES.items()
         },
-        "delay_by_rate": [round(delay_bound(detection_power(own, PER_HOUR / rate)), 4) for rate in AMOC_RATES],
+        "delay_by_rate": [
+            round(delay_bound(detection_power(own, PER_HOUR / rate)), 4) for rate in AMOC_RATES
+        ],
         "rival": classes()[rival],
         "rival_rate": float(rival_rates.mean()),
         "isolation_delay": _with_interval(against, _isolation, seed),
@@ -121,7 +136,9 @@ def _with_interval(llr: np.ndarray, bound: Callable[[np.ndarray], float], seed: 
 def _mean(bounds: list[list[float]]) -> list[float]:
     """Mean of independent bounds, with the interval that follows from theirs."""
     value, low, high = np.array(bounds).T
-    below, above = (np.sqrt(np.square(gap).sum()) / len(value) for gap in (value - low, high - value))
+    below, above = (
+        np.sqrt(np.square(gap).sum()) / len(value) for gap in (value - low, high - value)
+    )
     return [float(value.mean()), float(value.mean() - below), float(value.mean() + above)]
 
 
@@ -145,24 +162,29 @@ def _calibration(own: np.ndarray, healthy: np.ndarray) -> dict[str, dict[str, fl
     highest = healthy.max(axis=0)
     return {
         "inverse_ratio": {
-            f"{t:g} s": float(mean_inverse_ratio(own[round(t * SAMPLE_RATE) - 1])) for t in CALIBRATED_AT
+            f"{t:g} s": float(mean_inverse_ratio(own[round(t * SAMPLE_RATE) - 1]))
+            for t in CALIBRATED_AT
         },
-        "healthy_beyond": {f"{level:g}": float((highest > -np.log(level)).mean()) for level in LEVELS},
+        "healthy_beyond": {
+            f"{level:g}": float((highest > -np.log(level)).mean()) for level in LEVELS
+        },
     }
 
 
 def check(results: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Has any diagnoser beaten a bound? One row per stimulus, diagnoser and class, and one for all of them together.
 
-    Only abrupt faults count, and classes with at least `FEWEST` of them. A bound is beaten when the intervals do not
-    meet, the measured one being lower. Detection is compared at the rate of false alarms that the diagnoser may really
-    have, the upper end of its interval. Among hundreds of comparisons some intervals miss their truth: one narrow miss
-    proves nothing, several of one diagnoser do.
+    Only abrupt faults count, and classes with at least `FEWEST` of them. A bound is beaten when the
+    intervals do not meet, the measured one being lower. Detection is compared at the rate of false
+    alarms that the diagnoser may really have, the upper end of its interval. Among hundreds of
+    comparisons some intervals miss their truth: one narrow miss proves nothing, several of one
+    diagnoser do.
 
     Parameters
     ----------
     results
-        Those of a benchmark, as `training.benchmark.scores` describes them, with `bounds` by stimulus.
+        Those of a benchmark, as `training.benchmark.scores` describes them, with `bounds` by
+        stimulus.
     """
     return [
         row
@@ -173,10 +195,17 @@ def check(results: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _checked(
-    stimulus: str, name: str, score: Mapping[str, Any], bounds: Mapping[str, Any], results: Mapping[str, Any]
+    stimulus: str,
+    name: str,
+    score: Mapping[str, Any],
+    bounds: Mapping[str, Any],
+    results: Mapping[str, Any],
 ) -> Iterator[dict[str, Any]]:
-    episodes, lanes, seed = results["episodes"], score["by_lane"], results["seeds"]["bootstrap"]
-    abrupt, fault = np.array(episodes["abrupt"], bool), np.array(episodes["fault"])
+    episodes = results["episodes"]
+    lanes = score["by_lane"]
+    seed = results["seeds"]["bootstrap"]
+    abrupt = np.array(episodes["abrupt"], bool)
+    fault = np.array(episodes["fault"])
     rate = max(1.0, score["rates"]["1 h"]["false_alarms_per_hour_interval"][1])
     what = {"stimulus": stimulus, "diagnoser": name}
     for k, kind in enumerate(results["classes"]):
@@ -184,10 +213,16 @@ def _checked(
         if of_class.sum() >= FEWEST and kind in bounds["classes"]:
             bound = _at_rate(bounds["classes"][kind], bounds["amoc"]["false_alarms_per_hour"], rate)
             yield (
-                what | {"what": "detection", "class": kind} | _row(np.array(lanes["detection"])[of_class], bound, seed)
+                what
+                | {"what": "detection", "class": kind}
+                | _row(np.array(lanes["detection"])[of_class], bound, seed)
             )
     bound = bounds["all"]["isolation_delay"]["1 h"]
-    yield what | {"what": "isolation", "class": "all"} | _row(np.array(lanes["isolation"])[abrupt], bound, seed)
+    yield (
+        what
+        | {"what": "isolation", "class": "all"}
+        | _row(np.array(lanes["isolation"])[abrupt], bound, seed)
+    )
 
 
 def _at_rate(of_class: Mapping[str, Any], rates: list[float], rate: float) -> list[float]:

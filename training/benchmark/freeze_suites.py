@@ -1,7 +1,8 @@
 """Write the suites of the benchmark, ``python -m training.benchmark.freeze_suites``; or, given files, seal a suite of your own.
 
-The suites in the package are frozen: drawn once by this file, and written out episode by episode. Drawing them anew
-gives the same files, unless a sampler or the catalogue of faults has changed since.
+The suites in the package are frozen: drawn once by this file, and written out episode by episode.
+Drawing them anew gives the same files, unless a sampler or the catalogue of faults has changed
+since.
 """
 
 import sys
@@ -16,14 +17,27 @@ from auv_fault_env.faults import CATALOGUE, NORMAL, classes
 from auv_fault_env.missions import Mission, MissionSampler
 from auv_fault_env.parameters import FOOT
 from auv_fault_env.schedules import FaultEvent, ScheduleSampler
-from training.benchmark.suites import FOLDER, NAMES, Conditions, Episode, Steering, Suite, parse, read
+from training.benchmark.suites import (
+    FOLDER,
+    NAMES,
+    Conditions,
+    Episode,
+    Steering,
+    Suite,
+    parse,
+    read,
+)
 from training.seeds import seeds
 
 BLOCK = 20_000_000  # test seeds of a suite; the second half counts false alarms on healthy lanes
 THRESHOLD = 900_000_000  # first test seed of the lanes that the thresholds of all suites are set on
-PER_CLASS, PER_CLASS_OF_A_SHIFT, PER_FAULT_OF_THE_THESIS = 114, 22, 32
+PER_CLASS = 114
+PER_CLASS_OF_A_SHIFT = 22
+PER_FAULT_OF_THE_THESIS = 32
 ONE_FAULT = ScheduleSampler(healthy=0.0, compound=0.0, intermittent=0.0, repaired=0.0)
-DELAY, DELAY_SPREAD = 2.0, 8.0  # s by which a second fault follows the first: at least, and at most so much more
+# s by which a second fault follows the first: at least, and at most so much more
+DELAY = 2.0
+DELAY_SPREAD = 8.0
 CONSTANT = MissionSampler(speed=(0.2, 0.5), n_legs=1, from_rest=0.0)
 THESIS_SPEED = 0.75 * FOOT  # m/s: the thesis' 0.5 and 1.0 ft/s lie a budget below and above
 PLANT = dict(preset="thesis1992", sensor_noise=1.0, disturbance=1.0, healthy_band=1.0)
@@ -44,7 +58,9 @@ def spread(per_class: int, low: float = 0.2, high: float = 1.0) -> list[tuple[st
     """As many cells of every class: the kinds of fault within it in turn, severities evenly spread within each kind."""
     cells = []
     for diagnosis in classes():
-        kinds = [fault.name for fault in CATALOGUE.values() if fault.diagnosis == diagnosis != NORMAL]
+        kinds = [
+            fault.name for fault in CATALOGUE.values() if fault.diagnosis == diagnosis != NORMAL
+        ]
         for k, kind in enumerate(kinds):
             n = len(range(k, per_class, len(kinds)))
             cells += [(kind, low + (high - low) * (i + 0.5) / n) for i in range(n)]
@@ -55,7 +71,11 @@ def of_the_thesis() -> list[tuple[str, float]]:
     """The thesis' faults, at its severities where it gives them (drag +35 %, one propeller lost)."""
     faults = {"increased_drag": 0.35, "decreased_drag": 0.7}
     for side in ("port", "starboard"):
-        faults |= {f"propeller_damage:{side}": 0.7, f"propeller_loss:{side}": 1.0, f"seal_friction:{side}": 0.5}
+        faults |= {
+            f"propeller_damage:{side}": 0.7,
+            f"propeller_loss:{side}": 1.0,
+            f"seal_friction:{side}": 0.5,
+        }
     return [cell for cell in faults.items() for _ in range(PER_FAULT_OF_THE_THESIS)]
 
 
@@ -72,14 +92,28 @@ def recipes() -> dict[str, Recipe]:
     nominal = Conditions(PLANT | {"healthy_band": 0.0}, 65.0, (still,), Steering(0.0, 0.0))
     swift = replace(STANDARD, missions=(fast,), steering=Steering(1.0, 0.4))
     return {
-        "thesis": Recipe("faults of the thesis, nominal vehicles at its mean speed", of_the_thesis(), nominal),
-        "standard": Recipe("every class and severity, within what diagnosers are trained for", spread(PER_CLASS)),
+        "thesis": Recipe(
+            "faults of the thesis, nominal vehicles at its mean speed", of_the_thesis(), nominal
+        ),
+        "standard": Recipe(
+            "every class and severity, within what diagnosers are trained for", spread(PER_CLASS)
+        ),
         "ood_noise": Recipe("shift: sensors twice as noisy", few, shifted(sensor_noise=2.0)),
-        "ood_disturbance": Recipe("shift: disturbance twice as strong", few, shifted(disturbance=2.0)),
-        "ood_vehicle": Recipe("shift: healthy vehicles twice as different", few, shifted(healthy_band=2.0)),
-        "ood_severity": Recipe("shift: severity 0.05 to 0.2", spread(PER_CLASS_OF_A_SHIFT, 0.05, 0.2)),
-        "ood_compound": Recipe("shift: a second, lesser fault 2 to 10 s after the one to find", few, compound=True),
-        "ood_mission": Recipe("shift: fast short legs, half from rest, large rudder and plane deflections", few, swift),
+        "ood_disturbance": Recipe(
+            "shift: disturbance twice as strong", few, shifted(disturbance=2.0)
+        ),
+        "ood_vehicle": Recipe(
+            "shift: healthy vehicles twice as different", few, shifted(healthy_band=2.0)
+        ),
+        "ood_severity": Recipe(
+            "shift: severity 0.05 to 0.2", spread(PER_CLASS_OF_A_SHIFT, 0.05, 0.2)
+        ),
+        "ood_compound": Recipe(
+            "shift: a second, lesser fault 2 to 10 s after the one to find", few, compound=True
+        ),
+        "ood_mission": Recipe(
+            "shift: fast short legs, half from rest, large rudder and plane deflections", few, swift
+        ),
     }
 
 
@@ -87,10 +121,16 @@ def frozen(name: str, recipe: Recipe) -> Suite:
     """The suite of a recipe, its episodes in random order so that each k-th of them is a fair sample."""
     first = NAMES.index(name) * BLOCK
     chosen = seeds("test", len(recipe.cells), first)
-    healthy = {"threshold": seeds("test", 1, THRESHOLD)[0], "counting": seeds("test", 1, first + BLOCK // 2)[0]}
+    healthy = {
+        "threshold": seeds("test", 1, THRESHOLD)[0],
+        "counting": seeds("test", 1, first + BLOCK // 2)[0],
+    }
     order = np.random.default_rng(chosen[0]).permutation(len(recipe.cells))
     missions = map(rounded, recipe.conditions.draw_missions(chosen))
-    schedules = [schedule(seed, *recipe.cells[k], recipe.compound) for seed, k in zip(chosen, order, strict=True)]
+    schedules = [
+        schedule(seed, *recipe.cells[k], recipe.compound)
+        for seed, k in zip(chosen, order, strict=True)
+    ]
     episodes = tuple(map(Episode, chosen, schedules, missions))
     return Suite(name, recipe.about, recipe.conditions, healthy, episodes)
 
@@ -106,11 +146,17 @@ def schedule(seed: int, fault: str, severity: float, compound: bool) -> tuple[Fa
 def lesser(first: FaultEvent, seed: int) -> FaultEvent:
     """A fault of another class that follows the first."""
     others = (ONE_FAULT.sample(seed + BLOCK // 4 + k)[0] for k in count())
-    other = next(event for event in others if CATALOGUE[event.fault].diagnosis != CATALOGUE[first.fault].diagnosis)
+    other = next(
+        event
+        for event in others
+        if CATALOGUE[event.fault].diagnosis != CATALOGUE[first.fault].diagnosis
+    )
     low, high = ONE_FAULT.onset
     later = DELAY + DELAY_SPREAD * (other.onset - low) / (high - low)
     severity = first.severity * other.severity
-    return FaultEvent(other.fault, round(first.onset + later, 2), round(severity, 4), round(other.ramp, 2))
+    return FaultEvent(
+        other.fault, round(first.onset + later, 2), round(severity, 4), round(other.ramp, 2)
+    )
 
 
 def rounded(mission: Mission) -> Mission:

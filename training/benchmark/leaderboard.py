@@ -22,15 +22,26 @@ COLUMNS = (
     "log loss [nat]",
     "× oracle",
 )
-ALARMS = ("threshold, log p(normal)", "isolation [s]", "detected", "false alarms (vehicles)", "per hour", "as set")
+ALARMS = (
+    "threshold, log p(normal)",
+    "isolation [s]",
+    "detected",
+    "false alarms (vehicles)",
+    "per hour",
+    "as set",
+)
 
 
 def in_order(scores: Scores, references: Collection[str]) -> list[str]:
     """Names by restricted mean isolation time, those that compete first."""
-    return sorted(scores, key=lambda name: (name in references, scores[name]["isolation"]["restricted_mean"]))
+    return sorted(
+        scores, key=lambda name: (name in references, scores[name]["isolation"]["restricted_mean"])
+    )
 
 
-def leaderboard(scores: Scores, references: Collection[str], heading: str = "Leaderboard") -> dict[str, Any]:
+def leaderboard(
+    scores: Scores, references: Collection[str], heading: str = "Leaderboard"
+) -> dict[str, Any]:
     """The main table."""
     return {
         "heading": heading,
@@ -43,7 +54,10 @@ def leaderboard(scores: Scores, references: Collection[str], heading: str = "Lea
         ],
         "table": {
             "columns": list(COLUMNS),
-            "rows": [[row_name(name, references), *_row(scores, name)] for name in in_order(scores, references)],
+            "rows": [
+                [row_name(name, references), *_row(scores, name)]
+                for name in in_order(scores, references)
+            ],
         },
     }
 
@@ -103,8 +117,16 @@ def compute(costs: Scores, names: Iterable[str], references: Collection[str]) ->
             "Wall-clock microseconds of an update; a sample comes every 100,000. Other work on the machine shows."
         ],
         "table": {
-            "columns": ["diagnoser", "one vehicle, median", "99th percentile", "per vehicle of 4096"],
-            "rows": [[row_name(name, references), *(_micro(costs[name][key]) for key in keys)] for name in names],
+            "columns": [
+                "diagnoser",
+                "one vehicle, median",
+                "99th percentile",
+                "per vehicle of 4096",
+            ],
+            "rows": [
+                [row_name(name, references), *(_micro(costs[name][key]) for key in keys)]
+                for name in names
+            ],
         },
     }
 
@@ -118,11 +140,16 @@ def left_out(failures: Mapping[str, str]) -> dict[str, Any]:
     return {
         "heading": "Left out",
         "text": ["These could not be made, or failed on the way; nothing of them is shown."],
-        "table": {"columns": ["diagnoser", "why"], "rows": [list(item) for item in failures.items()]},
+        "table": {
+            "columns": ["diagnoser", "why"],
+            "rows": [list(item) for item in failures.items()],
+        },
     }
 
 
-def figure_section(heading: str, plot: str, name: str, caption: str, data: Mapping[str, Any]) -> dict[str, Any]:
+def figure_section(
+    heading: str, plot: str, name: str, caption: str, data: Mapping[str, Any]
+) -> dict[str, Any]:
     """A section of one figure."""
     return {
         "heading": heading,

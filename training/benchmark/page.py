@@ -7,7 +7,14 @@ import numpy as np
 
 from training.benchmark import page_figures as figures
 from training.benchmark.bounds import FEWEST, check
-from training.benchmark.leaderboard import ALARMS, alarm_cells, compute, in_order, leaderboard, left_out
+from training.benchmark.leaderboard import (
+    ALARMS,
+    alarm_cells,
+    compute,
+    in_order,
+    leaderboard,
+    left_out,
+)
 from training.benchmark.page_figures import View
 from training.benchmark.verdicts import ByLane, difference
 from training.metrics import Times
@@ -40,7 +47,12 @@ def page(results: Mapping[str, Any]) -> dict[str, Any]:
         figures.worst(view),
     ]
     title = f"Diagnosers on the suite {results['suite']['name']}"
-    return {"title": title, "intro": intro(view), "command": results["command"], "sections": sections}
+    return {
+        "title": title,
+        "intro": intro(view),
+        "command": results["command"],
+        "sections": sections,
+    }
 
 
 def intro(view: View) -> list[str]:
@@ -64,13 +76,15 @@ def intro(view: View) -> list[str]:
 def what_was_run(view: View) -> dict[str, Any]:
     """Suite, seeds, settings and versions."""
     results = view.results
-    suite, settings = results["suite"], results["settings"]
+    suite = results["suite"]
+    settings = results["settings"]
     share = "all" if suite["every"] == 1 else f"one in {suite['every']}"
     rows = {
         "suite": f"{suite['name']}, {share} of {suite['listed']} episodes of {suite['duration']:g} s",
         "hash of the suite": suite["hash"],
         "plant": _listed(suite["plant"]),
-        "stimuli": ", ".join(settings["stimuli"]) + f" (budget {max(settings['stimuli'].values()):.4g} m/s)",
+        "stimuli": ", ".join(settings["stimuli"])
+        + f" (budget {max(settings['stimuli'].values()):.4g} m/s)",
         "healthy operation": f"{settings['hours']:g} h for the thresholds, {settings['counting_hours']:g} h to count "
         "false alarms, of each diagnoser and all stimuli together",
         "seeds": ", ".join(f"{part} {_range(seeds)}" for part, seeds in results["seeds"].items()),
@@ -86,7 +100,10 @@ def what_was_run(view: View) -> dict[str, Any]:
 
 
 def _listed(values: Mapping[str, Any]) -> str:
-    shown = {name: f"{value:.3g}" if isinstance(value, float) else value for name, value in values.items()}
+    shown = {
+        name: f"{value:.3g}" if isinstance(value, float) else value
+        for name, value in values.items()
+    }
     return ", ".join(f"{name} {value}" for name, value in shown.items())
 
 
@@ -104,7 +121,9 @@ def main_table(view: View, stimulus: str) -> dict[str, Any]:
         least = {what: delay["1 h"] for what, delay in view.bounds[stimulus]["all"].items()}
         isolation = with_interval(least["isolation_delay"][0], least["isolation_delay"][1:], 2)
         cells = ["bound", isolation, "", "", f"{least['detection_delay'][0]:.2f}"]
-        section["table"]["rows"].append(cells + [""] * (len(section["table"]["columns"]) - len(cells)))
+        section["table"]["rows"].append(
+            cells + [""] * (len(section["table"]["columns"]) - len(cells))
+        )
     return section
 
 
@@ -112,9 +131,14 @@ def best_two(view: View) -> dict[str, Any]:
     """The best against the next best that competes, on the same episodes."""
     rows = []
     for stimulus, scores in view.scores.items():
-        two = in_order({name: score for name, score in scores.items() if name not in view.references}, ())[:2]
+        two = in_order(
+            {name: score for name, score in scores.items() if name not in view.references}, ()
+        )[:2]
         if len(two) == 2:
-            by = difference(*(_by_lane(view, stimulus, name) for name in two), view.results["seeds"]["bootstrap"])
+            by = difference(
+                *(_by_lane(view, stimulus, name) for name in two),
+                view.results["seeds"]["bootstrap"],
+            )
             differences = with_interval(by.isolation[0], by.isolation[1:], 2, "+")
             f1 = with_interval(by.macro_f1[0], by.macro_f1[1:], 3, "+")
             rows.append([stimulus, *two, differences, f1, "yes" if by.better else "no"])
@@ -124,14 +148,19 @@ def best_two(view: View) -> dict[str, Any]:
             "The best by isolation time minus the next on the same episodes, with 95 % paired bootstrap intervals; "
             "negative times and positive macro-F1 are in its favour. Better means: on both, zero outside the intervals."
         ],
-        "table": {"columns": ["stimulus", "best", "next", "isolation time [s]", "macro-F1", "better"], "rows": rows},
+        "table": {
+            "columns": ["stimulus", "best", "next", "isolation time [s]", "macro-F1", "better"],
+            "rows": rows,
+        },
     }
 
 
 def _by_lane(view: View, stimulus: str, name: str) -> ByLane:
     lanes = view.scores[stimulus][name]["by_lane"]
     isolation = Times(np.array(lanes["isolation"], float), ~np.array(lanes["isolated"], bool))
-    return ByLane(isolation, np.array(view.results["decided"][stimulus]), np.array(lanes["decision"]))
+    return ByLane(
+        isolation, np.array(view.results["decided"][stimulus]), np.array(lanes["decision"])
+    )
 
 
 def against_bounds(view: View) -> dict[str, Any]:
@@ -139,8 +168,13 @@ def against_bounds(view: View) -> dict[str, Any]:
     checks = check(view.results)
     beaten = [row for row in checks if row["beaten"]]
     near = sorted(checks, key=lambda row: row["measured"][0] - row["bound"][0])
-    verdict = f"{len(beaten)} of {len(checks)} comparisons beat their bound by more than the sampling intervals" + (
-        ": something is wrong with them, or with the bound." if beaten else "; the closest are shown."
+    verdict = (
+        f"{len(beaten)} of {len(checks)} comparisons beat their bound by more than the sampling intervals"
+        + (
+            ": something is wrong with them, or with the bound."
+            if beaten
+            else "; the closest are shown."
+        )
     )
     return {
         "heading": "Does any diagnoser beat a bound?",
@@ -150,7 +184,15 @@ def against_bounds(view: View) -> dict[str, Any]:
             "severity; of isolation, over all classes, if it is told the vehicle, but not the severity."
         ],
         "table": {
-            "columns": ["stimulus", "diagnoser", "what", "class", "measured [s]", "bound [s]", "beaten"],
+            "columns": [
+                "stimulus",
+                "diagnoser",
+                "what",
+                "class",
+                "measured [s]",
+                "bound [s]",
+                "beaten",
+            ],
             "rows": [_check_cells(view, row) for row in beaten or near[:CLOSEST]],
         },
     }
@@ -159,7 +201,8 @@ def against_bounds(view: View) -> dict[str, Any]:
 def bounds(stimulus: str, found: Mapping[str, Any]) -> dict[str, Any]:
     """How soon any diagnoser could detect and isolate each class."""
     rates = list(found["all"]["detection_delay"])
-    ratios, shares = found["calibration"]["inverse_ratio"], found["calibration"]["healthy_beyond"]
+    ratios = found["calibration"]["inverse_ratio"]
+    shares = found["calibration"]["healthy_beyond"]
     inverse = ", ".join(f"{value:.2f} after {time}" for time, value in ratios.items())
     beyond = ", ".join(f"{share:.3f} beyond 1/{level}" for level, share in shares.items())
     return {
@@ -180,13 +223,16 @@ def bounds(stimulus: str, found: Mapping[str, Any]) -> dict[str, Any]:
                 *(f"detection, {rate}" for rate in rates),
                 *("rival", "apart [nat/s]", "isolation"),
             ],
-            "rows": [_bound_cells(name, of_class, rates) for name, of_class in found["classes"].items()],
+            "rows": [
+                _bound_cells(name, of_class, rates) for name, of_class in found["classes"].items()
+            ],
         },
     }
 
 
 def _bound_cells(name: str, of_class: Mapping[str, Any], rates: Sequence[str]) -> list[str]:
-    detection, isolation = of_class["detection_delay"], of_class["isolation_delay"]
+    detection = of_class["detection_delay"]
+    isolation = of_class["isolation_delay"]
     return [
         name,
         f"{of_class['information_rate']:.3g}",
@@ -202,13 +248,25 @@ def _bound_cells(name: str, of_class: Mapping[str, Any], rates: Sequence[str]) -
 def _check_cells(view: View, row: Mapping[str, Any]) -> list[str]:
     delays = [with_interval(row[key][0], row[key][1:], 2) for key in ("measured", "bound")]
     name = row_name(row["diagnoser"], view.references)
-    return [row["stimulus"], name, row["what"], row["class"], *delays, "yes" if row["beaten"] else "no"]
+    return [
+        row["stimulus"],
+        name,
+        row["what"],
+        row["class"],
+        *delays,
+        "yes" if row["beaten"] else "no",
+    ]
 
 
 def false_alarms(view: View) -> dict[str, Any]:
     """Thresholds and the false alarms counted, for each rate they are set for."""
     rows = [
-        [row_name(name, view.references), stimulus, rate, *alarm_cells(score, 3600.0 * float(rate.split()[0]))]
+        [
+            row_name(name, view.references),
+            stimulus,
+            rate,
+            *alarm_cells(score, 3600.0 * float(rate.split()[0])),
+        ]
         for name in view.names
         for stimulus, scores in view.scores.items()
         for rate, score in scores[name]["rates"].items()
@@ -231,7 +289,10 @@ def compute_and_weights(view: View) -> dict[str, Any]:
     section["table"]["columns"] += ["learnt numbers", "digest of the weights"]
     for name, row in zip(view.names, section["table"]["rows"], strict=True):
         digest = view.results["weights"][name]
-        row += [f"{view.results['compute'][name]['numbers']:,}", digest[:16] if digest else "nothing learnt"]
+        row += [
+            f"{view.results['compute'][name]['numbers']:,}",
+            digest[:16] if digest else "nothing learnt",
+        ]
     return section
 
 

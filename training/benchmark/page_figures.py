@@ -33,10 +33,19 @@ class View(NamedTuple):
     @classmethod
     def of(cls, results: Mapping[str, Any]) -> "View":
         """Names are in the order of their mean isolation time over the stimuli."""
-        scores, references = results["scores"], frozenset(results["references"])
+        scores = results["scores"]
+        references = frozenset(results["references"])
         names = in_order(next(iter(scores.values())), references)
-        mean = {name: np.mean([by[name]["isolation"]["restricted_mean"] for by in scores.values()]) for name in names}
-        return cls(results, scores, references, sorted(names, key=lambda name: (name in references, mean[name])))
+        mean = {
+            name: np.mean([by[name]["isolation"]["restricted_mean"] for by in scores.values()])
+            for name in names
+        }
+        return cls(
+            results,
+            scores,
+            references,
+            sorted(names, key=lambda name: (name in references, mean[name])),
+        )
 
     @property
     def bounds(self) -> Mapping[str, Any]:
@@ -50,7 +59,10 @@ class View(NamedTuple):
 
     def best_under(self, name: str) -> str:
         """The stimulus under which a diagnoser isolates soonest."""
-        return min(self.scores, key=lambda stimulus: self.scores[stimulus][name]["isolation"]["restricted_mean"])
+        return min(
+            self.scores,
+            key=lambda stimulus: self.scores[stimulus][name]["isolation"]["restricted_mean"],
+        )
 
     def lines(self, of: Any) -> dict[str, dict[str, Any]]:
         """By stimulus and diagnoser the line {x, y} that a function makes of a score."""
@@ -62,7 +74,9 @@ class View(NamedTuple):
 
 def isolation_over_time(view: View) -> dict[str, Any]:
     """Share isolated against time since onset."""
-    panels = view.lines(lambda score: (score["isolation_over_time"]["time"], score["isolation_over_time"]["share"]))
+    panels = view.lines(
+        lambda score: (score["isolation_over_time"]["time"], score["isolation_over_time"]["share"])
+    )
     return figure_section(
         "How soon are faults isolated?",
         "curves",
@@ -83,7 +97,9 @@ def alarms_against_delay(view: View) -> dict[str, Any]:
     shared = {"references": list(view.references), "logarithmic": True, "marks": [0.1, 1.0]}
     x_label = "false alarms per hour, as set"
     delay = {
-        "panels": view.lines(lambda score: (score["amoc"]["false_alarms_per_hour"], score["amoc"]["delay"])),
+        "panels": view.lines(
+            lambda score: (score["amoc"]["false_alarms_per_hour"], score["amoc"]["delay"])
+        ),
         "labels": (x_label, "detection delay, restricted mean [s]"),
         "top": view.horizon,
         "bounds": {
@@ -92,7 +108,9 @@ def alarms_against_delay(view: View) -> dict[str, Any]:
         },
     }
     detected = {
-        "panels": view.lines(lambda score: (score["amoc"]["false_alarms_per_hour"], score["amoc"]["probability"])),
+        "panels": view.lines(
+            lambda score: (score["amoc"]["false_alarms_per_hour"], score["amoc"]["probability"])
+        ),
         "labels": (x_label, f"share detected within {view.horizon:g} s"),
         "top": 1.0,
     }
@@ -157,9 +175,13 @@ def _class_delays(view: View, kind: str, stimulus: str) -> dict[str, Any]:
     columns = {}
     if stimulus in view.bounds:
         bounds = view.bounds[stimulus]["classes"]
-        columns[BOUND[kind]] = [_bound(bounds[name], kind) if name in bounds else None for name in classes]
+        columns[BOUND[kind]] = [
+            _bound(bounds[name], kind) if name in bounds else None for name in classes
+        ]
     columns |= {
-        row_name(name, view.references): [scores[name][f"{kind}_by_class"][of_class] for of_class in classes]
+        row_name(name, view.references): [
+            scores[name][f"{kind}_by_class"][of_class] for of_class in classes
+        ]
         for name in view.names
     }
     return {"classes": classes, "delays": columns, "horizon": view.horizon}
@@ -167,13 +189,19 @@ def _class_delays(view: View, kind: str, stimulus: str) -> dict[str, Any]:
 
 def _bound(of_class: Mapping[str, Any], kind: str) -> float:
     """The bound of a class at one false alarm per hour."""
-    return of_class["detection_delay"]["1 h"][0] if kind == "detection" else of_class["isolation_delay"][0]
+    return (
+        of_class["detection_delay"]["1 h"][0]
+        if kind == "detection"
+        else of_class["isolation_delay"][0]
+    )
 
 
 def confusions(view: View) -> dict[str, Any]:
     """Who is taken for what by the best diagnosers, each under the stimulus that suits it best."""
     drawn = []
-    for name in [name for name in view.names if name not in view.references][:TOP] or view.names[:TOP]:
+    for name in [name for name in view.names if name not in view.references][:TOP] or view.names[
+        :TOP
+    ]:
         stimulus = view.best_under(name)
         counts = np.array(view.scores[stimulus][name]["confusion"], float)
         shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
@@ -183,7 +211,10 @@ def confusions(view: View) -> dict[str, Any]:
                 "name": f"confusion-{file_name(name)}",
                 "caption": f"Decisions of {name} under {stimulus} 10 s after onset, per cent of each true class (row); "
                 "normal means that no alarm stands. Shares below 0.5 % are not written.",
-                "data": {"classes": view.results["classes"], "shares": np.round(shares, 4).tolist()},
+                "data": {
+                    "classes": view.results["classes"],
+                    "shares": np.round(shares, 4).tolist(),
+                },
             }
         )
     return {"heading": "What is taken for what?", "text": [], "figures": drawn}
@@ -202,7 +233,10 @@ def costs(view: View) -> dict[str, Any]:
         }
         for name in view.names
     }
-    axes = {"speed_rms": "RMS deviation from the mission's speed [m/s]", "energy": "energy [J per episode]"}
+    axes = {
+        "speed_rms": "RMS deviation from the mission's speed [m/s]",
+        "energy": "energy [J per episode]",
+    }
     section = figure_section(
         "Cost and delay",
         "cost_delay",
@@ -220,7 +254,10 @@ def costs(view: View) -> dict[str, Any]:
 
 def _cost_cells(stimulus: str, scores: Scores) -> list[str]:
     """Means over the diagnosers; an open-loop stimulus costs the same with each."""
-    cost = {key: [score["cost"][key] for score in scores.values()] for key in next(iter(scores.values()))["cost"]}
+    cost = {
+        key: [score["cost"][key] for score in scores.values()]
+        for key in next(iter(scores.values()))["cost"]
+    }
     mean = {key: None if None in values else float(np.mean(values)) for key, values in cost.items()}
     return [
         stimulus,
@@ -249,21 +286,29 @@ def calibration(view: View) -> dict[str, Any]:
 def severity(view: View) -> dict[str, Any]:
     """Estimated against true severity for the best diagnosers, under the stimulus that suits the first of them."""
     stimulus = view.best_under(view.names[0])
-    scatters = {name: view.scores[stimulus][name]["severity_scatter"] for name in view.names[:SCATTERED]}
+    scatters = {
+        name: view.scores[stimulus][name]["severity_scatter"] for name in view.names[:SCATTERED]
+    }
     truth = scatters[view.names[0]]["truth"]
     caption = (
         f"Severity estimated {view.results['settings']['severity_at']:g} s after onset under {stimulus}, given the "
         f"true class, of {len(truth)} episodes."
     )
     estimates = {name: scatter["estimate"] for name, scatter in scatters.items()}
-    return figure_section("Severity", "severities", "severity", caption, {"truth": truth, "estimates": estimates})
+    return figure_section(
+        "Severity", "severities", "severity", caption, {"truth": truth, "estimates": estimates}
+    )
 
 
 def worst(view: View) -> dict[str, Any]:
     """The episodes that each diagnoser isolated last."""
     drawn = []
     for name in view.names:
-        found = [(stimulus, episode) for stimulus, scores in view.scores.items() for episode in scores[name]["worst"]]
+        found = [
+            (stimulus, episode)
+            for stimulus, scores in view.scores.items()
+            for episode in scores[name]["worst"]
+        ]
         found.sort(key=lambda item: -_isolated(item[1]))
         drawn.append(
             {
@@ -287,6 +332,9 @@ def _isolated(episode: Mapping[str, Any]) -> float:
 def _episode(view: View, stimulus: str, episode: Mapping[str, Any]) -> dict[str, Any]:
     fault = view.results["classes"][episode["class"]]
     head = f"{stimulus}, seed {episode['seed']}\n{fault}, severity {episode['severity']:.2f}\n"
-    kept = {key: episode[key] for key in ("onset", "time", "log_normal", "threshold", "alarm", "readings")}
+    kept = {
+        key: episode[key]
+        for key in ("onset", "time", "log_normal", "threshold", "alarm", "readings")
+    }
     right = [top == episode["class"] for top in episode["fault"]]
     return kept | {"title": head + textwrap.fill(episode["why"], WIDTH), "right": right}

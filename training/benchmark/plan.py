@@ -43,7 +43,9 @@ class Plan(NamedTuple):
             return self.suite.episodes[:: self.every]
         seeds = self.seeds(part, stimulus)
         missions = self.conditions(part).draw_missions(seeds)
-        return tuple(Episode(seed, (), mission) for seed, mission in zip(seeds, missions, strict=True))
+        return tuple(
+            Episode(seed, (), mission) for seed, mission in zip(seeds, missions, strict=True)
+        )
 
     def seeds(self, part: str, stimulus: Stimulus) -> range:
         """Seeds of the healthy lanes of a part under a stimulus."""
@@ -55,11 +57,18 @@ class Plan(NamedTuple):
         """Refuse a suite in which a vehicle serves two purposes: nothing is scored on what a threshold is set on."""
         taken: dict[str, set[int]] = {FAULTY: {episode.seed for episode in self.suite.episodes}}
         for part in (THRESHOLD, COUNTING):
-            taken[part] = set(chain.from_iterable(self.seeds(part, stimulus) for stimulus in self.stimuli))
+            taken[part] = set(
+                chain.from_iterable(self.seeds(part, stimulus) for stimulus in self.stimuli)
+            )
         for one, other in combinations(taken, 2):
             if both := taken[one] & taken[other]:
                 thing = f"suite {self.suite.name}, seed of a {one} and of a {other} lane"
-                raise refusal(thing, min(both), "vehicles that serve once", "move one of them and seal the file")
+                raise refusal(
+                    thing,
+                    min(both),
+                    "vehicles that serve once",
+                    "move one of them and seal the file",
+                )
 
     def conditions(self, part: str) -> Conditions:
         """What the vehicles of a part run under."""
@@ -69,7 +78,11 @@ class Plan(NamedTuple):
         """All trials of these diagnosers; those of a part and a stimulus follow one another, in the order of lanes."""
         found = []
         for part, stimulus in product(PARTS, self.stimuli):
-            conditions, lanes = self.conditions(part), self.episodes(part, stimulus)
+            conditions = self.conditions(part)
+            lanes = self.episodes(part, stimulus)
             chunks = [lanes[first : first + AT_ONCE] for first in range(0, len(lanes), AT_ONCE)]
-            found += [Trial(entrant, stimulus, part, conditions, chunk) for entrant, chunk in product(entrants, chunks)]
+            found += [
+                Trial(entrant, stimulus, part, conditions, chunk)
+                for entrant, chunk in product(entrants, chunks)
+            ]
         return found

@@ -25,7 +25,8 @@ from training.metrics.records import DECIDED, HORIZON, PERSISTENCE
 from training.report.run_folder import provenance
 from training.stimuli import Cruise, Stimulus
 
-BOUNDED = 1080  # lanes that the bounds are computed on, 60 of each class: from few lanes they come out too high
+# lanes that the bounds are computed on, 60 of each class: from few lanes they come out too high
+BOUNDED = 1080
 ROW = ("restricted_mean", "probability", "median")
 
 
@@ -42,9 +43,12 @@ class Made(NamedTuple):
     told: bool
 
 
-def header(arguments: Benchmark, plan: Plan, made: Mapping[str, Made], failures: Mapping[str, str]) -> dict[str, Any]:
+def header(
+    arguments: Benchmark, plan: Plan, made: Mapping[str, Made], failures: Mapping[str, str]
+) -> dict[str, Any]:
     """All but what comes from the trials."""
-    suite, names = plan.suite, set(ranked())
+    suite = plan.suite
+    names = set(ranked())
     return {
         "command": command(arguments),
         "suite": {
@@ -56,7 +60,8 @@ def header(arguments: Benchmark, plan: Plan, made: Mapping[str, Made], failures:
             "listed": len(suite.episodes),
             "every": plan.every,
         },
-        "seeds": {part: _ends(plan, part) for part in (FAULTY, THRESHOLD, COUNTING)} | {"bootstrap": arguments.seed},
+        "seeds": {part: _ends(plan, part) for part in (FAULTY, THRESHOLD, COUNTING)}
+        | {"bootstrap": arguments.seed},
         "settings": {
             "persistence": PERSISTENCE,
             "horizon": HORIZON,
@@ -67,8 +72,12 @@ def header(arguments: Benchmark, plan: Plan, made: Mapping[str, Made], failures:
             "stimuli": {stimulus.name: stimulus.budget for stimulus in plan.stimuli},
         },
         "classes": list(classes()),
-        "references": [name for name, one in made.items() if one.told or (name in NAMES and name not in names)],
-        "third_parties": {name: one.entrant.make.target for name, one in made.items() if name not in NAMES},
+        "references": [
+            name for name, one in made.items() if one.told or (name in NAMES and name not in names)
+        ],
+        "third_parties": {
+            name: one.entrant.make.target for name, one in made.items() if name not in NAMES
+        },
         "failures": dict(failures),
         "weights": {name: one.weights for name, one in made.items()},
         "compute": {name: one.compute for name, one in made.items()},
@@ -80,7 +89,11 @@ def command(arguments: Benchmark) -> str:
     """The command line that gives these results, without what they do not depend on."""
     names = ("suite", "stimuli", "budget", "hours", "counting_hours", "seed")
     given = {name: getattr(arguments, name) for name in names}
-    words = [word for name, value in given.items() for word in (f"--{name.replace('_', '-')}", *_words(value))]
+    words = [
+        word
+        for name, value in given.items()
+        for word in (f"--{name.replace('_', '-')}", *_words(value))
+    ]
     words += ["--diagnosers", *arguments.diagnosers] if arguments.diagnosers else []
     words += [word for target in arguments.diagnoser for word in ("--diagnoser", target)]
     words += ["--lanes", str(arguments.lanes)] if arguments.lanes else []
@@ -88,7 +101,11 @@ def command(arguments: Benchmark) -> str:
 
 
 def _words(value: Any) -> Sequence[str]:
-    return value if isinstance(value, tuple) else [f"{value:.12g}" if isinstance(value, float) else str(value)]
+    return (
+        value
+        if isinstance(value, tuple)
+        else [f"{value:.12g}" if isinstance(value, float) else str(value)]
+    )
 
 
 def _ends(plan: Plan, part: str) -> list[int]:
@@ -97,25 +114,38 @@ def _ends(plan: Plan, part: str) -> list[int]:
     return [min(found), max(found)]
 
 
-def scored(plan: Plan, paths: Mapping[Path, Trial], seed: int, failures: dict[str, str]) -> dict[str, Any]:
+def scored(
+    plan: Plan, paths: Mapping[Path, Trial], seed: int, failures: dict[str, str]
+) -> dict[str, Any]:
     """Thresholds, the truth and every score; who fails on the worst episodes, run once more, joins the failures."""
     files = _files(paths)
     names = list(dict.fromkeys(name for name, _, _ in files))
     stimuli = [stimulus.name for stimulus in plan.stimuli]
     episodes = plan.suite.episodes[:: plan.every]
     so = known(plan.suite.conditions, episodes)
-    results: dict[str, Any] = {"thresholds": {}, "episodes": told(episodes, so), "decided": {}, "scores": {}}
+    results: dict[str, Any] = {
+        "thresholds": {},
+        "episodes": told(episodes, so),
+        "decided": {},
+        "scores": {},
+    }
     results["scores"] = {stimulus: {} for stimulus in stimuli}
     for name in tqdm(names, desc="scores", unit="diagnoser"):
         materials = _materials(files, name, stimuli)
         judged = {stimulus: judged_at(material, so) for stimulus, material in materials.items()}
-        trials = {stimulus: paths[files[name, stimulus, FAULTY][0]]._replace(episodes=episodes) for stimulus in stimuli}
+        trials = {
+            stimulus: paths[files[name, stimulus, FAULTY][0]]._replace(episodes=episodes)
+            for stimulus in stimuli
+        }
         try:
             worst = {
-                stimulus: worst_episodes(trials[stimulus], materials[stimulus].faulty, one[RANKED_AT], so)
+                stimulus: worst_episodes(
+                    trials[stimulus], materials[stimulus].faulty, one[RANKED_AT], so
+                )
                 for stimulus, one in judged.items()
             }
-        except (Exception, SystemExit) as error:  # whatever ails one diagnoser, the others are scored
+        # whatever ails one diagnoser, the others are scored
+        except (Exception, SystemExit) as error:
             left_out(failures, name, error)
             continue
         results["thresholds"][name] = {
@@ -132,16 +162,25 @@ def _materials(
     files: Mapping[tuple[str, str, str], list[Path]], name: str, stimuli: Sequence[str]
 ) -> dict[str, Material]:
     """By stimulus what a diagnoser is scored on."""
-    setting = trial_store.read(list(chain(*(files[name, stimulus, THRESHOLD] for stimulus in stimuli))), THRESHOLD)
-    faulty = {stimulus: trial_store.read(files[name, stimulus, FAULTY], FAULTY) for stimulus in stimuli}
-    counting = {stimulus: trial_store.read(files[name, stimulus, COUNTING], COUNTING) for stimulus in stimuli}
+    setting = trial_store.read(
+        list(chain(*(files[name, stimulus, THRESHOLD] for stimulus in stimuli))), THRESHOLD
+    )
+    faulty = {
+        stimulus: trial_store.read(files[name, stimulus, FAULTY], FAULTY) for stimulus in stimuli
+    }
+    counting = {
+        stimulus: trial_store.read(files[name, stimulus, COUNTING], COUNTING)
+        for stimulus in stimuli
+    }
     passive = faulty.get(Cruise.name)
     return {one: Material(setting, counting[one], faulty[one], passive) for one in stimuli}
 
 
 def bounds(stimuli: Sequence[Stimulus], seed: int, workers: int, backend: str) -> dict[str, Any]:
     """By stimulus the delays that no diagnoser can beat under the standard conditions."""
-    found = Parallel(n_jobs=workers, backend=backend)(delayed(bounds_of)(one, seed, BOUNDED) for one in stimuli)
+    found = Parallel(n_jobs=workers, backend=backend)(
+        delayed(bounds_of)(one, seed, BOUNDED) for one in stimuli
+    )
     return {stimulus.name: bound for stimulus, bound in zip(stimuli, found, strict=True)}
 
 
@@ -170,9 +209,19 @@ def write_csv(path: Path, results: Mapping[str, Any]) -> None:
     """A row for each stimulus, diagnoser and mean time between false alarms."""
     rows = [
         {"suite": results["suite"]["name"], "stimulus": stimulus, "diagnoser": name, "mtbfa": rate}
-        | {key: score["rates"][rate][key] for key in ("threshold", "false_alarms", "hours", "false_alarms_per_hour")}
-        | {f"{what}_{key}": score["rates"][rate][what][key] for what in ("isolation", "detection") for key in ROW}
-        | {key: score[key] for key in ("macro_f1", "severity_mae", "severity_coverage", "ece", "brier", "log_loss")}
+        | {
+            key: score["rates"][rate][key]
+            for key in ("threshold", "false_alarms", "hours", "false_alarms_per_hour")
+        }
+        | {
+            f"{what}_{key}": score["rates"][rate][what][key]
+            for what in ("isolation", "detection")
+            for key in ROW
+        }
+        | {
+            key: score[key]
+            for key in ("macro_f1", "severity_mae", "severity_coverage", "ece", "brier", "log_loss")
+        }
         | score["cost"]
         for stimulus, by_name in results["scores"].items()
         for name, score in by_name.items()

@@ -10,7 +10,8 @@ threshold. `Times` is {"restricted_mean", "interval", "probability", "median"}, 
     suite           name, about, hash, plant {preset, sensor_noise, disturbance, healthy_band}, duration [s],
                     listed (episodes in the file), every (k: each k-th was run; 1 is all)
     seeds           faulty, threshold, counting: [first, last]; bootstrap: seed
-    settings        persistence [samples], horizon [s], decided_at [s] (1, 2, 5, 10, 20), severity_at [s],
+    settings        persistence [samples], horizon [s], decided_at [s] (1, 2, 5, 10, 20),
+    severity_at [s],
                     hours, counting_hours (asked for, of each diagnoser, all stimuli together),
                     stimuli {stimulus: budget [m/s]}
     classes         names of the classes
@@ -21,36 +22,44 @@ threshold. `Times` is {"restricted_mean", "interval", "probability", "median"}, 
     weights         {diagnoser: digest of what it has learnt, None if nothing}
     compute         {diagnoser: {p50_us, p99_us, many_lanes_us, numbers (of learnt weights)}}
     thresholds      {diagnoser: {rate: threshold of log p(normal)}}
-    episodes        of the faulty ones run, a list each: seed, fault (class), onset [s], severity (full), ramp [s],
+    episodes        of the faulty ones run, a list each: seed, fault (class), onset [s], severity
+    (full), ramp [s],
                     abrupt (bool)
-    decided         {stimulus: true classes at `settings.decided_at`' fourth instant, 10 s, faulty lanes and then some
+    decided         {stimulus: true classes at `settings.decided_at`' fourth instant, 10 s, faulty
+    lanes and then some
                     healthy ones}: what goes with `decision` below
-    bounds          {stimulus: as `training.benchmark.bounds` writes it}, under the standard conditions only
-    scores          {stimulus: {diagnoser: score}}, where a score holds
+    bounds          {stimulus: as `training.benchmark.bounds` writes it}, under the standard
+    conditions only scores          {stimulus: {diagnoser: score}}, where a score holds
 
-      rates             {rate: {threshold, false_alarms, false_alarm_vehicles, hours, false_alarms_per_hour,
-                        false_alarms_per_hour_interval, rate_as_set (bool), isolation: Times, detection: Times}}
+      rates             {rate: {threshold, false_alarms, false_alarm_vehicles, hours,
+      false_alarms_per_hour,
+                        false_alarms_per_hour_interval, rate_as_set (bool), isolation: Times,
+                        detection: Times}}
       isolation, detection               Times at 1 h, once more
       isolation_by_class, detection_by_class   {class name: restricted mean [s]} at 1 h
       macro_f1, macro_f1_interval        10 s after onset, at 1 h
       macro_f1_over_time                 at each of `settings.decided_at`
-      severity_mae, severity_mae_interval, severity_coverage   `settings.severity_at` after onset, given the true class
-      ece, brier, log_loss               of beliefs at random instants
-      cost              speed_rms [m/s] (of the true speed from the mission's), energy [J per episode], and both
-                        relative to the same diagnoser's run under cruise, None without that: speed_rms_ratio,
-                        energy_ratio
-      isolation_over_time   {time, share}: share of the faults isolated for good by a time since onset
-      amoc              {false_alarms_per_hour, delay, probability}: restricted mean delay [s] and share detected
+      severity_mae, severity_mae_interval, severity_coverage   `settings.severity_at` after onset,
+      given the true class ece, brier, log_loss               of beliefs at random instants cost
+      speed_rms [m/s] (of the true speed from the mission's), energy [J per episode], and both
+                        relative to the same diagnoser's run under cruise, None without that:
+                        speed_rms_ratio, energy_ratio
+      isolation_over_time   {time, share}: share of the faults isolated for good by a time since
+      onset amoc              {false_alarms_per_hour, delay, probability}: restricted mean delay [s]
+      and share detected
                         against the rate of false alarms, rates ascending, up to 100 points
       confusion         counts, rows true classes, columns decisions, 10 s after onset
       reliability       {share, confidence, accuracy} of the bins that are not empty
       severity_scatter  {truth, estimate} of up to 300 episodes
       compatibility     scores of other benchmarks, {name: value}
-      by_lane           {isolation, isolated, detection, detected, decision}: by episode, times in seconds at 1 h;
+      by_lane           {isolation, isolated, detection, detected, decision}: by episode, times in
+      seconds at 1 h;
                         decision as in `decided`
-      worst             three episodes: {seed, class (index), severity, onset, isolation (time, None if never), why,
-                        time, log_normal, threshold, alarm (bools), fault (top class), readings {speed, speed_command,
-                        port_rpm, starboard_rpm, port_current, starboard_current}}, series at 0.5 s steps
+      worst             three episodes: {seed, class (index), severity, onset, isolation (time, None
+      if never), why,
+                        time, log_normal, threshold, alarm (bools), fault (top class), readings
+                        {speed, speed_command, port_rpm, starboard_rpm, port_current,
+                        starboard_current}}, series at 0.5 s steps
 """
 
 from collections.abc import Mapping
@@ -68,15 +77,16 @@ from training.metrics.records import HORIZON, PERSISTENCE, Calm
 MEAN_TIMES = {"1 h": 3600.0, "10 h": 36000.0}  # s between false alarms
 RANKED_AT = "1 h"
 AMOC_RATES = np.geomspace(0.02, 60.0, 41)  # false alarms per hour
-POINTS, SCATTERED = 61, 300  # of a curve; of a scatter
+POINTS = 61  # of a curve
+SCATTERED = 300  # of a scatter
 DIGITS = 4
 
 
 class Material(NamedTuple):
     """What a diagnoser under a stimulus is scored on.
 
-    The healthy lanes that thresholds are set on, under all stimuli; those of this stimulus on which false alarms are
-    counted; the faulty ones, and the same ones under `cruise` if that was run.
+    The healthy lanes that thresholds are set on, under all stimuli; those of this stimulus on which
+    false alarms are counted; the faulty ones, and the same ones under `cruise` if that was run.
     """
 
     setting: Calm
@@ -87,7 +97,8 @@ class Material(NamedTuple):
 
 def thresholds(setting: Calm) -> dict[str, float]:
     """The thresholds of log p(normal) for each mean time between false alarms."""
-    seconds, found = 3600.0 * float(setting.hours.sum()), Edges(setting.low, setting.high)
+    seconds = 3600.0 * float(setting.hours.sum())
+    found = Edges(setting.low, setting.high)
     return {
         rate: metrics.threshold_within(found, metrics.allowed_alarms(seconds, mean_time))
         for rate, mean_time in MEAN_TIMES.items()
@@ -98,12 +109,15 @@ def judged_at(material: Material, so: Known) -> dict[str, Judged]:
     """What the diagnoser did, by mean time between false alarms."""
     levels = thresholds(material.setting)
     record = material.faulty.record
-    return {rate: judge_at(level, record, so.truth, material.counting) for rate, level in levels.items()}
+    return {
+        rate: judge_at(level, record, so.truth, material.counting) for rate, level in levels.items()
+    }
 
 
 def score(material: Material, judged: Mapping[str, Judged], so: Known, seed: int) -> dict[str, Any]:
     """All figures of a diagnoser under a stimulus but its worst episodes; `seed` is that of the bootstrap intervals."""
-    ranked, faulty = judged[RANKED_AT], material.faulty
+    ranked = judged[RANKED_AT]
+    faulty = material.faulty
     matrix = metrics.confusion(ranked.label, ranked.decision, len(classes()))
     return {
         **summary(ranked, so.truth, seed),
@@ -131,12 +145,19 @@ def f1_over_time(judged: Judged) -> list[float]:
 def cost(faulty: Watched, passive: Watched | None) -> dict[str, float | None]:
     """What the mission paid, and how many times what it would have paid without stimulus."""
     paid = _paid(faulty)
-    ratio = None if passive is None else {name: paid[name] / value for name, value in _paid(passive).items()}
+    ratio = (
+        None
+        if passive is None
+        else {name: paid[name] / value for name, value in _paid(passive).items()}
+    )
     return paid | {f"{name}_ratio": ratio and ratio[name] for name in paid}
 
 
 def _paid(faulty: Watched) -> dict[str, float]:
-    return {"speed_rms": float(np.sqrt(np.mean(faulty.speed_rms**2))), "energy": float(faulty.energy.mean())}
+    return {
+        "speed_rms": float(np.sqrt(np.mean(faulty.speed_rms**2))),
+        "energy": float(faulty.energy.mean()),
+    }
 
 
 def isolation_over_time(judged: Judged) -> dict[str, list[float]]:
@@ -148,14 +169,18 @@ def isolation_over_time(judged: Judged) -> dict[str, list[float]]:
 
 def amoc(material: Material, so: Known) -> dict[str, list[float]]:
     """Delay and share detected against the false alarms per hour that the threshold was set for."""
-    setting, found = material.setting, Edges(material.setting.low, material.setting.high)
+    setting = material.setting
+    found = Edges(material.setting.low, material.setting.high)
     depth = metrics.running_maximum(material.faulty.log_normal, PERSISTENCE)
-    hours, rows = float(setting.hours.sum()), []
+    hours = float(setting.hours.sum())
+    rows = []
     for allowed in np.unique((AMOC_RATES * hours).astype(int)):
         level = metrics.threshold_within(found, int(allowed))
         if allowed and level <= setting.complete.min():
             delay = metrics.detection_delay(depth < level, so.truth.onset, HORIZON)
-            rows.append((allowed / hours, metrics.restricted_mean(delay), metrics.probability(delay)))
+            rows.append(
+                (allowed / hours, metrics.restricted_mean(delay), metrics.probability(delay))
+            )
     names = "false_alarms_per_hour", "delay", "probability"
     return {name: rounded([row[k] for row in rows]) for k, name in enumerate(names)}
 
@@ -170,13 +195,20 @@ def severity_scatter(judged: Judged, so: Known) -> dict[str, list[float]]:
     """Severity, true and estimated, of some lanes."""
     n = len(so.truth.fault)
     lanes = np.linspace(0, n - 1, min(SCATTERED, n)).astype(np.int64)
-    return {"truth": rounded(so.truth.severity[0, lanes]), "estimate": rounded(judged.severity[lanes])}
+    return {
+        "truth": rounded(so.truth.severity[0, lanes]),
+        "estimate": rounded(judged.severity[lanes]),
+    }
 
 
 def compatible(faulty: Watched, threshold: float, so: Known) -> dict[str, float | None]:
     """Scores as other benchmarks compute them, on the faulty lanes from the start of the episodes."""
-    decision = np.where(metrics.alarms(faulty.log_normal, threshold, PERSISTENCE), faulty.fault, NORMAL)
-    return compatibility.scores(so.label, decision, so.instants[1:], faulty.log_probability[1:], len(classes()))
+    decision = np.where(
+        metrics.alarms(faulty.log_normal, threshold, PERSISTENCE), faulty.fault, NORMAL
+    )
+    return compatibility.scores(
+        so.label, decision, so.instants[1:], faulty.log_probability[1:], len(classes())
+    )
 
 
 def by_lane(judged: Judged) -> dict[str, list[Any]]:

@@ -14,15 +14,16 @@ from training.metrics.records import DECIDED, HORIZON, PERSISTENCE, Calm, Record
 
 MEAN_TIME = 3600.0  # s between false alarms that the thresholds are set for
 DECIDED_AT = 10.0  # s after onset, one of `DECIDED`
-HEALTHY_PER_FAULTY = ScheduleSampler().healthy / (1.0 - ScheduleSampler().healthy)  # in what is judged at an instant
+# in what is judged at an instant
+HEALTHY_PER_FAULTY = ScheduleSampler().healthy / (1.0 - ScheduleSampler().healthy)
 
 
 class Judged(NamedTuple):
     """What a diagnoser did on the lanes of the suite, for figures and for paired comparisons.
 
-    isolation, detection, severity (estimate given the true class), covered: by faulty lane. label (n_lanes,),
-    decisions (n_decided, n_lanes): at the instants `DECIDED`, some of the lanes being healthy. log_probability and
-    truth: beliefs at random instants.
+    isolation, detection, severity (estimate given the true class), covered: by faulty lane. label
+    (n_lanes,), decisions (n_decided, n_lanes): at the instants `DECIDED`, some of the lanes being
+    healthy. log_probability and truth: beliefs at random instants.
     """
 
     threshold: float
@@ -57,13 +58,20 @@ class Judged(NamedTuple):
 def judge_all(beliefs: Beliefs, seed: int) -> tuple[dict[str, Judged], dict[str, dict[str, Any]]]:
     """What every contestant did, and its figures; `seed` is that of the bootstrap intervals."""
     judged = {name: judge(records, beliefs.truth) for name, records in beliefs.records.items()}
-    return judged, {name: summary(one, beliefs.truth["faulty"], seed) for name, one in judged.items()}
+    return judged, {
+        name: summary(one, beliefs.truth["faulty"], seed) for name, one in judged.items()
+    }
 
 
 def judge(records: dict[str, Record], truth: dict[str, Truth]) -> Judged:
     """Set the threshold on its lanes, count false alarms on theirs, and judge the faulty ones at that threshold."""
     threshold = metrics.threshold_for(records["threshold"].log_normal, MEAN_TIME, PERSISTENCE)
-    return judge_at(threshold, records["faulty"], truth["faulty"], calm(records["counting"], truth["counting"].onset))
+    return judge_at(
+        threshold,
+        records["faulty"],
+        truth["faulty"],
+        calm(records["counting"], truth["counting"].onset),
+    )
 
 
 def judge_at(threshold: float, faulty: Record, so: Truth, healthy: Calm) -> Judged:
@@ -71,10 +79,13 @@ def judge_at(threshold: float, faulty: Record, so: Truth, healthy: Calm) -> Judg
     alarm = metrics.alarms(faulty.log_normal, threshold, PERSISTENCE)
     decision = np.where(alarm, faulty.fault, NORMAL)
     some = healthy_beside(len(so.fault), len(healthy.least))
-    decided = decision[metrics.sample_at(so.onset + np.array(DECIDED)[:, None]), np.arange(len(so.onset))]
+    decided = decision[
+        metrics.sample_at(so.onset + np.array(DECIDED)[:, None]), np.arange(len(so.onset))
+    ]
     healthy_decided = np.where(healthy.depth < threshold, healthy.fault, NORMAL)[:, some]
     given = 0, np.arange(len(so.fault)), so.fault  # the true class, at the first instant
-    severity, calm_beliefs = faulty.severity_mean[given], healthy.log_probability[:, some]
+    severity = faulty.severity_mean[given]
+    calm_beliefs = healthy.log_probability[:, some]
     return Judged(
         threshold,
         int(metrics.count_alarms(Edges(healthy.low, healthy.high), threshold)),
@@ -103,10 +114,13 @@ def _flat(log_probability: np.ndarray) -> np.ndarray:
 
 def summary(judged: Judged, truth: Truth, seed: int) -> dict[str, Any]:
     """Every figure of a diagnoser as plain data; `truth` is that of the faulty lanes."""
-    names, error = classes(), metrics.severity_error(judged.severity, truth.severity[0])
+    names = classes()
+    error = metrics.severity_error(judged.severity, truth.severity[0])
     return {
         **alarm_summary(judged, MEAN_TIME, seed),
-        "macro_f1": float(metrics.macro_f1(metrics.confusion(judged.label, judged.decision, len(names)))),
+        "macro_f1": float(
+            metrics.macro_f1(metrics.confusion(judged.label, judged.decision, len(names)))
+        ),
         "macro_f1_interval": f1_interval(judged.label, judged.decision, len(names), seed),
         "severity_mae": float(error.mean()),
         "severity_mae_interval": interval(error, seed),
@@ -137,7 +151,11 @@ def alarm_summary(judged: Judged, mean_time: float, seed: int) -> dict[str, Any]
 def mean_by_class(times: Times, truth: Truth) -> dict[str, float]:
     """Restricted mean [s] of the lanes of each class that occurs."""
     faults = enumerate(classes())
-    return {name: float(times.time[truth.fault == k].mean()) for k, name in faults if (truth.fault == k).any()}
+    return {
+        name: float(times.time[truth.fault == k].mean())
+        for k, name in faults
+        if (truth.fault == k).any()
+    }
 
 
 def _times(times: Times, seed: int) -> dict[str, Any]:

@@ -1,8 +1,9 @@
 """Suites of episodes that everybody is scored on: frozen JSON files, each sealed with a hash over all of its text.
 
-A file has the conditions under which all of its vehicles run, the first seeds of healthy ones, and a line per faulty
-episode: seed, fault events, mission legs (start [s], speed [m/s]), speed at the start [m/s]. A suite of your own has
-the same form; ``python -m training.benchmark.freeze_suites FILE`` seals it.
+A file has the conditions under which all of its vehicles run, the first seeds of healthy ones, and
+a line per faulty episode: seed, fault events, mission legs (start [s], speed [m/s]), speed at the
+start [m/s]. A suite of your own has the same form; ``python -m training.benchmark.freeze_suites
+FILE`` seals it.
 """
 
 import hashlib
@@ -41,7 +42,10 @@ STANDARD = "standard"  # its conditions are those that the thresholds are set un
 HEALTHY_PARTS = ("threshold", "counting")
 COLUMNS = ("seed", "faults", "legs", "start_speed")
 LAST_CALM = 30.0  # s, latest instant that stands for an onset on healthy lanes
-STEERING, CALM_ONSET, INSTANTS = 4, 5, 6  # streams of a lane's noise key, beside those of the fleet
+# streams of a lane's noise key, beside those of the fleet
+STEERING = 4
+CALM_ONSET = 5
+INSTANTS = 6
 NAME = re.compile(r"[\w-]{1,60}")
 LARGEST_SEED = 2**62  # leaves room for healthy lanes after it
 CLOSING = re.compile(r' "hash": "([0-9a-f]{64})"\n}\n\Z')
@@ -83,7 +87,12 @@ class Conditions:
     def __post_init__(self):
         finite_in_range("duration", self.duration, LAST_CALM + HORIZON + SAMPLE_TIME, 3600.0)
         if not self.missions:
-            raise refusal("missions", self.missions, "at least one", "give the distribution of healthy lanes' missions")
+            raise refusal(
+                "missions",
+                self.missions,
+                "at least one",
+                "give the distribution of healthy lanes' missions",
+            )
         Fleet(1, **self.plant)
 
     @property
@@ -95,14 +104,20 @@ class Conditions:
         """Rudder and stern plane [rad] of the lanes with these seeds, (n_samples, n_lanes, 2): square waves."""
         u = uniforms(keys(seeds), STEERING, 7)
         steered = u[:, :1] < self.steering.share
-        half, phase = 2.0 + 10.0 * u[:, 3:5], 24.0 * u[:, 5:7]
-        return square_waves(self.steering.deflection * steered * u[:, 1:3], half, phase, self.n_samples)
+        half = 2.0 + 10.0 * u[:, 3:5]
+        phase = 24.0 * u[:, 5:7]
+        return square_waves(
+            self.steering.deflection * steered * u[:, 1:3], half, phase, self.n_samples
+        )
 
     def draw_missions(self, seeds: Sequence[int]) -> list[Mission]:
         """Missions of healthy lanes with these seeds."""
         drawn = [sampler.draw(keys(seeds)) for sampler in self.missions]
         turns = [(*drawn[seed % len(drawn)], lane) for lane, seed in enumerate(seeds)]
-        return [Mission(tuple(map(tuple, legs[lane].tolist())), float(starts[lane])) for legs, starts, lane in turns]
+        return [
+            Mission(tuple(map(tuple, legs[lane].tolist())), float(starts[lane]))
+            for legs, starts, lane in turns
+        ]
 
 
 class Episode(NamedTuple):
@@ -129,7 +144,9 @@ class Suite:
 
     def __post_init__(self):
         if not isinstance(self.name, str) or not NAME.fullmatch(self.name):
-            raise refusal("name", self.name, "letters, digits, hyphens and underscores", "take another")
+            raise refusal(
+                "name", self.name, "letters, digits, hyphens and underscores", "take another"
+            )
         if not self.episodes:
             raise refusal("episodes", self.episodes, "at least one", "give a faulty episode")
         for part in HEALTHY_PARTS:
@@ -141,7 +158,13 @@ class Suite:
     def text(self) -> str:
         """The file."""
         conditions = asdict(self.conditions)
-        header = {"name": self.name, "about": self.about, **conditions, "healthy": self.healthy, "columns": COLUMNS}
+        header = {
+            "name": self.name,
+            "about": self.about,
+            **conditions,
+            "healthy": self.healthy,
+            "columns": COLUMNS,
+        }
         lines = [f" {json.dumps(key)}: {json.dumps(value)}," for key, value in header.items()]
         rows = ",\n".join(f"  {json.dumps(_row(episode))}" for episode in self.episodes)
         return sealed("\n".join(["{", *lines, f' "episodes": [\n{rows}\n ],', ""]))
@@ -149,14 +172,21 @@ class Suite:
 
 def _own_seed(thing: str, seed: Any) -> None:
     if whole_number(thing, seed, 0) > LARGEST_SEED or purpose_of(seed) not in ("test", None):
-        raise refusal(thing, seed, f"up to {LARGEST_SEED}, none that diagnosers are trained on", "take a test seed")
+        raise refusal(
+            thing,
+            seed,
+            f"up to {LARGEST_SEED}, none that diagnosers are trained on",
+            "take a test seed",
+        )
 
 
 def _checked_onset(episode: Episode, last: float) -> None:
     thing = f"faults of the episode with seed {episode.seed}"
     if not any(event.severity > 0.0 for event in episode.schedule):
         raise refusal(thing, episode.schedule, "at least one, its severity above 0", "name a fault")
-    finite_in_range(f"{thing}, first onset", min(event.onset for event in episode.schedule), SAMPLE_TIME, last)
+    finite_in_range(
+        f"{thing}, first onset", min(event.onset for event in episode.schedule), SAMPLE_TIME, last
+    )
 
 
 def _row(episode: Episode) -> list[Any]:
@@ -182,13 +212,19 @@ def keys(seeds: Sequence[int]) -> np.ndarray:
 def load(suite: str) -> Suite:
     """A suite by its name, or from the path of a file; one that is not as it was sealed is refused in one line."""
     own = suite.endswith(".json")
-    path = Path(suite) if own else FOLDER / f"{known_name('suite', suite, [*NAMES, 'FILE.json'])}.json"
+    path = (
+        Path(suite) if own else FOLDER / f"{known_name('suite', suite, [*NAMES, 'FILE.json'])}.json"
+    )
     text = read(path)
     closing = CLOSING.search(text)
     body, wanted = (text[: closing.start()], closing[1]) if closing else (text, "none at its end")
     if digest(body) != wanted:
-        remedy = f"restore the file, or seal it with python -m training.benchmark.freeze_suites {path}"
-        raise refusal(f"suite {path}, hash of its text", digest(body), f"that written in it, {wanted}", remedy)
+        remedy = (
+            f"restore the file, or seal it with python -m training.benchmark.freeze_suites {path}"
+        )
+        raise refusal(
+            f"suite {path}, hash of its text", digest(body), f"that written in it, {wanted}", remedy
+        )
     return parse(text, path)
 
 
@@ -198,7 +234,9 @@ def read(path: Path) -> str:
         return path.read_bytes().decode()
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
-        raise refusal("suite", str(path), "a readable file of a suite", f"check the path ({reason})") from None
+        raise refusal(
+            "suite", str(path), "a readable file of a suite", f"check the path ({reason})"
+        ) from None
 
 
 def parse(text: str, origin: Path) -> Suite:
@@ -218,7 +256,9 @@ def parse(text: str, origin: Path) -> Suite:
         raise InputError(f"suite {origin}: {error}") from None
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         shown = f"{type(error).__name__}: {error}"
-        raise refusal(f"suite {origin}", shown, "a file like those in training/suites", "mend that place") from None
+        raise refusal(
+            f"suite {origin}", shown, "a file like those in training/suites", "mend that place"
+        ) from None
 
 
 def _episode(row: Sequence[Any]) -> Episode:

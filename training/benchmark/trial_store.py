@@ -1,7 +1,7 @@
 """Trials on disk: a small .npz each, named after a digest of all that it was made from.
 
-So a run that was broken off takes over exactly what is still valid, and nothing that other code, weights, stimuli or
-episodes have made.
+So a run that was broken off takes over exactly what is still valid, and nothing that other code,
+weights, stimuli or episodes have made.
 """
 
 import hashlib
@@ -40,7 +40,8 @@ def weights_digest(diagnoser: Diagnoser) -> str | None:
 def fingerprint(entrant: Entrant, diagnoser: Diagnoser) -> str:
     """What the beliefs of a diagnoser depend on: its code, weights and settings. A foreign file's imports go unseen."""
     source = getattr(entrant.make, "source", None) or inspect.getsourcefile(type(diagnoser))
-    of_file = getattr(entrant.make, "target", "").rpartition(":")[2]  # which of the classes in a foreign file
+    # which of the classes in a foreign file
+    of_file = getattr(entrant.make, "target", "").rpartition(":")[2]
     settings = diagnoser.settings() if hasattr(diagnoser, "settings") else {}
     return repr((digest(Path(source).resolve()) + of_file, weights_digest(diagnoser), settings))
 
@@ -49,7 +50,9 @@ def path_of(folder: Path, trial: Trial, made_by: str) -> Path:
     """Where a trial's outcome is kept; `made_by` is the fingerprint of its diagnoser."""
     made_from = made_by, digest(Path(trials.__file__).resolve()), trial.stimulus.learnt, *trial[1:]
     key = hashlib.sha256(repr(made_from).encode()).hexdigest()[:20]
-    return folder / f"{ODD.sub('_', trial.entrant.name)}-{trial.stimulus.name}-{trial.part}-{key}.npz"
+    return (
+        folder / f"{ODD.sub('_', trial.entrant.name)}-{trial.stimulus.name}-{trial.part}-{key}.npz"
+    )
 
 
 def write(path: Path, outcome: Watched | Calm) -> None:
@@ -65,7 +68,9 @@ def write(path: Path, outcome: Watched | Calm) -> None:
             Path(aside).unlink(missing_ok=True)
     except OSError as error:
         allowed = f"a place that can be written ({error.strerror or error})"
-        raise refusal("trial", str(path), allowed, "make room, and run the same command again") from None
+        raise refusal(
+            "trial", str(path), allowed, "make room, and run the same command again"
+        ) from None
 
 
 def read(paths: Sequence[Path], part: str) -> Any:
@@ -78,6 +83,16 @@ def _read(path: Path, kind: type) -> Any:
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return kind(**arrays)
-    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile, zlib.error) as error:
+    except (
+        OSError,
+        EOFError,
+        KeyError,
+        TypeError,
+        ValueError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ) as error:
         shown = f"{type(error).__name__}: {error}"
-        raise refusal(f"trial {path}", shown, "a whole file", "delete it and run the same command again") from None
+        raise refusal(
+            f"trial {path}", shown, "a whole file", "delete it and run the same command again"
+        ) from None

@@ -1,6 +1,7 @@
 """A trial: one diagnoser under one stimulus on some lanes of a suite, simulated and diagnosed sample by sample.
 
-Trials depend on nothing but what they are made from, so any process on any machine runs them, in any order.
+Trials depend on nothing but what they are made from, so any process on any machine runs them, in
+any order.
 """
 
 import sys
@@ -16,7 +17,13 @@ from auv_fault_env.noise import uniforms
 from auv_fault_env.schedules import PROFILE, events_of
 from diagnosers import Diagnoser
 from training.benchmark.suites import CALM_ONSET, INSTANTS, LAST_CALM, Conditions, Episode, keys
-from training.benchmark.validation import N_RANDOM, SEVERITY_AT, TOLD_ON_HEALTHY, Contestant, started
+from training.benchmark.validation import (
+    N_RANDOM,
+    SEVERITY_AT,
+    TOLD_ON_HEALTHY,
+    Contestant,
+    started,
+)
 from training.metrics import sample_at
 from training.metrics.records import Calm, Record, Recorder, Truth, calm
 from training.rollouts import targets
@@ -24,7 +31,8 @@ from training.stimuli import Stimulus
 
 FAULTY, THRESHOLD, COUNTING = PARTS = ("faulty", "threshold", "counting")
 AT_ONCE = 256  # lanes of a trial: the fewest at which most diagnosers are at their quickest
-KEPT = 1000  # alarms of the lanes of a threshold trial that are kept: no threshold of a benchmark allows as many
+# alarms of the lanes of a threshold trial that are kept: no threshold of a benchmark allows as many
+KEPT = 1000
 MISSION_SPEED = list(CHANNELS).index("mission_speed")
 FIRST_CALM = 5.0  # s, earliest instant that stands for an onset on healthy lanes
 
@@ -61,8 +69,8 @@ class Known(NamedTuple):
 class Watched(NamedTuple):
     """What faulty lanes leave behind.
 
-    The belief as in `Record`; and what the mission paid, (n_lanes,): energy [J], and the root mean square of the true
-    speed's deviation from the mission's [m/s].
+    The belief as in `Record`; and what the mission paid, (n_lanes,): energy [J], and the root mean
+    square of the true speed's deviation from the mission's [m/s].
     """
 
     log_normal: np.ndarray
@@ -81,7 +89,8 @@ class Watched(NamedTuple):
 
 def known(conditions: Conditions, episodes: Sequence[Episode]) -> Known:
     """The truth of these lanes: of several faults the worst is the one to be found, from the first one's onset on."""
-    events, lanes = events_of([episode.schedule for episode in episodes]), np.arange(len(episodes))
+    events = events_of([episode.schedule for episode in episodes])
+    lanes = np.arange(len(episodes))
     key = keys([episode.seed for episode in episodes])
     label, severity = targets(events, conditions.n_samples)
     first = events.profile[:, :, PROFILE.index("onset")].min(axis=1, initial=np.inf)
@@ -90,7 +99,12 @@ def known(conditions: Conditions, episodes: Sequence[Episode]) -> Known:
     random = (uniforms(key, INSTANTS, N_RANDOM).T * conditions.n_samples).astype(np.int64)
     instants = np.vstack([sample_at(onset + SEVERITY_AT), random])
     worst = severity.max(axis=0)
-    truth = Truth(label[severity.argmax(axis=0), lanes], onset, label[instants, lanes], severity[instants, lanes])
+    truth = Truth(
+        label[severity.argmax(axis=0), lanes],
+        onset,
+        label[instants, lanes],
+        severity[instants, lanes],
+    )
     return Known(truth, instants, np.where(worst > 0.0, worst, TOLD_ON_HEALTHY), label)
 
 
@@ -105,19 +119,24 @@ def run(trial: Trial) -> Watched | Calm:
 
 def watch(trial: Trial) -> tuple[np.ndarray, Record, np.ndarray, np.ndarray]:
     """Observations (n_samples, n_lanes, n_channels), what was believed; energy and speed deviation as in `Watched`."""
-    conditions, so = trial.conditions, known(trial.conditions, trial.episodes)
+    conditions = trial.conditions
+    so = known(trial.conditions, trial.episodes)
     fleet = Fleet(len(trial.episodes), parallel=False, **conditions.plant)
     seeds, schedules, missions = zip(*trial.episodes, strict=True)
     observation = fleet.reset(seeds, schedules=schedules, missions=missions)
-    diagnoser = started(Contestant(trial.entrant.make()), fleet.plan.healthy.copy(), so.full_severity)
+    diagnoser = started(
+        Contestant(trial.entrant.make()), fleet.plan.healthy.copy(), so.full_severity
+    )
     _use_one_thread()
     recorder = Recorder(diagnoser.classes, conditions.n_samples, so.instants)
     stimulus = replace(trial.stimulus)  # one of its own, for it may remember the episode
-    deflections, spent = conditions.deflections(seeds), np.zeros_like(fleet.outcomes)
+    deflections = conditions.deflections(seeds)
+    spent = np.zeros_like(fleet.outcomes)
     observations = np.empty((conditions.n_samples, *observation.shape), np.float32)
     for k in range(conditions.n_samples):
         observations[k] = observation
-        belief = recorder.note(k, diagnoser.update(observation.copy()))  # it must not steer by what it is given
+        # it must not steer by what it is given
+        belief = recorder.note(k, diagnoser.update(observation.copy()))
         speed = observation[:, MISSION_SPEED] + stimulus.offset(k, observation, belief)
         observation = fleet.step(np.column_stack([speed, deflections[k]]))
         spent += fleet.outcomes

@@ -1,9 +1,9 @@
 """The validation suite: episodes that nothing was trained on, and what every diagnoser believes along them.
 
-Default noise, disturbance and healthy band. Half of the lanes run the thesis' stimulus, half random missions with
-random manoeuvres. A faulty lane has one permanent fault, every class equally likely and every kind within a class,
-severity 0.2 to 1, onset 5 to 30 s, abrupt or ramped. Healthy lanes come twice: to set the thresholds, and to count
-false alarms.
+Default noise, disturbance and healthy band. Half of the lanes run the thesis' stimulus, half random
+missions with random manoeuvres. A faulty lane has one permanent fault, every class equally likely
+and every kind within a class, severity 0.2 to 1, onset 5 to 30 s, abrupt or ramped. Healthy lanes
+come twice: to set the thresholds, and to count false alarms.
 """
 
 import math
@@ -27,7 +27,8 @@ from training.seeds import seeds
 N_SAMPLES = 650  # 65 s: 30 s after the last onset always exist
 AT_ONCE = 512  # lanes held in memory
 FAULTS = ScheduleSampler(healthy=0.0, compound=0.0, intermittent=0.0, repaired=0.0)
-FIRST_SEED = {"faulty": 100_000_000, "threshold": 200_000_000, "counting": 300_000_000}  # the first ones are trainers'
+# the first ones are trainers'
+FIRST_SEED = {"faulty": 100_000_000, "threshold": 200_000_000, "counting": 300_000_000}
 SEVERITY_AT = 20.0  # s after onset
 N_RANDOM = 4  # instants of an episode, anywhere in it, at which calibration is judged
 TOLD_ON_HEALTHY = 0.6  # severity that the oracle is told where there is no fault
@@ -86,12 +87,15 @@ def compare(entrants: Mapping[str, Contestant], lanes: int, hours: float, seed: 
     with tqdm(total=sum(counts.values()) * len(entrants), unit="lane", desc="validation") as bar:
         for part, count in counts.items():
             chunks = [
-                (episodes.truth, watch_all(entrants, episodes, failures, bar)) for episodes in suite(part, count, seed)
+                (episodes.truth, watch_all(entrants, episodes, failures, bar))
+                for episodes in suite(part, count, seed)
             ]
             truth[part] = joined([of_chunk for of_chunk, _ in chunks])
             for name in records.keys() - failures.keys():
                 records[name][part] = joined([seen[name] for _, seen in chunks])
-    return Beliefs({name: records[name] for name in entrants if name not in failures}, truth, failures)
+    return Beliefs(
+        {name: records[name] for name in entrants if name not in failures}, truth, failures
+    )
 
 
 def watch_all(
@@ -131,7 +135,11 @@ def suite(part: str, count: int, seed: int) -> Iterator[Episodes]:
 
 
 def run_lanes(
-    lanes: range, faulty: bool, thesis: bool, vehicle: str | Vehicle = "thesis1992", healthy_band: float = 1.0
+    lanes: range,
+    faulty: bool,
+    thesis: bool,
+    vehicle: str | Vehicle = "thesis1992",
+    healthy_band: float = 1.0,
 ) -> Episodes:
     """Episodes of the lanes with these seeds, by vehicles in so many times the healthy band around the given one."""
     n = len(lanes)
@@ -146,17 +154,24 @@ def run_lanes(
     )
     random = np.random.default_rng([lanes.start, 1])  # another stream than that of the manoeuvres
     onset = np.where(np.isfinite(rollout.onset), rollout.onset, random.uniform(*FAULTS.onset, n))
-    instants = np.vstack([sample_at(onset + SEVERITY_AT), random.integers(0, N_SAMPLES, (N_RANDOM, n))])
+    instants = np.vstack(
+        [sample_at(onset + SEVERITY_AT), random.integers(0, N_SAMPLES, (N_RANDOM, n))]
+    )
     at = instants, np.arange(n)
     truth = Truth(rollout.label.max(axis=0), onset, rollout.label[at], rollout.severity[at])
-    full = fleet.plan.profile[:, 0, PROFILE.index("severity")] if faulty else np.full(n, TOLD_ON_HEALTHY)
+    full = (
+        fleet.plan.profile[:, 0, PROFILE.index("severity")]
+        if faulty
+        else np.full(n, TOLD_ON_HEALTHY)
+    )
     return Episodes(rollout, truth, instants, full)
 
 
 def started(contestant: Contestant, healthy: np.ndarray, full_severity: np.ndarray) -> Diagnoser:
     """The diagnoser at the start of episodes; a reference that can be told the truth is told it.
 
-    healthy (n_lanes, n_parameters): the vehicles without their faults; full_severity (n_lanes,) of the faults to come.
+    healthy (n_lanes, n_parameters): the vehicles without their faults; full_severity (n_lanes,) of
+    the faults to come.
     """
     diagnoser = contestant.diagnoser
     diagnoser.reset(len(healthy))

@@ -56,7 +56,11 @@ def page(
         severity(judged, truth),
         compute(scores, names, references),
     ]
-    return {"title": "Diagnosers on the validation suite", "intro": intro(truth, scores), "sections": sections}
+    return {
+        "title": "Diagnosers on the validation suite",
+        "intro": intro(truth, scores),
+        "sections": sections,
+    }
 
 
 def intro(truth: Truth, scores: Scores) -> list[str]:
@@ -102,14 +106,15 @@ def isolation_over_time(judged: Mapping[str, Judged], names: Sequence[str]) -> d
     """Share isolated against time since onset."""
     time = np.linspace(0.0, HORIZON, 301)
     shares = {
-        name: [round(float(share), 4) for share in (_isolated_at(judged[name], time)).mean(axis=1)] for name in names
+        name: [round(float(share), 4) for share in (_isolated_at(judged[name], time)).mean(axis=1)]
+        for name in names
     }
     references = [name for name in names if name not in ranked()]
     data = {"time": np.round(time, 1).tolist(), "shares": shares, "references": references}
-    caption = (
-        "Share of the faults isolated for good by a time since onset; the area above a line is its restricted mean."
+    caption = "Share of the faults isolated for good by a time since onset; the area above a line is its restricted mean."
+    return figure_section(
+        "How soon are faults isolated?", "isolation_curves", "isolation", caption, data
     )
-    return figure_section("How soon are faults isolated?", "isolation_curves", "isolation", caption, data)
 
 
 def _isolated_at(judged: Judged, time: np.ndarray) -> np.ndarray:
@@ -120,7 +125,9 @@ def isolation_by_class(scores: Scores, names: Sequence[str]) -> dict[str, Any]:
     """Restricted mean isolation time by class and diagnoser."""
     return {
         "heading": "Isolation time by class",
-        "text": [f"Restricted mean [s] of the vehicles with that fault; {HORIZON:g} is never within the horizon."],
+        "text": [
+            f"Restricted mean [s] of the vehicles with that fault; {HORIZON:g} is never within the horizon."
+        ],
         "table": {"columns": ["class", *names], "rows": by_class("isolation", scores, names)},
     }
 
@@ -134,7 +141,9 @@ def confusion(name: str, judged: Judged) -> dict[str, Any]:
         f"Decisions of {name} {DECIDED_AT:g} s after onset, per cent of each true class (rows); normal means that no "
         "alarm stands. Shares below 0.5 % are not written."
     )
-    return figure_section(f"Confusion of {name}", "confusion_matrix", f"confusion-{name}", caption, data)
+    return figure_section(
+        f"Confusion of {name}", "confusion_matrix", f"confusion-{name}", caption, data
+    )
 
 
 def alarms(scores: Scores, names: Iterable[str], references: Collection[str]) -> dict[str, Any]:
@@ -149,33 +158,50 @@ def alarms(scores: Scores, names: Iterable[str], references: Collection[str]) ->
         ],
         "table": {
             "columns": ["diagnoser", *ALARMS],
-            "rows": [[row_name(name, references), *alarm_cells(scores[name], MEAN_TIME)] for name in names],
+            "rows": [
+                [row_name(name, references), *alarm_cells(scores[name], MEAN_TIME)]
+                for name in names
+            ],
         },
     }
 
 
-def calibration(judged: Mapping[str, Judged], scores: Scores, names: Iterable[str]) -> dict[str, Any]:
+def calibration(
+    judged: Mapping[str, Judged], scores: Scores, names: Iterable[str]
+) -> dict[str, Any]:
     """Reliability diagrams."""
     diagrams = {}
     for name in names:
         bins = metrics.reliability(judged[name].confidence, judged[name].right)
-        diagrams[name] = {key: np.round(values[bins.share > 0], 4).tolist() for key, values in bins._asdict().items()}
+        diagrams[name] = {
+            key: np.round(values[bins.share > 0], 4).tolist()
+            for key, values in bins._asdict().items()
+        }
     caption = (
         "Share of beliefs that were right against their confidence, at random instants; a point's area is the share of "
         "the beliefs in its bin. Below the diagonal: too sure of itself."
     )
     return figure_section(
-        "Are beliefs to be believed?", "reliability_diagrams", "reliability", caption, {"diagrams": diagrams}
+        "Are beliefs to be believed?",
+        "reliability_diagrams",
+        "reliability",
+        caption,
+        {"diagrams": diagrams},
     )
 
 
 def severity(judged: Mapping[str, Judged], truth: Truth) -> dict[str, Any]:
     """Scatter of severities."""
-    wanted = [name for name in (INTEGRATED, FILTER_BANK, ORACLE + UNTOLD) if name in judged] or list(judged)[:1]
+    wanted = [
+        name for name in (INTEGRATED, FILTER_BANK, ORACLE + UNTOLD) if name in judged
+    ] or list(judged)[:1]
     lanes = np.linspace(0, len(truth.fault) - 1, min(SCATTERED, len(truth.fault))).astype(np.int64)
     data = {
         "truth": np.round(truth.severity[0, lanes].astype(float), 4).tolist(),
-        "estimates": {name: np.round(judged[name].severity[lanes].astype(float), 4).tolist() for name in wanted},
+        "estimates": {
+            name: np.round(judged[name].severity[lanes].astype(float), 4).tolist()
+            for name in wanted
+        },
     }
     caption = f"Severity estimated {SEVERITY_AT:g} s after onset, given the true class, of {len(lanes)} vehicles."
     return figure_section("Severity", "severities", "severity", caption, data)

@@ -12,10 +12,16 @@ from training.benchmark.validation import SEVERITY_AT, UNTOLD
 from training.metrics import Times, confusion, macro_f1, restricted_mean
 from training.metrics.intervals import paired_bootstrap, paired_f1
 
-ORACLE, INTEGRATED, FILTER_BANK = "oracle", "integrated", "filter_bank"
+ORACLE = "oracle"
+INTEGRATED = "integrated"
+FILTER_BANK = "filter_bank"
 BELOW_FILTER_BANK = ("limits", "cusum", "rules", "raw_network", "kalman_network")
-RATIO, CALIBRATION_ERROR, SLOWEST_US = 1.5, 0.05, 1000.0
-MET, MISSED, OPEN = "met", "not met", "not judged"
+RATIO = 1.5
+CALIBRATION_ERROR = 0.05
+SLOWEST_US = 1000.0
+MET = "met"
+MISSED = "not met"
+OPEN = "not judged"
 
 
 class Difference(NamedTuple):
@@ -53,11 +59,15 @@ def difference(a: Judged | ByLane, b: Judged | ByLane, seed: int) -> Difference:
     )
 
 
-def differences(judged: Mapping[str, Judged], name: str, others: Iterable[str], seed: int) -> dict[str, Difference]:
+def differences(
+    judged: Mapping[str, Judged], name: str, others: Iterable[str], seed: int
+) -> dict[str, Difference]:
     """How a diagnoser differs from each of the others that took part; empty if it did not itself."""
     if name not in judged:
         return {}
-    return {other: difference(judged[name], judged[other], seed) for other in others if other in judged}
+    return {
+        other: difference(judged[name], judged[other], seed) for other in others if other in judged
+    }
 
 
 def verdicts(
@@ -67,16 +77,35 @@ def verdicts(
     others = [name for name in ranked() if name != INTEGRATED]
     return [
         _beats(INTEGRATED, "every other ranked diagnoser", others, against.get(INTEGRATED, {})),
-        _ratio(scores, "restricted mean isolation time", ORACLE, lambda score: score["isolation"]["restricted_mean"]),
-        _ratio(scores, f"severity MAE at {SEVERITY_AT:g} s", ORACLE + UNTOLD, lambda score: score["severity_mae"]),
+        _ratio(
+            scores,
+            "restricted mean isolation time",
+            ORACLE,
+            lambda score: score["isolation"]["restricted_mean"],
+        ),
+        _ratio(
+            scores,
+            f"severity MAE at {SEVERITY_AT:g} s",
+            ORACLE + UNTOLD,
+            lambda score: score["severity_mae"],
+        ),
         _calibrated(scores),
-        _beats(FILTER_BANK, ", ".join(BELOW_FILTER_BANK), BELOW_FILTER_BANK, against.get(FILTER_BANK, {})),
+        _beats(
+            FILTER_BANK,
+            ", ".join(BELOW_FILTER_BANK),
+            BELOW_FILTER_BANK,
+            against.get(FILTER_BANK, {}),
+        ),
         _quick(scores),
     ]
 
 
-def _beats(name: str, whom: str, others: Sequence[str], found: Mapping[str, Difference]) -> list[str]:
-    target = f"{name} beats {whom}: isolates sooner and has the higher macro-F1 at {DECIDED_AT:g} s, "
+def _beats(
+    name: str, whom: str, others: Sequence[str], found: Mapping[str, Difference]
+) -> list[str]:
+    target = (
+        f"{name} beats {whom}: isolates sooner and has the higher macro-F1 at {DECIDED_AT:g} s, "
+    )
     target += "95 % intervals apart from zero"
     if not found:
         return [target, OPEN, f"Either {name} or all the others did not take part."]
@@ -93,15 +122,24 @@ def _beats(name: str, whom: str, others: Sequence[str], found: Mapping[str, Diff
 
 def _signed(by: Difference) -> str:
     isolation, f1 = by
-    return "isolation {:+.2f} s ({:+.2f} to {:+.2f}), F1 {:+.3f} ({:+.3f} to {:+.3f})".format(*isolation, *f1)
+    return "isolation {:+.2f} s ({:+.2f} to {:+.2f}), F1 {:+.3f} ({:+.3f} to {:+.3f})".format(
+        *isolation, *f1
+    )
 
 
-def _ratio(scores: Mapping[str, Mapping[str, Any]], what: str, reference: str, value: Any) -> list[str]:
+def _ratio(
+    scores: Mapping[str, Mapping[str, Any]], what: str, reference: str, value: Any
+) -> list[str]:
     target = f"{INTEGRATED}: {what} at most {RATIO:g} times that of '{reference}'"
     if not {INTEGRATED, reference} <= scores.keys():
         return [target, OPEN, "One of them did not take part."]
-    ours, best = value(scores[INTEGRATED]), value(scores[reference])
-    figures = f"{ours:.3f} against {best:.3f}: {ours / best:.2f} times." if best else f"{ours:.3f} against 0."
+    ours = value(scores[INTEGRATED])
+    best = value(scores[reference])
+    figures = (
+        f"{ours:.3f} against {best:.3f}: {ours / best:.2f} times."
+        if best
+        else f"{ours:.3f} against 0."
+    )
     return [target, MET if ours <= RATIO * best else MISSED, figures]
 
 

@@ -27,7 +27,9 @@ def check_backend(backend: str) -> None:
     try:
         from ray.util.joblib import register_ray
     except ImportError:
-        raise refusal("backend", backend, "an installed one", "pip install 'auv-fault[distributed]'") from None
+        raise refusal(
+            "backend", backend, "an installed one", "pip install 'auv-fault[distributed]'"
+        ) from None
     register_ray()
 
 
@@ -42,15 +44,19 @@ def attempt(path: Path, trial: Trial) -> tuple[Path, str, Watched | Calm | str]:
 def run_missing(trials: Mapping[Path, Trial], workers: int, backend: str) -> dict[str, str]:
     """Run the trials whose outcome is not there yet, and write it; says why diagnosers failed, by name.
 
-    Of a diagnoser that has failed no more trials are begun. One that ends its whole process, or takes all memory, ends
-    the run.
+    Of a diagnoser that has failed no more trials are begun. One that ends its whole process, or
+    takes all memory, ends the run.
     """
     failures: dict[str, str] = {}
     todo = {path: trial for path, trial in trials.items() if not path.exists()}
     sizes = {path: len(trial.episodes) for path, trial in trials.items()}
-    jobs = (delayed(attempt)(*item) for item in todo.items() if item[1].entrant.name not in failures)
+    jobs = (
+        delayed(attempt)(*item) for item in todo.items() if item[1].entrant.name not in failures
+    )
     done = sum(sizes.values()) - sum(map(sizes.get, todo))
-    with tqdm(total=sum(sizes.values()), initial=done, unit="lane", desc="trials", smoothing=0.05) as bar:
+    with tqdm(
+        total=sum(sizes.values()), initial=done, unit="lane", desc="trials", smoothing=0.05
+    ) as bar:
         for path, name, outcome in _outcomes(jobs, workers, backend):
             bar.update(sizes[path])
             bar.set_postfix_str(name)
@@ -66,10 +72,16 @@ def _outcomes(jobs: Iterator[Any], workers: int, backend: str) -> Iterator[Any]:
     """What comes of the jobs, in any order: one by one as they end, or in rounds where joblib can only wait for all."""
     if backend != RAY:
         try:
-            yield from Parallel(n_jobs=workers, backend=backend, return_as="generator_unordered")(jobs)
+            yield from Parallel(n_jobs=workers, backend=backend, return_as="generator_unordered")(
+                jobs
+            )
         except BrokenProcessPool:
-            remedy = "take fewer --workers, or leave out the diagnoser at fault; what is done is kept"
-            raise refusal("workers", "a process that has died", "enough memory, sound diagnosers", remedy) from None
+            remedy = (
+                "take fewer --workers, or leave out the diagnoser at fault; what is done is kept"
+            )
+            raise refusal(
+                "workers", "a process that has died", "enough memory, sound diagnosers", remedy
+            ) from None
         return
     with Parallel(n_jobs=workers, backend=backend) as parallel:
         while round_of_jobs := list(islice(jobs, ROUND)):

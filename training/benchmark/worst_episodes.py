@@ -19,7 +19,9 @@ READ = ("speed", "speed_command", "port_rpm", "starboard_rpm", "port_current", "
 EVERY = 5  # samples from one shown to the next
 
 
-def worst_episodes(trial: Trial, faulty: Watched, judged: Judged, so: Known) -> list[dict[str, Any]]:
+def worst_episodes(
+    trial: Trial, faulty: Watched, judged: Judged, so: Known
+) -> list[dict[str, Any]]:
     """Those with the largest isolation times, the first of equals; `trial` has all lanes, and runs again on these."""
     lanes = np.argsort(-judged.isolation.time, kind="stable")[:WORST]
     observations, *_ = watch(trial._replace(episodes=tuple(trial.episodes[lane] for lane in lanes)))
@@ -31,10 +33,14 @@ def worst_episodes(trial: Trial, faulty: Watched, judged: Judged, so: Known) -> 
             "class": int(so.truth.fault[lane]),
             "severity": round(float(so.full_severity[lane]), 4),
             "onset": round(float(so.truth.onset[lane]), 4),
-            "isolation": None if judged.isolation.censored[lane] else round(float(judged.isolation.time[lane]), 4),
+            "isolation": None
+            if judged.isolation.censored[lane]
+            else round(float(judged.isolation.time[lane]), 4),
             "why": why(alarm[:, k], faulty.fault[:, lane], so, lane),
             "time": rounded(np.arange(0, len(alarm), EVERY) * SAMPLE_TIME),
-            "log_normal": rounded(np.maximum(faulty.log_normal[::EVERY, lane], np.finfo(np.float32).min)),
+            "log_normal": rounded(
+                np.maximum(faulty.log_normal[::EVERY, lane], np.finfo(np.float32).min)
+            ),
             "threshold": finite(judged.threshold),
             "alarm": alarm[::EVERY, k].tolist(),
             "fault": faulty.fault[::EVERY, lane].tolist(),
@@ -46,10 +52,15 @@ def worst_episodes(trial: Trial, faulty: Watched, judged: Judged, so: Known) -> 
 
 def why(alarm: np.ndarray, fault: np.ndarray, so: Known, lane: int) -> str:
     """What went wrong in an episode, from alarms and named faults (n_samples,)."""
-    names, onset, true = classes(), so.truth.onset[lane], so.truth.fault[lane]
-    end, begin = int(metrics.sample_at(onset + HORIZON)), int(np.ceil(onset / SAMPLE_TIME - 1e-6))
+    names = classes()
+    onset = so.truth.onset[lane]
+    true = so.truth.fault[lane]
+    end = int(metrics.sample_at(onset + HORIZON))
+    begin = int(np.ceil(onset / SAMPLE_TIME - 1e-6))
     right = np.where(alarm, fault, NORMAL)[begin : end + 1] == true
     if right[-1]:
         return "right from before the onset on" if right.all() else "right for good only late"
     lost = ", after it had been right" if right.any() else ""
-    return (f"taken for {names[fault[end]]}" if alarm[end] else "no alarm") + f" {HORIZON:g} s after onset{lost}"
+    return (
+        f"taken for {names[fault[end]]}" if alarm[end] else "no alarm"
+    ) + f" {HORIZON:g} s after onset{lost}"

@@ -1,9 +1,9 @@
 """How much sooner a fault could be told from its rivals by a better stimulus: the active ceiling.
 
-D* is the largest rate at which evidence against the most dangerous rival gathers, over speed profiles that keep the
-budget (Chernoff, Ann. Math. Stat. 30 (1959) 755; Nitinawarat, Atia & Veeravalli, IEEE Trans. Autom. Control 58 (2013)
-2451). The largest possible speed-up of isolation is D*/D, D being the rate of the passive run, or that under the
-thesis' stimulus.
+D* is the largest rate at which evidence against the most dangerous rival gathers, over speed
+profiles that keep the budget (Chernoff, Ann. Math. Stat. 30 (1959) 755; Nitinawarat, Atia &
+Veeravalli, IEEE Trans. Autom. Control 58 (2013) 2451). The largest possible speed-up of isolation
+is D*/D, D being the rate of the passive run, or that under the thesis' stimulus.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,19 +25,35 @@ from training.seeds import seeds
 from training.stimuli import BUDGET, Cruise, Stimulus, Thesis
 from training.stimuli.base import within_channel
 
-SEVERITY, ONSET = 0.6, 3.0
+SEVERITY = 0.6
+ONSET = 3.0
 WINDOW = HORIZON / 2.0  # s, the time over which rates are measured
 LIMITS = ((0.51, 15.49), (0.15, 0.85), (0.0, 1.0))  # of a profile
-POPULATION, GENERATIONS = 4, 6  # of the search: so many profiles for each of the three fields
+# of the search: so many profiles for each of the three fields
+POPULATION = 4
+GENERATIONS = 6
 LEVELS = round(WINDOW)  # of a free profile, each held for a second
-STEP, TRIES, ROUNDS = 0.5, 11, 8  # of the search for these: changes in units of the budget, so many in every round
-TRIED_ON, JUDGED_ON = 4, 24  # vehicles for each profile in the search, and for the best one
+# of the search for these: changes in units of the budget, so many in every round
+STEP = 0.5
+TRIES = 11
+ROUNDS = 8
+# vehicles for each profile in the search, and for the best one
+TRIED_ON = 4
+JUDGED_ON = 24
 FIRST_SEED = 700_000_000  # within those of tests
 LEAST_RATE = 0.01  # nat/s: below it there is nothing to gain on
 FAULTS = (
     *("increased_drag", "decreased_drag"),
-    *("propeller_damage:port", "propeller_loss:port", "seal_friction:port", "motor_overheating:port"),
-    *(f"sensor_bias:{channel}" for channel in ("speed", "acceleration", "port_voltage", "port_current", "port_rpm")),
+    *(
+        "propeller_damage:port",
+        "propeller_loss:port",
+        "seal_friction:port",
+        "motor_overheating:port",
+    ),
+    *(
+        f"sensor_bias:{channel}"
+        for channel in ("speed", "acceleration", "port_voltage", "port_current", "port_rpm")
+    ),
 )
 
 
@@ -85,7 +101,8 @@ class Repeated(Stimulus):
 def best_profile(rate: Callable[[np.ndarray], np.ndarray], seed: int) -> Profile:
     """The profile with the largest rate, found by differential evolution.
 
-    Its rate in the search is too high where rates are random: judge it anew. A search this short misses narrow peaks.
+    Its rate in the search is too high where rates are random: judge it anew. A search this short
+    misses narrow peaks.
 
     Parameters
     ----------
@@ -119,7 +136,9 @@ def freed(rate: Callable[[np.ndarray], np.ndarray], start: np.ndarray, seed: int
     seed
         Of the search.
     """
-    random, best, budget = np.random.default_rng(seed), start, np.sqrt(np.mean(np.square(start)))
+    random = np.random.default_rng(seed)
+    best = start
+    budget = np.sqrt(np.mean(np.square(start)))
     for _ in range(ROUNDS):
         changes = STEP * budget * random.standard_normal((TRIES, LEVELS))
         tried = levels(np.vstack([best, best + changes]), budget)
@@ -129,15 +148,19 @@ def freed(rate: Callable[[np.ndarray], np.ndarray], start: np.ndarray, seed: int
 
 def least_rates(fault: str, stimulus: Stimulus, lane_seeds: Sequence[int]) -> np.ndarray:
     """Rates [nat/s] against every class on average lanes, (n_lanes, n_classes); infinite for the fault's own."""
-    n_lanes, k = len(lane_seeds), classes().index(fault_of(fault).diagnosis)
-    event, mission = FaultEvent(fault, ONSET, SEVERITY), MISSIONS["cruise"]
+    n_lanes = len(lane_seeds)
+    k = classes().index(fault_of(fault).diagnosis)
+    event = FaultEvent(fault, ONSET, SEVERITY)
+    mission = MISSIONS["cruise"]
     paths = untold(run(stimulus, [event] * n_lanes, [mission] * n_lanes, lane_seeds))
     rates = late_rate(paths[:, :, k, None] - paths)
     rates[:, k] = np.inf
     return rates
 
 
-def rates_of(fault: str, profiles: np.ndarray, lane_seeds: Sequence[int], budget: float = BUDGET) -> np.ndarray:
+def rates_of(
+    fault: str, profiles: np.ndarray, lane_seeds: Sequence[int], budget: float = BUDGET
+) -> np.ndarray:
     """Least rate over the rivals of each profile (n_profiles, 3), (n_profiles,), each on the same vehicles."""
     times = np.arange(round(WINDOW * SAMPLE_RATE)) * SAMPLE_TIME
     return _rates_of(fault, _table(profiles, times, budget), lane_seeds)
@@ -162,9 +185,10 @@ def _rates_of(fault: str, tables: np.ndarray, lane_seeds: Sequence[int]) -> np.n
 def ceiling(fault: str, seed: int, budget: float = BUDGET) -> dict[str, Any]:
     """D* and D of a fault at `SEVERITY` around the cruise mission, the profile, and the speed-up.
 
-    Both rates are those at which evidence gathers once the shock of the onset is over. D* is that of periodic profiles;
-    see `free_ceiling` for more. No speed-up (None) is stated where the passive rate is nought: at constant speed
-    drag and thrust look alike, and any ratio would be arbitrary.
+    Both rates are those at which evidence gathers once the shock of the onset is over. D* is that
+    of periodic profiles; see `free_ceiling` for more. No speed-up (None) is stated where the
+    passive rate is nought: at constant speed drag and thrust look alike, and any ratio would be
+    arbitrary.
     """
     tried, judged = _vehicles(seed)
     profile = best_profile(lambda profiles: rates_of(fault, profiles, tried, budget), seed)
@@ -191,11 +215,14 @@ def free_ceiling(fault: str, seed: int, budget: float) -> dict[str, Any]:
     thesis
         Rate under the thesis' stimulus at the same budget [nat/s].
     best_speed_up, thesis_speed_up
-        D* relative to that in cruise, and to that under the thesis' stimulus; None where there is nothing to divide by.
+        D* relative to that in cruise, and to that under the thesis' stimulus; None where there is
+        nothing to divide by.
     """
-    found, (tried, judged) = ceiling(fault, seed, budget), _vehicles(seed)
+    found = ceiling(fault, seed, budget)
+    (tried, judged) = _vehicles(seed)
     cycles, *shape = found["profile"].values()
-    profile = np.array([[min(cycles, LEVELS // 2), *shape]])  # quicker ones look constant, read once a second
+    # quicker ones look constant, read once a second
+    profile = np.array([[min(cycles, LEVELS // 2), *shape]])
     start = levels(_table(profile, np.arange(LEVELS) + 0.5, budget), budget)[0]
     free = freed(lambda profiles: free_rates_of(fault, profiles, tried), start, seed)
     rate = float(free_rates_of(fault, free[None], judged)[0])

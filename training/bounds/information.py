@@ -1,8 +1,9 @@
 """Evidence: how fast the readings tell a fault from a healthy vehicle and from other faults, once it has begun.
 
-The likelihoods are those of the filter bank, which knows the plant's own model: a class' likelihood is the mean over
-its kinds, and over severities where they are not told. They come from extended Kalman filters, so they are nearly, not
-exactly, the plant's; `training.benchmark.bounds` measures how nearly.
+The likelihoods are those of the filter bank, which knows the plant's own model: a class' likelihood
+is the mean over its kinds, and over severities where they are not told. They come from extended
+Kalman filters, so they are nearly, not exactly, the plant's; `training.benchmark.bounds` measures
+how nearly.
 """
 
 from collections.abc import Sequence
@@ -28,14 +29,18 @@ from training.seeds import seeds
 from training.stimuli import Stimulus
 
 FIRST_SEED = 960_000_000  # within those of tests, beyond those of the suites and the timing
-ONSET, SEVERITY, SPEED = (5.0, 30.0), (0.2, 1.0), (0.2, 0.5)  # as in the suites
+# as in the suites
+ONSET = (5.0, 30.0)
+SEVERITY = (0.2, 1.0)
+SPEED = (0.2, 0.5)
 
 
 class Lanes(NamedTuple):
     """Vehicles, each with one abrupt and lasting fault.
 
-    fault (n_lanes,): row of the catalogue. severity (n_lanes,). first (n_lanes,): the sample in which the fault shows
-    first, one after its onset. observations (n_samples, n_lanes, n_channels). healthy (n_lanes, n_parameters).
+    fault (n_lanes,): row of the catalogue. severity (n_lanes,). first (n_lanes,): the sample in
+    which the fault shows first, one after its onset. observations (n_samples, n_lanes, n_channels).
+    healthy (n_lanes, n_parameters).
     """
 
     fault: np.ndarray
@@ -55,8 +60,9 @@ class Lanes(NamedTuple):
 class KnownOnset(Oracle):
     """The filter bank that is told when a fault begins, if one does: nothing switches, and severities do not walk.
 
-    Told the healthy vehicle and the severity as well, its beliefs are the likelihoods of classes that leave nothing
-    else unknown; without `tell` it knows the healthy band, and the severity by grades. Call `begin` after these.
+    Told the healthy vehicle and the severity as well, its beliefs are the likelihoods of classes
+    that leave nothing else unknown; without `tell` it knows the healthy band, and the severity by
+    grades. Call `begin` after these.
     """
 
     name = "known_onset"
@@ -73,7 +79,9 @@ class KnownOnset(Oracle):
     def begin(self, lanes: np.ndarray) -> None:
         """Say that on these lanes (indices) the next sample is the first with a fault, if there is one."""
         if "_state" not in self.__dict__:
-            raise refusal("begin", "no reset before", "a begin after a reset", "call reset(n_lanes) first")
+            raise refusal(
+                "begin", "no reset before", "a begin after a reset", "call reset(n_lanes) first"
+            )
         state, held = self.__dict__["_state"]
         self.__dict__["_state"] = self.at_onset(state, lanes), held
 
@@ -141,30 +149,38 @@ def run(
     fleet
         The vehicles; a fleet with the defaults if not given.
     """
-    n_lanes, rows = len(events), list(CATALOGUE)
+    n_lanes = len(events)
+    rows = list(CATALOGUE)
     first = np.array([round(event.onset * SAMPLE_RATE) for event in events]) + 1
-    fleet, nobody = fleet or Fleet(n_lanes), make("null")
-    observation = fleet.reset(lane_seeds, schedules=[(event,) for event in events], missions=missions)
+    fleet = fleet or Fleet(n_lanes)
+    nobody = make("null")
+    observation = fleet.reset(
+        lane_seeds, schedules=[(event,) for event in events], missions=missions
+    )
     nobody.reset(n_lanes)
-    observations = np.empty((first.max() + round(HORIZON * SAMPLE_RATE), n_lanes, len(CHANNELS)), np.float32)
+    observations = np.empty(
+        (first.max() + round(HORIZON * SAMPLE_RATE), n_lanes, len(CHANNELS)), np.float32
+    )
     deflections = np.zeros((len(observations), n_lanes, 2)) if deflections is None else deflections
     for k in range(len(observations)):
         observations[k] = observation
         offset = stimulus.offset(k, observation, nobody.update(observation))
         observation = fleet.step(np.column_stack([observation[:, 0] + offset, deflections[k]]))
-    fault, severity = np.array([rows.index(event.fault) for event in events]), [event.severity for event in events]
+    fault = np.array([rows.index(event.fault) for event in events])
+    severity = [event.severity for event in events]
     return Lanes(fault, np.array(severity), first, observations, fleet.plan.healthy.copy())
 
 
 def suite_like(stimulus: Stimulus, seed: int, n_lanes: int, healthy: bool = False) -> Lanes:
     """Lanes as in the standard suite, but all abrupt: every class as often, and every kind within a class.
 
-    Half keep a constant mission speed, half change it leg by leg; some use rudder and stern plane. With `healthy` the
-    same vehicles run without their faults.
+    Half keep a constant mission speed, half change it leg by leg; some use rudder and stern plane.
+    With `healthy` the same vehicles run without their faults.
     """
     random = np.random.default_rng([FIRST_SEED, seed])
     lane_seeds = seeds("test", n_lanes, FIRST_SEED + seed)
-    onset, severity = random.uniform(*ONSET, n_lanes).round(1), random.uniform(*SEVERITY, n_lanes)
+    onset = random.uniform(*ONSET, n_lanes).round(1)
+    severity = random.uniform(*SEVERITY, n_lanes)
     present = 0.0 * severity if healthy else severity
     events = [FaultEvent(*one) for one in zip(_faults(n_lanes), onset, present, strict=True)]
     fleet = Fleet(n_lanes)
@@ -177,12 +193,18 @@ def suite_like(stimulus: Stimulus, seed: int, n_lanes: int, healthy: bool = Fals
     ]
     n_samples = round((ONSET[1] + HORIZON) * SAMPLE_RATE) + 1
     deflections = manoeuvres(lane_seeds.start, n_samples, n_lanes)[:, :, 1:]
-    return run(stimulus, events, missions, lane_seeds, deflections, fleet)._replace(severity=severity)
+    return run(stimulus, events, missions, lane_seeds, deflections, fleet)._replace(
+        severity=severity
+    )
 
 
 def _faults(n_lanes: int) -> list[str]:
     """A fault for every lane: the classes in turn, two lanes of each, and within a class its kinds in turn."""
-    kinds = {name: [f.name for f in CATALOGUE.values() if f.diagnosis == name] for name in classes()[1:]}
+    kinds = {
+        name: [f.name for f in CATALOGUE.values() if f.diagnosis == name] for name in classes()[1:]
+    }
     names = list(kinds)
-    of_lane = [(names[k // 2 % len(names)], k // 2 // len(names) * 2 + k % 2) for k in range(n_lanes)]
+    of_lane = [
+        (names[k // 2 % len(names)], k // 2 // len(names) * 2 + k % 2) for k in range(n_lanes)
+    ]
     return [kinds[name][turn % len(kinds[name])] for name, turn in of_lane]

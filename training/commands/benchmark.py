@@ -21,7 +21,13 @@ from training.benchmark.trials import COUNTING, THRESHOLD, Entrant
 from training.benchmark.validation import Contestant, left_out
 from training.benchmark.workers import check_backend, run_missing
 from training.report.page import print_tables, write_report
-from training.report.run_folder import earlier_run, free_place, run_folder, write_json, write_manifest
+from training.report.run_folder import (
+    earlier_run,
+    free_place,
+    run_folder,
+    write_json,
+    write_manifest,
+)
 from training.seeds import seeds
 from training.stimuli import STIMULI
 from training.stimuli.closed_loop import ClosedLoop
@@ -34,7 +40,8 @@ TIMED = 950_000_000  # first test seed of the episodes that the timing runs on
 
 def main(arguments: Benchmark) -> None:
     """Run what has not been run yet, score it, and write report, figures and results."""
-    plan, entrants = _plan(arguments), _entrants(arguments)
+    plan = _plan(arguments)
+    entrants = _entrants(arguments)
     workers = ALL_CORES if arguments.workers is None else whole_number("workers", arguments.workers)
     check_backend(arguments.backend)
     output = arguments.output or Path("runs") / f"benchmark-{plan.suite.name}"
@@ -48,7 +55,9 @@ def main(arguments: Benchmark) -> None:
             write_csv(aside / "results.csv", results)
             write_report(report, aside)
     except KeyboardInterrupt:
-        raise KeyboardInterrupt("the trials that are done are kept, and the same command goes on from there") from None
+        raise KeyboardInterrupt(
+            "the trials that are done are kept, and the same command goes on from there"
+        ) from None
     print_tables(report["sections"][: 1 + len(plan.stimuli)])  # what was run, and the leaderboards
     print(f"\nreport: {output / 'index.html'}")
 
@@ -59,15 +68,20 @@ def _results(
     """All results, from trials that are run if they are not in the folder."""
     made, failures = _made(entrants)
     trials = plan.trials([one.entrant for one in made.values()])
-    paths = {trial_store.path_of(folder, one, made[one.entrant.name].fingerprint): one for one in trials}
+    paths = {
+        trial_store.path_of(folder, one, made[one.entrant.name].fingerprint): one for one in trials
+    }
     failures |= run_missing(paths, workers, arguments.backend)
     paths = {path: trial for path, trial in paths.items() if trial.entrant.name not in failures}
     scores = scored(plan, paths, arguments.seed, failures)
     working = {name: one for name, one in made.items() if name not in failures}
     if not working:
-        raise refusal("diagnosers", list(entrants), "at least one that works", "see above what ails them")
+        raise refusal(
+            "diagnosers", list(entrants), "at least one that works", "see above what ails them"
+        )
     results = header(arguments, plan, working, failures) | scores
-    if plan.suite == load(STANDARD) and plan.every == 1:  # the bounds are those of its faults, whoever watches
+    # the bounds are those of its faults, whoever watches
+    if plan.suite == load(STANDARD) and plan.every == 1:
         without_belief = [one for one in plan.stimuli if not isinstance(one, ClosedLoop)]
         results["bounds"] = bounds(without_belief, arguments.seed, workers, arguments.backend)
     return results
@@ -83,8 +97,12 @@ def _plan(arguments: Benchmark) -> Plan:
     for name, value in hours.items():
         finite_in_range(f"hours of the part {name}", value, 0.05, MOST_HOURS)
     finite_in_range("seed", arguments.seed, 0, LAST_SEED)
-    lanes = whole_number("lanes", len(suite.episodes) if arguments.lanes is None else arguments.lanes)
-    plan = Plan(suite, load(STANDARD).conditions, stimuli, hours, max(1, round(len(suite.episodes) / lanes)))
+    lanes = whole_number(
+        "lanes", len(suite.episodes) if arguments.lanes is None else arguments.lanes
+    )
+    plan = Plan(
+        suite, load(STANDARD).conditions, stimuli, hours, max(1, round(len(suite.episodes) / lanes))
+    )
     plan.check_seeds()
     return plan
 
@@ -128,8 +146,10 @@ def _made(entrants: Mapping[str, Entrant]) -> tuple[dict[str, Made], dict[str, s
             tensors = diagnoser.tensors() if hasattr(diagnoser, "tensors") else {}
             compute = timing.cost(Contestant(diagnoser), first)
             compute["numbers"] = sum(tensor.size for tensor in tensors.values())
-            fingerprint, weights = trial_store.fingerprint(entrant, diagnoser), trial_store.weights_digest(diagnoser)
+            fingerprint = trial_store.fingerprint(entrant, diagnoser)
+            weights = trial_store.weights_digest(diagnoser)
             made[name] = Made(entrant, fingerprint, weights, compute, hasattr(diagnoser, "tell"))
-        except (Exception, SystemExit) as error:  # whatever ails one diagnoser, the others are scored
+        # whatever ails one diagnoser, the others are scored
+        except (Exception, SystemExit) as error:
             left_out(failures, name, error)
     return made, failures

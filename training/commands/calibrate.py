@@ -28,14 +28,21 @@ def main(arguments: Calibrate) -> None:
         write_json(folder / "results.json", results)
         write_report(results, folder)
     print_tables(section for section in results["sections"] if section["heading"] != REPAIRS)
-    print(f"\nvehicle file: {arguments.output / 'vehicle.toml'}\nreport: {arguments.output / 'index.html'}")
+    print(
+        f"\nvehicle file: {arguments.output / 'vehicle.toml'}\nreport: {arguments.output / 'index.html'}"
+    )
 
 
 def calibrate(arguments: Calibrate) -> tuple[Calibration, dict[str, Any]]:
     """The calibration, and all results as plain data."""
     vehicle = read_vehicle(arguments.vehicle)
     if len({path.resolve() for path in arguments.logs}) < len(arguments.logs):
-        raise refusal("logs", [str(path) for path in arguments.logs], "each log once", "leave the repetitions out")
+        raise refusal(
+            "logs",
+            [str(path) for path in arguments.logs],
+            "each log once",
+            "leave the repetitions out",
+        )
     with tqdm(arguments.logs, "reading", unit="log", leave=False, file=sys.stderr) as paths:
         logs = [read_log(path, vehicle)._replace(name=str(path)) for path in paths]
     samples = samples_of(logs)
@@ -50,9 +57,14 @@ def calibrate(arguments: Calibrate) -> tuple[Calibration, dict[str, Any]]:
 
 def comments(calibration: Calibration) -> dict[str, str]:
     """What the vehicle file says behind each fitted parameter."""
-    known = {name: calibration.estimate(name) for name in NAMES if name in calibration.part(name).fit.names}
+    known = {
+        name: calibration.estimate(name)
+        for name in NAMES
+        if name in calibration.part(name).fit.names
+    }
     notes = {
-        f"parameters.{name}": f"fitted, 95 % interval {one.low:.5g} to {one.high:.5g}" for name, one in known.items()
+        f"parameters.{name}": f"fitted, 95 % interval {one.low:.5g} to {one.high:.5g}"
+        for name, one in known.items()
     }
     if torque := known.get("propeller_torque"):
         text = f"fitted, 95 % interval {torque.low:.4g} to {torque.high:.4g} times the former value"

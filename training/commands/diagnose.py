@@ -35,7 +35,17 @@ from training.report.run_folder import run_folder, write_json
 Limits = Mapping[str, tuple[float, float]]  # of the shafts' loads, by side
 EXIT_CODES = {HEALTHY: 0, UNUSABLE: 2, FAULT: 3}
 SHOWN = {FAULT: 12, HEALTHY: 2}  # logs with a figure
-CELLS = ("log", "verdict", "alarm_time", "fault", "side", "severity", "severity_low", "severity_high", "duration")
+CELLS = (
+    "log",
+    "verdict",
+    "alarm_time",
+    "fault",
+    "side",
+    "severity",
+    "severity_low",
+    "severity_high",
+    "duration",
+)
 
 
 def main(arguments: Diagnose) -> int:
@@ -43,7 +53,9 @@ def main(arguments: Diagnose) -> int:
     vehicle = read_vehicle(arguments.vehicle)
     diagnoser_for(arguments.diagnoser, vehicle, {})
     if not arguments.follow and not arguments.logs:
-        raise refusal("logs", [], "at least one log", "name one, or give --follow to read standard input")
+        raise refusal(
+            "logs", [], "at least one log", "name one, or give --follow to read standard input"
+        )
     healthy = [read_log(path, vehicle) for path in arguments.healthy]
     threshold = threshold_of(healthy, arguments.diagnoser, vehicle)
     if arguments.follow:
@@ -62,7 +74,10 @@ def threshold_of(healthy: Sequence[Log], name: str, vehicle: VehicleFile) -> flo
     threshold = THRESHOLDS[name]
     for log in healthy:
         log_normal = beliefs(log, name, vehicle).log_probability[:, :1]
-        depths = [running_maximum(log_normal[segment], persistence(vehicle)).min() for segment in log.segments]
+        depths = [
+            running_maximum(log_normal[segment], persistence(vehicle)).min()
+            for segment in log.segments
+        ]
         threshold = min(threshold, *map(float, depths))
     return threshold
 
@@ -87,7 +102,9 @@ def write_verdicts(
     write_json(folder / "results.json", results | {"verdicts": [asdict(one) for one in verdicts]})
     write_csv(folder / "results.csv", verdicts)
     write_report(results, folder)
-    print_tables(section for section in results["sections"] if section["heading"] != "Logs in detail")
+    print_tables(
+        section for section in results["sections"] if section["heading"] != "Logs in detail"
+    )
     return verdicts
 
 
@@ -102,7 +119,9 @@ def diagnosed(
             yield Verdict(str(path), UNUSABLE, remarks=(str(error),)), None, None
             continue
         belief = beliefs(log, arguments.diagnoser, vehicle)
-        standing = alarm_along(log, belief, threshold, persistence(vehicle)) | overloaded(log, vehicle, limits)
+        standing = alarm_along(log, belief, threshold, persistence(vehicle)) | overloaded(
+            log, vehicle, limits
+        )
         yield verdict(str(path), log, belief, standing, vehicle), log, belief
 
 

@@ -28,7 +28,8 @@ from training.report.run_folder import run_folder, write_json
 THESIS = ("alpha", "beta", "gamma")
 TURNING = (*THESIS, "turn")
 MODEL = (*TURNING, "wind")
-TURNING_NAME, MODEL_NAME = "thesis, turn", "model: thesis, turn, wind"
+TURNING_NAME = "thesis, turn"
+MODEL_NAME = "model: thesis, turn, wind"
 FORMS: dict[str, tuple[str, ...]] = {
     "alpha, beta": THESIS[:2],
     "thesis: alpha, beta, gamma": THESIS,
@@ -57,7 +58,10 @@ def main(arguments: EssoOsaka) -> None:
 def study(whole: Sequence[ShipRun], seed: int) -> dict[str, Any]:
     """All that the page shows, from the runs with their ends."""
     runs = [free_running(run) for run in whole]
-    fits = {name: fit_runs(runs, form, seed) for name, form in (("without wind", TURNING), ("model", MODEL))}
+    fits = {
+        name: fit_runs(runs, form, seed)
+        for name, form in (("without wind", TURNING), ("model", MODEL))
+    }
     pooled = np.array(fits["model"]["pooled"]["coefficients"])
     return {
         "model": MODEL,
@@ -73,7 +77,8 @@ def study(whole: Sequence[ShipRun], seed: int) -> dict[str, Any]:
 def compare_forms(whole: Sequence[ShipRun], runs: Sequence[ShipRun]) -> list[dict[str, Any]]:
     """Ten-second prediction error of every form [m/s rms over all starts]: fitted to all runs, and to the other runs.
 
-    The first is no form at all, the speed staying what it is; the last are the model, and without wind, on whole runs.
+    The first is no form at all, the speed staying what it is; the last are the model, and without
+    wind, on whole runs.
     """
     still = error(("alpha",), [np.zeros(1)] * len(runs), runs)
     compared = [{"form": "speed stays as it is", "fitted": still, "left_out": still}]
@@ -81,7 +86,10 @@ def compare_forms(whole: Sequence[ShipRun], runs: Sequence[ShipRun]) -> list[dic
     cases += [(f"{name}, ends kept", FORMS[name], whole) for name in (TURNING_NAME, MODEL_NAME)]
     for name, form, some in tqdm(cases, desc="forms", unit="form"):
         fitted, others = fit(some, form)
-        errors = {"fitted": error(form, [fitted] * len(some), some), "left_out": error(form, others, some)}
+        errors = {
+            "fitted": error(form, [fitted] * len(some), some),
+            "left_out": error(form, others, some),
+        }
         compared.append({"form": name, **errors})
     return compared
 
@@ -92,9 +100,15 @@ def fit(runs: Sequence[ShipRun], form: Sequence[str]) -> tuple[np.ndarray, np.nd
     return solve(pooled), solve(pooled, 1.0 - np.eye(len(runs)))
 
 
-def error(form: Sequence[str], coefficients: Sequence[np.ndarray], runs: Sequence[ShipRun]) -> float:
+def error(
+    form: Sequence[str], coefficients: Sequence[np.ndarray], runs: Sequence[ShipRun]
+) -> float:
     """Prediction error over all starts of all runs, each with its coefficients [m/s rms]."""
-    return rms(np.concatenate([prediction_error(form, *pair) for pair in zip(coefficients, runs, strict=True)]))
+    return rms(
+        np.concatenate(
+            [prediction_error(form, *pair) for pair in zip(coefficients, runs, strict=True)]
+        )
+    )
 
 
 def fit_runs(runs: Sequence[ShipRun], form: Sequence[str], seed: int) -> dict[str, Any]:
@@ -113,14 +127,18 @@ def fit_runs(runs: Sequence[ShipRun], form: Sequence[str], seed: int) -> dict[st
                 "errors": {name: error(form, [values], [run]) for name, values in errors.items()},
             }
         )
-    everywhere = {"coefficients": pooled.tolist(), "intervals": intervals(together(normals), seed).tolist()}
+    everywhere = {
+        "coefficients": pooled.tolist(),
+        "intervals": intervals(together(normals), seed).tolist(),
+    }
     return {"pooled": everywhere, "runs": alone}
 
 
 def follow(runs: Sequence[ShipRun], pooled: np.ndarray) -> dict[str, Any]:
     """The filter along every run, its nominal vehicle that of all runs; the second lane is told of turn and wind."""
     vehicle = ship(MODEL, pooled, error(MODEL, [pooled] * len(runs), runs))
-    told, tracks = MODEL[len(THESIS) :], {}
+    told = MODEL[len(THESIS) :]
+    tracks = {}
     for run in tqdm(runs, desc="filter", unit="run"):
         known = acceleration(told, pooled[-len(told) :], run.speed[1:], run.inputs.between())
         one = track(run, vehicle, known)

@@ -1,7 +1,8 @@
 """``auv-fault export``: a trained network as an ONNX file, and beside it an episode with PyTorch's answers.
 
-The file runs wherever ONNX Runtime does, without Python packages of this project; its metadata say what its columns
-are, what to feed it with and what it was made from. ``docs/examples/onnx_runner.py`` runs it on the episode.
+The file runs wherever ONNX Runtime does, without Python packages of this project; its metadata say
+what its columns are, what to feed it with and what it was made from.
+``docs/examples/onnx_runner.py`` runs it on the episode.
 """
 
 import hashlib
@@ -33,15 +34,20 @@ WEIGHTS = ".safetensors"
 def main(arguments: Export) -> None:
     """Write the ONNX file, and the episode as .npz of the same name."""
     seed = int(finite_in_range("seed", arguments.seed, 0, 2**62))
-    output = arguments.output or Path("runs") / f"{Path(arguments.name).name.removesuffix(WEIGHTS)}.onnx"
+    output = (
+        arguments.output or Path("runs") / f"{Path(arguments.name).name.removesuffix(WEIGHTS)}.onnx"
+    )
     if output.suffix != ".onnx":
         raise refusal("output", str(output), "a file that ends in .onnx", "add the ending")
     graph = graph_of(arguments.name)
-    model, episode = to_onnx(graph), graph.episode(seed)
+    model = to_onnx(graph)
+    episode = graph.episode(seed)
     packed = io.BytesIO()
     np.savez_compressed(packed, **episode, **answers(graph, episode))
     _write({output: model, output.with_suffix(".npz"): packed.getvalue()})
-    print(f"{output}: {len(model) / 1e3:.0f} kB, {', '.join(widths(graph))} in, {', '.join(graph.outputs)} out")
+    print(
+        f"{output}: {len(model) / 1e3:.0f} kB, {', '.join(widths(graph))} in, {', '.join(graph.outputs)} out"
+    )
     print(f"try it: python docs/examples/onnx_runner.py {output}")
 
 
@@ -50,7 +56,9 @@ def graph_of(name: str) -> Graph:
     policies = {path.stem: path for path in sorted(storage.WEIGHTS.glob(f"stimulus-*{WEIGHTS}"))}
     path = policies.get(name, Path(name))
     if path.suffix != WEIGHTS:
-        return GRAPHS[known_name("network to export", name, [*GRAPHS, *policies])](diagnosers.make(name)).eval()
+        return GRAPHS[known_name("network to export", name, [*GRAPHS, *policies])](
+            diagnosers.make(name)
+        ).eval()
     header = storage.read(path)[1]
     if isinstance(header, dict) and "features" in header:
         return PolicyGraph(LearnedPolicy.load(path)).eval()
@@ -63,7 +71,8 @@ def to_onnx(graph: Graph) -> bytes:
     onnx = needed("onnx", "formats")
     needed("onnxscript", "formats")
     given = tuple(torch.zeros(2, width) for width in widths(graph).values())
-    lanes = ["n_lanes"] + [torch.export.Dim.DYNAMIC] * (len(given) - 1)  # they are equal, and the first names them
+    # they are equal, and the first names them
+    lanes = ["n_lanes"] + [torch.export.Dim.DYNAMIC] * (len(given) - 1)
     with quiet(), torch.no_grad():
         program = torch.onnx.export(
             graph,
@@ -133,7 +142,10 @@ def answers(graph: Graph, episode: Mapping[str, np.ndarray]) -> dict[str, np.nda
         outputs = [outputs] if isinstance(outputs, torch.Tensor) else list(outputs)
         state = [outputs.pop()] if graph.n_state else []
         told.append([values.numpy() for values in outputs])
-    return {name: np.stack(values) for name, values in zip(graph.outputs, zip(*told, strict=True), strict=False)}
+    return {
+        name: np.stack(values)
+        for name, values in zip(graph.outputs, zip(*told, strict=True), strict=False)
+    }
 
 
 def _write(contents: Mapping[Path, bytes]) -> None:

@@ -37,7 +37,10 @@ def main(arguments: Haizhe) -> None:
         splits["test"] = load(arguments.folder, "test")
     with run_folder(arguments.output, "haizhe", arguments) as folder:
         scores = [score(decisions, arguments.seed) for decisions in decide(splits, arguments.seed)]
-        counts = {split: np.bincount(labels(runs), minlength=len(CLASSES)).tolist() for split, runs in splits.items()}
+        counts = {
+            split: np.bincount(labels(runs), minlength=len(CLASSES)).tolist()
+            for split, runs in splits.items()
+        }
         command = f"auv-fault haizhe {arguments.folder} --seed {arguments.seed}"
         results = page(command, counts, scores, halves_told_apart(splits["train"], arguments.seed))
         write_json(folder / "results.json", results)
@@ -50,9 +53,16 @@ def checked(runs: list[Run]) -> list[Run]:
     """The runs, if there are enough of each class for the folds, and some of each half of the day; else a refusal."""
     fewest = int(np.bincount(labels(runs), minlength=len(CLASSES)).min())
     if fewest < FOLDS:
-        raise refusal("runs of a class in train", fewest, f"from {FOLDS}, one per fold", "get the whole split")
+        raise refusal(
+            "runs of a class in train", fewest, f"from {FOLDS}, one per fold", "get the whole split"
+        )
     if len(set(is_evening(runs))) < 2:
-        raise refusal("runs in train", "one half of the day", "some before, some after 18:00", "get the whole split")
+        raise refusal(
+            "runs in train",
+            "one half of the day",
+            "some before, some after 18:00",
+            "get the whole split",
+        )
     return runs
 
 
@@ -64,8 +74,9 @@ def labels(runs: Sequence[Run]) -> np.ndarray:
 def held_out(runs: Sequence[Run], seed: int) -> dict[str, np.ndarray]:
     """By protocol the fold of each run, (n_runs,).
 
-    `stratified` draws the folds at random, so that a run's neighbours in time are among those learnt from; `time
-    blocks` holds out a fifth of each class' recording time, `half of the day` all runs before or after 18:00.
+    `stratified` draws the folds at random, so that a run's neighbours in time are among those
+    learnt from; `time blocks` holds out a fifth of each class' recording time, `half of the day`
+    all runs before or after 18:00.
     """
     return {
         "stratified": shuffled_folds(labels(runs), FOLDS, seed),
@@ -76,8 +87,11 @@ def held_out(runs: Sequence[Run], seed: int) -> dict[str, np.ndarray]:
 
 def decide(splits: dict[str, list[Run]], seed: int) -> list[Decisions]:
     """Every input under every protocol; the official one first, if there is a test split."""
-    runs, tests = splits["train"], splits.get("test", [])
-    label, protocols, decisions = labels(runs), held_out(runs, seed), []
+    runs = splits["train"]
+    tests = splits.get("test", [])
+    label = labels(runs)
+    protocols = held_out(runs, seed)
+    decisions = []
     for name, seen in tqdm(INPUTS.items(), desc="classifiers", unit="input"):
         inputs = np.array([seen(run) for run in runs])
         if tests:
@@ -85,7 +99,9 @@ def decide(splits: dict[str, list[Run]], seed: int) -> list[Decisions]:
             decision = forest(seed).fit(inputs, label).predict(asked)
             decisions.append(Decisions(OFFICIAL, name, labels(tests), decision))
         for protocol, folds in protocols.items():
-            decisions.append(Decisions(protocol, name, label, cross_decide(inputs, label, folds, seed)))
+            decisions.append(
+                Decisions(protocol, name, label, cross_decide(inputs, label, folds, seed))
+            )
     order = [OFFICIAL, *protocols]
     return sorted(decisions, key=lambda one: order.index(one.protocol))
 
@@ -93,9 +109,11 @@ def decide(splits: dict[str, list[Run]], seed: int) -> list[Decisions]:
 def score(decisions: Decisions, seed: int) -> dict[str, Any]:
     """Accuracy (Wilson's interval), macro-F1 (runs resampled), and the confusion matrix as shares of each true class.
 
-    The intervals take runs as independent; those of a session are not, and the truth lies further out.
+    The intervals take runs as independent; those of a session are not, and the truth lies further
+    out.
     """
-    label, decision = decisions.label, decisions.decision
+    label = decisions.label
+    decision = decisions.decision
     counts = confusion(label, decision, len(CLASSES))
     hits = binomtest(int(np.trace(counts)), len(label))
     return {
@@ -112,7 +130,8 @@ def score(decisions: Decisions, seed: int) -> dict[str, Any]:
 def halves_told_apart(runs: Sequence[Run], seed: int) -> dict[str, dict[str, Any]]:
     """By class: runs before and after 18:00, and how well the first sample, at rest, tells the two apart.
 
-    As balanced accuracy of stratified cross-validation, chance 0.5; None where a half has fewer runs than folds.
+    As balanced accuracy of stratified cross-validation, chance 0.5; None where a half has fewer
+    runs than folds.
     """
     told = {}
     for k, name in enumerate(CLASSES):
@@ -122,6 +141,8 @@ def halves_told_apart(runs: Sequence[Run], seed: int) -> dict[str, dict[str, Any
         told[name] = {"runs": counts.tolist(), "balanced_accuracy": None}
         if counts.min() >= FOLDS:
             rest = np.array([INPUTS["rest only"](run) for run in members])
-            matrix = confusion(evening, cross_decide(rest, evening, shuffled_folds(evening, FOLDS, seed), seed), 2)
+            matrix = confusion(
+                evening, cross_decide(rest, evening, shuffled_folds(evening, FOLDS, seed), seed), 2
+            )
             told[name]["balanced_accuracy"] = float(np.mean(np.diag(matrix) / counts))
     return told

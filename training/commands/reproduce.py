@@ -45,7 +45,10 @@ def reproduce(arguments: Reproduce) -> dict[str, Any]:
     view = Comparison(clean, noisy, list(TEST_RUNS), command)
     seeds = range(arguments.seed, arguments.seed + arguments.networks)
     results = page(view)
-    extra = [filter_consistency.section(CONSISTENCY_SEEDS, arguments.seed), *network_sections(view, seeds)]
+    extra = [
+        filter_consistency.section(CONSISTENCY_SEEDS, arguments.seed),
+        *network_sections(view, seeds),
+    ]
     results["sections"][-2:-2] = extra
     return results
 

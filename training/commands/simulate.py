@@ -51,21 +51,33 @@ def main(arguments: Simulate) -> None:
         results = write_tables(folder, arguments, steps, schedule, mission)
         write_json(folder / "results.json", results)
         write_report(results, folder)
-    print(f"{steps * arguments.vehicles} rows of {arguments.vehicles} vehicles in {arguments.output}")
+    print(
+        f"{steps * arguments.vehicles} rows of {arguments.vehicles} vehicles in {arguments.output}"
+    )
 
 
 def _checked_steps(arguments: Simulate) -> int:
     if arguments.vehicles < 1:
-        raise refusal("vehicles", arguments.vehicles, "a whole number from 1", "ask for at least one vehicle")
+        raise refusal(
+            "vehicles", arguments.vehicles, "a whole number from 1", "ask for at least one vehicle"
+        )
     if not arguments.formats:
         raise refusal("formats", arguments.formats, "csv, parquet, minari or several", "name one")
     finite_in_range("seed", arguments.seed, 0, 2**62)
     _fleet(1, arguments)
-    return round(finite_in_range("duration", arguments.duration, 1 / SAMPLE_RATE, 1e5) * SAMPLE_RATE)
+    return round(
+        finite_in_range("duration", arguments.duration, 1 / SAMPLE_RATE, 1e5) * SAMPLE_RATE
+    )
 
 
 def _fleet(n_lanes: int, arguments: Simulate) -> Fleet:
-    return Fleet(n_lanes, arguments.preset, arguments.sensor_noise, arguments.disturbance, arguments.healthy_band)
+    return Fleet(
+        n_lanes,
+        arguments.preset,
+        arguments.sensor_noise,
+        arguments.disturbance,
+        arguments.healthy_band,
+    )
 
 
 def _checked_schedule(arguments: Simulate) -> Schedule:
@@ -73,7 +85,9 @@ def _checked_schedule(arguments: Simulate) -> Schedule:
     for event in schedule:
         if event.onset >= arguments.duration:
             allowed = f"before the episode's end at {arguments.duration:g} s"
-            raise refusal(f"onset of {event.fault}", event.onset, allowed, "begin earlier or raise --duration")
+            raise refusal(
+                f"onset of {event.fault}", event.onset, allowed, "begin earlier or raise --duration"
+            )
     return schedule
 
 
@@ -90,13 +104,20 @@ def _is_number(text: str) -> bool:
 
 
 def write_tables(
-    folder: Path, arguments: Simulate, steps: int, schedule: Schedule | None, mission: Mission | None
+    folder: Path,
+    arguments: Simulate,
+    steps: int,
+    schedule: Schedule | None,
+    mission: Mission | None,
 ) -> dict[str, Any]:
     """Write the episodes chunk by chunk, and schedules.json; returns the report as plain data."""
     writers: dict[str, Any] = {}
     schedules: dict[int, Schedule] = {}
     storage = new_storage(folder, arguments) if MINARI in arguments.formats else None
-    with ExitStack() as stack, tqdm(total=arguments.vehicles * steps, unit="sample", unit_scale=True) as bar:
+    with (
+        ExitStack() as stack,
+        tqdm(total=arguments.vehicles * steps, unit="sample", unit_scale=True) as bar,
+    ):
         for chunk in _chunks(arguments, steps, schedule, mission, bar):
             table = _table(chunk)
             for kind in set(arguments.formats) & set(WRITERS):
@@ -105,9 +126,13 @@ def write_tables(
                     writers[kind] = stack.enter_context(writer)
                 writers[kind].write_table(table)
             if storage is not None:
-                storage.update_episodes(episodes(chunk.columns, chunk.seeds, chunk.schedules.values(), mission))
+                storage.update_episodes(
+                    episodes(chunk.columns, chunk.seeds, chunk.schedules.values(), mission)
+                )
             if not schedules:
-                first = {name: table[name].slice(0, steps).to_numpy() for name in ("time", *CHANNELS)}
+                first = {
+                    name: table[name].slice(0, steps).to_numpy() for name in ("time", *CHANNELS)
+                }
             schedules |= chunk.schedules
     plain = {vehicle: json.loads(to_json(events)) for vehicle, events in schedules.items()}
     write_json(folder / "schedules.json", plain)
@@ -148,10 +173,20 @@ def roll_out(fleet: Fleet, observation: np.ndarray, steps: int, bar: tqdm) -> di
 def _sample(fleet: Fleet, observation: np.ndarray) -> dict[str, np.ndarray]:
     truth = FleetTruth(fleet)
     severity = np.stack(list(truth["severity"].values()))
-    plant = {name: value for name, value in truth["parameters"].items() if not name.startswith(tuple(CHANNELS))}
+    plant = {
+        name: value
+        for name, value in truth["parameters"].items()
+        if not name.startswith(tuple(CHANNELS))
+    }
     columns = {"time": fleet.time} | dict(zip(CHANNELS, observation.T, strict=True))
-    columns |= {"truth_label": truth["label"], "truth_severity": severity.max(axis=0), "truth_onset": truth["onset"]}
-    columns |= dict(zip(("truth_reward", "truth_energy", "truth_cost"), fleet.outcomes[:3], strict=True))
+    columns |= {
+        "truth_label": truth["label"],
+        "truth_severity": severity.max(axis=0),
+        "truth_onset": truth["onset"],
+    }
+    columns |= dict(
+        zip(("truth_reward", "truth_energy", "truth_cost"), fleet.outcomes[:3], strict=True)
+    )
     return columns | {f"truth_{name}": value for name, value in (truth["state"] | plant).items()}
 
 

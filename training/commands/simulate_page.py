@@ -17,7 +17,11 @@ PANELS = {
 
 
 def page(
-    command: str, names: Sequence[str], schedules: Mapping[int, Schedule], seed: int, first: Mapping[str, np.ndarray]
+    command: str,
+    names: Sequence[str],
+    schedules: Mapping[int, Schedule],
+    seed: int,
+    first: Mapping[str, np.ndarray],
 ) -> dict[str, Any]:
     """The report as plain data; `names` are the tables' columns, `first` the first vehicle's columns (n_samples,)."""
     shown = list(schedules.items())[:SHOWN]
@@ -41,7 +45,11 @@ def page(
                         "plot": "transients",
                         "name": "first-vehicle",
                         "caption": f"Readings of vehicle 0: {faults(schedules[0])}.",
-                        "data": {"time": first["time"].tolist(), "panels": panels(first), "onset": onset},
+                        "data": {
+                            "time": first["time"].tolist(),
+                            "panels": panels(first),
+                            "onset": onset,
+                        },
                     }
                 ],
             },
@@ -56,13 +64,19 @@ def page(
 
 def faults(schedule: Schedule) -> str:
     """A schedule in words."""
-    words = [f"{event.fault} from {event.onset:.1f} s, severity {event.severity:.2f}" for event in schedule]
+    words = [
+        f"{event.fault} from {event.onset:.1f} s, severity {event.severity:.2f}"
+        for event in schedule
+    ]
     return "; ".join(words) or "healthy"
 
 
 def panels(columns: Mapping[str, np.ndarray]) -> dict[str, dict[str, dict[str, list[float]]]]:
     """Lines of the figure by panel; one run has no scatter."""
-    return {label: {name: line(columns[channel]) for name, channel in lines} for label, lines in PANELS.items()}
+    return {
+        label: {name: line(columns[channel]) for name, channel in lines}
+        for label, lines in PANELS.items()
+    }
 
 
 def line(values: np.ndarray) -> dict[str, list[float]]:

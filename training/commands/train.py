@@ -1,9 +1,10 @@
 """``auv-fault train``: a diagnoser's weights, with a card that tells how they were made and a report.
 
-While it trains, checkpoint and TensorBoard log lie in ``OUTPUT-unfinished``, visible beside the output; when all is
-done, the output appears and that folder goes. Whatever breaks a run off, the same command goes on after the last
-complete epoch and ends with the same weights, bit for bit. They are the same on one machine with one number of threads
-(OMP_NUM_THREADS): another number, or another processor, adds up in another order.
+While it trains, checkpoint and TensorBoard log lie in ``OUTPUT-unfinished``, visible beside the
+output; when all is done, the output appears and that folder goes. Whatever breaks a run off, the
+same command goes on after the last complete epoch and ends with the same weights, bit for bit. They
+are the same on one machine with one number of threads (OMP_NUM_THREADS): another number, or another
+processor, adds up in another order.
 """
 
 import os
@@ -39,7 +40,11 @@ def main(arguments: Train) -> None:
     unfinished = unfinished_folder(output)
     if arguments.restart:
         shutil.rmtree(unfinished, ignore_errors=True)
-    if arguments.restart or unfinished.exists() or not is_finished(output, "train", arguments, SETTINGS):
+    if (
+        arguments.restart
+        or unfinished.exists()
+        or not is_finished(output, "train", arguments, SETTINGS)
+    ):
         _run(arguments, trainer, output, unfinished)
         print(f"report: {output / 'index.html'}")
     else:
@@ -73,7 +78,9 @@ def to_be_repeated(output: Path, restart: bool) -> Iterator[None]:
         raise KeyboardInterrupt(f"{same} goes on after the last complete epoch") from None
     except (OSError, SafetensorError) as error:
         allowed = f"a place that can be written ({getattr(error, 'strerror', None) or error})"
-        raise refusal("output", str(output), allowed, "make room and repeat the command: it goes on") from None
+        raise refusal(
+            "output", str(output), allowed, "make room and repeat the command: it goes on"
+        ) from None
 
 
 def _run(arguments: Train, trainer: Trainer, output: Path, unfinished: Path) -> None:
@@ -88,7 +95,9 @@ def _run(arguments: Train, trainer: Trainer, output: Path, unfinished: Path) -> 
     shutil.rmtree(unfinished, ignore_errors=True)
 
 
-def card(arguments: Train, data: str, progress: Progress, figures: dict[str, Any], seconds: float) -> dict[str, Any]:
+def card(
+    arguments: Train, data: str, progress: Progress, figures: dict[str, Any], seconds: float
+) -> dict[str, Any]:
     """How the weights were made: command, seed, data, versions, what it took, and what came out, as plain data."""
     shortened = "" if arguments.epochs is None else f" --epochs {arguments.epochs}"
     return {
@@ -125,5 +134,7 @@ def install(folder: Path, name: str) -> None:
             os.replace(storage.WEIGHTS / f".{file}", storage.WEIGHTS / file)
     except OSError as error:
         allowed = f"files and a place that can be written ({error.strerror or error})"
-        raise refusal("installing weights", str(storage.WEIGHTS), allowed, f"copy them from {folder}") from None
+        raise refusal(
+            "installing weights", str(storage.WEIGHTS), allowed, f"copy them from {folder}"
+        ) from None
     print(f"installed: {storage.WEIGHTS / name}.safetensors and .json")

@@ -1,8 +1,9 @@
 """``auv-fault train-stimulus``: a policy that chooses the speed so that a fault shows sooner, within a budget.
 
-It runs and goes on as ``auv-fault train`` does: checkpoint and TensorBoard log lie in ``OUTPUT-unfinished`` until all
-is done, and the same command goes on after the last complete epoch and ends with the same policy, bit for bit, on one
-machine. Whole epochs are trained: `--steps` is rounded up to them.
+It runs and goes on as ``auv-fault train`` does: checkpoint and TensorBoard log lie in
+``OUTPUT-unfinished`` until all is done, and the same command goes on after the last complete epoch
+and ends with the same policy, bit for bit, on one machine. Whole epochs are trained: `--steps` is
+rounded up to them.
 """
 
 import shutil
@@ -29,14 +30,21 @@ SETTINGS = ("diagnoser", "budget", "seed", "steps")
 
 def main(arguments: TrainStimulus) -> None:
     """Train, or go on with a training that was broken off; a finished one is left as it is."""
-    trainer, name = trainer_of(arguments), name_of(arguments.diagnoser, arguments.seed)
+    trainer = trainer_of(arguments)
+    name = name_of(arguments.diagnoser, arguments.seed)
     output = free_place(arguments.output or Path("runs") / f"train-{name}")
     unfinished = unfinished_folder(output)
     if arguments.restart:
         shutil.rmtree(unfinished, ignore_errors=True)
-    if arguments.restart or unfinished.exists() or not is_finished(output, "train-stimulus", arguments, SETTINGS):
+    if (
+        arguments.restart
+        or unfinished.exists()
+        or not is_finished(output, "train-stimulus", arguments, SETTINGS)
+    ):
         made = _run(arguments, trainer, output, unfinished)
-        print(f"{made['figures']['decisions_per_second']:.0f} decisions per second, 10 samples of 0.1 s each")
+        print(
+            f"{made['figures']['decisions_per_second']:.0f} decisions per second, 10 samples of 0.1 s each"
+        )
         print(f"report: {output / 'index.html'}")
     else:
         print(f"already trained: {output}; --restart trains anew")
@@ -58,7 +66,9 @@ def trainer_of(arguments: TrainStimulus) -> StimulusTrainer:
     return StimulusTrainer(seed, budget, diagnoser, steps)
 
 
-def _run(arguments: TrainStimulus, trainer: StimulusTrainer, output: Path, unfinished: Path) -> dict[str, Any]:
+def _run(
+    arguments: TrainStimulus, trainer: StimulusTrainer, output: Path, unfinished: Path
+) -> dict[str, Any]:
     name = name_of(arguments.diagnoser, arguments.seed)
     with to_be_repeated(output, arguments.restart):
         progress = train(trainer, name, arguments.seed, unfinished)
@@ -72,7 +82,10 @@ def _run(arguments: TrainStimulus, trainer: StimulusTrainer, output: Path, unfin
 
 
 def card(
-    arguments: TrainStimulus, trainer: StimulusTrainer, progress: Progress, figures: dict[str, float]
+    arguments: TrainStimulus,
+    trainer: StimulusTrainer,
+    progress: Progress,
+    figures: dict[str, float],
 ) -> dict[str, Any]:
     """How the policy was made: command, seed, data, versions, what it took, and what came out, as plain data."""
     options = " ".join(f"--{name} {getattr(arguments, name)}" for name in SETTINGS)

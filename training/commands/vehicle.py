@@ -14,8 +14,18 @@ def main(arguments: Vehicle) -> None:
     table = read_table(arguments.log)
     proposal = propose(table, arguments.log.name.split(".")[0])
     write_vehicle(arguments.output, proposal.vehicle, proposal.comments)
-    found = (f"{name}: {proposal.comments[f'channels.{name}.column']}" for name in proposal.vehicle.columns)
-    said = {"repaired": table.repairs, "found": found, "not found": proposal.missing, "left out": proposal.left}
+    found = (
+        f"{name}: {proposal.comments[f'channels.{name}.column']}"
+        for name in proposal.vehicle.columns
+    )
+    said = {
+        "repaired": table.repairs,
+        "found": found,
+        "not found": proposal.missing,
+        "left out": proposal.left,
+    }
     for heading, lines in said.items():
         print("".join(f"{heading:<11}{line}\n" for line in lines), end="")
-    print(f"{arguments.output}: {len(proposal.vehicle.columns)} channels; read it through before you use it")
+    print(
+        f"{arguments.output}: {len(proposal.vehicle.columns)} channels; read it through before you use it"
+    )

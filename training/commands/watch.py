@@ -11,7 +11,8 @@ HOST = "127.0.0.1"  # nobody else's business
 
 def main(arguments: Watch) -> None:
     """Serve the page until Ctrl+C."""
-    nicegui, port = needed("nicegui", "live"), free_port(arguments.port)
+    nicegui = needed("nicegui", "live")
+    port = free_port(arguments.port)
     finite_in_range("seed", arguments.seed, 0, 2**62)
     from training.live.page import Page
     from training.live.session import Session
@@ -30,7 +31,8 @@ def main(arguments: Watch) -> None:
         show=False,
         reload=False,
         show_welcome_message=False,
-        reconnect_timeout=60.0,  # s, after which a page would begin anew: a busy machine is no lost one
+        # s, after which a page would begin anew: a busy machine is no lost one
+        reconnect_timeout=60.0,
     )
 
 
@@ -38,9 +40,12 @@ def free_port(port: int) -> int:
     """The port if it is free, any free one for 0; else a refusal."""
     finite_in_range("port", port, 0, 65535)
     with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server will, for one that has just gone
+        # as the server will, for one that has just gone
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((HOST, port))
         except OSError as error:
-            raise refusal("port", port, f"a free one ({error.strerror})", "give another, or 0 for any") from None
+            raise refusal(
+                "port", port, f"a free one ({error.strerror})", "give another, or 0 for any"
+            ) from None
         return probe.getsockname()[1]

@@ -60,7 +60,9 @@ def verdict(compared: Sequence[Mapping[str, Any]], headlines: Sequence[str]) -> 
         for one in compared
         if one["form"] in headlines
     ]
-    return f"Ten-second prediction error, target at most {1e3 * TARGET:g} mm/s rms. " + " ".join(said)
+    return f"Ten-second prediction error, target at most {1e3 * TARGET:g} mm/s rms. " + " ".join(
+        said
+    )
 
 
 def target(value: float) -> str:
@@ -70,7 +72,10 @@ def target(value: float) -> str:
 
 def forms(compared: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Prediction errors by form."""
-    rows = [[one["form"], *(f"{1e3 * one[key]:.2f}" for key in ("fitted", "left_out"))] for one in compared]
+    rows = [
+        [one["form"], *(f"{1e3 * one[key]:.2f}" for key in ("fitted", "left_out"))]
+        for one in compared
+    ]
     return {
         "heading": "Which form predicts",
         "text": [
@@ -91,11 +96,21 @@ def forms(compared: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def parameters(model: Sequence[str], fits: Mapping[str, Any]) -> dict[str, Any]:
     """The model's parameters by run, with intervals, and its errors."""
     rows = [
-        [run["run"], *(f"{1e3 * run['errors'][key]:.1f}" for key in ("own", "pooled", "left_out")), *fitted(run)]
+        [
+            run["run"],
+            *(f"{1e3 * run['errors'][key]:.1f}" for key in ("own", "pooled", "left_out")),
+            *fitted(run),
+        ]
         for run in fits["runs"]
     ]
     rows.append(["all", "", "", "", *fitted(fits["pooled"])])
-    columns = ["run", "own [mm/s]", "all [mm/s]", "others [mm/s]", *(f"{name} [{UNITS[name]}]" for name in model)]
+    columns = [
+        "run",
+        "own [mm/s]",
+        "all [mm/s]",
+        "others [mm/s]",
+        *(f"{name} [{UNITS[name]}]" for name in model),
+    ]
     return {
         "heading": "Parameters by run",
         "text": [
@@ -115,22 +130,30 @@ def fitted(fit: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def relative(name: str, model: Sequence[str], fits: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+def relative(
+    name: str, model: Sequence[str], fits: Mapping[str, Any]
+) -> tuple[np.ndarray, np.ndarray]:
     """A parameter of each run over that of all runs, (n_runs,), and its interval (n_runs, 2)."""
     k = list(model).index(name)
     nominal = fits["pooled"]["coefficients"][k]
     values = np.array([run["coefficients"][k] for run in fits["runs"]]) / nominal
-    return values, np.sort(np.array([run["intervals"][k] for run in fits["runs"]]) / nominal, axis=1)
+    return values, np.sort(
+        np.array([run["intervals"][k] for run in fits["runs"]]) / nominal, axis=1
+    )
 
 
 def band(model: Sequence[str], fits: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """The natural healthy band beside that of this project and the thesis' window."""
-    panels, rows = {}, []
+    panels = {}
+    rows = []
     for name in PARAMETERS:
         default = Vehicle.__dataclass_fields__[name].metadata["band"]
         series = {how: relative(name, model, fit) for how, fit in fits.items()}
         panels[name] = {
-            "series": {how: {"values": v.tolist(), "intervals": e.tolist()} for how, (v, e) in series.items()},
+            "series": {
+                how: {"values": v.tolist(), "intervals": e.tolist()}
+                for how, (v, e) in series.items()
+            },
             "band": [1 - default, 1 + default],
             "window": WINDOWS[name],
         }
@@ -153,7 +176,13 @@ def band(model: Sequence[str], fits: Mapping[str, Mapping[str, Any]]) -> dict[st
             "vehicle's own healthy logs; where an interval is wide, the run was too short, or too steady, to tell.",
         ],
         "table": {
-            "columns": ["parameter", "form", "relative to all runs", "default band", "intervals wholly outside it"],
+            "columns": [
+                "parameter",
+                "form",
+                "relative to all runs",
+                "default band",
+                "intervals wholly outside it",
+            ],
             "rows": rows,
         },
         "figures": [figure],
@@ -163,7 +192,11 @@ def band(model: Sequence[str], fits: Mapping[str, Mapping[str, Any]]) -> dict[st
 def spread(values: np.ndarray, ends: np.ndarray, default: float) -> list[str]:
     """How far a parameter (n_runs,) with intervals (n_runs, 2) spreads, and how many runs leave the default band."""
     apart = int(np.sum((ends[:, 0] > 1 + default) | (ends[:, 1] < 1 - default)))
-    return [f"{values.min():.2f} to {values.max():.2f}", f"±{100 * default:g} %", f"{apart} of {len(values)}"]
+    return [
+        f"{values.min():.2f} to {values.max():.2f}",
+        f"±{100 * default:g} %",
+        f"{apart} of {len(values)}",
+    ]
 
 
 def prediction(example: Mapping[str, Any]) -> dict[str, Any]:
@@ -175,7 +208,8 @@ def prediction(example: Mapping[str, Any]) -> dict[str, Any]:
         "rudder [rad]": {"rudder": "rudder"},
     }
     lines = {
-        label: {name: line(np.array(example[key])) for name, key in names.items()} for label, names in panels.items()
+        label: {name: line(np.array(example[key])) for name, key in names.items()}
+        for label, names in panels.items()
     }
     figure = {
         "plot": "transients",
@@ -186,7 +220,9 @@ def prediction(example: Mapping[str, Any]) -> dict[str, Any]:
     return {"heading": "One run, predicted", "text": [], "figures": [figure]}
 
 
-def tracking(model: Sequence[str], fits: Mapping[str, Any], tracks: Mapping[str, Any]) -> dict[str, Any]:
+def tracking(
+    model: Sequence[str], fits: Mapping[str, Any], tracks: Mapping[str, Any]
+) -> dict[str, Any]:
     """The filter's estimates at the end of each run beside the run's own fit, and along the runs."""
     own = np.stack([relative(name, model, fits)[0] for name in PARAMETERS], axis=1)
     rows = [
@@ -227,7 +263,11 @@ def tracking(model: Sequence[str], fits: Mapping[str, Any], tracks: Mapping[str,
 def estimates(track: Mapping[str, Any]) -> list[str]:
     """Last estimates of both lanes with their standard deviation, then the lanes' NIS."""
     lanes = zip(track["last"], track["last_std"], strict=True)
-    cells = [f"{value:.2f} ± {std:.2f}" for means, stds in lanes for value, std in zip(means, stds, strict=True)]
+    cells = [
+        f"{value:.2f} ± {std:.2f}"
+        for means, stds in lanes
+        for value, std in zip(means, stds, strict=True)
+    ]
     return cells + [f"{nis:.2f}" for nis in track["nis"]]
 
 
@@ -237,7 +277,10 @@ def curves(tracks: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, dict[
     for column, parameter in enumerate(PARAMETERS):
         for lane, how in enumerate(LANES):
             panels[f"{parameter}, {how}"] = {
-                f"run {k}": {"x": track["time"], "y": np.array(track["relative"])[:, lane, column].tolist()}
+                f"run {k}": {
+                    "x": track["time"],
+                    "y": np.array(track["relative"])[:, lane, column].tolist(),
+                }
                 for k, track in enumerate(tracks.values(), 1)
             }
     return panels

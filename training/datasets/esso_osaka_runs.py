@@ -1,8 +1,8 @@
 """The Esso Osaka free-running model tests: runs of a healthy 3 m model ship under random propeller and rudder.
 
-NAOE-5thLab/FRT-DS-ESSO (Osaka University), CC BY-NC-SA 4.0: ten samples a second of position, speeds, heading, yaw
-rate, propeller, rudder and wind on an open pond. Nobody broke anything: what varies from run to run is the healthy
-band.
+NAOE-5thLab/FRT-DS-ESSO (Osaka University), CC BY-NC-SA 4.0: ten samples a second of position,
+speeds, heading, yaw rate, propeller, rudder and wind on an open pond. Nobody broke anything: what
+varies from run to run is the healthy band.
 """
 
 from pathlib import Path
@@ -35,8 +35,8 @@ JITTER = 1e-3  # s, largest departure of a time step from the sample time
 class Inputs(NamedTuple):
     """What drives the surge speed, (n_samples,) each, or all of it at other instants.
 
-    sway [m/s], to starboard amidships; yaw_rate [rad/s]; rpm of the one propeller, negative astern; rudder [rad]; wind
-    [m/s], the relative wind along the ship.
+    sway [m/s], to starboard amidships; yaw_rate [rad/s]; rpm of the one propeller, negative astern;
+    rudder [rad]; wind [m/s], the relative wind along the ship.
     """
 
     sway: np.ndarray
@@ -64,28 +64,46 @@ class ShipRun(NamedTuple):
 
 def load(folder: Path) -> list[ShipRun]:
     """The runs of random manoeuvres in ``folder/random/*.csv``, whole; `InputError` if one is broken or missing."""
-    return [read_run(path) for path in tqdm(data_files(folder, PATTERN, SOURCE), desc="runs", unit="run", leave=False)]
+    return [
+        read_run(path)
+        for path in tqdm(data_files(folder, PATTERN, SOURCE), desc="runs", unit="run", leave=False)
+    ]
 
 
 def read_run(path: Path) -> ShipRun:
     """One run, in the units of this project: rev/s become rpm, relative wind its part along the ship."""
-    time, surge, sway, yaw_rate, propeller, rudder, wind, direction = read_columns(path, COLUMNS, SHORTEST).T
+    time, surge, sway, yaw_rate, propeller, rudder, wind, direction = read_columns(
+        path, COLUMNS, SHORTEST
+    ).T
     late = np.flatnonzero(np.abs(np.diff(time) - SAMPLE_TIME) > JITTER)
     if late.size:
-        allowed, remedy = f"a row every {SAMPLE_TIME:g} s", "cut the file there"
-        raise refusal(f"file {path.name}", f"t = {time[late[0]]:g} s, then {time[late[0] + 1]:g} s", allowed, remedy)
+        allowed = f"a row every {SAMPLE_TIME:g} s"
+        remedy = "cut the file there"
+        raise refusal(
+            f"file {path.name}",
+            f"t = {time[late[0]]:g} s, then {time[late[0] + 1]:g} s",
+            allowed,
+            remedy,
+        )
     name = path.stem.removeprefix("random_")
-    return ShipRun(name, surge, Inputs(sway, yaw_rate, 60.0 * propeller, rudder, wind * np.cos(direction)))
+    return ShipRun(
+        name, surge, Inputs(sway, yaw_rate, 60.0 * propeller, rudder, wind * np.cos(direction))
+    )
 
 
 def free_running(run: ShipRun) -> ShipRun:
     """The run up to where propeller and rudder are at zero for good: from there on people bring the model back.
 
-    The commands tell nothing of that: with the propeller at rest it is towed at up to 0.2 m/s, or stopped at the bank.
-    Raises `InputError` if less than a minute is left.
+    The commands tell nothing of that: with the propeller at rest it is towed at up to 0.2 m/s, or
+    stopped at the bank. Raises `InputError` if less than a minute is left.
     """
     steered = np.flatnonzero((run.inputs.rpm != 0.0) | (run.inputs.rudder != 0.0))
     end = int(steered.max(initial=-1)) + 1
     if end < SHORTEST:
-        raise refusal(f"run {run.name}", f"{end} samples until nobody steers", f"from {SHORTEST}", "leave the file out")
+        raise refusal(
+            f"run {run.name}",
+            f"{end} samples until nobody steers",
+            f"from {SHORTEST}",
+            "leave the file out",
+        )
     return ShipRun(run.name, run.speed[:end], run.inputs.part(slice(0, end)))

@@ -18,7 +18,9 @@ def forest(seed: int) -> Any:
 
 def shuffled_folds(label: np.ndarray, n_folds: int, seed: int) -> np.ndarray:
     """A fold for each run (n_runs,), drawn at random; every fold has its share of each label."""
-    splitter = needed("sklearn.model_selection", EXTRA).StratifiedKFold(n_folds, shuffle=True, random_state=seed)
+    splitter = needed("sklearn.model_selection", EXTRA).StratifiedKFold(
+        n_folds, shuffle=True, random_state=seed
+    )
     folds = np.empty(len(label), np.int64)
     for fold, (_, members) in enumerate(splitter.split(folds, label)):
         folds[members] = fold
@@ -31,4 +33,6 @@ def cross_decide(inputs: np.ndarray, label: np.ndarray, folds: np.ndarray, seed:
     Misleads where the folds share what a real use would not, such as a day in the pool.
     """
     selection = needed("sklearn.model_selection", EXTRA)
-    return selection.cross_val_predict(forest(seed), inputs, label, cv=selection.PredefinedSplit(folds))
+    return selection.cross_val_predict(
+        forest(seed), inputs, label, cv=selection.PredefinedSplit(folds)
+    )

@@ -58,7 +58,9 @@ def figures(scores: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         [
             one["protocol"],
             one["inputs"],
-            with_interval(100 * one["accuracy"], [100 * end for end in one["accuracy_interval"]], 1),
+            with_interval(
+                100 * one["accuracy"], [100 * end for end in one["accuracy_interval"]], 1
+            ),
             with_interval(one["macro_f1"], one["f1_interval"], 3),
         ]
         for one in scores
@@ -74,7 +76,11 @@ def figures(scores: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def by_class(scores: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Share of each class that was recognised."""
     rows = [
-        [one["protocol"], one["inputs"], *(percent(shares[k]) for k, shares in enumerate(one["confusion"]))]
+        [
+            one["protocol"],
+            one["inputs"],
+            *(percent(shares[k]) for k, shares in enumerate(one["confusion"])),
+        ]
         for one in scores
     ]
     return {
@@ -110,4 +116,8 @@ def sessions(halves: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
         "Balanced accuracy of a forest that sees the first sample, at rest; 0.5 is chance."
     )
     columns = ["class", "runs before 18:00", "from 18:00", "balanced accuracy"]
-    return {"heading": "Sessions told apart at rest", "text": [text], "table": {"columns": columns, "rows": rows}}
+    return {
+        "heading": "Sessions told apart at rest",
+        "text": [text],
+        "table": {"columns": columns, "rows": rows},
+    }

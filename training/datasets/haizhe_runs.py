@@ -18,8 +18,27 @@ from auv_fault_env.errors import known_name
 from training.datasets.reading import data_files, read_columns
 
 SOURCE = "doi.org/10.17632/7rp2pmr6mx.1 (Mendeley Data, CC BY 4.0)"
-CLASSES = ("Normal", "AddWeight", "PressureGain_constant", "PropellerDamage_slight", "PropellerDamage_bad")
-READINGS = ("depth", "press", "voltage", "roll", "pitch", "yaw", "a_x", "a_y", "a_z", "w_row", "w_pitch", "w_yaw")
+CLASSES = (
+    "Normal",
+    "AddWeight",
+    "PressureGain_constant",
+    "PropellerDamage_slight",
+    "PropellerDamage_bad",
+)
+READINGS = (
+    "depth",
+    "press",
+    "voltage",
+    "roll",
+    "pitch",
+    "yaw",
+    "a_x",
+    "a_y",
+    "a_z",
+    "w_row",
+    "w_pitch",
+    "w_yaw",
+)
 YAW = READINGS.index("yaw")
 RATE = 19.7  # Hz
 BANDS = (0.0, 0.5, 2.0, 5.0, 10.0)  # Hz, edges
@@ -30,9 +49,9 @@ EVENING = 18 * 3600.0  # s; in the training split nothing was recorded from 17:0
 class Run(NamedTuple):
     """One run: the index of its class, when it began, what was commanded and what was read.
 
-    time is that of the day [s]; the data give no date. command (n_rows,) is the thrusters' pulse width [µs], the same
-    for all four. readings (n_rows, n_readings) are those of `READINGS`: m, the sensor's count, V, deg, m/s^2, deg/s;
-    yaw is unwrapped.
+    time is that of the day [s]; the data give no date. command (n_rows,) is the thrusters' pulse
+    width [µs], the same for all four. readings (n_rows, n_readings) are those of `READINGS`: m, the
+    sensor's count, V, deg, m/s^2, deg/s; yaw is unwrapped.
     """
 
     label: int
@@ -70,12 +89,14 @@ def seconds_of_day(clock: float) -> float:
 def features(signals: np.ndarray) -> np.ndarray:
     """Ten figures of each signal (n_rows, n_signals), one after the other, (10 n_signals,).
 
-    Mean, standard deviation, least, largest, last less first, mean absolute step, and the shares of the detrended
-    signal's power in the four bands between `BANDS`.
+    Mean, standard deviation, least, largest, last less first, mean absolute step, and the shares of
+    the detrended signal's power in the four bands between `BANDS`.
     """
     frequency, power = periodogram(signals, RATE, detrend="linear", axis=0)
     shares = power / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
-    bands = [shares[(low <= frequency) & (frequency < high)].sum(axis=0) for low, high in pairwise(BANDS)]
+    bands = [
+        shares[(low <= frequency) & (frequency < high)].sum(axis=0) for low, high in pairwise(BANDS)
+    ]
     levels = [signals.mean(axis=0), signals.std(axis=0), signals.min(axis=0), signals.max(axis=0)]
     changes = [signals[-1] - signals[0], np.abs(np.diff(signals, axis=0)).mean(axis=0)]
     return np.concatenate([*levels, *changes, *bands])
@@ -96,7 +117,8 @@ def is_evening(runs: Sequence[Run]) -> np.ndarray:
 
 def time_blocks(runs: Sequence[Run], n_blocks: int) -> np.ndarray:
     """The block of each run, (n_runs,): the runs of a class, by time of day, cut into `n_blocks` of equal size."""
-    labels, times = np.array([run.label for run in runs]), np.array([run.time for run in runs])
+    labels = np.array([run.label for run in runs])
+    times = np.array([run.time for run in runs])
     block = np.empty(len(runs), np.int64)
     for label in np.unique(labels):
         members = np.flatnonzero(labels == label)

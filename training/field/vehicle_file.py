@@ -17,9 +17,18 @@ from auv_fault_env.parameters import HULL, PRESETS, SHAFT, Vehicle, vehicle_of
 from training.field.units import UNITS, factor
 
 QUANTITIES = {spec.name: spec.metadata for spec in fields(Vehicle) if spec.metadata}
-BAND: Mapping[str, float] = MappingProxyType({name: QUANTITIES[name]["band"] for name in (*HULL, *SHAFT)})
+BAND: Mapping[str, float] = MappingProxyType(
+    {name: QUANTITIES[name]["band"] for name in (*HULL, *SHAFT)}
+)
 NOISE: Mapping[str, float] = MappingProxyType({name: CHANNELS[name].noise for name in READINGS})
-GENERAL = {"name": "", "preset": "", "shafts": "", "sample_rate": "Hz", "hotel_load": "W", "battery": "Wh"}
+GENERAL = {
+    "name": "",
+    "preset": "",
+    "shafts": "",
+    "sample_rate": "Hz",
+    "hotel_load": "W",
+    "battery": "Wh",
+}
 TABLES = ("vehicle", "parameters", "healthy_band", "noise", "time", "channels")
 COLUMN = ("column", "unit", "scale", "offset")
 
@@ -36,9 +45,10 @@ class Column(NamedTuple):
 class VehicleFile:
     """What a vehicle's file says; anything unknown or out of range is an `InputError`.
 
-    A vehicle with one shaft has the channels of the port side only. It is simulated as the vehicle with two shafts
-    that are alike, each of half the thrust, of which only port is logged; ``vehicle.beta`` is the thrust of all shafts
-    together in either case, and hotel load and battery are the whole vehicle's.
+    A vehicle with one shaft has the channels of the port side only. It is simulated as the vehicle
+    with two shafts that are alike, each of half the thrust, of which only port is logged;
+    ``vehicle.beta`` is the thrust of all shafts together in either case, and hotel load and battery
+    are the whole vehicle's.
 
     Attributes
     ----------
@@ -53,7 +63,8 @@ class VehicleFile:
     shafts
         1 or 2.
     band
-        Half-width of the healthy band, relative, by parameter of `HULL` and `SHAFT`; the usual one where none is given.
+        Half-width of the healthy band, relative, by parameter of `HULL` and `SHAFT`; the usual one
+        where none is given.
     noise
         Standard deviation by reading, in the channel's unit; the usual one where none is given.
     hotel_load, battery
@@ -77,7 +88,9 @@ class VehicleFile:
         if self.time is not None:
             _checked_column("time", self.time)
         _checked_numbers("healthy_band", self.band, dict.fromkeys(BAND, 0.9))
-        _checked_numbers("noise", self.noise, {name: CHANNELS[name].high - CHANNELS[name].low for name in NOISE})
+        _checked_numbers(
+            "noise", self.noise, {name: CHANNELS[name].high - CHANNELS[name].low for name in NOISE}
+        )
         finite_in_range("sample_rate [Hz]", self.sample_rate, 0.5, 1e4)
         finite_in_range("hotel_load [W]", self.hotel_load, 0.0, 1e6)
         finite_in_range("battery [Wh]", self.battery, 0.0, 1e9)
@@ -91,22 +104,43 @@ def _checked_channels(columns: Mapping[str, Column], shafts: int) -> None:
     for channel in columns:
         known_name("key of [channels]", channel, CHANNELS)
         if shafts == 1 and channel.startswith("starboard"):
-            raise refusal("channels", channel, "those of the port side, with shafts = 1", "rename it or set shafts = 2")
+            raise refusal(
+                "channels",
+                channel,
+                "those of the port side, with shafts = 1",
+                "rename it or set shafts = 2",
+            )
     if not set(columns) & set(READINGS):
-        raise refusal("channels", list(columns), "at least one of " + ", ".join(READINGS), "add [channels.speed]")
+        raise refusal(
+            "channels",
+            list(columns),
+            "at least one of " + ", ".join(READINGS),
+            "add [channels.speed]",
+        )
 
 
 def _checked_column(where: str, column: Column) -> None:
     if not isinstance(column.name, str) or not column.name:
-        raise refusal(f"{where}.column", column.name, "a name of the log's header", "name the column")
+        raise refusal(
+            f"{where}.column", column.name, "a name of the log's header", "name the column"
+        )
     finite_in_range(f"{where}.offset", column.offset, -1e12, 1e12)
     if not finite_in_range(f"{where}.scale", column.scale, -1e9, 1e9):
-        raise refusal(f"{where}.scale", column.scale, "a number other than 0", "give the factor to the channel's unit")
+        raise refusal(
+            f"{where}.scale",
+            column.scale,
+            "a number other than 0",
+            "give the factor to the channel's unit",
+        )
 
 
-def _checked_numbers(table: str, numbers: Mapping[str, float], highest: Mapping[str, float]) -> None:
+def _checked_numbers(
+    table: str, numbers: Mapping[str, float], highest: Mapping[str, float]
+) -> None:
     for name, value in numbers.items():
-        finite_in_range(f"{table}.{known_name(f'key of [{table}]', name, highest)}", value, 0.0, highest[name])
+        finite_in_range(
+            f"{table}.{known_name(f'key of [{table}]', name, highest)}", value, 0.0, highest[name]
+        )
 
 
 def read_vehicle(path: Path) -> VehicleFile:
@@ -120,11 +154,18 @@ def read_vehicle(path: Path) -> VehicleFile:
     channels = _table(content, "channels", CHANNELS)
     return VehicleFile(
         vehicle=_vehicle(general, _table(content, "parameters", QUANTITIES)),
-        columns={name: _column(f"channels.{name}", entry, CHANNELS[name].unit) for name, entry in channels.items()},
+        columns={
+            name: _column(f"channels.{name}", entry, CHANNELS[name].unit)
+            for name, entry in channels.items()
+        },
         time=_column("time", content["time"], "s") if "time" in content else None,
         band=_table(content, "healthy_band", BAND),
         noise=_table(content, "noise", NOISE),
-        **{key: general[key] for key in ("sample_rate", "shafts", "hotel_load", "battery") if key in general},
+        **{
+            key: general[key]
+            for key in ("sample_rate", "shafts", "hotel_load", "battery")
+            if key in general
+        },
     )
 
 
@@ -164,7 +205,9 @@ def _column(where: str, entry: Any, kind: str) -> Column:
     return Column(entry.get("column"), unit * scale, entry.get("offset", 0.0))
 
 
-def write_vehicle(path: Path, vehicle: VehicleFile, comments: Mapping[str, str] = MappingProxyType({})) -> None:
+def write_vehicle(
+    path: Path, vehicle: VehicleFile, comments: Mapping[str, str] = MappingProxyType({})
+) -> None:
     """Write the file; `read_vehicle` gives an equal vehicle back.
 
     Parameters
@@ -174,7 +217,8 @@ def write_vehicle(path: Path, vehicle: VehicleFile, comments: Mapping[str, str] 
     vehicle
         What to write.
     comments
-        What stands behind a line, by table and key: ``{"vehicle.sample_rate": "median of 500 rows"}``.
+        What stands behind a line, by table and key: ``{"vehicle.sample_rate": "median of 500
+        rows"}``.
     """
     try:
         Path(path).write_text(as_toml(vehicle, comments), encoding="utf-8")
@@ -185,17 +229,25 @@ def write_vehicle(path: Path, vehicle: VehicleFile, comments: Mapping[str, str] 
 
 def as_toml(vehicle: VehicleFile, comments: Mapping[str, str] = MappingProxyType({})) -> str:
     """The text of the file, with units and the comments given; only what differs from the nearest preset is in it."""
-    changes = {preset.name: _changed(_constants(vehicle.vehicle), _constants(preset)) for preset in PRESETS.values()}
+    changes = {
+        preset.name: _changed(_constants(vehicle.vehicle), _constants(preset))
+        for preset in PRESETS.values()
+    }
     preset = min(changes, key=lambda name: len(changes[name]))
     tables = {
         "vehicle": {"name": vehicle.vehicle.name, "preset": preset}
-        | {key: getattr(vehicle, key) for key in ("shafts", "sample_rate", "hotel_load", "battery")},
+        | {
+            key: getattr(vehicle, key) for key in ("shafts", "sample_rate", "hotel_load", "battery")
+        },
         "parameters": changes[preset],
         "healthy_band": _changed(vehicle.band, BAND),
         "noise": _changed(vehicle.noise, NOISE),
         "time": {} if vehicle.time is None else _entry(vehicle.time, "s"),
     }
-    tables |= {f"channels.{name}": _entry(column, CHANNELS[name].unit) for name, column in vehicle.columns.items()}
+    tables |= {
+        f"channels.{name}": _entry(column, CHANNELS[name].unit)
+        for name, column in vehicle.columns.items()
+    }
     return "\n".join(_text(name, table, comments) for name, table in tables.items() if table)
 
 
@@ -211,13 +263,19 @@ def _entry(column: Column, kind: str) -> dict[str, str | float]:
     unit = next((unit for unit, scale in UNITS[kind].items() if scale == abs(column.scale)), kind)
     scale = column.scale / UNITS[kind][unit]
     entry = {"column": column.name, "unit": unit, "scale": scale, "offset": column.offset}
-    return {key: value for key, value in entry.items() if (key, value) not in (("scale", 1.0), ("offset", 0.0))}
+    return {
+        key: value
+        for key, value in entry.items()
+        if (key, value) not in (("scale", 1.0), ("offset", 0.0))
+    }
 
 
 def _text(name: str, table: Mapping[str, Any], comments: Mapping[str, str]) -> str:
     lines = [f"[{name}]"]
     for key, value in table.items():
-        notes = " ".join("; ".join(filter(None, (_about(name, key), comments.get(f"{name}.{key}")))).split())
+        notes = " ".join(
+            "; ".join(filter(None, (_about(name, key), comments.get(f"{name}.{key}")))).split()
+        )
         lines.append(f"{key} = {_literal(value)}" + (f"  # {notes}" if notes else ""))
     return "\n".join(lines) + "\n"
 

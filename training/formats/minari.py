@@ -1,8 +1,9 @@
 """Simulated episodes as a Minari data set: observations, actions, rewards, and the truth in the infos.
 
-It lies within the run, in the layout that `minari.load_dataset` looks for: point MINARI_DATASETS_PATH at
-``OUTPUT/minari``. An episode's metadata hold seed and reset options: the environment that the data set recovers
-replays it exactly. Minari asks for the size of all files after every episode: thousands of them take long.
+It lies within the run, in the layout that `minari.load_dataset` looks for: point
+MINARI_DATASETS_PATH at ``OUTPUT/minari``. An episode's metadata hold seed and reset options: the
+environment that the data set recovers replays it exactly. Minari asks for the size of all files
+after every episode: thousands of them take long.
 """
 
 import copy
@@ -54,12 +55,17 @@ def environment(arguments: Simulate) -> gym.envs.registration.EnvSpec:
     spec = copy.deepcopy(gym.spec(ENVIRONMENT))
     spec.max_episode_steps = round(arguments.duration * SAMPLE_RATE)
     names = ("preset", "sensor_noise", "disturbance", "healthy_band")
-    spec.kwargs = {name: getattr(arguments, name) for name in names} | {"horizon": max(60.0, arguments.duration)}
+    spec.kwargs = {name: getattr(arguments, name) for name in names} | {
+        "horizon": max(60.0, arguments.duration)
+    }
     return spec
 
 
 def episodes(
-    columns: Mapping[str, np.ndarray], seeds: Iterable[int], schedules: Iterable[Schedule], mission: Mission | None
+    columns: Mapping[str, np.ndarray],
+    seeds: Iterable[int],
+    schedules: Iterable[Schedule],
+    mission: Mission | None,
 ) -> Iterator[Any]:
     """A `minari.data_collector.EpisodeBuffer` per lane.
 
@@ -73,8 +79,12 @@ def episodes(
         That of all lanes; None if each has drawn its own.
     """
     buffer = needed("minari.data_collector.episode_buffer", "formats").EpisodeBuffer
-    observations, actions = (np.stack([columns[name] for name in names], axis=-1) for names in (CHANNELS, ACTIONS))
-    infos = {name: values for name, values in columns.items() if name not in (*CHANNELS, "truth_reward")}
+    observations, actions = (
+        np.stack([columns[name] for name in names], axis=-1) for names in (CHANNELS, ACTIONS)
+    )
+    infos = {
+        name: values for name, values in columns.items() if name not in (*CHANNELS, "truth_reward")
+    }
     asked = {} if mission is None else {"mission": asdict(mission)}
     for lane, (seed, schedule) in enumerate(zip(seeds, schedules, strict=True)):
         last = np.arange(1, len(observations)) == len(observations) - 1
@@ -82,7 +92,8 @@ def episodes(
             seed=int(seed),
             options={"schedule": json.loads(to_json(schedule))} | asked,
             observations=observations[:, lane],
-            actions=actions[1:, lane],  # the commands in force during the sample that ends with the reading
+            # the commands in force during the sample that ends with the reading
+            actions=actions[1:, lane],
             rewards=columns["truth_reward"][1:, lane],
             terminations=np.zeros_like(last),
             truncations=last,

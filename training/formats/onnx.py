@@ -1,9 +1,10 @@
 """What goes into an ONNX file: a trained network with all that stands between its inputs and its answer.
 
-PyTorch modules in float32; inputs and outputs are (n_lanes, n_columns). Filters and features stay outside: their
-equations are those of `diagnosers`, and what they say is an input. A memory is one more input, `state`, zeros at the
-start of an episode, and one more output, `next_state`. What is a product of probabilities in `diagnosers` is a sum of
-logarithms here, which float32 does not underflow.
+PyTorch modules in float32; inputs and outputs are (n_lanes, n_columns). Filters and features stay
+outside: their equations are those of `diagnosers`, and what they say is an input. A memory is one
+more input, `state`, zeros at the start of an episode, and one more output, `next_state`. What is a
+product of probabilities in `diagnosers` is a sum of logarithms here, which float32 does not
+underflow.
 """
 
 from abc import ABC, abstractmethod
@@ -37,7 +38,9 @@ from training.stimuli.policy import LAYERS, LearnedPolicy
 
 IMPOSSIBLE = -1e4  # logarithm of a share that is zero: finite, and its exponential is zero
 EXAMPLE = (FaultEvent("motor_overheating:port", onset=15.0, severity=0.6),)
-EXAMPLE_SAMPLES, EXAMPLE_DECISIONS = 600, 30  # of an episode to try an exported network on
+# of an episode to try an exported network on
+EXAMPLE_SAMPLES = 600
+EXAMPLE_DECISIONS = 30
 
 
 class Graph(nn.Module, ABC):
@@ -62,7 +65,11 @@ class Graph(nn.Module, ABC):
     @property
     def notes(self) -> dict[str, Any]:
         """What the file says of its answers besides."""
-        return {"diagnoser": self.source.name, "classes": self.source.classes, **self.source.settings()}
+        return {
+            "diagnoser": self.source.name,
+            "classes": self.source.classes,
+            **self.source.settings(),
+        }
 
     @abstractmethod
     def episode(self, seed: int) -> dict[str, np.ndarray]:
@@ -79,7 +86,9 @@ class Watching(Graph):
     def episode(self, seed: int) -> dict[str, np.ndarray]:
         """The inputs, as of `feed`, of one vehicle in a minute during which a motor overheats."""
         stimulus = manoeuvres(seed, EXAMPLE_SAMPLES, 1)
-        return self.feed(roll_out(Fleet(1), [seed], EXAMPLE_SAMPLES, stimulus, [EXAMPLE]).observations)
+        return self.feed(
+            roll_out(Fleet(1), [seed], EXAMPLE_SAMPLES, stimulus, [EXAMPLE]).observations
+        )
 
 
 class RawGraph(Watching):
@@ -90,12 +99,16 @@ class RawGraph(Watching):
 
     def __init__(self, source: RawNetwork):
         severity = same_severity((1, len(source.classes)), *PRIOR_SEVERITY)
-        super().__init__(source, scale=SCALE, log_shares=_log(source.shares), severity=np.array(severity))
+        super().__init__(
+            source, scale=SCALE, log_shares=_log(source.shares), severity=np.array(severity)
+        )
         self.network = source.network
 
     def forward(self, observation: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """The belief."""
-        port, starboard = (self.network(_chosen(observation, [*side, SPEED]) / self.scale) for side in COLUMNS)
+        port, starboard = (
+            self.network(_chosen(observation, [*side, SPEED]) / self.scale) for side in COLUMNS
+        )
         log_modes = torch.log_softmax(_chosen(port, PORT) + _chosen(starboard, STARBOARD), dim=1)
         log_probability = _pooled(log_modes, self.log_shares)
         return log_probability, *(moment.expand_as(log_probability) for moment in self.severity)
@@ -128,12 +141,15 @@ class KalmanGraph(Watching):
         sums = self.network((estimate * self.nominal).clamp(0.0, 1.0))
         log_modes = torch.log_softmax(self.slope * sums + self.offset, dim=1)
         intercept, slope, std = self.severity
-        mean = (intercept + slope * (torch.sigmoid(sums) * self.weights).sum(dim=1, keepdim=True)).clamp(0.0, 1.0)
+        mean = (
+            intercept + slope * (torch.sigmoid(sums) * self.weights).sum(dim=1, keepdim=True)
+        ).clamp(0.0, 1.0)
         return _pooled(log_modes, self.log_shares), mean, std.expand_as(mean)
 
     def feed(self, observations: np.ndarray) -> dict[str, np.ndarray]:
         """What the filter estimates."""
-        estimate, found = self.source.filter.initial(observations.shape[1]), []
+        estimate = self.source.filter.initial(observations.shape[1])
+        found = []
         columns = [self.source.filter.states.index(name) for name in self.inputs["estimate"]]
         for observation in observations:
             estimate = self.source.filter.update(estimate, observation)
@@ -148,13 +164,21 @@ class ParallelGraph(Watching):
     about = f"{RawGraph.about}; {KalmanGraph.about}"
 
     def __init__(self, source: Parallel):
-        super().__init__(source, log_prior=source.log_prior, log_ratios=_log(np.array(source.ratios)))
-        self.raw, self.kalman = RawGraph(source.raw), KalmanGraph(source.kalman)
+        super().__init__(
+            source, log_prior=source.log_prior, log_ratios=_log(np.array(source.ratios))
+        )
+        self.raw = RawGraph(source.raw)
+        self.kalman = KalmanGraph(source.kalman)
 
-    def forward(self, observation: torch.Tensor, estimate: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    def forward(
+        self, observation: torch.Tensor, estimate: torch.Tensor
+    ) -> tuple[torch.Tensor, ...]:
         """The belief."""
-        (shaft, *_), (hull, *severity) = self.raw(observation), self.kalman(estimate)
-        evidence = [_pooled(log, ratios) for log, ratios in zip((shaft, hull), self.log_ratios, strict=True)]
+        (shaft, *_) = self.raw(observation)
+        (hull, *severity) = self.kalman(estimate)
+        evidence = [
+            _pooled(log, ratios) for log, ratios in zip((shaft, hull), self.log_ratios, strict=True)
+        ]
         return torch.log_softmax(self.log_prior + evidence[0] + evidence[1], dim=1), *severity
 
     def feed(self, observations: np.ndarray) -> dict[str, np.ndarray]:
@@ -165,7 +189,9 @@ class ParallelGraph(Watching):
 class OneSample(nn.GRUCell):
     """A gated recurrent unit as `Network` calls it, for one sample: PyTorch exports `nn.GRU` as a loop."""
 
-    def forward(self, inputs: torch.Tensor, units: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def forward(
+        self, inputs: torch.Tensor, units: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         """What it recalls, which is its units, and these."""
         units = super().forward(inputs, units)
         return units, units
@@ -182,7 +208,10 @@ class IntegratedGraph(Watching):
 
     def __init__(self, source: Integrated):
         super().__init__(source, fault=[0.0] + [1.0] * (N_CLASSES - 1))
-        tensors = {name.removesuffix("_l0"): torch.from_numpy(tensor) for name, tensor in source.tensors().items()}
+        tensors = {
+            name.removesuffix("_l0"): torch.from_numpy(tensor)
+            for name, tensor in source.tensors().items()
+        }
         self.network = Network(OneSample)
         self.network.load_state_dict(tensors)
 
@@ -196,11 +225,17 @@ class IntegratedGraph(Watching):
         odds, faults = _steadied(told, *steady, begun > 0.0)
         faulty = torch.log_softmax(faults, dim=1) - softplus(-odds)
         following = torch.cat([units, opinion, odds, faults, torch.ones_like(begun)], dim=1)
-        return torch.cat([-softplus(odds), faulty], dim=1), mean * self.fault, std * self.fault, following
+        return (
+            torch.cat([-softplus(odds), faulty], dim=1),
+            mean * self.fault,
+            std * self.fault,
+            following,
+        )
 
     def feed(self, observations: np.ndarray) -> dict[str, np.ndarray]:
         """The features."""
-        features, found = Features(self.source.vehicle), []
+        features = Features(self.source.vehicle)
+        found = []
         state = features.initial(observations.shape[1])
         for observation in observations.astype(np.float64):
             state, values = features.step(state, observation)
@@ -224,7 +259,9 @@ class PolicyGraph(Graph):
     def forward(self, features: torch.Tensor) -> torch.Tensor:
         """The action."""
         for layer in LAYERS:
-            features = torch.tanh(linear(features, *(getattr(self, f"{layer}_{part}") for part in ("weight", "bias"))))
+            features = torch.tanh(
+                linear(features, *(getattr(self, f"{layer}_{part}") for part in ("weight", "bias")))
+            )
         return features
 
     @property
@@ -239,7 +276,8 @@ class PolicyGraph(Graph):
 
     def episode(self, seed: int) -> dict[str, np.ndarray]:
         """The features (n_decisions, 1, n_features) of one vehicle that follows the policy, one decision per second."""
-        env, found = ActiveDiagnosisVectorEnv(diagnoser=self.source.diagnoser, budget=self.source.budget), []
+        env = ActiveDiagnosisVectorEnv(diagnoser=self.source.diagnoser, budget=self.source.budget)
+        found = []
         features, _ = env.reset(seed=seed)
         for _ in range(EXAMPLE_DECISIONS):
             found.append(features)
@@ -278,6 +316,7 @@ def _steadied(
     now = torch.logsumexp(told[:, 1:], dim=1, keepdim=True) - told[:, :1]
     odds = torch.where(begun, torch.maximum(now, odds + share_of(RELEASE) * (now - odds)), now)
     share = share_of(SETTLING)
-    added, kept = told[:, 1:] + float(np.log(share)), faults + float(np.log1p(-share))
+    added = told[:, 1:] + float(np.log(share))
+    kept = faults + float(np.log1p(-share))
     averaged = torch.maximum(added, kept) + softplus(-(added - kept).abs())
     return odds, torch.where(begun, averaged, added)

@@ -16,7 +16,9 @@ class Learner:
         self.network = network
         self.optimiser = torch.optim.Adam(self.network.parameters())
         for parameter in self.network.parameters():
-            still = dict(exp_avg=torch.zeros_like(parameter), exp_avg_sq=torch.zeros_like(parameter))
+            still = dict(
+                exp_avg=torch.zeros_like(parameter), exp_avg_sq=torch.zeros_like(parameter)
+            )
             self.optimiser.state[parameter] = still | {"step": torch.zeros(())}
 
     def descend(self, loss: torch.Tensor, rate: float) -> None:
@@ -29,7 +31,9 @@ class Learner:
 
     def state(self) -> dict[str, np.ndarray]:
         """Copies of weights and moments, by name."""
-        moments = {f"{name}.{moment}": tensor.numpy().copy() for name, moment, tensor in self._moments()}
+        moments = {
+            f"{name}.{moment}": tensor.numpy().copy() for name, moment, tensor in self._moments()
+        }
         return self.network.tensors() | moments
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:

@@ -10,7 +10,13 @@ from torch import nn
 from training.stimuli.policy import HIDDEN, LAYERS
 
 LOG_STD = -1.4  # of an action, for good: 0.25, or 0.06 m/s; less is lost in the disturbance
-SOURCES = dict(zip(LAYERS, ("mlp_extractor.policy_net.0", "mlp_extractor.policy_net.2", "action_net.0"), strict=True))
+SOURCES = dict(
+    zip(
+        LAYERS,
+        ("mlp_extractor.policy_net.0", "mlp_extractor.policy_net.2", "action_net.0"),
+        strict=True,
+    )
+)
 
 
 class Bounded(ActorCriticPolicy):
@@ -23,7 +29,9 @@ class Bounded(ActorCriticPolicy):
 
     def tensors(self) -> dict[str, np.ndarray]:
         """A copy of all parameters, by name."""
-        return {name: parameter.detach().numpy().copy() for name, parameter in self.named_parameters()}
+        return {
+            name: parameter.detach().numpy().copy() for name, parameter in self.named_parameters()
+        }
 
 
 class Agent(Bounded):
@@ -35,11 +43,15 @@ class Agent(Bounded):
     def meant(self, rollout: RolloutBuffer) -> np.ndarray:
         """The actions (n_steps, n_lanes) without noise where the rollout was."""
         seen = rollout.observations
-        return self.predict(seen.reshape(-1, seen.shape[-1]), deterministic=True)[0].reshape(seen.shape[:2])
+        return self.predict(seen.reshape(-1, seen.shape[-1]), deterministic=True)[0].reshape(
+            seen.shape[:2]
+        )
 
     def learned(self) -> dict[str, np.ndarray]:
         """A copy of the tensors of a `LearnedPolicy`, whose actions are this actor's deterministic ones."""
         own = self.tensors()
         return {
-            f"{to}_{part}": own[f"{source}.{part}"] for to, source in SOURCES.items() for part in ("weight", "bias")
+            f"{to}_{part}": own[f"{source}.{part}"]
+            for to, source in SOURCES.items()
+            for part in ("weight", "bias")
         }

@@ -20,21 +20,22 @@ LEFT = FEATURES.index("left")
 class ConstrainedVecEnv(VecEnvWrapper):
     """The active environment within its budget, in which offsets have a price as long as the vehicle is healthy.
 
-    The second in which the truth changes pays nothing: what it would pay is large, whatever the agent does. A right
-    declaration pays `DECLARED`: between two faults that look alike the truth is worth less than a nat, to whoever
-    waits for the declaration it is all.
+    The second in which the truth changes pays nothing: what it would pay is large, whatever the
+    agent does. A right declaration pays `DECLARED`: between two faults that look alike the truth is
+    worth less than a nat, to whoever waits for the declaration it is all.
 
-    No action goes beyond what is left of an episode's squared offsets, as in `training.stimuli.closed_loop`; the
-    feature `left` tells it. An episode begins with the budget, or with a random one from `least` of it on: the agent
-    then learns all smaller ones as well.
+    No action goes beyond what is left of an episode's squared offsets, as in
+    `training.stimuli.closed_loop`; the feature `left` tells it. An episode begins with the budget,
+    or with a random one from `least` of it on: the agent then learns all smaller ones as well.
 
-    To gain most subject to a mean cost of healthy vehicles of at most ``(HEALTHY_SHARE budget)^2`` is to gain most of
-    what is left of the rewards after paying the price, a Lagrange multiplier, at which the constraint just holds. Dual
-    ascent finds it while the agent learns (Altman 1999, Constrained Markov Decision Processes, ch. 3; as
-    PPO-Lagrangian in Ray, Achiam & Amodei 2019): after each rollout ``price = max(0, price + RATE overdraft)``,
-    ``overdraft = mean(cost / budget^2) / HEALTHY_SHARE^2 - 1``, at most 1, with the budget of each episode. The mean is
-    over the decisions at whose end nothing was wrong; the cost is that of the policy's own choice, without the noise of
-    exploration.
+    To gain most subject to a mean cost of healthy vehicles of at most ``(HEALTHY_SHARE budget)^2``
+    is to gain most of what is left of the rewards after paying the price, a Lagrange multiplier, at
+    which the constraint just holds. Dual ascent finds it while the agent learns (Altman 1999,
+    Constrained Markov Decision Processes, ch. 3; as PPO-Lagrangian in Ray, Achiam & Amodei 2019):
+    after each rollout ``price = max(0, price + RATE overdraft)``, ``overdraft = mean(cost /
+    budget^2) / HEALTHY_SHARE^2 - 1``, at most 1, with the budget of each episode. The mean is over
+    the decisions at whose end nothing was wrong; the cost is that of the policy's own choice,
+    without the noise of exploration.
 
     Attributes
     ----------
@@ -46,10 +47,13 @@ class ConstrainedVecEnv(VecEnvWrapper):
 
     def __init__(self, venv: ActiveVecEnv, least: float = 1.0):
         super().__init__(venv)
-        self.price, self._least = PRICE, least
-        self._largest, self.amplitude = venv.env.budget**2, venv.env.amplitude
+        self.price = PRICE
+        self._least = least
+        self._largest = venv.env.budget**2
+        self.amplitude = venv.env.amplitude
         self._random = np.random.default_rng(0)
-        self._sound: list[np.ndarray] = []  # squared budgets of the lanes on which nothing was wrong, else NaN
+        # squared budgets of the lanes on which nothing was wrong, else NaN
+        self._sound: list[np.ndarray] = []
 
     def seed(self, seed: int | None = None) -> list[int | None]:
         """Seed vehicles and budgets; counts from the next reset on."""
@@ -58,7 +62,8 @@ class ConstrainedVecEnv(VecEnvWrapper):
 
     def reset(self) -> np.ndarray:
         """Start an episode on every lane."""
-        self.outcomes, self._sound = Outcomes(self.num_envs), []
+        self.outcomes = Outcomes(self.num_envs)
+        self._sound = []
         self._allowed = self._drawn(self.num_envs)
         self._left = EPISODE * self._allowed
         observation = self.venv.reset()
@@ -87,7 +92,9 @@ class ConstrainedVecEnv(VecEnvWrapper):
         self._left[done] = EPISODE * self._allowed[done]
         right = (label == [info["declared"] for info in infos]) & (label != NORMAL)
         gain = np.where(label == self._label, reward, 0.0) + DECLARED * right
-        label[done] = [self.venv.reset_infos[lane]["truth"]["label"] for lane in np.flatnonzero(done)]
+        label[done] = [
+            self.venv.reset_infos[lane]["truth"]["label"] for lane in np.flatnonzero(done)
+        ]
         self._label = label
         reward = gain - self.price * np.nan_to_num(cost / sound)
         return self._told(observation), reward.astype(np.float32), done, infos
@@ -99,7 +106,8 @@ class ConstrainedVecEnv(VecEnvWrapper):
     def ascend(self, observations: np.ndarray, actions: np.ndarray) -> None:
         """Adapt the price to what would have been done without noise since the last time.
 
-        Observations (n_steps, n_lanes, n_features) and the actions (n_steps, n_lanes) that the policy means.
+        Observations (n_steps, n_lanes, n_features) and the actions (n_steps, n_lanes) that the
+        policy means.
         """
         left = np.expm1(observations[..., LEFT]) * LARGEST**2
         cost = np.minimum(np.square(self.amplitude * actions), left)

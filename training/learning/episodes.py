@@ -11,7 +11,9 @@ from training.seeds import seeds
 N_SAMPLES = 600  # 60 s
 
 
-def lessons(purpose: str, n_lanes: int, first: int = 0, schedules: ScheduleSampler | None = None) -> Iterator[Rollout]:
+def lessons(
+    purpose: str, n_lanes: int, first: int = 0, schedules: ScheduleSampler | None = None
+) -> Iterator[Rollout]:
     """Two rollouts of half of n_lanes each, 60 s long: the thesis' speed changes, then random missions and manoeuvres.
 
     Band and noise are the fleet's defaults.
@@ -25,7 +27,8 @@ def lessons(purpose: str, n_lanes: int, first: int = 0, schedules: ScheduleSampl
     schedules
         Distribution of the faults; the fleet's own if not given.
     """
-    chosen, half = seeds(purpose, n_lanes, first), n_lanes // 2
+    chosen = seeds(purpose, n_lanes, first)
+    half = n_lanes // 2
     fleet = Fleet(half, schedules=schedules)
     yield roll_out(fleet, chosen[:half], N_SAMPLES, missions=[MISSIONS["thesis"]] * half)
     yield roll_out(fleet, chosen[half:], N_SAMPLES, manoeuvres(chosen[half], N_SAMPLES, half))

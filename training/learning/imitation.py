@@ -13,7 +13,9 @@ from training.stimuli.base import LARGEST
 from training.stimuli.policy_inputs import unbent
 from training.stimuli.surge_ahead import surge_ahead
 
-PASSES, BATCH, RATE = 8, 1024, 1e-3
+PASSES = 8
+BATCH = 1024
+RATE = 1e-3
 N_CLASSES = len(classes())
 
 
@@ -27,7 +29,10 @@ class Lessons(NamedTuple):
 
 def watched(env: ConstrainedVecEnv, decisions: int, discount: float) -> Lessons:
     """The rule by hand at work on every lane for so many decisions."""
-    seen, done, gains, ends = [], [], [], []
+    seen = []
+    done = []
+    gains = []
+    ends = []
     observation = env.reset()
     for _ in range(decisions):
         left = np.expm1(observation[:, LEFT]) * LARGEST**2
@@ -37,11 +42,14 @@ def watched(env: ConstrainedVecEnv, decisions: int, discount: float) -> Lessons:
         observation, gain, end, _ = env.step(done[-1])
         gains.append(gain)
         ends.append(end)
-    worth, ahead = np.zeros((decisions, env.num_envs), np.float32), np.zeros(env.num_envs, np.float32)
+    worth = np.zeros((decisions, env.num_envs), np.float32)
+    ahead = np.zeros(env.num_envs, np.float32)
     for k in reversed(range(decisions)):
         ahead = gains[k] + discount * np.where(ends[k], 0.0, ahead)
         worth[k] = ahead
-    return Lessons(*map(torch.from_numpy, (np.concatenate(seen), np.concatenate(done), worth.ravel())))
+    return Lessons(
+        *map(torch.from_numpy, (np.concatenate(seen), np.concatenate(done), worth.ravel()))
+    )
 
 
 def imitate(policy: ActorCriticPolicy, learner: Learner, lessons: Lessons) -> None:
@@ -51,5 +59,7 @@ def imitate(policy: ActorCriticPolicy, learner: Learner, lessons: Lessons) -> No
             seen, done, worth = (part[batch] for part in lessons)
             mean = policy.get_distribution(seen).distribution.mean
             loss = torch.nn.functional.mse_loss(mean, done)
-            loss = loss + 0.1 * torch.nn.functional.mse_loss(policy.predict_values(seen)[:, 0], worth)
+            loss = loss + 0.1 * torch.nn.functional.mse_loss(
+                policy.predict_values(seen)[:, 0], worth
+            )
             learner.descend(loss, RATE)

@@ -24,16 +24,24 @@ from training.learning.episodes import lessons
 from training.rollouts import Rollout
 from training.seeds import SPAN
 
-SCHEDULES = ScheduleSampler(compound=0.05, intermittent=0.05, repaired=0.0)  # faults stay; after a repair, reset
+# faults stay; after a repair, reset
+SCHEDULES = ScheduleSampler(compound=0.05, intermittent=0.05, repaired=0.0)
 LANES = 512  # episodes simulated together
 LESSONS = 4  # such simulations per epoch
-SIMULATORS, AHEAD = 2, 4  # simulations at a time, and ahead of their use: the filter bank takes more time than all else
-KEPT, KEPT_EVERY = 6, 6  # epochs whose lessons the encoder looks back on, and at which of their samples
+# simulations at a time, and ahead of their use: the filter bank takes more time than all else
+SIMULATORS = 2
+AHEAD = 4
+# epochs whose lessons the encoder looks back on, and at which of their samples
+KEPT = 6
+KEPT_EVERY = 6
 GLANCES = 150  # steps of the encoder per lesson
-MIXED, GLANCED = 8, 256  # lessons drawn for such a step, and samples of each
+# lessons drawn for such a step, and samples of each
+MIXED = 8
+GLANCED = 256
 BATCH = 32  # episodes per step of the memory
 LOOKING = 6  # epochs in which the encoder learns alone
-RATE, MEMORY_RATE = 1e-3, 2e-3  # of Adam at the highest; they fall to zero as a cosine over all epochs
+RATE = 1e-3  # of Adam at the highest
+MEMORY_RATE = 2e-3  # they fall to zero as a cosine over all epochs
 SEVERITY_WEIGHT = 0.1  # of the severity's likelihood beside the cross-entropy
 TRIED = 2  # lessons to validate and to calibrate on
 LEAN = 0.4  # on the bank, in the pool of both; chosen on calibration lanes
@@ -51,9 +59,10 @@ class Lesson(NamedTuple):
 class IntegratedTrainer:
     """Cross-entropy of the class plus Gaussian likelihood of the severity, on every sample of streamed episodes.
 
-    The encoder learns from samples drawn at random out of many episodes, in many small steps (samples of few episodes
-    are too much alike: it would learn these by heart); the memory from whole episodes of what the encoder makes of
-    them. Half of all episodes are learnt from as mirror images, port and starboard exchanged.
+    The encoder learns from samples drawn at random out of many episodes, in many small steps
+    (samples of few episodes are too much alike: it would learn these by heart); the memory from
+    whole episodes of what the encoder makes of them. Half of all episodes are learnt from as mirror
+    images, port and starboard exchanged.
     """
 
     epochs = 20
@@ -73,11 +82,14 @@ class IntegratedTrainer:
         self.network = self.learner.network
         self.validation: list[Lesson] = []
         self.kept: deque[Lesson] = deque(maxlen=KEPT * LESSONS)
-        self.next_epoch, self.stream = -1, iter(())
+        self.next_epoch = -1
+        self.stream = iter(())
 
     def epoch(self, number: int) -> dict[str, float]:
         """Train on episodes that depend on (seed, number) alone; the next are simulated while these are learnt from."""
-        random, glances, episodes = np.random.default_rng([self.seed, number, 1]), [], []
+        random = np.random.default_rng([self.seed, number, 1])
+        glances = []
+        episodes = []
         if not self.kept:
             self._look_back(number)
         with one_thread():
@@ -99,7 +111,9 @@ class IntegratedTrainer:
 
     def _firsts(self, number: int) -> list[int]:
         """First seeds of the lessons of an epoch."""
-        return np.random.default_rng([self.seed, number]).integers(SPAN - LANES, size=LESSONS).tolist()
+        return (
+            np.random.default_rng([self.seed, number]).integers(SPAN - LANES, size=LESSONS).tolist()
+        )
 
     def _look_back(self, number: int) -> None:
         """Simulate again what a training that goes on from here had kept."""
@@ -112,8 +126,13 @@ class IntegratedTrainer:
         losses = []
         for k in range(GLANCES):
             chosen = [self.kept[place] for place in random.integers(len(self.kept), size=MIXED)]
-            places = [torch.from_numpy(random.integers(len(one.label), size=GLANCED)) for one in chosen]
-            parts = zip(*(tuple(part[at] for part in one) for one, at in zip(chosen, places, strict=True)), strict=True)
+            places = [
+                torch.from_numpy(random.integers(len(one.label), size=GLANCED)) for one in chosen
+            ]
+            parts = zip(
+                *(tuple(part[at] for part in one) for one, at in zip(chosen, places, strict=True)),
+                strict=True,
+            )
             features, label, severity = (torch.cat(part) for part in parts)
             seen = mirrored_if(k % 2, Lesson(features.float(), label, severity))
             losses.append(self._descend(self.network.look(seen.features)[1], seen, rate))
@@ -144,7 +163,8 @@ class IntegratedTrainer:
         """Mean negative log-probability of the class, and of the severity where there is a fault."""
         log_probability, mean, std = self.network.read(outputs, taught.features)
         label = taught.label[..., None]
-        mean, std = mean.gather(-1, label)[..., 0], std.gather(-1, label)[..., 0]
+        mean = mean.gather(-1, label)[..., 0]
+        std = std.gather(-1, label)[..., 0]
         faulty = (taught.label > 0).float()
         severity_loss = 0.5 * ((taught.severity - mean) / std) ** 2 + std.log()
         class_loss = -log_probability.gather(-1, label).mean()
@@ -168,7 +188,9 @@ class IntegratedTrainer:
 
     def finish(self) -> tuple[Integrated, dict[str, Any]]:
         """Calibrate, and give the diagnoser with its losses on the calibration seeds before and after."""
-        network, scores, label = self.network, [], []
+        network = self.network
+        scores = []
+        label = []
         network.lean.fill_(LEAN)
         with one_thread(), torch.no_grad():
             for taught in simulated("calibration", tried()):
@@ -177,7 +199,11 @@ class IntegratedTrainer:
                     scores.append(pooled[::CALIBRATED_EVERY].flatten(0, 1))
                     label.append(batch.label[::CALIBRATED_EVERY].flatten())
         before, after = calibrate(network, torch.cat(scores), torch.cat(label))
-        figures = {"calibration_loss_before": before, "calibration_loss": after, "sharpness": float(network.sharpness)}
+        figures = {
+            "calibration_loss_before": before,
+            "calibration_loss": after,
+            "sharpness": float(network.sharpness),
+        }
         return Integrated(weights=network.tensors()), figures
 
 
@@ -199,7 +225,8 @@ def tried() -> list[int]:
 
 def simulated(purpose: str, firsts: Iterable[int]) -> Iterator[Lesson]:
     """A lesson of `LANES` episodes from each of these seeds of a purpose on, a few simulated ahead of their use."""
-    pool, coming = ThreadPoolExecutor(SIMULATORS), iter(firsts)
+    pool = ThreadPoolExecutor(SIMULATORS)
+    coming = iter(firsts)
     try:
         waiting = deque(pool.submit(lesson, purpose, first) for first in islice(coming, AHEAD))
         while waiting:
@@ -213,7 +240,11 @@ def simulated(purpose: str, firsts: Iterable[int]) -> Iterator[Lesson]:
 def lesson(purpose: str, first: int) -> Lesson:
     """`LANES` episodes from the first-th seed of a purpose on, as the network sees them."""
     rollouts = list(lessons(purpose, LANES, first, SCHEDULES))
-    parts = [encoded(rollout) for rollout in rollouts], [r.label for r in rollouts], [r.severity for r in rollouts]
+    parts = (
+        [encoded(rollout) for rollout in rollouts],
+        [r.label for r in rollouts],
+        [r.severity for r in rollouts],
+    )
     return Lesson(*(torch.from_numpy(np.concatenate(part, axis=1)) for part in parts))
 
 
@@ -229,7 +260,9 @@ def encoded(rollout: Rollout) -> np.ndarray:
 
 def sampled(taught: Lesson, turn: int) -> Lesson:
     """One sample in `KEPT_EVERY` of a lesson, lanes in a row, in half precision: what the encoder looks back on."""
-    features, label, severity = (part[turn % KEPT_EVERY :: KEPT_EVERY].flatten(0, 1) for part in taught)
+    features, label, severity = (
+        part[turn % KEPT_EVERY :: KEPT_EVERY].flatten(0, 1) for part in taught
+    )
     return Lesson(features.half(), label.clone(), severity.clone())
 
 
@@ -252,12 +285,15 @@ def mirrored_if(turn: int, taught: Lesson) -> Lesson:
     """The lesson as it is, or (turn 1) on a vehicle with port and starboard exchanged."""
     if not turn:
         return taught
-    return Lesson(taught.features[..., image(FEATURES)], image(CLASSES)[taught.label], taught.severity)
+    return Lesson(
+        taught.features[..., image(FEATURES)], image(CLASSES)[taught.label], taught.severity
+    )
 
 
 def calibrate(network: Network, scores: torch.Tensor, label: torch.Tensor) -> tuple[float, float]:
     """Fit sharpness and bias to scores (n, n_classes) of lanes not trained on; returns the losses before and after."""
-    sharpness, bias = torch.ones(1, requires_grad=True), torch.zeros(scores.shape[1], requires_grad=True)
+    sharpness = torch.ones(1, requires_grad=True)
+    bias = torch.zeros(scores.shape[1], requires_grad=True)
     optimiser = torch.optim.LBFGS([sharpness, bias], max_iter=100, line_search_fn="strong_wolfe")
 
     def loss() -> torch.Tensor:

@@ -14,10 +14,13 @@ from diagnosers.networks.feed_forward import FeedForward, drawn
 from diagnosers.networks.modes import log_softmax, shares
 from training.learning.episodes import lessons
 
-POINTS, VALIDATION_POINTS = 41, 60  # along an axis of the map; no point in common but the corners
+POINTS = 41  # along an axis of the map
+VALIDATION_POINTS = 60  # no point in common but the corners
 ITERATIONS = 50  # of L-BFGS in an epoch
 STEEPNESS = 10.0  # of the hidden nodes' edges at the start, per unit of the map
-DECAY = 3e-6  # of the weights: 0 learns less of the map (84 to 90 %, not 95) and 1e-5 too (93 %), with smoother edges
+# of the weights: 0 learns less of the map (84 to 90 %, not 95) and 1e-5 too (93 %), with smoother
+# edges
+DECAY = 3e-6
 LANES = 1024  # episodes to calibrate on
 EVERY = 8  # one sample in so many
 
@@ -25,7 +28,8 @@ EVERY = 8  # one sample in so many
 class KalmanNetworkTrainer:
     """Squared error of the outputs on a grid over the fault map, the thesis' single training file, and weight decay.
 
-    The map is one data set without randomness, so every epoch is a full-batch run of L-BFGS, started afresh.
+    The map is one data set without randomness, so every epoch is a full-batch run of L-BFGS,
+    started afresh.
     """
 
     epochs = 20
@@ -43,7 +47,10 @@ class KalmanNetworkTrainer:
         """Go on descending; the data are the same in every epoch."""
         inputs, target = _map(POINTS)
         optimiser = torch.optim.LBFGS(
-            self.network.parameters(), max_iter=ITERATIONS, tolerance_change=0.0, line_search_fn="strong_wolfe"
+            self.network.parameters(),
+            max_iter=ITERATIONS,
+            tolerance_change=0.0,
+            line_search_fn="strong_wolfe",
         )
 
         def closure() -> torch.Tensor:
@@ -56,8 +63,13 @@ class KalmanNetworkTrainer:
         return {"loss": closure().item()}
 
     def _loss(self, inputs: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
-        weights = self.network.hidden_weight.square().sum() + self.network.output_weight.square().sum()
-        return torch.nn.functional.mse_loss(torch.sigmoid(self.network(inputs)), target) + DECAY * weights
+        weights = (
+            self.network.hidden_weight.square().sum() + self.network.output_weight.square().sum()
+        )
+        return (
+            torch.nn.functional.mse_loss(torch.sigmoid(self.network(inputs)), target)
+            + DECAY * weights
+        )
 
     def validate(self) -> dict[str, float]:
         """The same loss between the points."""
@@ -87,7 +99,8 @@ class KalmanNetworkTrainer:
 
 def started(seed: int) -> dict[str, np.ndarray]:
     """Tensors to start from: the edge of every hidden node, of any direction, goes through the map's square."""
-    random, tensors = np.random.default_rng(seed), drawn(ARCHITECTURE, seed)
+    random = np.random.default_rng(seed)
+    tensors = drawn(ARCHITECTURE, seed)
     normals = STEEPNESS * random.normal(size=tensors["hidden_weight"].shape)
     through = random.uniform(size=normals.shape)
     edges = {"hidden_weight": normals, "hidden_bias": -(normals * through).sum(axis=1)}
@@ -102,7 +115,9 @@ def _map(n: int) -> tuple[torch.Tensor, torch.Tensor]:
 def share_right(network: FeedForward) -> float:
     """Share of the map on which the largest output is the right mode."""
     between = grid(VALIDATION_POINTS)
-    return float(np.mean(network.recall(between).argmax(axis=1) == fault_map(between).argmax(axis=1)))
+    return float(
+        np.mean(network.recall(between).argmax(axis=1) == fault_map(between).argmax(axis=1))
+    )
 
 
 def _filtered(network: FeedForward) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -114,7 +129,9 @@ def _filtered(network: FeedForward) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         for k, observation in enumerate(rollout.observations):
             estimate = parameters.update(estimate, observation)
             if k % EVERY == 0:
-                parts.append((network.recall(points(estimate)), rollout.label[k], rollout.severity[k]))
+                parts.append(
+                    (network.recall(points(estimate)), rollout.label[k], rollout.severity[k])
+                )
     sums, label, grown = (np.concatenate(part) for part in zip(*parts, strict=True))
     return sums, label, grown
 
@@ -130,7 +147,9 @@ def calibrated(sums: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndar
         log_modes = log_softmax(slope * sums + offset)
         joint = log_modes + log_share
         pull = (np.exp(log_modes) - np.exp(log_softmax(joint))) / n_samples
-        return -logsumexp(joint, axis=1).mean(), np.concatenate([(pull * sums).sum(axis=0), pull.sum(axis=0)])
+        return -logsumexp(joint, axis=1).mean(), np.concatenate(
+            [(pull * sums).sum(axis=0), pull.sum(axis=0)]
+        )
 
     start = np.concatenate([np.ones(n_modes), np.zeros(n_modes)])
     found = minimize(loss, start, jac=True, method="L-BFGS-B")
@@ -142,7 +161,8 @@ def lines(height: np.ndarray, label: np.ndarray, grown: np.ndarray) -> np.ndarra
     mode = np.array([MODES_5_2.index(name) if name else -1 for name in labels().values()])[label]
     table = np.zeros((len(MODES_5_2), 3))
     for k in range(1, len(MODES_5_2)):
-        x, y = height[mode == k], grown[mode == k]
+        x = height[mode == k]
+        y = grown[mode == k]
         slope, intercept = np.polyfit(x, y, 1)
         table[k] = intercept, slope, np.std(y - intercept - slope * x)
     return table

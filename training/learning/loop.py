@@ -20,7 +20,9 @@ from training.learning.trainer import Trainer
 Epoch = dict[str, Any]
 
 
-def train(trainer: Trainer, name: str, seed: int, folder: Path, epochs: int | None = None) -> Progress:
+def train(
+    trainer: Trainer, name: str, seed: int, folder: Path, epochs: int | None = None
+) -> Progress:
     """Train to the end, from the checkpoint in `folder` on if there is one; the trainer is left in its best state.
 
     Parameters
@@ -32,7 +34,8 @@ def train(trainer: Trainer, name: str, seed: int, folder: Path, epochs: int | No
     folder
         Holds checkpoint and TensorBoard log; made if missing.
     epochs
-        Most epochs; None for the trainer's own number. Fewer change nothing in those that are trained.
+        Most epochs; None for the trainer's own number. Fewer change nothing in those that are
+        trained.
 
     Raises
     ------
@@ -42,13 +45,19 @@ def train(trainer: Trainer, name: str, seed: int, folder: Path, epochs: int | No
     last = trainer.epochs if epochs is None else epochs
     origin = {"diagnoser": name, "seed": seed, "code": digest(Path(inspect.getfile(type(trainer))))}
     progress = _begun(trainer, folder, origin)
-    with _log(folder / LOG, progress) as log, tqdm(initial=len(progress.history), total=last, unit="epoch") as bar:
+    with (
+        _log(folder / LOG, progress) as log,
+        tqdm(initial=len(progress.history), total=last, unit="epoch") as bar,
+    ):
         while len(progress.history) < last and not _stalled(progress, trainer.patience):
             epoch = _epoch(trainer, len(progress.history))
             progress = progress.after(epoch, trainer.state())
             checkpoint.write(folder, origin, progress)
             _add(log, len(progress.history), epoch)
-            bar.set_postfix({part: f"{epoch[part]['loss']:.4g}" for part in ("train", "validation")}, refresh=False)
+            bar.set_postfix(
+                {part: f"{epoch[part]['loss']:.4g}" for part in ("train", "validation")},
+                refresh=False,
+            )
             bar.update()
     trainer.restore(progress.best)
     return progress
@@ -77,7 +86,9 @@ def _epoch(trainer: Trainer, number: int) -> Epoch:
         for name, value in scalars.items():
             if not math.isfinite(value):
                 remedy = "training has diverged: take another --seed, or mend the trainer"
-                raise refusal(f"{part} {name} of epoch {number + 1}", value, "a finite number", remedy)
+                raise refusal(
+                    f"{part} {name} of epoch {number + 1}", value, "a finite number", remedy
+                )
             scalars[name] = float(value)
     return epoch | {"seconds": time.perf_counter() - begin}
 

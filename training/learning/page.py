@@ -22,7 +22,9 @@ def page(card: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _curve(card: Mapping[str, Any]) -> dict[str, Any]:
-    losses = {part: [epoch[part]["loss"] for epoch in card["history"]] for part in ("train", "validation")}
+    losses = {
+        part: [epoch[part]["loss"] for epoch in card["history"]] for part in ("train", "validation")
+    }
     return {
         "plot": "learning_curve",
         "name": "learning-curve",
@@ -34,7 +36,10 @@ def _curve(card: Mapping[str, Any]) -> dict[str, Any]:
 def _table(card: Mapping[str, Any]) -> dict[str, Any]:
     rows = [["validation", name, f"{value:.4g}"] for name, value in card["validation"].items()]
     rows += [["calibrated", name, _shown(value)] for name, value in card["figures"].items()]
-    rows += [["made with", name, version or "not installed"] for name, version in card["versions"].items()]
+    rows += [
+        ["made with", name, version or "not installed"]
+        for name, version in card["versions"].items()
+    ]
     return {"columns": ["of", "what", "value"], "rows": rows}
 
 

@@ -22,9 +22,10 @@ RATE = 0.01  # of Adam at the start; falls to zero as a cosine over all epochs
 class RawNetworkTrainer:
     """Cross-entropy of the belief over all classes, on single samples drawn at random from episodes.
 
-    The thesis trains on squared error with four modes only. Here the loss is the negative log-probability that the
-    diagnoser's belief gives to the true class, so that the belief comes out calibrated; the faults that Table 5.1 does
-    not know are in the data, and lower the probability of `normal` where they can be seen.
+    The thesis trains on squared error with four modes only. Here the loss is the negative
+    log-probability that the diagnoser's belief gives to the true class, so that the belief comes
+    out calibrated; the faults that Table 5.1 does not know are in the data, and lower the
+    probability of `normal` where they can be seen.
     """
 
     epochs = 60
@@ -38,7 +39,9 @@ class RawNetworkTrainer:
         self.seed = seed
         self.learner = Learner(FeedForward(drawn(ARCHITECTURE, seed)))
         with np.errstate(divide="ignore"):
-            self.log_shares = torch.from_numpy(np.log(shares(labels(), tuple(HYPOTHESES)))).float().T.contiguous()
+            self.log_shares = (
+                torch.from_numpy(np.log(shares(labels(), tuple(HYPOTHESES)))).float().T.contiguous()
+            )
         self.validation: tuple[np.ndarray, np.ndarray] | None = None
 
     def epoch(self, number: int) -> dict[str, float]:
@@ -83,7 +86,9 @@ class RawNetworkTrainer:
         return RawNetwork(self.learner.network.tensors()), {"calibration_loss": loss}
 
 
-def samples(purpose: str, n_lanes: int, first: int, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def samples(
+    purpose: str, n_lanes: int, first: int, random: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
     """Single time steps drawn at random from episodes: observations (n, n_channels) and classes (n,)."""
     drawn_samples = [
         (rollout.observations[chosen], rollout.label[chosen])

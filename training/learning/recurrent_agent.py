@@ -41,24 +41,37 @@ class RecurrentAgent(Bounded, RecurrentActorCriticPolicy):
 
     def meant(self, rollout: RecurrentRolloutBuffer) -> np.ndarray:
         """As `Agent.meant`, with what the memory was at each step."""
-        parts = rollout.observations, rollout.hidden_states_pi, rollout.cell_states_pi, rollout.episode_starts
-        told = [self.predict(seen, (h, c), start, True)[0] for seen, h, c, start in zip(*parts, strict=True)]
+        parts = (
+            rollout.observations,
+            rollout.hidden_states_pi,
+            rollout.cell_states_pi,
+            rollout.episode_starts,
+        )
+        told = [
+            self.predict(seen, (h, c), start, True)[0]
+            for seen, h, c, start in zip(*parts, strict=True)
+        ]
         return np.stack(told)[..., 0]
 
 
 class RecurrentTrainer(StimulusTrainer):
     """`StimulusTrainer` with a `RecurrentAgent` under the recurrent PPO of sb3-contrib.
 
-    It is there to be measured by `outcomes`: `policy` and `finish`, which would keep it, are not for it.
+    It is there to be measured by `outcomes`: `policy` and `finish`, which would keep it, are not
+    for it.
     """
 
     def _made(self) -> RecurrentPPO:
-        return RecurrentPPO(RecurrentAgent, self.env, RATE, n_steps=ROLLOUT, device="cpu", **SETTINGS)
+        return RecurrentPPO(
+            RecurrentAgent, self.env, RATE, n_steps=ROLLOUT, device="cpu", **SETTINGS
+        )
 
     def _imitate(self) -> None:
         self.env.seed(seeds("training", LANES, SPAN - LANES)[0])
         with one_thread(), seeded(self.seed % GLOBAL_SEEDS):
-            lessons = Lessons(*(part.unflatten(0, (LIMIT, LANES)) for part in watched(self.env, LIMIT, DISCOUNT)))
+            lessons = Lessons(
+                *(part.unflatten(0, (LIMIT, LANES)) for part in watched(self.env, LIMIT, DISCOUNT))
+            )
             for _ in range(PASSES):
                 for lanes in torch.randperm(LANES).split(WATCHED):
                     self._follow(Lessons(*(part[:, lanes].swapaxes(0, 1) for part in lessons)))
@@ -71,7 +84,8 @@ class RecurrentTrainer(StimulusTrainer):
         values, likely, _ = self.model.policy.evaluate_actions(
             seen, done, RNNStates((still, still), (still, still)), starts
         )
-        squares = -2.0 * np.exp(2.0 * LOG_STD) * likely.mean()  # mean squared error of the action, and a constant
+        # mean squared error of the action, and a constant
+        squares = -2.0 * np.exp(2.0 * LOG_STD) * likely.mean()
         loss = squares + 0.1 * torch.nn.functional.mse_loss(values[:, 0], worth)
         self.learner.descend(loss, IMITATION_RATE)
 

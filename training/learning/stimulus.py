@@ -26,15 +26,25 @@ from training.stimuli.light_bank import PRIOR, lighter_bank
 from training.stimuli.policy import LearnedPolicy
 
 LANES = 512  # vehicles at a time
-ROLLOUT, ROLLOUTS = 32, 8  # decisions of each between two updates of the policy, and such rollouts per epoch
-PASSES, BATCH = 4, 2048  # of an update over its rollout
+# decisions of each between two updates of the policy, and such rollouts per epoch
+ROLLOUT = 32
+ROLLOUTS = 8
+# of an update over its rollout
+PASSES = 4
+BATCH = 2048
 RATE = 1e-3  # of Adam
 STEEPEST_CHANGE = 0.02  # nats, divergence of the policy at which an update ends
 DISCOUNT = 0.9  # per decision: what is known 10 s sooner is worth three times as much
 LEAST_BUDGET = 0.4  # share of the budget, from which episodes of the training begin
 TRIED = 384  # vehicles to validate on
 VALIDATED = round(SCHEDULES.onset[1] + HORIZON)  # decisions, by which delays are known or censored
-SETTINGS = {"n_epochs": PASSES, "batch_size": BATCH, "gamma": DISCOUNT, "target_kl": STEEPEST_CHANGE}  # of PPO
+# of PPO
+SETTINGS = {
+    "n_epochs": PASSES,
+    "batch_size": BATCH,
+    "gamma": DISCOUNT,
+    "target_kl": STEEPEST_CHANGE,
+}
 SHOWN = ("value_loss", "approx_kl", "clip_fraction", "std")  # of what PPO logs
 GLOBAL_SEEDS = 2**32  # seeds of numpy's global generator
 
@@ -42,9 +52,10 @@ GLOBAL_SEEDS = 2**32  # seeds of numpy's global generator
 class StimulusTrainer:
     """A `training.learning.trainer.Trainer` whose epochs are a few rollouts and updates of PPO.
 
-    Every epoch begins new episodes, whose seeds depend on (seed, epoch) alone, so that a training that was broken off
-    goes on bit for bit. The environment's own price of speed is off: that of the constraint takes its place. Where the
-    diagnoser is the filter bank, a lighter one stands in (`training.stimuli.light_bank`).
+    Every epoch begins new episodes, whose seeds depend on (seed, epoch) alone, so that a training
+    that was broken off goes on bit for bit. The environment's own price of speed is off: that of
+    the constraint takes its place. Where the diagnoser is the filter bank, a lighter one stands in
+    (`training.stimuli.light_bank`).
 
     Parameters
     ----------
@@ -64,10 +75,17 @@ class StimulusTrainer:
         "episodes with seeds of their own"
     )
 
-    def __init__(self, seed: int, budget: float = 0.1, diagnoser: str = "filter_bank", steps: int = 650_000):
-        self.seed, self.budget, self.diagnoser = seed, budget, diagnoser
+    def __init__(
+        self, seed: int, budget: float = 0.1, diagnoser: str = "filter_bank", steps: int = 650_000
+    ):
+        self.seed = seed
+        self.budget = budget
+        self.diagnoser = diagnoser
         self.epochs = self.patience = math.ceil(steps / self.decisions)
-        self.env, self.trial = self._environment(LANES, LIMIT, LEAST_BUDGET), self._environment(TRIED, VALIDATED, 1.0)
+        self.env, self.trial = (
+            self._environment(LANES, LIMIT, LEAST_BUDGET),
+            self._environment(TRIED, VALIDATED, 1.0),
+        )
         with seeded(seed % GLOBAL_SEEDS):
             self.model = self._made()
         self.model.set_logger(Logger(None, []))
@@ -79,7 +97,9 @@ class StimulusTrainer:
 
     def _environment(self, n_lanes: int, limit: int, least: float) -> ConstrainedVecEnv:
         diagnoser = lighter_bank() if self.diagnoser == FilterBank.name else self.diagnoser
-        env = ActiveDiagnosisVectorEnv(n_lanes, limit, diagnoser=diagnoser, budget=self.budget, cost_weight=0.0)
+        env = ActiveDiagnosisVectorEnv(
+            n_lanes, limit, diagnoser=diagnoser, budget=self.budget, cost_weight=0.0
+        )
         env.fleet.schedules = replace(SCHEDULES, prior=PRIOR)
         return ConstrainedVecEnv(ActiveVecEnv(env), least)
 
@@ -118,7 +138,8 @@ class StimulusTrainer:
     def outcomes(self, first: int = 0) -> list[Outcome]:
         """How `TRIED` episodes end with the policy without noise, of the validation seeds from the first-th on."""
         self.trial.seed(seeds("validation", TRIED, first)[0])
-        act, observation = self._actor(), self.trial.reset()
+        act = self._actor()
+        observation = self.trial.reset()
         with one_thread():
             for _ in range(VALIDATED):
                 observation, *_ = self.trial.step(act(observation))
@@ -129,7 +150,9 @@ class StimulusTrainer:
 
     def policy(self) -> LearnedPolicy:
         """What has been learnt so far."""
-        return LearnedPolicy(self.model.policy.learned(), self.diagnoser, self.budget, self.env.amplitude)
+        return LearnedPolicy(
+            self.model.policy.learned(), self.diagnoser, self.budget, self.env.amplitude
+        )
 
     def state(self) -> dict[str, np.ndarray]:
         """Weights of actor and critic, moments of Adam, and the price, by name."""

@@ -12,9 +12,10 @@ from diagnosers import Recursive
 class Trainer(Protocol):
     """Trains one diagnoser, epoch by epoch; the loop in `training.learning.loop` owns everything else.
 
-    The loop logs, keeps the best state, stops early, and writes a checkpoint after every epoch. It can be killed at
-    any moment: a new trainer of the same seed that is given `state()` by `restore` must go on bit for bit as the old
-    one would have. So nothing may outlive an epoch that is not in `state()`, no running random generator either.
+    The loop logs, keeps the best state, stops early, and writes a checkpoint after every epoch. It
+    can be killed at any moment: a new trainer of the same seed that is given `state()` by `restore`
+    must go on bit for bit as the old one would have. So nothing may outlive an epoch that is not in
+    `state()`, no running random generator either.
     """
 
     epochs: int
@@ -50,7 +51,8 @@ class Trainer(Protocol):
     def finish(self) -> tuple[Recursive, dict[str, Any]]:
         """Calibrate on calibration seeds, then give the diagnoser with what it has learnt and figures for its card.
 
-        Called once, after the best state has been restored. The figures are plain data that JSON takes, without NaN.
+        Called once, after the best state has been restored. The figures are plain data that JSON
+        takes, without NaN.
         """
         ...
 

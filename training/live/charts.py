@@ -16,7 +16,18 @@ RIVALS = 4  # fault classes whose probabilities are drawn over time
 RANKED = 6  # classes in the bars
 LIKELY = 0.05  # probability from which a class's severity is worth drawing
 TRUE = "#7d3c98"
-PALETTE = ("#c0392b", "#2874a6", "#b9770e", "#117864", "#7d3c98", "#a04000", "#5d6d7e", "#d81b60", "#1e8449", "#00838f")
+PALETTE = (
+    "#c0392b",
+    "#2874a6",
+    "#b9770e",
+    "#117864",
+    "#7d3c98",
+    "#a04000",
+    "#5d6d7e",
+    "#d81b60",
+    "#1e8449",
+    "#00838f",
+)
 MARKED = {"fault": "#111111", "repair": "#1e8449"}
 
 
@@ -51,15 +62,20 @@ def belief(history: History, truth: bool) -> Options:
     """Probability of `normal`, and of the faults that were the likeliest at any time shown."""
     probability = history.probability
     rivals = 1 + np.argsort(-probability[:, 1:].max(axis=0), kind="stable")[:RIVALS]
-    lines = {classes()[k]: _line(probability[:, k], **_look(k)) for k in (0, *sorted(rivals.tolist()))}
-    options = _over_time("belief: probability of normal and of the likeliest faults", history, lines, top=1.0)
+    lines = {
+        classes()[k]: _line(probability[:, k], **_look(k)) for k in (0, *sorted(rivals.tolist()))
+    }
+    options = _over_time(
+        "belief: probability of normal and of the likeliest faults", history, lines, top=1.0
+    )
     options["grid"]["top"] = 66  # below two rows of names
     return options
 
 
 def severity(history: History, truth: bool) -> Options:
     """Severity of the fault that is now the likeliest, where it was likely at all, with its 95 % interval."""
-    index, likely = history.suspect, history.probability[:, history.suspect] >= LIKELY
+    index = history.suspect
+    likely = history.probability[:, history.suspect] >= LIKELY
     mean, low, high = (np.where(likely, values, np.nan) for values in history.severity(index))
     colour = _look(index)["colour"]
     area = {"stack": "interval", "symbol": "none", "lineStyle": {"width": 0}, "color": colour}
@@ -84,7 +100,11 @@ def ranking(history: History, truth: bool) -> Options:
         "title": _title("belief now [%]"),
         "grid": {"left": 8, "right": 48, "top": 34, "bottom": 8, "containLabel": True},
         "xAxis": {"type": "value", "min": 0, "max": 100},
-        "yAxis": {"type": "category", "data": [classes()[k] for k in order], "axisLabel": {"fontSize": 11}},
+        "yAxis": {
+            "type": "category",
+            "data": [classes()[k] for k in order],
+            "axisLabel": {"fontSize": 11},
+        },
         "series": [{"type": "bar", "data": bars, "label": label, "barCategoryGap": "35%"}],
     }
 
@@ -127,16 +147,27 @@ def _line(values: np.ndarray, colour: str, dash: str = "solid", width: int = 1) 
     }
 
 
-def _over_time(title: str, history: History, lines: Mapping[str, Options], top: float | None = None) -> Options:
+def _over_time(
+    title: str, history: History, lines: Mapping[str, Options], top: float | None = None
+) -> Options:
     """Lines over the last minute, with the alarms as areas and what was done as upright lines."""
     end = max(WINDOW, float(history.time[-1]))
     still = end == WINDOW  # else the ends of the axis are no round numbers
-    series = [line | {"name": name, "data": _points(history.time, line["data"])} for name, line in lines.items()]
+    series = [
+        line | {"name": name, "data": _points(history.time, line["data"])}
+        for name, line in lines.items()
+    ]
     series[0] |= _marks(history)
     return {
         "animation": False,
         "title": _title(title),
-        "legend": {"top": 24, "itemWidth": 18, "itemHeight": 8, "itemGap": 8, "textStyle": {"fontSize": 11}},
+        "legend": {
+            "top": 24,
+            "itemWidth": 18,
+            "itemHeight": 8,
+            "itemGap": 8,
+            "textStyle": {"fontSize": 11},
+        },
         "grid": {"left": 44, "right": 14, "top": 50, "bottom": 34},
         "tooltip": {"trigger": "axis"},
         "xAxis": {
@@ -157,17 +188,25 @@ def _over_time(title: str, history: History, lines: Mapping[str, Options], top: 
 def _points(time: np.ndarray, values: np.ndarray) -> list[list[float | None]]:
     """Pairs for a line; no number becomes a gap."""
     kept = np.round(values.astype(np.float64), 4)
-    return [[x, y if y == y else None] for x, y in zip(np.round(time, 1).tolist(), kept.tolist(), strict=True)]
+    return [
+        [x, y if y == y else None]
+        for x, y in zip(np.round(time, 1).tolist(), kept.tolist(), strict=True)
+    ]
 
 
 def _marks(history: History) -> Options:
     label = {"formatter": "{b}", "fontSize": 10, "position": "insideEndTop"}
     lines = [
-        {"name": mark.what, "xAxis": round(mark.time, 1), "lineStyle": {"color": MARKED[mark.what], "type": "solid"}}
+        {
+            "name": mark.what,
+            "xAxis": round(mark.time, 1),
+            "lineStyle": {"color": MARKED[mark.what], "type": "solid"},
+        }
         for mark in history.marks
     ]
     areas = [[{"name": "alarm", "xAxis": begin}, {"xAxis": end}] for begin, end in history.alarms()]
-    tint, name = {"color": "rgba(192, 57, 43, 0.12)"}, {"fontSize": 10, "color": PORT, "position": "insideBottom"}
+    tint = {"color": "rgba(192, 57, 43, 0.12)"}
+    name = {"fontSize": 10, "color": PORT, "position": "insideBottom"}
     return {
         "markLine": {"silent": True, "symbol": "none", "label": label, "data": lines},
         "markArea": {"silent": True, "itemStyle": tint, "label": name, "data": areas},
@@ -175,4 +214,9 @@ def _marks(history: History) -> Options:
 
 
 def _title(text: str) -> Options:
-    return {"text": text, "left": 6, "top": 4, "textStyle": {"fontSize": 13, "fontWeight": "normal"}}
+    return {
+        "text": text,
+        "left": 6,
+        "top": 4,
+        "textStyle": {"fontSize": 13, "fontWeight": "normal"},
+    }

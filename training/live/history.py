@@ -70,4 +70,6 @@ class History(NamedTuple):
         """Begin and end [s] of every alarm."""
         edges = np.flatnonzero(np.diff(self.alarm.astype(int), prepend=0, append=0))
         last = len(self.time) - 1
-        return [(float(self.time[a]), float(self.time[min(b, last)])) for a, b in edges.reshape(-1, 2)]
+        return [
+            (float(self.time[a]), float(self.time[min(b, last)])) for a, b in edges.reshape(-1, 2)
+        ]

@@ -16,7 +16,12 @@ from training.stimuli import STIMULI
 TICK = 0.4  # s between two drawings: a browser without a graphics card keeps up
 PACES = {1: "1×", 4: "4×", 10: "10×"}  # times real time
 GROWTH = {0.0: "abrupt", 10.0: "over 10 s", 30.0: "over 30 s"}
-COLOURS = {"continue": "positive", "derate": "warning", "return": "deep-orange", "abort": "negative"}
+COLOURS = {
+    "continue": "positive",
+    "derate": "warning",
+    "return": "deep-orange",
+    "abort": "negative",
+}
 
 
 def places() -> dict[str, list[str]]:
@@ -32,19 +37,25 @@ class Page:
     """A visitor's page with a vehicle of its own, which goes when the page is left."""
 
     def __init__(self, seed: int):
-        self.session, self.running = Session(seed), False
+        self.session = Session(seed)
+        self.running = False
         ui.context.client.content.classes("p-2")
         with ui.dialog().props("persistent") as self.wait:
             ui.spinner(size="xl", color="white")
         with ui.element("div").classes("w-full grid gap-2 lg:grid-cols-[16rem_1fr]"):
-            with ui.element("div").classes("grid gap-2 content-start md:grid-cols-3 lg:grid-cols-1"):
+            with ui.element("div").classes(
+                "grid gap-2 content-start md:grid-cols-3 lg:grid-cols-1"
+            ):
                 self._control_vehicle()
                 self._control_fault()
                 self._control_diagnosis()
-            with ui.element("div").classes("grid gap-2 content-start grid-cols-1 md:grid-cols-2 lg:grid-cols-3"):
+            with ui.element("div").classes(
+                "grid gap-2 content-start grid-cols-1 md:grid-cols-2 lg:grid-cols-3"
+            ):
                 self._show_verdict()
                 self.charts = {name: _chart() for name in CHARTS}
-                self.advice, self.truth = _text("advice"), _text("truth")
+                self.advice = _text("advice")
+                self.truth = _text("truth")
         self.draw()
         ui.timer(TICK, self._tick)
 
@@ -52,11 +63,15 @@ class Page:
         with _card("vehicle: a simulated NPS AUV II"):
             with ui.row().classes("gap-2"):
                 self.start = ui.button("start", on_click=self._start_or_pause).mark("start")
-                ui.button("reset", on_click=self._doing(self.session.reset)).props("outline").mark("reset")
+                ui.button("reset", on_click=self._doing(self.session.reset)).props("outline").mark(
+                    "reset"
+                )
             with ui.row().classes("gap-2 items-center"):
                 self.pace = ui.toggle(PACES, value=1).props("dense no-caps").mark("pace")
                 self.progress = ui.label().mark("progress")
-            speed = _slider("mission speed [m/s]", SLOWEST, MAXIMUM_COMMAND, self.session.mission_speed).mark("speed")
+            speed = _slider(
+                "mission speed [m/s]", SLOWEST, MAXIMUM_COMMAND, self.session.mission_speed
+            ).mark("speed")
             speed.on_value_change(lambda event: self.session.set_mission_speed(event.value))
 
     def _control_fault(self) -> None:
@@ -78,16 +93,24 @@ class Page:
             kind.on_value_change(show_places)
             with ui.row().classes("gap-2"):
                 ui.button("inject", on_click=self._doing(inject), color="negative").mark("inject")
-                ui.button("repair", on_click=self._doing(self.session.repair)).props("outline").mark("repair")
-            surprise = ui.button("surprise me", on_click=self._doing(self.session.surprise)).props("flat dense")
+                ui.button("repair", on_click=self._doing(self.session.repair)).props(
+                    "outline"
+                ).mark("repair")
+            surprise = ui.button("surprise me", on_click=self._doing(self.session.surprise)).props(
+                "flat dense"
+            )
             surprise.mark("surprise").tooltip("a fault that nobody has chosen")
 
     def _control_diagnosis(self) -> None:
         with _card("diagnosis"):
             self.diagnoser = _select("diagnoser", DIAGNOSERS, self.session.diagnoser.name)
-            self.diagnoser.on_value_change(lambda event: self._choose(self.session.choose_diagnoser, event.value))
+            self.diagnoser.on_value_change(
+                lambda event: self._choose(self.session.choose_diagnoser, event.value)
+            )
             self.stimulus = _select("stimulus", STIMULI, self.session.stimulus.name)
-            self.stimulus.on_value_change(lambda event: self._choose(self.session.choose_stimulus, event.value))
+            self.stimulus.on_value_change(
+                lambda event: self._choose(self.session.choose_stimulus, event.value)
+            )
             self.shows_truth = ui.switch("show the truth", on_change=self.draw).mark("show-truth")
 
     def _show_verdict(self) -> None:
@@ -119,7 +142,8 @@ class Page:
         except InputError as error:
             ui.notify(str(error), type="negative")
         self.wait.close()
-        self.diagnoser.value, self.stimulus.value = self.session.diagnoser.name, self.session.stimulus.name
+        self.diagnoser.value = self.session.diagnoser.name
+        self.stimulus.value = self.session.stimulus.name
         self.draw()
 
     def _tick(self) -> None:
@@ -130,12 +154,17 @@ class Page:
 
     def draw(self) -> None:
         """Bring what is shown up to date."""
-        history, session = self.session.history(), self.session
+        history = self.session.history()
+        session = self.session
         for name, chart in self.charts.items():
             chart.options.update(CHARTS[name](history, self.shows_truth.value))
             chart.update()
         quiet = history.verdict == NORMAL
-        _badge(self.alarm, "no alarm" if quiet else f"alarm: {history.verdict}", "positive" if quiet else "negative")
+        _badge(
+            self.alarm,
+            "no alarm" if quiet else f"alarm: {history.verdict}",
+            "positive" if quiet else "negative",
+        )
         action = str(session.advice.action[0])
         _badge(self.action, f"advice: {action}", COLOURS[action])
         self.belief.set_text(words.believed(history))
@@ -162,7 +191,12 @@ def _chart() -> ui.echart:
 
 
 def _select(name: str, options: Sequence[str], value: str) -> ui.select:
-    return ui.select(list(options), value=value, label=name).props("dense").classes("w-full").mark(name)
+    return (
+        ui.select(list(options), value=value, label=name)
+        .props("dense")
+        .classes("w-full")
+        .mark(name)
+    )
 
 
 def _slider(name: str, low: float, high: float, value: float) -> ui.slider:

@@ -30,7 +30,9 @@ ADVISED = round(SAMPLE_RATE)  # samples between two advices
 WAY = 2000.0  # m from home to the goal
 BATTERY = 36e3  # J, a quarter more than a healthy vehicle needs for the way at its first speed
 HOTEL_LOAD = 3.0  # W of all but the motors
-ANY_FAULT = ScheduleSampler(healthy=0.0, compound=0.0, incipient=0.5, intermittent=0.0, repaired=0.0)
+ANY_FAULT = ScheduleSampler(
+    healthy=0.0, compound=0.0, incipient=0.5, intermittent=0.0, repaired=0.0
+)
 
 
 class Sample(NamedTuple):
@@ -68,10 +70,13 @@ class Session:
     """
 
     def __init__(self, seed: int = 0):
-        self._fleet, self._seed = Fleet(1), whole_number("seed", seed, 0)
+        self._fleet = Fleet(1)
+        self._seed = whole_number("seed", seed, 0)
         self._truth, self._random = LaneTruth(self._fleet), np.random.default_rng(self._seed)
         self._samples: deque[Sample] = deque(maxlen=round(WINDOW * SAMPLE_RATE) + 1)
-        self.mission_speed, self.diagnoser, self.stimulus = FOOT, make("filter_bank"), STIMULI["cruise"]()
+        self.mission_speed = FOOT
+        self.diagnoser = make("filter_bank")
+        self.stimulus = STIMULI["cruise"]()
         self.reset()
 
     def reset(self) -> None:
@@ -80,9 +85,12 @@ class Session:
         observation = self._fleet.reset(seeds, schedules=[()], missions=[self._mission()])
         self.faults: dict[str, FaultEvent] = {}
         self._marks: list[Mark] = []
-        self.travelled, self.energy_left, self._steps = 0.0, BATTERY, 0
+        self.travelled = 0.0
+        self.energy_left = BATTERY
+        self._steps = 0
         self.diagnoser.reset(1)
-        self.stimulus, self._stirred = STIMULI[self.stimulus.name](), 0
+        self.stimulus = STIMULI[self.stimulus.name]()
+        self._stirred = 0
         self._samples.clear()
         self.advice: Advice | None = None
         self._note(observation)
@@ -90,20 +98,28 @@ class Session:
     def step(self) -> None:
         """Let 0.1 s pass."""
         last = self._samples[-1]
-        sample = (self._steps - self._stirred) % N_SAMPLES  # the budget of a stimulus begins anew with every episode
-        speed = last.observation[:, MISSION_SPEED] + self.stimulus.offset(sample, last.observation, last.belief)
+        # the budget of a stimulus begins anew with every episode
+        sample = (self._steps - self._stirred) % N_SAMPLES
+        speed = last.observation[:, MISSION_SPEED] + self.stimulus.offset(
+            sample, last.observation, last.belief
+        )
         observation = self._fleet.step(np.column_stack([speed, np.zeros((1, 2))]))
         self._steps += 1
         self._note(observation)
 
     def _note(self, observation: np.ndarray) -> None:
-        true_speed, belief = self._truth.read()["state"]["speed"], self.diagnoser.update(observation)
+        true_speed = self._truth.read()["state"]["speed"]
+        belief = self.diagnoser.update(observation)
         self._samples.append(Sample(self.time, observation, belief, true_speed))
         self.travelled += true_speed * SAMPLE_TIME
-        self.energy_left = max(0.0, self.energy_left - self._fleet.outcomes[1, 0] - HOTEL_LOAD * SAMPLE_TIME)
+        self.energy_left = max(
+            0.0, self.energy_left - self._fleet.outcomes[1, 0] - HOTEL_LOAD * SAMPLE_TIME
+        )
         if self._steps % ADVISED == 0:
             to_go = max(0.0, WAY - self.travelled)
-            situation = Situation(self.mission_speed, to_go, self.travelled, self.energy_left, HOTEL_LOAD)
+            situation = Situation(
+                self.mission_speed, to_go, self.travelled, self.energy_left, HOTEL_LOAD
+            )
             self.advice = advise(belief, situation, self._fleet.vehicle, before=self.advice)
 
     @property
@@ -141,9 +157,12 @@ class Session:
 
     def choose_stimulus(self, name: str) -> None:
         """Another stimulus from now on."""
-        stimulus, last = STIMULI[known_name("stimulus", name, STIMULI)](), self._samples[-1]
-        stimulus.offset(0, last.observation, last.belief)  # what it has to load or to work out does not keep a step
-        self.stimulus, self._stirred = stimulus, self._steps
+        stimulus = STIMULI[known_name("stimulus", name, STIMULI)]()
+        last = self._samples[-1]
+        # what it has to load or to work out does not keep a step
+        stimulus.offset(0, last.observation, last.belief)
+        self.stimulus = stimulus
+        self._stirred = self._steps
 
     def choose_diagnoser(self, name: str) -> None:
         """Another diagnoser; it first reads what is remembered, so that its belief can be seen from there on."""
@@ -160,7 +179,11 @@ class Session:
         return Truth(
             so["label"],
             {name: severity for name, severity in so["severity"].items() if severity},
-            {name: (healthy[name], value) for name, value in so["parameters"].items() if value != healthy[name]},
+            {
+                name: (healthy[name], value)
+                for name, value in so["parameters"].items()
+                if value != healthy[name]
+            },
         )
 
     def history(self) -> History:

@@ -9,7 +9,8 @@ from training.live.session import Truth
 
 def believed(history: History) -> str:
     """How probable it is that nothing is wrong, the likeliest fault, and its severity."""
-    probability, index = history.probability[-1], history.suspect
+    probability = history.probability[-1]
+    index = history.suspect
     mean, low, high = (values[-1] for values in history.severity(index))
     fault = f"likeliest fault {classes()[index]} {percent(probability[index])}"
     return f"p(normal) {percent(probability[0])} · {fault} · severity {mean:.2f} ({low:.2f}–{high:.2f})"
@@ -34,7 +35,9 @@ def advised(advice: Advice) -> str:
         "range at the mission's speed": _spread(advice.range, "m", 0),
         "range home": _spread(advice.range_home, "m", 0),
     }
-    return "\n".join((*advice.why[0].split("; "), *(f"{name}: {figure}" for name, figure in figures.items())))
+    return "\n".join(
+        (*advice.why[0].split("; "), *(f"{name}: {figure}" for name, figure in figures.items()))
+    )
 
 
 def _spread(spread: Spread, unit: str, decimals: int) -> str:

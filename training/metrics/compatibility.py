@@ -1,12 +1,13 @@
 """Scores of other benchmarks, computed as theirs, so that our figures can stand beside published ones.
 
-All of them count samples, or whole runs, and none knows how soon a fault was found: read them beside the isolation
-time, and no further than the comparison needs. Their delays are left out on purpose: fddbenchmark's ADD takes a delay
-in samples times the step of the window once more, leaves out the runs it missed, and takes an alarm that stands at
-onset for a delay of nought.
+All of them count samples, or whole runs, and none knows how soon a fault was found: read them
+beside the isolation time, and no further than the comparison needs. Their delays are left out on
+purpose: fddbenchmark's ADD takes a delay in samples times the step of the window once more, leaves
+out the runs it missed, and takes an alarm that stands at onset for a delay of nought.
 
-Label and decision are (n_samples, n_lanes) class indices over time, 0 is normal, as in `training.metrics.metrics`; a decision
-is the fault named while the alarm stands. A share of nothing is NaN.
+Label and decision are (n_samples, n_lanes) class indices over time, 0 is normal, as in
+`training.metrics.metrics`; a decision is the fault named while the alarm stands. A share of nothing
+is NaN.
 """
 
 from typing import NamedTuple
@@ -30,13 +31,15 @@ class Fddbenchmark(NamedTuple):
 def fddbenchmark(label: np.ndarray, decision: np.ndarray, n_classes: int) -> Fddbenchmark:
     """True and false positive rate of detection, correct diagnosis rate, and both rates of each class.
 
-    Detection: the share of the faulty samples at which any fault was named, and of the normal ones. CDR: the share of
-    the faulty samples with a fault named at which it was the right one. By class: the share of its samples at which it
-    was named, and the share of the *normal* samples at which it was.
+    Detection: the share of the faulty samples at which any fault was named, and of the normal ones.
+    CDR: the share of the faulty samples with a fault named at which it was the right one. By class:
+    the share of its samples at which it was named, and the share of the *normal* samples at which
+    it was.
 
-    Misleads: samples of one run are not independent, the long ones rule, and CDR grows if only easy faults are named.
-    Source: https://github.com/airi-industrial-ai/fddbenchmark, `FDDEvaluator.evaluate`, commit 0d1b9c0 (2023); every
-    sample ends a window, which is its step of 1.
+    Misleads: samples of one run are not independent, the long ones rule, and CDR grows if only easy
+    faults are named. Source: https://github.com/airi-industrial-ai/fddbenchmark,
+    `FDDEvaluator.evaluate`, commit 0d1b9c0 (2023); every sample ends a window, which is its step of
+    1.
     """
     matrix = confusion(label.ravel(), decision.ravel(), n_classes)
     faulty = matrix[1:]
@@ -53,8 +56,9 @@ def fddbenchmark(label: np.ndarray, decision: np.ndarray, n_classes: int) -> Fdd
 def true_detection_rate(label: np.ndarray, decision: np.ndarray) -> float:
     """TDR of DX 2025: the share of the samples with a fault at which one is detected, whichever it is.
 
-    An alarm from before the fault counts as detected: read it beside `false_alarm_rate`. Source: the competitions'
-    page, https://vehsys.gitlab-pages.liu.se/dx25benchmarks (LiU-ICE and SLIDe share the definitions).
+    An alarm from before the fault counts as detected: read it beside `false_alarm_rate`. Source:
+    the competitions' page, https://vehsys.gitlab-pages.liu.se/dx25benchmarks (LiU-ICE and SLIDe
+    share the definitions).
     """
     return _share((decision[label != NORMAL] != NORMAL).sum(), (label != NORMAL).sum())
 
@@ -62,37 +66,47 @@ def true_detection_rate(label: np.ndarray, decision: np.ndarray) -> float:
 def false_alarm_rate(label: np.ndarray, decision: np.ndarray) -> float:
     """FAR of DX 2025: the share of the samples without a fault at which one is detected; the page scores 1 - FAR.
 
-    A share of samples, not a number of alarms: one alarm that stays is worse than a hundred that do not. Source: as
-    `true_detection_rate`.
+    A share of samples, not a number of alarms: one alarm that stays is worse than a hundred that do
+    not. Source: as `true_detection_rate`.
     """
     return _share((decision[label == NORMAL] != NORMAL).sum(), (label == NORMAL).sum())
 
 
-def fault_isolation_accuracy(label: np.ndarray, decision: np.ndarray, log_probability: np.ndarray) -> float:
+def fault_isolation_accuracy(
+    label: np.ndarray, decision: np.ndarray, log_probability: np.ndarray
+) -> float:
     """FIA of DX 2025: the mean probability of the true fault over all samples at which a fault is rightly detected.
 
-    log_probability (..., n_classes) goes with label and decision (...,), at all samples or at some drawn at random. The
-    competition's isolation sums to 1 over the faults, so the probability is that among faults. Misleads: who detects
-    late isolates well; read it beside `true_detection_rate`. Source: as there.
+    log_probability (..., n_classes) goes with label and decision (...,), at all samples or at some
+    drawn at random. The competition's isolation sums to 1 over the faults, so the probability is
+    that among faults. Misleads: who detects late isolates well; read it beside
+    `true_detection_rate`. Source: as there.
     """
     chosen = (label != NORMAL) & (decision != NORMAL)
-    log_probability, label = log_probability[chosen].astype(np.float64), label[chosen]
-    among_faults = log_probability[:, 1:] - np.logaddexp.reduce(log_probability[:, 1:], axis=1, keepdims=True)
+    log_probability = log_probability[chosen].astype(np.float64)
+    label = label[chosen]
+    among_faults = log_probability[:, 1:] - np.logaddexp.reduce(
+        log_probability[:, 1:], axis=1, keepdims=True
+    )
     return _share(np.exp(among_faults[np.arange(len(label)), label - 1]).sum(), len(label))
 
 
 def utility(diagnosed: np.ndarray, true: np.ndarray) -> np.ndarray:
     """m_utl: what a diagnosis is worth to who repairs, 1 if right, from sets of components (..., n_components), bool.
 
-    ``1 - n (N + 1) / (f (n + 1)) - m (M + 1) / (f (m + 1))`` with f components, n of them wrongly diagnosed of the N
-    diagnosed, and m faults missed among the M components that are not: the expected share of the components that are
-    touched in vain. Misleads: to say nothing has almost half of the worth where one component is at fault.
+    ``1 - n (N + 1) / (f (n + 1)) - m (M + 1) / (f (m + 1))`` with f components, n of them wrongly
+    diagnosed of the N diagnosed, and m faults missed among the M components that are not: the
+    expected share of the components that are touched in vain. Misleads: to say nothing has almost
+    half of the worth where one component is at fault.
 
-    Source: Feldman et al., "Empirical evaluation of diagnostic algorithm performance using a generic framework", IJPHM
-    1(2), 2010; the readme of https://github.com/jdekleer/dxc26synth, commit 6da03bd (DXC'26).
+    Source: Feldman et al., "Empirical evaluation of diagnostic algorithm performance using a
+    generic framework", IJPHM 1(2), 2010; the readme of https://github.com/jdekleer/dxc26synth,
+    commit 6da03bd (DXC'26).
     """
-    n_components, size = true.shape[-1], diagnosed.sum(axis=-1)
-    wrong, missed = (diagnosed & ~true).sum(axis=-1), (true & ~diagnosed).sum(axis=-1)
+    n_components = true.shape[-1]
+    size = diagnosed.sum(axis=-1)
+    wrong = (diagnosed & ~true).sum(axis=-1)
+    missed = (true & ~diagnosed).sum(axis=-1)
     in_vain = wrong * (size + 1) / (wrong + 1) + missed * (n_components - size + 1) / (missed + 1)
     return 1.0 - in_vain / n_components
 
@@ -100,8 +114,8 @@ def utility(diagnosed: np.ndarray, true: np.ndarray) -> np.ndarray:
 def ambiguous_utility(diagnosed: np.ndarray, true: np.ndarray) -> float:
     """m_utl of DXC'26 between ambiguity groups, (n_diagnoses, n_components) and (n_truths, n_components), bool.
 
-    The mean over all pairs, divided by the same of the true group with itself, so that the whole group has 1. Where
-    there is one truth it is `utility`. Source: as there.
+    The mean over all pairs, divided by the same of the true group with itself, so that the whole
+    group has 1. Where there is one truth it is `utility`. Source: as there.
     """
     score, best = (float(utility(group[:, None], true[None]).mean()) for group in (diagnosed, true))
     return score / best
@@ -110,7 +124,8 @@ def ambiguous_utility(diagnosed: np.ndarray, true: np.ndarray) -> float:
 def mean_utility(label: np.ndarray, decision: np.ndarray, n_classes: int) -> float:
     """m_utl of DXC'26 over lanes: each fault class is a component, at most one is diagnosed and one is true in a lane.
 
-    What counts in a lane is, as there, the last fault that was named, even if the alarm has ended since.
+    What counts in a lane is, as there, the last fault that was named, even if the alarm has ended
+    since.
     """
     components = np.arange(1, n_classes)
     diagnosed, true = (_last(classes)[:, None] == components for classes in (decision, label))
@@ -118,7 +133,11 @@ def mean_utility(label: np.ndarray, decision: np.ndarray, n_classes: int) -> flo
 
 
 def scores(
-    label: np.ndarray, decision: np.ndarray, instants: np.ndarray, log_probability: np.ndarray, n_classes: int
+    label: np.ndarray,
+    decision: np.ndarray,
+    instants: np.ndarray,
+    log_probability: np.ndarray,
+    n_classes: int,
 ) -> dict[str, float | None]:
     """All scores by name, None for NaN.
 
@@ -127,7 +146,8 @@ def scores(
     label, decision
         (n_samples, n_lanes) over time.
     instants
-        (n_instants, n_lanes) samples drawn at random, where the whole belief is known; FIA is estimated from them.
+        (n_instants, n_lanes) samples drawn at random, where the whole belief is known; FIA is
+        estimated from them.
     log_probability
         (n_instants, n_lanes, n_classes) there.
     """

@@ -15,8 +15,8 @@ RESAMPLES = 2000
 def interval(values: np.ndarray, seed: int, n: int = RESAMPLES) -> Interval:
     """Bootstrap interval of the mean of values (n_lanes,).
 
-    Misleads where the same lanes serve two diagnosers: overlapping intervals may hide a sure difference. Compare with
-    `paired_bootstrap`.
+    Misleads where the same lanes serve two diagnosers: overlapping intervals may hide a sure
+    difference. Compare with `paired_bootstrap`.
     """
     return central(resamples(len(values), seed, n) @ values / len(values))
 
@@ -29,7 +29,9 @@ def paired_bootstrap(a: np.ndarray, b: np.ndarray, seed: int, n: int = RESAMPLES
     return interval(np.asarray(a) - np.asarray(b), seed, n)
 
 
-def f1_interval(label: np.ndarray, decision: np.ndarray, n_classes: int, seed: int, n: int = RESAMPLES) -> Interval:
+def f1_interval(
+    label: np.ndarray, decision: np.ndarray, n_classes: int, seed: int, n: int = RESAMPLES
+) -> Interval:
     """Interval of macro-F1 by resampling lanes; label and decision (n_lanes,)."""
     return central(_resampled_f1(label, decision, n_classes, seed, n))
 
@@ -56,7 +58,9 @@ def resamples(n_lanes: int, seed: int | list[int], n: int = RESAMPLES) -> np.nda
     return np.random.default_rng(seed).multinomial(n_lanes, np.full(n_lanes, 1.0 / n_lanes), size=n)
 
 
-def _resampled_f1(label: np.ndarray, decision: np.ndarray, n_classes: int, seed: int, n: int) -> np.ndarray:
+def _resampled_f1(
+    label: np.ndarray, decision: np.ndarray, n_classes: int, seed: int, n: int
+) -> np.ndarray:
     return macro_f1(confusion(label, decision, n_classes, resamples(len(label), seed, n)))
 
 

@@ -1,7 +1,8 @@
 """Metrics: pure functions of beliefs and truth over time, vectorised over lanes.
 
-Arrays over time are (n_samples, n_lanes); sample k stands at ``k * SAMPLE_TIME`` seconds. Classes are indices, 0 is
-`normal`. Every docstring says how its figure misleads and beside which other one it must be read.
+Arrays over time are (n_samples, n_lanes); sample k stands at ``k * SAMPLE_TIME`` seconds. Classes
+are indices, 0 is `normal`. Every docstring says how its figure misleads and beside which other one
+it must be read.
 """
 
 import math
@@ -16,7 +17,8 @@ from auv_fault_env.parameters import SAMPLE_TIME
 
 NORMAL = 0
 ROUNDING = 1e-9  # s: 61 samples of 0.1 s are a little more than 6.1 s
-N_BINS = 15  # of confidence, as in Guo et al., "On calibration of modern neural networks", ICML 2017
+# of confidence, as in Guo et al., "On calibration of modern neural networks", ICML 2017
+N_BINS = 15
 
 
 class Times(NamedTuple):
@@ -46,15 +48,17 @@ def class_order(given: Sequence[str], wanted: Sequence[str]) -> np.ndarray:
     """
     if sorted(given) != sorted(wanted):
         odd = ", ".join(sorted(set(given) ^ set(wanted))) or "doubles"
-        raise refusal("classes of the belief", tuple(given), "each of those of the truth, once", f"mend {odd}")
+        raise refusal(
+            "classes of the belief", tuple(given), "each of those of the truth, once", f"mend {odd}"
+        )
     return np.array([list(given).index(name) for name in wanted])
 
 
 def alarms(log_normal: np.ndarray, threshold: float, persistence: int) -> np.ndarray:
     """Where the alarm stands: log p(normal) has been below the threshold for `persistence` samples in a row.
 
-    (n_samples, n_lanes) bool. It says nothing of merit by itself: a threshold high enough detects everything at once.
-    Read every figure made from it beside the measured false-alarm rate.
+    (n_samples, n_lanes) bool. It says nothing of merit by itself: a threshold high enough detects
+    everything at once. Read every figure made from it beside the measured false-alarm rate.
     """
     return running_maximum(log_normal, persistence) < threshold
 
@@ -62,8 +66,9 @@ def alarms(log_normal: np.ndarray, threshold: float, persistence: int) -> np.nda
 def rising(alarm: np.ndarray) -> np.ndarray:
     """Where an alarm begins; on healthy lanes the sum is the number of false alarms.
 
-    One that never ends counts once, so a diagnoser that alarms for ever looks better than one that flickers; read it
-    beside the detection delay, which such a diagnoser loses (an alarm standing at onset detects nothing).
+    One that never ends counts once, so a diagnoser that alarms for ever looks better than one that
+    flickers; read it beside the detection delay, which such a diagnoser loses (an alarm standing at
+    onset detects nothing).
     """
     before = np.zeros_like(alarm)
     before[1:] = alarm[:-1]
@@ -80,8 +85,8 @@ class Edges(NamedTuple):
 def edges(log_normal: np.ndarray, persistence: int) -> Edges:
     """Every alarm that some threshold would raise on these lanes, in the order of time and then of lanes.
 
-    An alarm begins at sample k for thresholds in (m[k], m[k-1]], m being the maximum over the last `persistence`
-    samples. Misleads as `rising` does.
+    An alarm begins at sample k for thresholds in (m[k], m[k-1]], m being the maximum over the last
+    `persistence` samples. Misleads as `rising` does.
     """
     depth = running_maximum(log_normal, persistence)
     before = np.concatenate([np.full_like(depth[:1], np.inf), depth[:-1]])
@@ -91,13 +96,17 @@ def edges(log_normal: np.ndarray, persistence: int) -> Edges:
 
 def count_alarms(found: Edges, threshold: np.ndarray | float) -> np.ndarray:
     """How many alarms begin at a threshold, exactly the sum of `rising` over the lanes; misleads as that does."""
-    low, high = np.sort(found.low), np.sort(found.high)
-    return np.searchsorted(low, threshold, side="left") - np.searchsorted(high, threshold, side="left")
+    low = np.sort(found.low)
+    high = np.sort(found.high)
+    return np.searchsorted(low, threshold, side="left") - np.searchsorted(
+        high, threshold, side="left"
+    )
 
 
 def threshold_within(found: Edges, allowed: int) -> float:
     """The largest threshold up to which no lower one gives more alarms than allowed; see `threshold_for`."""
-    low, high = np.sort(found.low), np.sort(found.high)
+    low = np.sort(found.low)
+    high = np.sort(found.high)
     above = np.searchsorted(low, low, side="right") - np.searchsorted(high, low, side="right")
     too_many = low[above > allowed]
     return min(float(too_many[0]), 0.0) if too_many.size else 0.0
@@ -112,10 +121,11 @@ def allowed_alarms(duration: float, mean_time: float) -> int:
 def threshold_for(log_normal: np.ndarray, mean_time: float, persistence: int) -> float:
     """The threshold that allows one false alarm per `mean_time` [s] on these healthy lanes, and not one more.
 
-    The largest one up to which no lower threshold gives more rising edges than the lanes' total time allows. (Raised
-    further, alarms merge, and the count falls again to one per lane: such thresholds are no use.) Exact: it counts the
-    ends of the `edges`. At most 0: p(normal) below 1. Misleads on lanes that also serve for scoring, and
-    on few hours: with n alarms allowed, the true rate scatters by 1/sqrt(n). Read it beside the rate on other lanes.
+    The largest one up to which no lower threshold gives more rising edges than the lanes' total
+    time allows. (Raised further, alarms merge, and the count falls again to one per lane: such
+    thresholds are no use.) Exact: it counts the ends of the `edges`. At most 0: p(normal) below 1.
+    Misleads on lanes that also serve for scoring, and on few hours: with n alarms allowed, the true
+    rate scatters by 1/sqrt(n). Read it beside the rate on other lanes.
     """
     allowed = allowed_alarms(log_normal.size * SAMPLE_TIME, mean_time)
     return threshold_within(edges(log_normal, persistence), allowed)
@@ -131,9 +141,9 @@ def running_maximum(values: np.ndarray, window: int) -> np.ndarray:
 def detection_delay(alarm: np.ndarray, onset: np.ndarray, horizon: float) -> Times:
     """From onset to the first alarm that begins after it, censored at the horizon [s].
 
-    An alarm before onset, or standing at onset, is a false alarm and never a detection of delay 0. Misleads alone: an
-    alarm for the wrong reason counts, and frequent false alarms detect everything soon. Read it beside the false-alarm
-    rate and the isolation time.
+    An alarm before onset, or standing at onset, is a false alarm and never a detection of delay 0.
+    Misleads alone: an alarm for the wrong reason counts, and frequent false alarms detect
+    everything soon. Read it beside the false-alarm rate and the isolation time.
     """
     time = np.arange(len(alarm))[:, None] * SAMPLE_TIME
     hit = rising(alarm) & (time > onset + ROUNDING) & (time <= onset + horizon + ROUNDING)
@@ -141,7 +151,9 @@ def detection_delay(alarm: np.ndarray, onset: np.ndarray, horizon: float) -> Tim
     return _censored(delay, hit.any(axis=0), horizon)
 
 
-def isolation_time(decision: np.ndarray, label: np.ndarray, onset: np.ndarray, horizon: float) -> Times:
+def isolation_time(
+    decision: np.ndarray, label: np.ndarray, onset: np.ndarray, horizon: float
+) -> Times:
     """From onset to the start of the last interval in which the decision is right up to the horizon [s].
 
     Parameters
@@ -151,8 +163,9 @@ def isolation_time(decision: np.ndarray, label: np.ndarray, onset: np.ndarray, h
     label, onset
         (n_lanes,) true class and its onset [s].
 
-    A decision that is wrong at the horizon is censored there, and so is one that was right before the fault began: that
-    was luck. Depends on the horizon: a right answer one sample before it counts. Read it beside the share isolated.
+    A decision that is wrong at the horizon is censored there, and so is one that was right before
+    the fault began: that was luck. Depends on the horizon: a right answer one sample before it
+    counts. Read it beside the share isolated.
     """
     index = np.arange(len(decision))[:, None]
     end = sample_at(onset + horizon)
@@ -169,9 +182,9 @@ def _censored(time: np.ndarray, happened: np.ndarray, horizon: float) -> Times:
 def restricted_mean(times: Times) -> float:
     """Mean time [s], lanes where nothing happened counting with the horizon.
 
-    With one horizon for all it is the area above the share-over-time curve. It hides whether few lanes are missed or
-    all are slow: read it beside `probability`. The mean over detected lanes alone, which rewards missing the difficult
-    ones, is deliberately not here.
+    With one horizon for all it is the area above the share-over-time curve. It hides whether few
+    lanes are missed or all are slow: read it beside `probability`. The mean over detected lanes
+    alone, which rewards missing the difficult ones, is deliberately not here.
     """
     return float(times.time.mean())
 
@@ -184,8 +197,8 @@ def probability(times: Times) -> float:
 def kaplan_meier_median(times: Times) -> float:
     """Time [s] by which the Kaplan-Meier estimate says half of the lanes had it; infinite if fewer ever had.
 
-    Censored lanes count as watched until then. Blind to the slower half: read it beside `restricted_mean`.
-    Source: Kaplan & Meier, J. Am. Stat. Assoc. 53 (1958) 457.
+    Censored lanes count as watched until then. Blind to the slower half: read it beside
+    `restricted_mean`. Source: Kaplan & Meier, J. Am. Stat. Assoc. 53 (1958) 457.
     """
     event, count = np.unique(times.time[~times.censored], return_counts=True)
     at_risk = (times.time >= event[:, None]).sum(axis=1)
@@ -194,11 +207,13 @@ def kaplan_meier_median(times: Times) -> float:
     return float(half[0]) if half.size else math.inf
 
 
-def confusion(label: np.ndarray, decision: np.ndarray, n_classes: int, weights: np.ndarray | None = None) -> np.ndarray:
+def confusion(
+    label: np.ndarray, decision: np.ndarray, n_classes: int, weights: np.ndarray | None = None
+) -> np.ndarray:
     """How many lanes of each true class (row) were given each class (column), (n_classes, n_classes).
 
-    With `weights` (..., n_lanes) one matrix for each row of weights. At one instant: early, a cautious diagnoser looks
-    bad; read it beside the isolation times.
+    With `weights` (..., n_lanes) one matrix for each row of weights. At one instant: early, a
+    cautious diagnoser looks bad; read it beside the isolation times.
     """
     cell = label.astype(np.int64) * n_classes + decision
     if weights is None:
@@ -210,10 +225,13 @@ def confusion(label: np.ndarray, decision: np.ndarray, n_classes: int, weights: 
 def macro_f1(matrix: np.ndarray) -> np.ndarray:
     """Mean over the classes that occur of the harmonic mean of precision and recall; matrices (..., n, n), truth first.
 
-    Each class weighs the same however rare. Depends on the share of healthy lanes through the precision of `normal`,
-    and says nothing of which classes are mixed up: read it beside the confusion matrix.
+    Each class weighs the same however rare. Depends on the share of healthy lanes through the
+    precision of `normal`, and says nothing of which classes are mixed up: read it beside the
+    confusion matrix.
     """
-    hits, truth, decided = np.diagonal(matrix, axis1=-2, axis2=-1), matrix.sum(axis=-1), matrix.sum(axis=-2)
+    hits = np.diagonal(matrix, axis1=-2, axis2=-1)
+    truth = matrix.sum(axis=-1)
+    decided = matrix.sum(axis=-2)
     f1 = 2.0 * hits / np.maximum(truth + decided, 1e-300)
     return f1.sum(axis=-1) / np.maximum((truth > 0).sum(axis=-1), 1)
 
@@ -221,13 +239,15 @@ def macro_f1(matrix: np.ndarray) -> np.ndarray:
 def severity_error(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """|E[severity | true class] - truth| by lane; the mean is the MAE.
 
-    Given the true class, so it says nothing of whether that was found: read it beside macro-F1. An estimate stuck at
-    the middle of the severities drawn already has a quarter of their range.
+    Given the true class, so it says nothing of whether that was found: read it beside macro-F1. An
+    estimate stuck at the middle of the severities drawn already has a quarter of their range.
     """
     return np.abs(estimate - truth)
 
 
-def covered(estimate: np.ndarray, std: np.ndarray, truth: np.ndarray, share: float = 0.9) -> np.ndarray:
+def covered(
+    estimate: np.ndarray, std: np.ndarray, truth: np.ndarray, share: float = 0.9
+) -> np.ndarray:
     """Whether the central normal interval that should hold `share` of the truths holds it, by lane.
 
     Wide intervals cover everything: read it beside `severity_error`.
@@ -238,19 +258,24 @@ def covered(estimate: np.ndarray, std: np.ndarray, truth: np.ndarray, share: flo
 def reliability(confidence: np.ndarray, right: np.ndarray, n_bins: int = N_BINS) -> Reliability:
     """Confidence in the most probable class against how often it is right, in bins of equal width; empty bins NaN.
 
-    Both are (n,): one belief each. Bins with few beliefs scatter widely: read accuracy beside the share.
+    Both are (n,): one belief each. Bins with few beliefs scatter widely: read accuracy beside the
+    share.
     """
     place = np.minimum((confidence * n_bins).astype(np.int64), n_bins - 1)
-    count, sure, hits = (np.bincount(place, weights, n_bins) for weights in (None, confidence, right))
+    count, sure, hits = (
+        np.bincount(place, weights, n_bins) for weights in (None, confidence, right)
+    )
     with np.errstate(invalid="ignore"):
         return Reliability(count / len(confidence), sure / count, hits / count)
 
 
-def expected_calibration_error(confidence: np.ndarray, right: np.ndarray, n_bins: int = N_BINS) -> float:
+def expected_calibration_error(
+    confidence: np.ndarray, right: np.ndarray, n_bins: int = N_BINS
+) -> float:
     """Mean distance between confidence and accuracy over the bins, weighted by their share.
 
-    Useless beliefs can be calibrated (the prior always is), errors within a bin cancel, and few beliefs bias it
-    upwards. Read it beside `log_loss`.
+    Useless beliefs can be calibrated (the prior always is), errors within a bin cancel, and few
+    beliefs bias it upwards. Read it beside `log_loss`.
     """
     bins = reliability(confidence, right, n_bins)
     return float(np.nansum(bins.share * np.abs(bins.confidence - bins.accuracy)))
@@ -261,7 +286,11 @@ def brier(log_probability: np.ndarray, label: np.ndarray) -> float:
 
     Forgiving of a truth held impossible; read it beside `log_loss`, which is not.
     """
-    return float(((np.exp(log_probability) - np.eye(log_probability.shape[1])[label]) ** 2).sum(axis=1).mean())
+    return float(
+        ((np.exp(log_probability) - np.eye(log_probability.shape[1])[label]) ** 2)
+        .sum(axis=1)
+        .mean()
+    )
 
 
 def log_loss(log_probability: np.ndarray, label: np.ndarray) -> float:

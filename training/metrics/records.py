@@ -8,20 +8,29 @@ import numpy as np
 from auv_fault_env.faults import classes
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers import Belief
-from training.metrics.metrics import class_order, edges, running_maximum, sample_at, threshold_within
+from training.metrics.metrics import (
+    class_order,
+    edges,
+    running_maximum,
+    sample_at,
+    threshold_within,
+)
 
-PERSISTENCE = 3  # samples in a row for an alarm, the same for all: outlives a spike, and costs 0.2 s
+# samples in a row for an alarm, the same for all: outlives a spike, and costs 0.2 s
+PERSISTENCE = 3
 DECIDED = (1.0, 2.0, 5.0, 10.0, 20.0)  # s after onset, instants at which decisions are judged
 HORIZON = 30.0  # s after onset, up to which it is watched
 UNNORMALISED = 1e-3  # how far a sum of probabilities may be from 1
-LARGEST_SEVERITY = 1e6  # of what may still be an honest estimate of a number from 0 to 1, and its spread
+# of what may still be an honest estimate of a number from 0 to 1, and its spread
+LARGEST_SEVERITY = 1e6
 
 
 class Truth(NamedTuple):
     """What is so: fault class and onset [s], (n_lanes,); label and severity at the instants, (n_instants, n_lanes).
 
-    The first instant is some time after onset, the others random. Healthy lanes have class 0 and, so that they can
-    be judged at the same instants as faulty ones, an onset at which nothing happens.
+    The first instant is some time after onset, the others random. Healthy lanes have class 0 and,
+    so that they can be judged at the same instants as faulty ones, an onset at which nothing
+    happens.
     """
 
     fault: np.ndarray
@@ -33,8 +42,8 @@ class Truth(NamedTuple):
 class Record(NamedTuple):
     """What a diagnoser believed, classes in the order of `classes()`, lanes last or before the classes.
 
-    log p(normal) and the most probable fault at all times, (n_samples, n_lanes); the whole belief at the instants,
-    (n_instants, n_lanes, n_classes).
+    log p(normal) and the most probable fault at all times, (n_samples, n_lanes); the whole belief
+    at the instants, (n_instants, n_lanes, n_classes).
     """
 
     log_normal: np.ndarray
@@ -56,7 +65,8 @@ class Calm(NamedTuple):
     least
         (n_lanes,) alarms arise above this threshold.
     depth, fault
-        (n_decided, n_lanes): alarms stand above this threshold at the instants, and then this fault is named.
+        (n_decided, n_lanes): alarms stand above this threshold at the instants, and then this fault
+        is named.
     log_probability
         (n_random, n_lanes, n_classes) at random instants.
     hours
@@ -87,8 +97,10 @@ class Recorder:
     """
 
     def __init__(self, given: Sequence[str], n_samples: int, instants: np.ndarray):
-        self.order, self.instants = class_order(given, classes()), instants
-        n_lanes, whole = instants.shape[1], (*instants.shape, len(self.order))
+        self.order = class_order(given, classes())
+        self.instants = instants
+        n_lanes = instants.shape[1]
+        whole = (*instants.shape, len(self.order))
         self.record = Record(
             np.empty((n_samples, n_lanes), np.float32),
             np.empty((n_samples, n_lanes), np.int8),
@@ -128,8 +140,8 @@ def _ailment(belief: Any, shape: tuple[int, int]) -> str | None:
 def calm(record: Record, onset: np.ndarray, keep: int | None = None) -> Calm:
     """What is left of the record of healthy lanes, their onsets (n_lanes,) being instants at which nothing happens.
 
-    With `keep`, alarms are left out that begin only above a threshold at which these lanes alone have more than so
-    many: a threshold that allows as many on all lanes together lies below.
+    With `keep`, alarms are left out that begin only above a threshold at which these lanes alone
+    have more than so many: a threshold that allows as many on all lanes together lies below.
     """
     found = edges(record.log_normal, PERSISTENCE)
     complete = 0.0 if keep is None else threshold_within(found, keep)
@@ -151,4 +163,6 @@ def calm(record: Record, onset: np.ndarray, keep: int | None = None) -> Calm:
 def joined(parts: Sequence[Any]) -> Any:
     """Tuples of arrays as one, put together along the axis of the lanes: the only one of vectors, else the second."""
     columns = zip(*parts, strict=True)
-    return type(parts[0])(*(np.concatenate(arrays, axis=min(arrays[0].ndim - 1, 1)) for arrays in columns))
+    return type(parts[0])(
+        *(np.concatenate(arrays, axis=min(arrays[0].ndim - 1, 1)) for arrays in columns)
+    )

@@ -20,8 +20,8 @@ def write_report(results: dict[str, Any], folder: Path) -> None:
     Parameters
     ----------
     results
-        title, intro and sections; a section has heading, text (list of paragraphs) and optionally table
-        (columns, rows) and figures (plot: name in `PLOTS`, data, name, caption).
+        title, intro and sections; a section has heading, text (list of paragraphs) and optionally
+        table (columns, rows) and figures (plot: name in `PLOTS`, data, name, caption).
     folder
         Where to write.
     """
@@ -31,8 +31,12 @@ def write_report(results: dict[str, Any], folder: Path) -> None:
         for section in results["sections"]
         for figure in section.get("figures", ())
     }
-    template = Template(files("training").joinpath("report.html.j2").read_text(encoding="utf-8"), autoescape=True)
-    (folder / "index.html").write_text(template.render(results=results, images=images), encoding="utf-8")
+    template = Template(
+        files("training").joinpath("report.html.j2").read_text(encoding="utf-8"), autoescape=True
+    )
+    (folder / "index.html").write_text(
+        template.render(results=results, images=images), encoding="utf-8"
+    )
 
 
 def _draw(figure: dict[str, Any], folder: Path) -> str:

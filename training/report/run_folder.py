@@ -43,12 +43,17 @@ unfinished: list[Unfinished] = []
 
 @contextmanager
 def run_folder(
-    output: Path, name: str, arguments: Any, notes: Mapping[str, Any] | None = None, keeps: Sequence[str] = ()
+    output: Path,
+    name: str,
+    arguments: Any,
+    notes: Mapping[str, Any] | None = None,
+    keeps: Sequence[str] = (),
 ) -> Iterator[Path]:
     """A folder to write into; on success it becomes `output` with a manifest, on any failure it disappears.
 
-    An earlier run at `output` is replaced; anything else there, and a place that cannot be written, is refused. Only a
-    killed process (SIGKILL) can leave something: a hidden folder beside `output`.
+    An earlier run at `output` is replaced; anything else there, and a place that cannot be written,
+    is refused. Only a killed process (SIGKILL) can leave something: a hidden folder beside
+    `output`.
 
     Parameters
     ----------
@@ -86,7 +91,12 @@ def free_place(output: Path) -> Path:
     """The resolved path if a run may be put there: where nothing is, or an earlier run; else a refusal."""
     output = Path(output).resolve()
     if os.path.lexists(output) and earlier_run(output) is None and not _is_empty_folder(output):
-        raise refusal("output", str(output), "a new folder or that of an earlier run", "choose another --output")
+        raise refusal(
+            "output",
+            str(output),
+            "a new folder or that of an earlier run",
+            "choose another --output",
+        )
     return output
 
 
@@ -122,7 +132,9 @@ def _missing_parents(path: Path) -> list[Path]:
     return [parent for parent in path.parents if not parent.exists()]
 
 
-def write_manifest(folder: Path, name: str, arguments: Any, notes: Mapping[str, Any] | None = None) -> None:
+def write_manifest(
+    folder: Path, name: str, arguments: Any, notes: Mapping[str, Any] | None = None
+) -> None:
     """Write what was asked for, and what made it: by this file a folder is known as that of a run."""
     manifest = {
         "command": f"auv-fault {name}",
@@ -151,7 +163,9 @@ def _replace(output: Path, aside: Path, keeps: Sequence[str]) -> None:
 
 def provenance() -> dict[str, Any]:
     """Versions of Python and the packages, and the git revision: what made a result, besides its command."""
-    versions = {"python": platform.python_version()} | {package: _version(package) for package in PACKAGES}
+    versions = {"python": platform.python_version()} | {
+        package: _version(package) for package in PACKAGES
+    }
     return {"versions": versions, "revision": _revision()}
 
 
@@ -166,8 +180,12 @@ def _revision() -> str | None:
     """Git revision of the code, `+` behind it if files were changed; None outside a checkout."""
     git = ["git", "-C", str(Path(__file__).parent)]
     try:
-        head = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, check=True).stdout.strip()
-        changed = subprocess.run([*git, "status", "--porcelain"], capture_output=True, text=True, check=True).stdout
+        head = subprocess.run(
+            [*git, "rev-parse", "HEAD"], capture_output=True, text=True, check=True
+        ).stdout.strip()
+        changed = subprocess.run(
+            [*git, "status", "--porcelain"], capture_output=True, text=True, check=True
+        ).stdout
     except (OSError, subprocess.CalledProcessError):
         return None
     return head + ("+" if changed else "")

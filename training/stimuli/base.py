@@ -14,10 +14,12 @@ from auv_fault_env.errors import finite_in_range
 from auv_fault_env.parameters import FOOT, SAMPLE_RATE
 from diagnosers import Belief
 
-BUDGET = 0.25 * FOOT  # m/s: the thesis' 0.5 ft/s and 1.0 ft/s are a quarter of a foot per second off their mean
+# m/s: the thesis' 0.5 ft/s and 1.0 ft/s are a quarter of a foot per second off their mean
+BUDGET = 0.25 * FOOT
 EPISODE = 65.0  # s, over which a budget is kept: an episode of the suites
 N_SAMPLES = round(EPISODE * SAMPLE_RATE)
-LARGEST = 0.25  # m/s, offset of a stimulus that decides by itself: beyond it the mission would be another one
+# m/s, offset of a stimulus that decides by itself: beyond it the mission would be another one
+LARGEST = 0.25
 MISSION_SPEED = list(CHANNELS).index("mission_speed")
 
 
@@ -25,8 +27,8 @@ MISSION_SPEED = list(CHANNELS).index("mission_speed")
 class Stimulus(ABC):
     """A speed offset around the mission speed at every sample; asked anew in every sample, for all lanes at once.
 
-    One that looks at the belief remembers the episode: it begins anew when it is asked for sample 0, and an instance
-    serves one batch of lanes at a time.
+    One that looks at the belief remembers the episode: it begins anew when it is asked for sample
+    0, and an instance serves one batch of lanes at a time.
 
     Attributes
     ----------

@@ -13,9 +13,9 @@ from training.stimuli.base import LARGEST, N_SAMPLES, Stimulus, within_channel
 class ClosedLoop(Stimulus):
     """A stimulus that decides by the belief, within an allowance: the squared offsets that the budget has left.
 
-    The allowance starts at that of an episode of `EPISODE`, and no offset's square is larger than what is left of it;
-    so the root mean square over such an episode never exceeds the budget, nor over any longer one. In a shorter
-    one it may.
+    The allowance starts at that of an episode of `EPISODE`, and no offset's square is larger than
+    what is left of it; so the root mean square over such an episode never exceeds the budget, nor
+    over any longer one. In a shorter one it may.
     """
 
     def offset(self, sample: int, observation: np.ndarray, belief: Belief) -> np.ndarray:
@@ -25,11 +25,21 @@ class ClosedLoop(Stimulus):
         """
         n_lanes = len(observation)
         if sample == 0:
-            self.__dict__["_running"] = 0, np.full(n_lanes, N_SAMPLES * self.budget**2), self.begun(n_lanes)
+            self.__dict__["_running"] = (
+                0,
+                np.full(n_lanes, N_SAMPLES * self.budget**2),
+                self.begun(n_lanes),
+            )
         due, left, memory = self.__dict__.get("_running", (0, (), None))
         if sample != due or n_lanes != len(left):
-            got, allowed = (sample, n_lanes), f"{(due, len(left))}, or sample 0"
-            raise refusal("sample and number of lanes", got, allowed, "use one instance of the stimulus for each batch")
+            got = (sample, n_lanes)
+            allowed = f"{(due, len(left))}, or sample 0"
+            raise refusal(
+                "sample and number of lanes",
+                got,
+                allowed,
+                "use one instance of the stimulus for each batch",
+            )
         wanted = self.wanted(sample, observation, belief, left, memory)
         most = np.minimum(np.sqrt(left), LARGEST)
         offset = within_channel(np.clip(wanted, -most, most), observation)
@@ -41,8 +51,11 @@ class ClosedLoop(Stimulus):
         """What it remembers of an episode besides the allowance, at its start; `wanted` may change it."""
 
     @abstractmethod
-    def wanted(self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: Any) -> np.ndarray:
+    def wanted(
+        self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: Any
+    ) -> np.ndarray:
         """The offset that it would like [m/s], (n_lanes,).
 
-        ``left`` (n_lanes,) is the allowance [m^2/s^2 times samples]; the others are as for `offset`.
+        ``left`` (n_lanes,) is the allowance [m^2/s^2 times samples]; the others are as for
+        `offset`.
         """

@@ -7,7 +7,9 @@ import numpy as np
 from auv_fault_env.errors import finite_in_range
 from auv_fault_env.parameters import SAMPLE_RATE
 
-DECLARE, HOLD = 0.9, 1.0  # probability, and for how long [s]
+# probability, and for how long [s]
+DECLARE = 0.9
+HOLD = 1.0
 NONE = 0  # what is declared before a fault is: `normal`
 
 
@@ -19,7 +21,8 @@ class Declaration:
     n_lanes
         Number of lanes.
     threshold
-        Probability that a fault class must have in every sample of `HOLD`; from 0.5 on, so that it is the only one.
+        Probability that a fault class must have in every sample of `HOLD`; from 0.5 on, so that it
+        is the only one.
 
     Attributes
     ----------
@@ -29,13 +32,16 @@ class Declaration:
 
     def __init__(self, n_lanes: int, threshold: float):
         self._least = math.log(finite_in_range("declare", threshold, 0.5, 1.0))
-        self._lanes, self._samples = np.arange(n_lanes), round(HOLD * SAMPLE_RATE)
-        self._top, self._held = np.zeros(n_lanes, np.int64), np.zeros(n_lanes, np.int64)
+        self._lanes = np.arange(n_lanes)
+        self._samples = round(HOLD * SAMPLE_RATE)
+        self._top = np.zeros(n_lanes, np.int64)
+        self._held = np.zeros(n_lanes, np.int64)
         self.declared = np.full(n_lanes, NONE)
 
     def begin(self, lanes: np.ndarray) -> None:
         """Nothing is declared on the chosen lanes (m,)."""
-        self._held[lanes], self.declared[lanes] = 0, NONE
+        self._held[lanes] = 0
+        self.declared[lanes] = NONE
 
     def note(self, log_probability: np.ndarray) -> None:
         """Take the next sample's belief, (n_lanes, n_classes)."""

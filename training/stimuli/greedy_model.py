@@ -1,7 +1,8 @@
 """A cheap model of what each hypothesis would read if the speed command changed, for `training.stimuli.greedy`.
 
-The plant's own equations (`auv_fault_env.physics`) in coarse steps: the shafts, which settle within half a second,
-follow their command at once; no noise, no disturbance; readings are those of sensors with gain and bias.
+The plant's own equations (`auv_fault_env.physics`) in coarse steps: the shafts, which settle within
+half a second, follow their command at once; no noise, no disturbance; readings are those of sensors
+with gain and bias.
 """
 
 import math
@@ -24,11 +25,20 @@ from auv_fault_env.physics import (
     surge_acceleration,
 )
 
-STEP, STEPS, LOOK = 0.25, 4, 4  # s; steps to a look at the readings, one second; looks
-N_READINGS, N_SHAFT, N_SENSOR = len(READINGS), len(SHAFT), len(SENSOR)
+STEP = 0.25  # s
+STEPS = 4  # steps to a look at the readings, one second
+LOOK = 4  # looks
+N_READINGS = len(READINGS)
+N_SHAFT = len(SHAFT)
+N_SENSOR = len(SENSOR)
 PORT, STARBOARD = (list(PARAMETERS).index(f"{side}_{SHAFT[0]}") for side in SIDES)
-SENSORS = len(HULL) + len(SIDES) * N_SHAFT  # first parameter of the sensors: bias and gain lead each one's
-SPEED, ACCELERATION, PORT_VOLTAGE, STARBOARD_VOLTAGE = 0, 1, 2, 5  # rows of `READINGS`; current and rpm follow
+# first parameter of the sensors: bias and gain lead each one's
+SENSORS = len(HULL) + len(SIDES) * N_SHAFT
+# rows of `READINGS`; current and rpm follow
+SPEED = 0
+ACCELERATION = 1
+PORT_VOLTAGE = 2
+STARBOARD_VOLTAGE = 5
 LEAST_GAIN = 0.1  # of a sensor, when its reading is taken for the truth
 
 
@@ -80,13 +90,19 @@ def spin_of(parameters, row, rpm):
 def look(parameters, speed, rpm, force, constants, readings):
     """Write the readings (8,) at this true speed, shaft speed command and disturbance; returns the acceleration."""
     readings[SPEED] = read(parameters, SPEED, speed)
-    port, starboard = shaft_of(parameters, PORT), shaft_of(parameters, STARBOARD)
+    port = shaft_of(parameters, PORT)
+    starboard = shaft_of(parameters, STARBOARD)
     port_spin = spin_of(parameters, PORT_VOLTAGE + 2, rpm)
     starboard_spin = spin_of(parameters, STARBOARD_VOLTAGE + 2, rpm)
     sides = motor(port, constants, 0.0), motor(starboard, constants, 0.0)
-    acceleration = surge_acceleration(speed, port_spin, starboard_spin, parameters[0], force, sides[0], sides[1])
+    acceleration = surge_acceleration(
+        speed, port_spin, starboard_spin, parameters[0], force, sides[0], sides[1]
+    )
     readings[ACCELERATION] = read(parameters, ACCELERATION, acceleration)
-    for row, shaft, spin in ((PORT_VOLTAGE, port, port_spin), (STARBOARD_VOLTAGE, starboard, starboard_spin)):
+    for row, shaft, spin in (
+        (PORT_VOLTAGE, port, port_spin),
+        (STARBOARD_VOLTAGE, starboard, starboard_spin),
+    ):
         voltage = holding_voltage(shaft, spin, speed, constants)
         readings[row] = read(parameters, row, voltage)
         readings[row + 1] = read(parameters, row + 1, armature_current(shaft, spin, voltage))
@@ -98,11 +114,13 @@ def look(parameters, speed, rpm, force, constants, readings):
 def respond(parameters, now, command, constants, readings, responses):
     """Write the changes of the readings (LOOK, 8) from now to 1, 2, ... s after a new command.
 
-    A force makes up for what the hypothesis leaves open of the present acceleration: it is known already, and tells
-    nothing. readings (8,) is working memory.
+    A force makes up for what the hypothesis leaves open of the present acceleration: it is known
+    already, and tells nothing. readings (8,) is working memory.
     """
-    share, kept = 1.0 - math.exp(-STEP / constants.speed_filter_time), now.speed
-    speed, rpm = true_of(parameters, SPEED, kept), rpm_command(constants, now.command, kept, 0.0)
+    share = 1.0 - math.exp(-STEP / constants.speed_filter_time)
+    kept = now.speed
+    speed = true_of(parameters, SPEED, kept)
+    rpm = rpm_command(constants, now.command, kept, 0.0)
     force = true_of(parameters, ACCELERATION, now.acceleration)
     force -= look(parameters, speed, rpm, 0.0, constants, readings)
     look(parameters, speed, rpm, force, constants, readings)
@@ -113,7 +131,14 @@ def respond(parameters, now, command, constants, readings, responses):
             rpm = rpm_command(constants, command, kept, 0.0)
             speed += STEP * look(parameters, speed, rpm, force, constants, readings)
             kept = filtered(kept, read(parameters, SPEED, speed), share)
-        look(parameters, speed, rpm_command(constants, command, kept, 0.0), force, constants, readings)
+        look(
+            parameters,
+            speed,
+            rpm_command(constants, command, kept, 0.0),
+            force,
+            constants,
+            readings,
+        )
         responses[second] += readings
 
 
@@ -159,8 +184,10 @@ def expected_information(parameters, probability, now, mission, grid, variance, 
         `Constants` of the nominal vehicle as an array.
     """
     n_lanes, n_hypotheses, _ = parameters.shape
-    shared, readings = constants_of(constants), np.empty(N_READINGS)
-    responses, out = np.empty((n_hypotheses, LOOK, N_READINGS)), np.empty((n_lanes, grid.size))
+    shared = constants_of(constants)
+    readings = np.empty(N_READINGS)
+    responses = np.empty((n_hypotheses, LOOK, N_READINGS))
+    out = np.empty((n_lanes, grid.size))
     for lane in range(n_lanes):
         present = Now(now[lane, 0], now[lane, 1], now[lane, 2])
         for g in range(grid.size):

@@ -32,11 +32,13 @@ class Notes:
 class Learned(ClosedLoop):
     """What `auv-fault train-stimulus` has made of the environment's rewards; the policies come with the package.
 
-    It ends with the first declaration, as the episodes of its training did. These had a decision per second; here the
-    policy is asked at every sample, so that it goes ahead as soon as there is doubt and stops as soon as there is none.
+    It ends with the first declaration, as the episodes of its training did. These had a decision
+    per second; here the policy is asked at every sample, so that it goes ahead as soon as there is
+    doubt and stops as soon as there is none.
 
-    A policy has seen the beliefs of one filter bank on simulated vehicles at 0.2 to 0.5 m/s. Beside another diagnoser,
-    whose beliefs move otherwise, it may excite for nothing, or sit still while there is something to be told.
+    A policy has seen the beliefs of one filter bank on simulated vehicles at 0.2 to 0.5 m/s. Beside
+    another diagnoser, whose beliefs move otherwise, it may excite for nothing, or sit still while
+    there is something to be told.
     """
 
     name = "learned"
@@ -60,44 +62,57 @@ class Learned(ClosedLoop):
 
     def begun(self, n_lanes: int) -> Notes:
         """Nothing read, nothing declared, no action."""
-        return Notes(ParameterFilter().initial(n_lanes), Declaration(n_lanes, DECLARE), np.zeros(n_lanes))
+        return Notes(
+            ParameterFilter().initial(n_lanes), Declaration(n_lanes, DECLARE), np.zeros(n_lanes)
+        )
 
     def wanted(
         self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: Notes
     ) -> np.ndarray:
         """The offset in force, until a fault is declared."""
-        memory.estimate = ParameterFilter().update(memory.estimate, np.asarray(observation, np.float64))
+        memory.estimate = ParameterFilter().update(
+            memory.estimate, np.asarray(observation, np.float64)
+        )
         memory.declaration.note(belief.log_probability)
         if sample % self.every == 0:
-            time, left = np.full(len(left), sample * SAMPLE_TIME), left * SAMPLE_TIME
-            seen = features(suspected(belief), memory.estimate, observation, memory.action, time, left)
+            time = np.full(len(left), sample * SAMPLE_TIME)
+            left = left * SAMPLE_TIME
+            seen = features(
+                suspected(belief), memory.estimate, observation, memory.action, time, left
+            )
             most = np.sqrt(left) / self._policy.amplitude
             memory.action = np.clip(self._policy.action(seen)[:, 0].astype(np.float64), -most, most)
-        return np.where(memory.declaration.declared == NONE, self._policy.amplitude * memory.action, 0.0)
+        return np.where(
+            memory.declaration.declared == NONE, self._policy.amplitude * memory.action, 0.0
+        )
 
 
 class Learned1(Learned):
     """The same from another seed of the training: how much of what is learnt is luck."""
 
-    name, seed = "learned_1", 1
+    name = "learned_1"
+    seed = 1
 
 
 class Learned2(Learned):
     """As `Learned1`."""
 
-    name, seed = "learned_2", 2
+    name = "learned_2"
+    seed = 2
 
 
 class Learned3(Learned):
     """As `Learned1`."""
 
-    name, seed = "learned_3", 3
+    name = "learned_3"
+    seed = 3
 
 
 class Learned4(Learned):
     """As `Learned1`."""
 
-    name, seed = "learned_4", 4
+    name = "learned_4"
+    seed = 4
 
 
 class LearnedHeld(Learned):

@@ -25,8 +25,8 @@ class Cruise(Stimulus):
 class OpenLoop(Stimulus):
     """A wave of root mean square 1 times the budget, the same on all lanes.
 
-    The budget is kept over whole periods, and `EPISODE` has a whole number of them where the wave's size varies; over
-    another time the root mean square may differ.
+    The budget is kept over whole periods, and `EPISODE` has a whole number of them where the wave's
+    size varies; over another time the root mean square may differ.
     """
 
     wave: ClassVar[Callable[[], np.ndarray]]  # a period, sample by sample, (n_samples,)
@@ -34,13 +34,16 @@ class OpenLoop(Stimulus):
     def offset(self, sample: int, observation: np.ndarray, belief: Belief) -> np.ndarray:
         """The wave's value at this sample, as far as the channel goes."""
         wave = self.wave()
-        return within_channel(np.full(len(observation), self.budget * wave[sample % wave.size]), observation)
+        return within_channel(
+            np.full(len(observation), self.budget * wave[sample % wave.size]), observation
+        )
 
 
 class Thesis(OpenLoop):
     """The thesis' square wave (V.D): slower and faster than the mission by the budget, ten seconds each, slower first.
 
-    It knows neither what is believed nor when a fault is suspected, and so costs as much on a healthy vehicle.
+    It knows neither what is believed nor when a fault is suspected, and so costs as much on a
+    healthy vehicle.
     """
 
     name = "thesis"
@@ -64,7 +67,8 @@ class Multisine(OpenLoop):
 class DOptimal(OpenLoop):
     """The periodic profile that tells most of drag and thrust over an episode (`training.stimuli.d_optimal`).
 
-    It is optimal for these two of a nominal vehicle at 1 ft/s; faults of motors and sensors do not enter.
+    It is optimal for these two of a nominal vehicle at 1 ft/s; faults of motors and sensors do not
+    enter.
     """
 
     name = "d_optimal"

@@ -13,7 +13,8 @@ from auv_fault_env.errors import finite_in_range, refusal
 from diagnosers import storage
 from training.stimuli.policy_inputs import FEATURES
 
-LAYERS, HIDDEN = ("first", "second", "action"), 64
+LAYERS = ("first", "second", "action")
+HIDDEN = 64
 WIDTHS = (len(FEATURES), HIDDEN, HIDDEN, 1)
 SHAPES: storage.Shapes = {
     f"{layer}_{part}": shape
@@ -26,8 +27,9 @@ SHAPES: storage.Shapes = {
 class LearnedPolicy:
     """From the features of `auv_fault_env/ActiveDiagnosis-v0` to its action: two hidden layers, all tanh, no noise.
 
-    It has learnt beside one diagnoser and within one budget. Beside another diagnoser, whose beliefs move otherwise, it
-    may excite for nothing; and the budget is kept on the average of the episodes it was trained on, not in every one.
+    It has learnt beside one diagnoser and within one budget. Beside another diagnoser, whose
+    beliefs move otherwise, it may excite for nothing; and the budget is kept on the average of the
+    episodes it was trained on, not in every one.
 
     Attributes
     ----------
@@ -53,12 +55,20 @@ class LearnedPolicy:
         """The actions (n_lanes, 1) float32, within -1 to 1, for features (n_lanes, n_features) as in `FEATURES`."""
         features = np.asarray(features, np.float32)
         if features.ndim != 2 or features.shape[1] != len(FEATURES):
-            raise refusal("shape of the features", features.shape, f"(n_lanes, {len(FEATURES)})", "one row per lane")
+            raise refusal(
+                "shape of the features",
+                features.shape,
+                f"(n_lanes, {len(FEATURES)})",
+                "one row per lane",
+            )
         with torch.inference_mode():
             values = torch.from_numpy(features)
             for layer in LAYERS:
-                weight, bias = (torch.from_numpy(self.tensors[f"{layer}_{part}"]) for part in ("weight", "bias"))
-                summed = (values[:, None, :] * weight).sum(dim=2)  # the same for a lane, however many there are
+                weight, bias = (
+                    torch.from_numpy(self.tensors[f"{layer}_{part}"]) for part in ("weight", "bias")
+                )
+                # the same for a lane, however many there are
+                summed = (values[:, None, :] * weight).sum(dim=2)
                 values = torch.tanh(summed + bias)
             return values.numpy()
 
@@ -74,13 +84,19 @@ class LearnedPolicy:
         header = header if isinstance(header, dict) else {}
         layout = header.get("features")
         if layout != list(FEATURES):
-            allowed = f"the {len(FEATURES)} of training.stimuli.policy_inputs.FEATURES in their order"
-            raise refusal(f"features of the policy {path}", _unlike(layout), allowed, "train it anew")
+            allowed = (
+                f"the {len(FEATURES)} of training.stimuli.policy_inputs.FEATURES in their order"
+            )
+            raise refusal(
+                f"features of the policy {path}", _unlike(layout), allowed, "train it anew"
+            )
         diagnoser = header.get("diagnoser")
         if not isinstance(diagnoser, str):
             raise refusal(f"diagnoser of the policy {path}", diagnoser, "a name", "train it anew")
         numbers = (
-            finite_in_range(f"{name} of the policy {path}", header.get(name), 0.001, MAXIMUM_COMMAND)
+            finite_in_range(
+                f"{name} of the policy {path}", header.get(name), 0.001, MAXIMUM_COMMAND
+            )
             for name in ("budget", "amplitude")
         )
         return cls(storage.checked(path, tensors, SHAPES), diagnoser, *numbers)
@@ -90,5 +106,10 @@ def _unlike(layout: Any) -> Any:
     """What of a layout of features is not as it should be: the first place, short enough for one line."""
     if not isinstance(layout, list):
         return layout
-    place = next((k for k, pair in enumerate(zip(layout, FEATURES, strict=False)) if pair[0] != pair[1]), None)
-    return f"{len(layout)} features" + ("" if place is None else f", number {place + 1} {layout[place]!r}")
+    place = next(
+        (k for k, pair in enumerate(zip(layout, FEATURES, strict=False)) if pair[0] != pair[1]),
+        None,
+    )
+    return f"{len(layout)} features" + (
+        "" if place is None else f", number {place + 1} {layout[place]!r}"
+    )

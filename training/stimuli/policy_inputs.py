@@ -71,7 +71,8 @@ def features(
     time
         Since the episode's start [s], (n_lanes,); its feature is log(1 + time).
     left
-        Of the squared offsets that a budget allows [m^2/s], (n_lanes,); its feature is `bent_allowance`.
+        Of the squared offsets that a budget allows [m^2/s], (n_lanes,); its feature is
+        `bent_allowance`.
     """
     lanes = np.arange(len(observation))
     top = 1 + belief.log_probability[:, 1:].argmax(axis=1)

@@ -1,8 +1,9 @@
 """Go faster by the odds that hull or propellers are at fault: a rule by hand, and what the agent starts from.
 
-At twice the speed drag and thrust are four times as large, so that their faults stand out of noise and disturbance;
-going slower hides them. For an offset a healthy vehicle pays the square and a faulty one gains about in proportion, so
-what is best grows with the odds; and with the budget, in units of which healthy vehicles count their cost.
+At twice the speed drag and thrust are four times as large, so that their faults stand out of noise
+and disturbance; going slower hides them. For an offset a healthy vehicle pays the square and a
+faulty one gains about in proportion, so what is best grows with the odds; and with the budget, in
+units of which healthy vehicles count their cost.
 """
 
 import numpy as np
@@ -13,7 +14,11 @@ from diagnosers import Belief
 from training.stimuli.base import EPISODE, LARGEST
 from training.stimuli.closed_loop import ClosedLoop
 
-AFFECTED = {fault.diagnosis for fault in CATALOGUE.values() if fault.component.startswith(("hull", "propeller:"))}
+AFFECTED = {
+    fault.diagnosis
+    for fault in CATALOGUE.values()
+    if fault.component.startswith(("hull", "propeller:"))
+}
 HULL_AND_PROPELLERS = np.array([name in AFFECTED for name in classes()])
 SHARE = 0.3  # of what is not normal, from which on hull and propellers are suspected
 GAIN = 0.6  # of the constant offset for which what is left would last an episode, at even odds
@@ -23,19 +28,25 @@ LEAST = 1e-6  # of p(normal): below, the offset has long been the largest
 def surge_ahead(log_probability: np.ndarray, left: np.ndarray) -> np.ndarray:
     """The offset [m/s] (n_lanes,), 0 to `LARGEST`.
 
-    From log probabilities (n_lanes, n_classes), and what is left of the squared offsets [m^2/s] (n_lanes,).
+    From log probabilities (n_lanes, n_classes), and what is left of the squared offsets [m^2/s]
+    (n_lanes,).
     """
     probability = np.exp(log_probability)
-    normal, suspected = probability[:, 0], probability[:, HULL_AND_PROPELLERS].sum(axis=1)
+    normal = probability[:, 0]
+    suspected = probability[:, HULL_AND_PROPELLERS].sum(axis=1)
     odds = suspected / np.maximum(normal, LEAST)
-    return np.where(suspected > SHARE * (1.0 - normal), np.minimum(GAIN * np.sqrt(left / EPISODE) * odds, LARGEST), 0.0)
+    return np.where(
+        suspected > SHARE * (1.0 - normal),
+        np.minimum(GAIN * np.sqrt(left / EPISODE) * odds, LARGEST),
+        0.0,
+    )
 
 
 class TriggeredSurge(ClosedLoop):
     """Faster by the odds of a fault of hull or propellers and by what is left, as long as the allowance lasts.
 
-    Gain and share are a choice by hand, not an optimum. A diagnoser that doubts often makes it waste its allowance
-    before a fault is there.
+    Gain and share are a choice by hand, not an optimum. A diagnoser that doubts often makes it
+    waste its allowance before a fault is there.
     """
 
     name = "triggered_surge"

@@ -14,7 +14,9 @@ from training.stimuli.closed_loop import ClosedLoop
 from training.stimuli.d_optimal import d_optimal
 from training.stimuli.waveforms import prbs, square
 
-SPELL = 20.0  # s, over which the allowance that is left is spread when the suspicion arises: a period of the thesis'
+# s, over which the allowance that is left is spread when the suspicion arises: a period of the
+# thesis'
+SPELL = 20.0
 SPELL_SAMPLES = round(SPELL * SAMPLE_RATE)
 SUSPICION = math.log(0.5)  # log p(normal) below which a spell begins
 CALM = math.log(0.9)  # and above which it ends
@@ -30,8 +32,9 @@ class Spell(NamedTuple):
 class Triggered(ClosedLoop):
     """Cruise until p(normal) falls below 0.5, then a wave for `SPELL`, or until p(normal) is above 0.9 again.
 
-    Its amplitude spreads the allowance that is left over the spell, up to `LARGEST`. So a small budget buys a strong
-    stimulus for a short time, and an early false suspicion takes from a later true one.
+    Its amplitude spreads the allowance that is left over the spell, up to `LARGEST`. So a small
+    budget buys a strong stimulus for a short time, and an early false suspicion takes from a later
+    true one.
     """
 
     wave: ClassVar[Callable[[], np.ndarray]]  # a period of root mean square 1, sample by sample
@@ -44,7 +47,9 @@ class Triggered(ClosedLoop):
         self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: Spell
     ) -> np.ndarray:
         """The wave where a spell is on."""
-        log_normal, (phase, amplitude), wave = belief.log_probability[:, 0], memory, self.wave()
+        log_normal = belief.log_probability[:, 0]
+        (phase, amplitude) = memory
+        wave = self.wave()
         phase[phase >= 0] += 1
         phase[(log_normal > CALM) | (phase >= SPELL_SAMPLES)] = -1
         begins = (phase < 0) & (log_normal < SUSPICION)

@@ -37,9 +37,13 @@ from training.studies.mission_runs import (
 
 VEHICLE = PRESETS["thesis1992"]  # the diagnosers' own
 FIRST_SEED = 900_000_000  # within those of tests
-# What a mission may be: speed [m/s], whole way [m], share of it that is gone, battery by what a healthy vehicle needs
-# for the rest, current against it [m/s].
-SPEED, LENGTH, GONE, RESERVE, CURRENT = (0.4, 0.8), (500.0, 1500.0), (0.1, 0.7), (1.1, 1.5), (-0.1, 0.1)
+# What a mission may be: speed [m/s], whole way [m], share of it that is gone, battery by what a
+# healthy vehicle needs for the rest, current against it [m/s].
+SPEED = (0.4, 0.8)
+LENGTH = (500.0, 1500.0)
+GONE = (0.1, 0.7)
+RESERVE = (1.1, 1.5)
+CURRENT = (-0.1, 0.1)
 _, SENSORS, HEALTHY = PARTS = ("propulsion fault", "sensor fault", "healthy")
 
 
@@ -83,7 +87,8 @@ def planned(arguments: AdvisoryStudy) -> Plan:
     speed, length, gone, reserve, current = (
         random.uniform(*limits, n_lanes) for limits in (SPEED, LENGTH, GONE, RESERVE, CURRENT)
     )
-    to_go, hotel_load = (1.0 - gone) * length, np.full(n_lanes, arguments.hotel_load)
+    to_go = (1.0 - gone) * length
+    hotel_load = np.full(n_lanes, arguments.hotel_load)
     situation = Situation(speed, to_go, gone * length, np.zeros(n_lanes), hotel_load, current)
     need = advise(normal(n_lanes), situation, VEHICLE).energy_per_metre.middle * to_go
     lots = zip(PARTS, np.array_split(chosen, len(PARTS)), strict=True)
@@ -105,24 +110,42 @@ def study(arguments: AdvisoryStudy, plan: Plan, sailed: Mapping[str, Voyages]) -
     given = ("missions", "diagnoser", "hotel_load", "seed")
     options = (f"--{name.replace('_', '-')} {getattr(arguments, name)}" for name in given)
     part = np.repeat(list(PARTS), arguments.missions)
-    kind = np.array([CATALOGUE[one[0].fault].diagnosis.partition(":")[0] if one else "" for one in plan.schedules])
+    kind = np.array(
+        [
+            CATALOGUE[one[0].fault].diagnosis.partition(":")[0] if one else ""
+            for one in plan.schedules
+        ]
+    )
     kinds = {str(name): kind == name for name in np.unique(kind[kind != ""])}
-    pairs = {f"{FOLLOWED} minus {other}": (sailed[FOLLOWED], sailed[other]) for other in (IGNORED, TOLD)}
+    pairs = {
+        f"{FOLLOWED} minus {other}": (sailed[FOLLOWED], sailed[other]) for other in (IGNORED, TOLD)
+    }
     return {
         "command": " ".join(["python -m training.studies.advisory", *options]),
         "missions": arguments.missions,
         "diagnoser": arguments.diagnoser,
         "hotel_load": arguments.hotel_load,
-        "drawn": {"speed": SPEED, "length": LENGTH, "gone": GONE, "reserve": RESERVE, "current": CURRENT},
+        "drawn": {
+            "speed": SPEED,
+            "length": LENGTH,
+            "gone": GONE,
+            "reserve": RESERVE,
+            "current": CURRENT,
+        },
         "parts": {
-            name: {arm: figures(one, part == name, arguments.seed) for arm, one in sailed.items()} for name in PARTS
+            name: {arm: figures(one, part == name, arguments.seed) for arm, one in sailed.items()}
+            for name in PARTS
         },
         "differences": {
-            name: {pair: difference(*both, part == name, arguments.seed) for pair, both in pairs.items()}
+            name: {
+                pair: difference(*both, part == name, arguments.seed)
+                for pair, both in pairs.items()
+            }
             for name in PARTS
         },
         "kinds": {
-            name: {arm: _shares(one.outcome[lanes]) for arm, one in sailed.items()} for name, lanes in kinds.items()
+            name: {arm: _shares(one.outcome[lanes]) for arm, one in sailed.items()}
+            for name, lanes in kinds.items()
         },
         "counts": {name: int(lanes.sum()) for name, lanes in kinds.items()},
     }
@@ -134,8 +157,15 @@ def _shares(outcome: np.ndarray) -> dict[str, float]:
 
 def measured(voyages: Voyages, lanes: np.ndarray) -> dict[str, np.ndarray]:
     """Per mission: whether completed, whether the vehicle was stranded, energy [kJ], duration [min]."""
-    outcome, energy, duration = voyages.outcome[lanes], voyages.spent[lanes] / 1e3, voyages.lasted[lanes] / 60.0
-    return {"completed": outcome == GOAL, "stranded": outcome == STRANDED, "energy": energy, "duration": duration}
+    outcome = voyages.outcome[lanes]
+    energy = voyages.spent[lanes] / 1e3
+    duration = voyages.lasted[lanes] / 60.0
+    return {
+        "completed": outcome == GOAL,
+        "stranded": outcome == STRANDED,
+        "energy": energy,
+        "duration": duration,
+    }
 
 
 def figures(voyages: Voyages, lanes: np.ndarray, seed: int) -> dict[str, Any]:
@@ -144,17 +174,25 @@ def figures(voyages: Voyages, lanes: np.ndarray, seed: int) -> dict[str, Any]:
     completed = int(values["completed"].sum())
     return {
         "outcomes": _shares(voyages.outcome[lanes]),
-        **{name: [float(value.mean()), *interval(value.astype(float), seed)] for name, value in values.items()},
+        **{
+            name: [float(value.mean()), *interval(value.astype(float), seed)]
+            for name, value in values.items()
+        },
         "energy_by_completed": float(values["energy"].sum()) / completed if completed else None,
         "changes": float(voyages.changes[lanes].mean()),
     }
 
 
-def difference(one: Voyages, other: Voyages, lanes: np.ndarray, seed: int) -> dict[str, list[float]]:
+def difference(
+    one: Voyages, other: Voyages, lanes: np.ndarray, seed: int
+) -> dict[str, list[float]]:
     """Means of one less those of the other on the same missions, with paired intervals."""
     pairs = zip(measured(one, lanes).items(), measured(other, lanes).values(), strict=True)
     return {
-        name: [float(a.mean() - b.mean()), *paired_bootstrap(a.astype(float), b.astype(float), seed)]
+        name: [
+            float(a.mean() - b.mean()),
+            *paired_bootstrap(a.astype(float), b.astype(float), seed),
+        ]
         for (name, a), b in pairs
     }
 

@@ -46,7 +46,10 @@ def _ends(results: Results) -> dict[str, Any]:
         [
             part,
             arm,
-            *(with_interval(*_scaled(so[name], factor), 1) for name, (_, factor) in QUANTITIES.items()),
+            *(
+                with_interval(*_scaled(so[name], factor), 1)
+                for name, (_, factor) in QUANTITIES.items()
+            ),
             *(percent(so["outcomes"][name]) for name in ("came home", "aborted")),
             number(so["energy_by_completed"], 1, "none completed"),
             f"{so['changes']:.2f}",
@@ -56,7 +59,10 @@ def _ends(results: Results) -> dict[str, Any]:
     ]
     columns = ["missions", "advice", *(label for label, _ in QUANTITIES.values())]
     columns += ["came home", "aborted", "energy by completed mission [kJ]", "changes of the action"]
-    panels = {part: {arm: so["outcomes"] for arm, so in arms.items()} for part, arms in results["parts"].items()}
+    panels = {
+        part: {arm: so["outcomes"] for arm, so in arms.items()}
+        for part, arms in results["parts"].items()
+    }
     caption = "How the missions ended: with the advice ignored, followed, and with the truth told."
     return {
         "heading": "How the missions ended",
@@ -88,7 +94,10 @@ def _differences(results: Results) -> dict[str, Any]:
         [
             part,
             against,
-            *(with_interval(*_scaled(so[name], factor), 1, "+") for name, (_, factor) in QUANTITIES.items()),
+            *(
+                with_interval(*_scaled(so[name], factor), 1, "+")
+                for name, (_, factor) in QUANTITIES.items()
+            ),
         ]
         for part, differences in results["differences"].items()
         for against, so in differences.items()
@@ -100,7 +109,10 @@ def _differences(results: Results) -> dict[str, Any]:
             "too: read it beside the missions completed. On healthy vehicles any loss is the price of false or "
             "overcautious advice."
         ],
-        "table": {"columns": ["missions", "advice", *(label for label, _ in QUANTITIES.values())], "rows": rows},
+        "table": {
+            "columns": ["missions", "advice", *(label for label, _ in QUANTITIES.values())],
+            "rows": rows,
+        },
     }
 
 
@@ -110,10 +122,16 @@ def _classes(results: Results) -> dict[str, Any]:
         + [percent(by_arm[arm][end]) for end in ("reached the goal", "stranded") for arm in ARMS]
         for name, by_arm in results["kinds"].items()
     ]
-    columns = ["fault", "missions", *(f"{end}, {arm}" for end in ("completed", "stranded") for arm in ARMS)]
+    columns = [
+        "fault",
+        "missions",
+        *(f"{end}, {arm}" for end in ("completed", "stranded") for arm in ARMS),
+    ]
     return {
         "heading": "By fault",
-        "text": ["Few missions stand behind each row: read them for the pattern, not for the figure."],
+        "text": [
+            "Few missions stand behind each row: read them for the pattern, not for the figure."
+        ],
         "table": {"columns": columns, "rows": rows},
     }
 

@@ -1,7 +1,8 @@
 """Whether the agent wants a memory of its own: ``python -m training.studies.agents``.
 
-Both forms learn from the same start, the same decisions and the same seeds, and are judged on validation episodes that
-have not chosen their best epoch. The table goes into the card beside the weights. It needs the extra `dev`.
+Both forms learn from the same start, the same decisions and the same seeds, and are judged on
+validation episodes that have not chosen their best epoch. The table goes into the card beside the
+weights. It needs the extra `dev`.
 """
 
 import json
@@ -21,8 +22,12 @@ from training.learning.recurrent_agent import RecurrentTrainer
 from training.learning.stimulus import TRIED, StimulusTrainer
 from training.report.run_folder import write_json
 
-FORMS: dict[str, type[StimulusTrainer]] = {"feed-forward": StimulusTrainer, "LSTM": RecurrentTrainer}
-SEEDS, STEPS = 3, TrainStimulus.steps
+FORMS: dict[str, type[StimulusTrainer]] = {
+    "feed-forward": StimulusTrainer,
+    "LSTM": RecurrentTrainer,
+}
+SEEDS = 3
+STEPS = TrainStimulus.steps
 JUDGED = 4  # times as many vehicles as choose the best epoch
 CARD = (storage.WEIGHTS / name_of("filter_bank", 0)).with_suffix(".json")
 TOLD = ("loss", "delay", "isolated", "healthy_rms")
@@ -34,7 +39,9 @@ def trained(form: str, seed: int) -> dict[str, float | str]:
     with TemporaryDirectory() as folder:
         progress = train(trainer, form, seed, Path(folder))
     seconds = sum(epoch["seconds"] for epoch in progress.history)
-    judged = figures([one for k in range(JUDGED) for one in trainer.outcomes(TRIED * (1 + k))], trainer.budget)
+    judged = figures(
+        [one for k in range(JUDGED) for one in trainer.outcomes(TRIED * (1 + k))], trainer.budget
+    )
     size = sum(parameter.numel() for parameter in trainer.model.policy.parameters())
     row = {"form": form, "seed": seed, "parameters": size, "seconds": round(seconds, 1)}
     return row | {name: round(judged[name], 5) for name in TOLD}

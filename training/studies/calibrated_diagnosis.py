@@ -1,8 +1,9 @@
 """Is a calibrated vehicle diagnosed as well as a known one? ``python -m training.studies.calibrated_diagnosis``.
 
-Vehicles far from the preset are calibrated on healthy logs; then all of the catalogue's faults befall them, in the
-episodes of `validation`. The filter bank judges them on the calibrated parameters, on the true ones, and on the
-preset's, and beside them the preset's own vehicle. Score: macro-F1 ten seconds after onset, as in the benchmark.
+Vehicles far from the preset are calibrated on healthy logs; then all of the catalogue's faults
+befall them, in the episodes of `validation`. The filter bank judges them on the calibrated
+parameters, on the true ones, and on the preset's, and beside them the preset's own vehicle. Score:
+macro-F1 ten seconds after onset, as in the benchmark.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,12 +32,10 @@ from training.studies.calibration import drawn, logged
 
 NAME = "filter_bank"
 FIRST_SEED = 720_000_000  # within those of tests
-REFERENCE, CALIBRATED, KNOWN, ASSUMED = (
-    "the preset's, known",
-    "another, calibrated",
-    "another, known",
-    "another, taken for the preset's",
-)
+REFERENCE = "the preset's, known"
+CALIBRATED = "another, calibrated"
+KNOWN = "another, known"
+ASSUMED = "another, taken for the preset's"
 
 
 class Part(NamedTuple):
@@ -101,8 +100,10 @@ def cases(preset: Vehicle, number: int) -> dict[str, tuple[Vehicle, Diagnoser]]:
 
 def episodes(plant: Vehicle, bank: Diagnoser, lanes: range) -> Part:
     """Faulty and healthy episodes of a vehicle as the bank sees them, half of each with the thesis' stimulus."""
-    n, contestant = len(lanes) // 2, Contestant(bank)
-    records, truths = {}, {}
+    n = len(lanes) // 2
+    contestant = Contestant(bank)
+    records = {}
+    truths = {}
     for faulty, chosen in ((True, lanes[:n]), (False, lanes[n : n + n // 3])):
         half = -(-len(chosen) // 2)
         halves = [(chosen[:half], True), (chosen[half:], False)]
@@ -127,7 +128,9 @@ def scored(parts: Sequence[Part], seed: int) -> dict[str, Any]:
     }
 
 
-def section(scores: Mapping[str, Mapping[str, Any]], ratio: float, arguments: DiagnosisStudy) -> dict[str, Any]:
+def section(
+    scores: Mapping[str, Mapping[str, Any]], ratio: float, arguments: DiagnosisStudy
+) -> dict[str, Any]:
     """The table of the scores."""
     rows = [
         [
@@ -139,8 +142,15 @@ def section(scores: Mapping[str, Mapping[str, Any]], ratio: float, arguments: Di
         ]
         for name, score in scores.items()
     ]
-    columns = ["vehicle and what the bank knows of it", "macro-F1 at 10 s (95 %)", "isolation [s]", "false alarms"]
-    heading = f"{arguments.vehicles} vehicles: macro-F1 calibrated is {ratio:.3f} of that on the preset"
+    columns = [
+        "vehicle and what the bank knows of it",
+        "macro-F1 at 10 s (95 %)",
+        "isolation [s]",
+        "false alarms",
+    ]
+    heading = (
+        f"{arguments.vehicles} vehicles: macro-F1 calibrated is {ratio:.3f} of that on the preset"
+    )
     return {"heading": heading, "table": {"columns": [*columns, "episodes"], "rows": rows}}
 
 

@@ -1,7 +1,8 @@
 """Does a calibration find vehicles far from the preset? ``python -m training.studies.calibration``.
 
-Vehicles are drawn around a preset and simulated by `training.commands.simulate`; its CSV is rewritten as a stranger would log it
-(other names, units and separator) and read back by a vehicle file that knows the preset only.
+Vehicles are drawn around a preset and simulated by `training.commands.simulate`; its CSV is
+rewritten as a stranger would log it (other names, units and separator) and read back by a vehicle
+file that knows the preset only.
 """
 
 import contextlib
@@ -87,13 +88,20 @@ def study(arguments: CalibrationStudy) -> dict[str, Any]:
         vehicle = drawn(PRESETS[arguments.preset], number)
         found.append(judged(calibrated(*logged(vehicle, number)), vehicle))
     command = f"python -m training.studies.calibration --vehicles {arguments.vehicles} --seed {arguments.seed}"
-    return page(summary(found), found) | {"command": command, "summary": summary(found), "vehicles": found}
+    return page(summary(found), found) | {
+        "command": command,
+        "summary": summary(found),
+        "vehicles": found,
+    }
 
 
 def drawn(preset: Vehicle, seed: int) -> Vehicle:
     """A vehicle whose `DRAWN` parameters are anywhere within `SPREAD` of the preset's."""
     factors = 1.0 + SPREAD * np.random.default_rng(seed).uniform(-1.0, 1.0, len(DRAWN))
-    values = {name: getattr(preset, name) * float(factor) for name, factor in zip(DRAWN, factors, strict=True)}
+    values = {
+        name: getattr(preset, name) * float(factor)
+        for name, factor in zip(DRAWN, factors, strict=True)
+    }
     return replace(preset, **values)
 
 
@@ -106,7 +114,13 @@ def logged(vehicle: Vehicle, seed: int) -> tuple[list[Log], VehicleFile]:
         file = read_vehicle(folder / "vehicle.toml")
         paths = []
         for k, mission in enumerate((MISSIONS["thesis"], None)):
-            given = dict(vehicles=LOGS, duration=DURATION, seed=first + k * LOGS, preset=vehicle, formats=("csv",))
+            given = dict(
+                vehicles=LOGS,
+                duration=DURATION,
+                seed=first + k * LOGS,
+                preset=vehicle,
+                formats=("csv",),
+            )
             arguments = Simulate(output=folder, healthy_band=0.0, **given)
             with contextlib.redirect_stderr(io.StringIO()):  # its progress bar
                 write_tables(folder, arguments, round(DURATION * SAMPLE_RATE), (), mission)
@@ -129,11 +143,15 @@ def strange(channel: str) -> tuple[str, float]:
 def rewritten(episodes: Path, folder: Path) -> list[Path]:
     """The episodes of a simulated CSV as a stranger's, one file each."""
     folder.mkdir()
-    table, paths = pyarrow.csv.read_csv(episodes), []
+    table = pyarrow.csv.read_csv(episodes)
+    paths = []
     for vehicle in table["vehicle"].unique().to_pylist():
         rows = table.filter(pyarrow.compute.equal(table["vehicle"], vehicle))
         columns = {"zeit": 1000.0 * rows["time"].to_numpy()}
-        columns |= {strange(channel)[0]: rows[channel].to_numpy() / strange(channel)[1] for channel in STRANGE}
+        columns |= {
+            strange(channel)[0]: rows[channel].to_numpy() / strange(channel)[1]
+            for channel in STRANGE
+        }
         paths.append(folder / f"fahrt-{vehicle}.csv")
         pyarrow.csv.write_csv(pa.table(columns), paths[-1], pyarrow.csv.WriteOptions(delimiter=";"))
     return paths
@@ -143,7 +161,8 @@ def judged(calibration: Calibration, truth: Vehicle) -> dict[str, dict[str, Any]
     """By drawn parameter: value, interval, and whether the truth is inside; a parameter not identified is outside."""
     found = {}
     for name in DRAWN:
-        estimate, true = calibration.estimate(name), getattr(truth, name)
+        estimate = calibration.estimate(name)
+        true = getattr(truth, name)
         known = name in calibration.part(name).fit.names
         found[name] = {
             "true": true,
@@ -163,11 +182,17 @@ def summary(found: Sequence[Mapping[str, Mapping[str, Any]]]) -> dict[str, Any]:
         known = [one for one in ones if one["interval"]]
         rows[name] = {
             "inside": sum(one["inside"] for one in ones),
-            "half_width": float(np.median([np.ptp(one["interval"]) / 2 / abs(one["true"]) for one in known])),
+            "half_width": float(
+                np.median([np.ptp(one["interval"]) / 2 / abs(one["true"]) for one in known])
+            ),
             "error": float(np.median([abs(one["value"] / one["true"] - 1.0) for one in ones])),
-            "error_before": float(np.median([abs(one["before"] / one["true"] - 1.0) for one in ones])),
+            "error_before": float(
+                np.median([abs(one["before"] / one["true"] - 1.0) for one in ones])
+            ),
         }
-    return rows | {"all": {"inside": sum(all(one[name]["inside"] for name in DRAWN) for one in found)}}
+    return rows | {
+        "all": {"inside": sum(all(one[name]["inside"] for name in DRAWN) for one in found)}
+    }
 
 
 def page(rows: Mapping[str, Mapping[str, Any]], found: Sequence[Any]) -> dict[str, Any]:
@@ -176,11 +201,20 @@ def page(rows: Mapping[str, Mapping[str, Any]], found: Sequence[Any]) -> dict[st
         [
             name,
             str(row["inside"]),
-            *(f"{100 * row[key]:.2f} %" if key in row else "" for key in ("half_width", "error", "error_before")),
+            *(
+                f"{100 * row[key]:.2f} %" if key in row else ""
+                for key in ("half_width", "error", "error_before")
+            ),
         ]
         for name, row in rows.items()
     ]
-    columns = ["parameter", f"inside, of {len(found)}", "median half-width", "median error", "error of the preset"]
+    columns = [
+        "parameter",
+        f"inside, of {len(found)}",
+        "median half-width",
+        "median error",
+        "error of the preset",
+    ]
     return {
         "title": "Does a calibration find vehicles far from the preset?",
         "intro": [
@@ -188,7 +222,9 @@ def page(rows: Mapping[str, Mapping[str, Any]], found: Sequence[Any]) -> dict[st
             f"on {2 * LOGS} logs of {DURATION:g} s, half of them the thesis' speed steps, with default noise and "
             "disturbance. Inside: the true value lies in the 95 % interval."
         ],
-        "sections": [{"heading": "Intervals", "text": [], "table": {"columns": columns, "rows": cells}}],
+        "sections": [
+            {"heading": "Intervals", "text": [], "table": {"columns": columns, "rows": cells}}
+        ],
     }
 
 

@@ -1,7 +1,8 @@
 """How fast is the bank's surge filter beside the same filter in filterpy? ``python -m training.studies.filter_speed``.
 
-Both make the same extended Kalman filter update: speed, disturbance, deviations of drag and thrust, severity, from
-paddle wheel and accelerometer. filterpy (the bench extra) takes one filter at a time, the bank all of a lane at once.
+Both make the same extended Kalman filter update: speed, disturbance, deviations of drag and thrust,
+severity, from paddle wheel and accelerometer. filterpy (the bench extra) takes one filter at a
+time, the bank all of a lane at once.
 """
 
 import time
@@ -36,7 +37,10 @@ def update_lanes(filters, turning, last, observation, constants, work, seen):
         look(observation[lane : lane + 1], last[lane : lane + 1], constants.sensors, seen)
         for side, shaft in enumerate((work.port, work.starboard)):
             now = observation[lane, CHANNEL_OF_RPM[side]]
-            shaft[0], shaft[1], shaft[2], shaft[3] = now, turning[lane, side], 0.0, 1.0
+            shaft[0] = now
+            shaft[1] = turning[lane, side]
+            shaft[2] = 0.0
+            shaft[3] = 1.0
             turning[lane, side] = now
         last[lane] = seen.reading[:, 0]
         surge.update(filters[lane], part, seen, work.port, work.starboard, constants, work)
@@ -65,9 +69,14 @@ class Surge:
     def forces(self, x: np.ndarray, speed: float, opening: float) -> tuple[float, np.ndarray]:
         """Acceleration at a speed, and its gradient by the states with the speed held, drag's by speed in place 0."""
         p, by_severity = self.form(x)
-        squares = [opening * b * b + (1.0 - opening) * n * n for n, b in zip(self.now, self.before, strict=True)]
-        thrust, slope = p[2] * squares[0] + p[3] * squares[1], by_severity[2] * squares[0] + by_severity[3] * squares[1]
-        drag, square = p[0] + p[1] * self.deflection, speed * abs(speed)
+        squares = [
+            opening * b * b + (1.0 - opening) * n * n
+            for n, b in zip(self.now, self.before, strict=True)
+        ]
+        thrust = p[2] * squares[0] + p[3] * squares[1]
+        slope = by_severity[2] * squares[0] + by_severity[3] * squares[1]
+        drag = p[0] + p[1] * self.deflection
+        square = speed * abs(speed)
         by_drag = by_severity[0] + by_severity[1] * self.deflection
         gradient = [2.0 * drag * abs(speed), 1.0, p[0] / (1 + x[2]) * square, thrust / (1 + x[3])]
         return drag * square + thrust + x[1], np.array([*gradient, by_drag * square + slope])
@@ -79,7 +88,8 @@ class Surge:
 
     def move(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """State after a sample, its Jacobian and the covariance of what joins it."""
-        c, p = self.constants, self.form(x)[0]
+        c = self.constants
+        p = self.form(x)[0]
         x = x.copy()
         x[1] *= c.disturbance_memory
         first, at_start = self.forces(x, x[0], c.opening)
@@ -88,7 +98,8 @@ class Surge:
         pull = 0.5 * SAMPLE_TIME * at_middle[0]
         row = SAMPLE_TIME * (1.0 + pull) * at_middle
         row[0] = 1.0 + 2.0 * pull * (1.0 + 0.5 * SAMPLE_TIME * at_start[0])
-        jacobian, noise = np.eye(N_STATES), np.zeros((N_STATES, N_STATES))
+        jacobian = np.eye(N_STATES)
+        noise = np.zeros((N_STATES, N_STATES))
         jacobian[0] = row
         noise[1, 1] = (1.0 - c.disturbance_memory**2) * c.disturbance_variance
         noise = jacobian @ noise @ jacobian.T
@@ -100,7 +111,9 @@ class Surge:
     def sensor(self, x: np.ndarray, row: int) -> tuple[float, np.ndarray]:
         """Expected reading of the sensor whose parameters begin at `row`, and its gradient."""
         p, by_severity = self.form(x)
-        truth, gradient = (x[0], np.eye(N_STATES)[0]) if row == surge.SPEED else self.forces(x, x[0], 0.0)
+        truth, gradient = (
+            (x[0], np.eye(N_STATES)[0]) if row == surge.SPEED else self.forces(x, x[0], 0.0)
+        )
         gradient = p[row + 1] * gradient
         gradient[4] += by_severity[row + 1] * truth + by_severity[row]
         return p[row + 1] * truth + p[row], gradient
@@ -115,15 +128,19 @@ def reference(model: Surge, mean: np.ndarray, covariance: np.ndarray):
             self.x, self.F, self.Q = model.move(self.x)
 
     kalman = Filter(N_STATES, 1)
-    kalman.x, kalman.P = mean.copy(), covariance.copy()
+    kalman.x = mean.copy()
+    kalman.P = covariance.copy()
 
     def update(observation: np.ndarray):
-        model.before, model.now = model.now, (observation[8], observation[11])
+        model.before = model.now
+        model.now = (observation[8], observation[11])
         model.deflection = observation[2] ** 2 + observation[3] ** 2
         kalman.predict()
         for row, channel in ((surge.SPEED, 4), (surge.ACCELERATION, 5)):
             noise = model.form(kalman.x)[0][row + 2] ** 2
-            noise += model.shaken(kalman.x) * (model.form(kalman.x)[0][row + 1] ** 2 if channel == 5 else 0.0)
+            noise += model.shaken(kalman.x) * (
+                model.form(kalman.x)[0][row + 1] ** 2 if channel == 5 else 0.0
+            )
             gradient = partial(lambda row, x: model.sensor(x, row)[1][None], row)
             expected = partial(lambda row, x: np.array([model.sensor(x, row)[0]]), row)
             kalman.update(np.array([observation[channel]]), gradient, expected, R=noise)
@@ -139,18 +156,30 @@ class Bank:
 
     def __post_init__(self):
         bank = FilterBank()
-        table, state = bank.hypotheses(), bank.initial(self.n_lanes)
-        self.n_filters, rows = int(table.first[SURGE + 1]), len(OWN[SURGE])
-        self.constants, self.base = bank.constants, state.healthy[0, table.rows[SURGE]]
+        table = bank.hypotheses()
+        state = bank.initial(self.n_lanes)
+        self.n_filters = int(table.first[SURGE + 1])
+        rows = len(OWN[SURGE])
+        self.constants = bank.constants
+        self.base = state.healthy[0, table.rows[SURGE]]
         self.filters = np.ascontiguousarray(state.filters[:, :, : self.n_filters])
-        self.slope, self.offset = (part[:, : self.n_filters].copy() for part in (table.slope, table.offset))
-        self.turning, self.last = np.zeros((self.n_lanes, 2)), np.full((self.n_lanes, N_READINGS), np.nan)
-        self.work, self.seen, self.rows = new_workspace(table, 1), seen_by(1), slice(0, rows)
+        self.slope, self.offset = (
+            part[:, : self.n_filters].copy() for part in (table.slope, table.offset)
+        )
+        self.turning, self.last = (
+            np.zeros((self.n_lanes, 2)),
+            np.full((self.n_lanes, N_READINGS), np.nan),
+        )
+        self.work = new_workspace(table, 1)
+        self.seen = seen_by(1)
+        self.rows = slice(0, rows)
         self.work.base[:] = self.base[:, None]
 
     def update(self, observation: np.ndarray) -> None:
         """One sample, (n_lanes, n_channels) float64, rudder and stern plane at zero."""
-        update_lanes(self.filters, self.turning, self.last, observation, self.constants, self.work, self.seen)
+        update_lanes(
+            self.filters, self.turning, self.last, observation, self.constants, self.work, self.seen
+        )
 
     def moments(self, lane: int, f: int) -> tuple[np.ndarray, np.ndarray]:
         """Mean (5,) and covariance (5, 5) of one filter."""
@@ -160,12 +189,21 @@ class Bank:
     def reference(self, lane: int, f: int) -> tuple[object, Callable[[np.ndarray], None]]:
         """The filterpy filter that equals one of these, with its update."""
         effect = self.slope[self.rows, f], self.offset[self.rows, f]
-        return reference(Surge(self.base[self.rows], *effect, self.constants), *self.moments(lane, f))
+        return reference(
+            Surge(self.base[self.rows], *effect, self.constants), *self.moments(lane, f)
+        )
 
 
 def observations(n_lanes: int, n_samples: int) -> np.ndarray:
     """Healthy lanes on the thesis' stimulus, (n_samples, n_lanes, n_channels) float64."""
-    rolled = roll_out(Fleet(n_lanes), range(n_lanes), n_samples, None, [()] * n_lanes, [MISSIONS["thesis"]] * n_lanes)
+    rolled = roll_out(
+        Fleet(n_lanes),
+        range(n_lanes),
+        n_samples,
+        None,
+        [()] * n_lanes,
+        [MISSIONS["thesis"]] * n_lanes,
+    )
     return rolled.observations.astype(np.float64)
 
 
@@ -181,11 +219,14 @@ def seconds(update: Callable[[np.ndarray], None], samples: np.ndarray) -> float:
 
 def main() -> None:
     """Print both times per filter update, and their ratio."""
-    samples, bank = observations(N_LANES, 12), Bank(N_LANES)
+    samples = observations(N_LANES, 12)
+    bank = Bank(N_LANES)
     _, update = bank.reference(0, 1)
     ours = seconds(bank.update, samples) / (N_LANES * bank.n_filters)
     theirs = seconds(update, np.tile(samples[:, 0], (40, 1)))
-    print(f"surge filter update, {N_LANES} lanes of {bank.n_filters} filters, one thread: {ours * 1e9:.0f} ns")
+    print(
+        f"surge filter update, {N_LANES} lanes of {bank.n_filters} filters, one thread: {ours * 1e9:.0f} ns"
+    )
     print(f"the same in filterpy: {theirs * 1e6:.0f} us, {theirs / ours:.0f} times as long")
 
 

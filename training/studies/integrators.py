@@ -1,8 +1,9 @@
 """Error against cost of the integration schemes of the plant, as a table: ``python -m training.studies.integrators``.
 
-The error is the worst over free-running trajectories under hard voltage jumps, healthy and faulty, at the sample times,
-relative to max(|x|, 0.05 m/s, 1 rad/s), against DOP853 with relative tolerance 1e-11. The cost is that of one lane and
-sample in a batch of 512 lanes on one thread. `physics.SUBSTEPS` and the grading of `physics.SUBSTEP` rest on it.
+The error is the worst over free-running trajectories under hard voltage jumps, healthy and faulty,
+at the sample times, relative to max(|x|, 0.05 m/s, 1 rad/s), against DOP853 with relative tolerance
+1e-11. The cost is that of one lane and sample in a batch of 512 lanes on one thread.
+`physics.SUBSTEPS` and the grading of `physics.SUBSTEP` rest on it.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,7 +23,9 @@ from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import PARAMETERS, PRESETS, SAMPLE_TIME, SIDES, Vehicle, nominal
 from auv_fault_env.physics import Constants, Motion, Motor, Shaft
 
-PLANT_FAULTS = [name for name, fault in CATALOGUE.items() if not fault.component.startswith("sensor")]
+PLANT_FAULTS = [
+    name for name, fault in CATALOGUE.items() if not fault.component.startswith("sensor")
+]
 FLOOR = np.array([0.05, 1.0, 1.0])  # m/s, rad/s: errors are relative to no less than this
 LANES = 512
 GRADINGS = (1.0, 1.5, 1.75, 2.0)
@@ -68,7 +71,10 @@ def faulted(healthy: dict[str, float], severity: dict[str, float]) -> dict[str, 
     """The parameters under plant faults of given severities."""
     values = dict(healthy)
     for name, s in severity.items():
-        values |= {key: values[key] * (1 + s * (factor - 1)) for key, factor in CATALOGUE[name].scale.items()}
+        values |= {
+            key: values[key] * (1 + s * (factor - 1))
+            for key, factor in CATALOGUE[name].scale.items()
+        }
         values |= {key: values[key] + s * shift for key, shift in CATALOGUE[name].offset.items()}
     return values
 
@@ -76,7 +82,10 @@ def faulted(healthy: dict[str, float], severity: dict[str, float]) -> dict[str, 
 def random_compound(vehicle: Vehicle, rng: np.random.Generator) -> dict[str, float]:
     """A vehicle of the healthy band with up to four faults of random severity."""
     names = rng.choice(PLANT_FAULTS, rng.integers(0, 5), replace=False)
-    healthy = {key: value * (1 + PARAMETERS[key].band * rng.uniform(-1, 1)) for key, value in nominal(vehicle).items()}
+    healthy = {
+        key: value * (1 + PARAMETERS[key].band * rng.uniform(-1, 1))
+        for key, value in nominal(vehicle).items()
+    }
     return faulted(healthy, {str(name): rng.uniform() for name in names})
 
 
@@ -85,21 +94,28 @@ def fleet_of(n: int, rng: np.random.Generator) -> Iterator[tuple[Vehicle, dict[s
     presets = list(PRESETS.values())
     cases = [{}, *({name: 1.0} for name in PLANT_FAULTS)]
     for k in range(n):
-        vehicle, case = presets[k % 2], k // 2
+        vehicle = presets[k % 2]
+        case = k // 2
         fixed = case < len(cases)
-        yield vehicle, faulted(nominal(vehicle), cases[case]) if fixed else random_compound(vehicle, rng)
+        yield (
+            vehicle,
+            faulted(nominal(vehicle), cases[case]) if fixed else random_compound(vehicle, rng),
+        )
 
 
 def voltages(n_samples: int, rng: np.random.Generator) -> np.ndarray:
     """Segments of full, hardly any and random voltage (n_samples,): the shaft starts, races and nearly stops."""
     limits = ((24.0, 24.0), (0.0, 0.0), (0.0, 0.4), (0.0, 24.0))
-    segments = [np.full(rng.integers(1, 10), rng.uniform(*limits[rng.choice(4)])) for _ in range(n_samples)]
+    segments = [
+        np.full(rng.integers(1, 10), rng.uniform(*limits[rng.choice(4)])) for _ in range(n_samples)
+    ]
     return np.concatenate(segments)[:n_samples]
 
 
 def problem_of(args: Args) -> Problem:
     """The trajectories' coefficients, sample by sample."""
-    rng, n = np.random.default_rng(args.seed), args.vehicles
+    rng = np.random.default_rng(args.seed)
+    n = args.vehicles
     motors = np.empty((args.samples, 2, 5, n))
     drag = np.empty((args.samples, n))
     for k, (vehicle, values) in enumerate(fleet_of(n, rng)):
@@ -107,7 +123,9 @@ def problem_of(args: Args) -> Problem:
         drag[:, k] = values["alpha"] + values["gamma"] * rng.uniform(0.0, 0.32, args.samples)
         for side, name in enumerate(SIDES):
             shaft = Shaft(*(values[f"{name}_{parameter}"] for parameter in Shaft._fields))
-            motors[:, side, :, k] = [physics.motor(shaft, constants, v) for v in voltages(args.samples, rng)]
+            motors[:, side, :, k] = [
+                physics.motor(shaft, constants, v) for v in voltages(args.samples, rng)
+            ]
     return Problem(motors, drag, 0.002 * rng.standard_normal((args.samples, n)))
 
 
@@ -121,8 +139,11 @@ def derivative(_time, state, drag, disturbance, port, starboard):
 
 def exact(problem: Problem, lane: int) -> np.ndarray:
     """Speed and both shaft speeds of one lane at the sample times (n_samples, 3), by DOP853, from rest."""
-    state, states = np.zeros(3), []
-    for motors, drag, disturbance in zip(problem.motors, problem.drag, problem.disturbance, strict=True):
+    state = np.zeros(3)
+    states = []
+    for motors, drag, disturbance in zip(
+        problem.motors, problem.drag, problem.disturbance, strict=True
+    ):
         sides = [Motor(*side) for side in motors[:, :, lane].tolist()]
         given = dict(args=(drag[lane], disturbance[lane], *sides), rtol=1e-11, atol=1e-12)
         state = solve_ivp(derivative, (0.0, SAMPLE_TIME), state, "DOP853", **given).y[:, -1]
@@ -156,15 +177,22 @@ def runge_kutta(motion, drag, disturbance, port, starboard, time):
 @scalar
 def frozen_speed(motion, drag, disturbance, port, starboard, time):
     """Closed-form shafts at a constant surge speed, its predicted mean; Simpson's rule for the speed and the angles."""
-    u, port_0, starboard_0 = motion.speed, motion.port_spin, motion.starboard_spin
+    u = motion.speed
+    port_0 = motion.port_spin
+    starboard_0 = motion.starboard_spin
     first = physics.surge_acceleration(u, port_0, starboard_0, drag, disturbance, port, starboard)
-    mean, half = u + 0.5 * time * first, 0.5 * time
+    mean = u + 0.5 * time * first
+    half = 0.5 * time
     port_1 = physics.spin(port_0, port, mean, 0.0, half)
     port_2 = physics.spin(port_0, port, mean, 0.0, time)
     starboard_1 = physics.spin(starboard_0, starboard, mean, 0.0, half)
     starboard_2 = physics.spin(starboard_0, starboard, mean, 0.0, time)
-    middle = physics.surge_acceleration(mean, port_1, starboard_1, drag, disturbance, port, starboard)
-    last = physics.surge_acceleration(u + time * middle, port_2, starboard_2, drag, disturbance, port, starboard)
+    middle = physics.surge_acceleration(
+        mean, port_1, starboard_1, drag, disturbance, port, starboard
+    )
+    last = physics.surge_acceleration(
+        u + time * middle, port_2, starboard_2, drag, disturbance, port, starboard
+    )
     sixth = time / 6.0
     return Motion(
         u + sixth * (first + 4.0 * middle + last),
@@ -181,15 +209,32 @@ def compiled(step: Callable) -> Callable:
     @njit(**OPTIONS)
     def run(problem, lengths, state, out):
         for sample in range(out.shape[0]):
-            motors, drag, push = problem.motors[sample], problem.drag[sample], problem.disturbance[sample]
+            motors = problem.motors[sample]
+            drag = problem.drag[sample]
+            push = problem.disturbance[sample]
             for length in lengths:
                 for k in range(state.shape[1]):
-                    port = Motor(motors[0, 0, k], motors[0, 1, k], motors[0, 2, k], motors[0, 3, k], motors[0, 4, k])
-                    star = Motor(motors[1, 0, k], motors[1, 1, k], motors[1, 2, k], motors[1, 3, k], motors[1, 4, k])
+                    port = Motor(
+                        motors[0, 0, k],
+                        motors[0, 1, k],
+                        motors[0, 2, k],
+                        motors[0, 3, k],
+                        motors[0, 4, k],
+                    )
+                    star = Motor(
+                        motors[1, 0, k],
+                        motors[1, 1, k],
+                        motors[1, 2, k],
+                        motors[1, 3, k],
+                        motors[1, 4, k],
+                    )
                     motion = Motion(state[0, k], state[1, k], state[2, k], state[3, k], state[4, k])
                     motion = step(motion, drag[k], push[k], port, star, length)
-                    state[0, k], state[1, k], state[2, k] = motion.speed, motion.port_spin, motion.starboard_spin
-                    state[3, k], state[4, k] = motion.port_angle, motion.starboard_angle
+                    state[0, k] = motion.speed
+                    state[1, k] = motion.port_spin
+                    state[2, k] = motion.starboard_spin
+                    state[3, k] = motion.port_angle
+                    state[4, k] = motion.starboard_angle
             out[sample] = state[:3]
 
     return run
@@ -206,7 +251,11 @@ def schemes() -> list[Scheme]:
     return [
         *(Scheme("RK4", runge_kutta, graded(n)) for n in coarse),
         *(Scheme("frozen speed", frozen_speed, graded(n)) for n in coarse),
-        *(Scheme("closed form", physics.substep, graded(n, g), f"{g}") for n in range(2, 13) for g in GRADINGS),
+        *(
+            Scheme("closed form", physics.substep, graded(n, g), f"{g}")
+            for n in range(2, 13)
+            for g in GRADINGS
+        ),
     ]
 
 
@@ -219,7 +268,8 @@ def tiled(problem: Problem) -> Problem:
 def seconds(run: Callable, problem: Problem, lengths: np.ndarray) -> float:
     """Time of one run per lane and sample."""
     n_samples, n = problem.drag.shape
-    state, out = np.zeros((5, n)), np.empty((n_samples, 3, n))
+    state = np.zeros((5, n))
+    out = np.empty((n_samples, 3, n))
     start = perf_counter()
     run(problem, lengths, state, out)
     return (perf_counter() - start) / (n_samples * n)
@@ -236,16 +286,25 @@ def worst(run: Callable, problem: Problem, lengths: np.ndarray, truth: np.ndarra
 def table(args: Args) -> list[dict]:
     """One row per scheme: name, substeps, grading, worst errors of speed and shaft speed, cost [ns], ratio of costs.
 
-    Every repeat times all schemes in turn, so that load on the machine hits all alike. The ratio is that to the scheme
-    in use, the median of the ratios within each repeat.
+    Every repeat times all schemes in turn, so that load on the machine hits all alike. The ratio is
+    that to the scheme in use, the median of the ratios within each repeat.
     """
-    problem, everything = problem_of(args), [in_use(), *schemes()]
-    truth = np.stack([exact(problem, lane) for lane in tqdm(range(args.vehicles), "reference", leave=False)], axis=2)
+    problem = problem_of(args)
+    everything = [in_use(), *schemes()]
+    truth = np.stack(
+        [exact(problem, lane) for lane in tqdm(range(args.vehicles), "reference", leave=False)],
+        axis=2,
+    )
     runs = {step: compiled(step) for step in (runge_kutta, frozen_speed, physics.substep)}
     errors = [worst(runs[scheme.step], problem, scheme.lengths, truth) for scheme in everything]
-    wide, laps = tiled(problem), tqdm(range(args.repeats), "repeats", leave=False)
-    costs = np.array([[seconds(runs[one.step], wide, one.lengths) for one in everything] for _ in laps])
-    columns = zip(errors, np.median(costs, axis=0), np.median(costs / costs[:, :1], axis=0), strict=True)
+    wide = tiled(problem)
+    laps = tqdm(range(args.repeats), "repeats", leave=False)
+    costs = np.array(
+        [[seconds(runs[one.step], wide, one.lengths) for one in everything] for _ in laps]
+    )
+    columns = zip(
+        errors, np.median(costs, axis=0), np.median(costs / costs[:, :1], axis=0), strict=True
+    )
     return [
         dict(name=scheme.name, substeps=len(scheme.lengths), grading=scheme.grading)
         | dict(speed=error[0], shaft=error[1], nanoseconds=1e9 * cost, ratio=ratio)

@@ -24,9 +24,14 @@ from training.seeds import seeds
 from training.stimuli import Cruise
 from training.studies.isolability_page import page
 
-SEVERITY, ONSET = 0.6, 5.0
-CONDITIONS = {f"{speed:g} m/s": mission_of(speed) for speed in (0.15, 0.3, 0.45, 0.6)} | {"thesis": MISSIONS["thesis"]}
-SURGE_SENSORS, DEAF = ("speed", "acceleration"), 1e6  # times the noise: a sensor that tells nothing
+SEVERITY = 0.6
+ONSET = 5.0
+CONDITIONS = {f"{speed:g} m/s": mission_of(speed) for speed in (0.15, 0.3, 0.45, 0.6)} | {
+    "thesis": MISSIONS["thesis"]
+}
+# times the noise: a sensor that tells nothing
+SURGE_SENSORS = ("speed", "acceleration")
+DEAF = 1e6
 FIRST_SEED = 800_000_000  # within those of tests
 
 
@@ -64,7 +69,9 @@ def isolability(vehicles: int, seed: int) -> dict[str, Any]:
             results["rates"][name] = _plain(rates(untold(lanes), lanes))
             results["band_rates"][name] = _plain(rates(untold(lanes, knows_vehicle=False), lanes))
             bar.update()
-        results["without"] = {channel: _plain(rates(untold(without(lanes, channel)), lanes)) for channel in READINGS}
+        results["without"] = {
+            channel: _plain(rates(untold(without(lanes, channel)), lanes)) for channel in READINGS
+        }
         results["ceiling"] = {}
         for fault in active_ceiling.FAULTS:
             bar.set_postfix_str(f"stimulus for {fault}")
@@ -73,7 +80,9 @@ def isolability(vehicles: int, seed: int) -> dict[str, Any]:
     results["cramer_rao"] = cramer_rao.study(seeds("test", 300, FIRST_SEED + seed))
     results["structure"] = isolable()
     results |= {"classes": list(classes()), "vehicles": vehicles, "severity": SEVERITY}
-    results["command"] = f"python -m training.studies.isolability --vehicles {vehicles} --seed {seed}"
+    results["command"] = (
+        f"python -m training.studies.isolability --vehicles {vehicles} --seed {seed}"
+    )
     return results | page(results)
 
 
@@ -81,32 +90,42 @@ def faulty_lanes(mission: Mission, vehicles: int, seed: int) -> Lanes:
     """Vehicles of every class, normal first, on one mission; the kinds of a class take turns."""
     events = []
     for name in classes():
-        kinds = [fault.name for fault in CATALOGUE.values() if fault.diagnosis == name] or [next(iter(CATALOGUE))]
+        kinds = [fault.name for fault in CATALOGUE.values() if fault.diagnosis == name] or [
+            next(iter(CATALOGUE))
+        ]
         severity = 0.0 if name == NORMAL else SEVERITY
         events += [FaultEvent(kinds[k % len(kinds)], ONSET, severity) for k in range(vehicles)]
-    return run(Cruise(), events, [mission] * len(events), seeds("test", len(events), FIRST_SEED + seed))
+    return run(
+        Cruise(), events, [mission] * len(events), seeds("test", len(events), FIRST_SEED + seed)
+    )
 
 
 def rates(paths: np.ndarray, lanes: Lanes) -> np.ndarray:
     """Rate [nat/s] at which evidence for each class (row) gathers against each other (column), (n_classes, n_classes).
 
-    Of likelihoods (n_samples, n_lanes, n_classes) over severities that are not known. It is that in which evidence
-    goes on gathering, `late_rate`; the shock of an abrupt onset may tell classes apart that are alike thereafter.
+    Of likelihoods (n_samples, n_lanes, n_classes) over severities that are not known. It is that in
+    which evidence goes on gathering, `late_rate`; the shock of an abrupt onset may tell classes
+    apart that are alike thereafter.
     """
     of_lane = np.where(lanes.severity > 0.0, lanes.diagnosis, 0)
     gained = late_rate(paths)
     return np.array(
-        [(gained[of_lane == k, k, None] - gained[of_lane == k]).mean(axis=0) for k in range(paths.shape[2])]
+        [
+            (gained[of_lane == k, k, None] - gained[of_lane == k]).mean(axis=0)
+            for k in range(paths.shape[2])
+        ]
     )
 
 
 def without(lanes: Lanes, channel: str) -> Lanes:
     """The same lanes without a sensor, and a bank told of them knows that it is missing.
 
-    Motor sensors read zero, as if disconnected, and the bank does with the others; those of surge are nothing but
-    noise. The classes' likelihoods are comparable but for that of the missing sensor's own faults.
+    Motor sensors read zero, as if disconnected, and the bank does with the others; those of surge
+    are nothing but noise. The classes' likelihoods are comparable but for that of the missing
+    sensor's own faults.
     """
-    observations, healthy = lanes.observations.copy(), lanes.healthy.copy()
+    observations = lanes.observations.copy()
+    healthy = lanes.healthy.copy()
     names = list(PARAMETERS)
     if channel in SURGE_SENSORS:
         healthy[:, names.index(f"{channel}_noise")] *= DEAF

@@ -54,13 +54,18 @@ def _maps(results: Results) -> dict[str, Any]:
     return {
         "heading": "Isolability",
         "text": [],
-        "figures": [{"plot": "isolability_maps", "name": "isolability", "caption": caption, "data": data}],
+        "figures": [
+            {"plot": "isolability_maps", "name": "isolability", "caption": caption, "data": data}
+        ],
     }
 
 
 def _rivals(results: Results) -> dict[str, Any]:
     names = results["classes"]
-    rows = [[name, *(_rival(matrix, k, names) for matrix in results["rates"].values())] for k, name in enumerate(names)]
+    rows = [
+        [name, *(_rival(matrix, k, names) for matrix in results["rates"].values())]
+        for k, name in enumerate(names)
+    ]
     return {
         "heading": "The most dangerous rival",
         "text": ["The class against which evidence gathers slowest, and that rate [nat/s]."],
@@ -85,7 +90,15 @@ def _band(results: Results) -> dict[str, Any]:
     rows = []
     for k, name in enumerate(names[1:], start=1):
         known, band = (results[key][STIMULUS] for key in ("rates", "band_rates"))
-        rows.append([name, f"{known[k][0]:.2g}", f"{band[k][0]:.2g}", _rival(known, k, names), _rival(band, k, names)])
+        rows.append(
+            [
+                name,
+                f"{known[k][0]:.2g}",
+                f"{band[k][0]:.2g}",
+                _rival(known, k, names),
+                _rival(band, k, names),
+            ]
+        )
     return {
         "heading": "What not knowing the vehicle costs",
         "text": [
@@ -93,15 +106,26 @@ def _band(results: Results) -> dict[str, Any]:
             "in which healthy vehicles lie. The longer it lasts, the less it costs: what is constant is learnt."
         ],
         "table": {
-            "columns": ["class", "against normal", "band only", "most dangerous rival", "band only"],
+            "columns": [
+                "class",
+                "against normal",
+                "band only",
+                "most dangerous rival",
+                "band only",
+            ],
             "rows": rows,
         },
     }
 
 
 def _removal(results: Results) -> dict[str, Any]:
-    names, whole, without = results["classes"], results["rates"][STIMULUS], results["without"]
-    shares = [[_left(whole, without[channel], names, name, channel) for channel in without] for name in names[1:]]
+    names = results["classes"]
+    whole = results["rates"][STIMULUS]
+    without = results["without"]
+    shares = [
+        [_left(whole, without[channel], names, name, channel) for channel in without]
+        for name in names[1:]
+    ]
     caption = (
         "Per cent of the evidence against the most dangerous rival, on the thesis' stimulus, that is left when a "
         "sensor is missing; empty where the fault is that sensor's own, and where there is hardly any evidence anyway. "
@@ -111,14 +135,21 @@ def _removal(results: Results) -> dict[str, Any]:
     return {
         "heading": "What every sensor adds",
         "text": [],
-        "figures": [{"plot": "sensor_removal", "name": "sensor-removal", "caption": caption, "data": data}],
+        "figures": [
+            {"plot": "sensor_removal", "name": "sensor-removal", "caption": caption, "data": data}
+        ],
     }
 
 
 def _left(whole: Any, without: Any, names: list[str], name: str, channel: str) -> float | None:
-    k, missing = names.index(name), names.index(f"sensor:{channel}")
+    k = names.index(name)
+    missing = names.index(f"sensor:{channel}")
     before, after = (least_rival(matrix, k, missing)[1] for matrix in (whole, without))
-    return None if k == missing or before < ALIKE else round(float(np.clip(after / before, 0.0, 1.0)), 3)
+    return (
+        None
+        if k == missing or before < ALIKE
+        else round(float(np.clip(after / before, 0.0, 1.0)), 3)
+    )
 
 
 def _ceiling(results: Results) -> dict[str, Any]:
@@ -141,7 +172,13 @@ def _ceiling(results: Results) -> dict[str, Any]:
             "Profiles: period, share of the period above the mission speed, and roundness from square (0) to sine (1)."
         ],
         "table": {
-            "columns": ["fault", "cruise [nat/s] (rival)", "best [nat/s]", "speed-up", "best profile"],
+            "columns": [
+                "fault",
+                "cruise [nat/s] (rival)",
+                "best [nat/s]",
+                "speed-up",
+                "best profile",
+            ],
             "rows": rows,
         },
     }
@@ -152,7 +189,8 @@ def _profile(cycles: int, duty: float, roundness: float) -> str:
 
 
 def _cramer_rao(results: Results) -> dict[str, Any]:
-    lines, severities = results["cramer_rao"]["errors"], results["cramer_rao"]["severity"]
+    lines = results["cramer_rao"]["errors"]
+    severities = results["cramer_rao"]["severity"]
     time = np.round(0.1 * np.arange(len(lines["bound"]["alpha"])), 1).tolist()
     caption = (
         "Root mean square errors of drag (alpha) and thrust (beta) coefficients on the thesis' stimulus beside the "
@@ -167,10 +205,18 @@ def _cramer_rao(results: Results) -> dict[str, Any]:
         ],
         "table": {
             "columns": ["fault", *severities],
-            "rows": [[fault, *(f"{by[fault]:.2f}" for by in severities.values())] for fault in severities[STIMULUS]],
+            "rows": [
+                [fault, *(f"{by[fault]:.2f}" for by in severities.values())]
+                for fault in severities[STIMULUS]
+            ],
         },
         "figures": [
-            {"plot": "cramer_rao", "name": "cramer-rao", "caption": caption, "data": {"time": time, "lines": lines}}
+            {
+                "plot": "cramer_rao",
+                "name": "cramer-rao",
+                "caption": caption,
+                "data": {"time": time, "lines": lines},
+            }
         ],
     }
 
@@ -182,7 +228,9 @@ def _structure(results: Results) -> dict[str, Any]:
     faults = structure["faults"]
     rows = [
         [fault, *(_verdict(*cell) for cell in zip(apart, rates, strict=True))]
-        for fault, apart, rates in zip(faults, structure["isolable"], structure["rates"], strict=True)
+        for fault, apart, rates in zip(
+            faults, structure["isolable"], structure["rates"], strict=True
+        )
     ]
     pairs = np.array(structure["isolable"]), np.array(structure["rates"]) > NOUGHT
     agree = int((pairs[0] == pairs[1]).sum())
@@ -199,4 +247,8 @@ def _structure(results: Results) -> dict[str, Any]:
 
 
 def _verdict(apart: bool, rate: float) -> str:
-    return f"{'yes' if apart else 'no'}, {rate:.3g}" if rate > NOUGHT else f"{'yes' if apart else 'no'}, 0"
+    return (
+        f"{'yes' if apart else 'no'}, {rate:.3g}"
+        if rate > NOUGHT
+        else f"{'yes' if apart else 'no'}, 0"
+    )

@@ -1,7 +1,7 @@
 """Which form the integrated network's memory should have: ``python -m training.studies.memories``.
 
-Every form learns anew, behind the encoder of the weights in the package, from the same lessons, and is tried on the
-same validation lessons. The table goes into the card beside the weights.
+Every form learns anew, behind the encoder of the weights in the package, from the same lessons, and
+is tried on the same validation lessons. The table goes into the card beside the weights.
 """
 
 import json
@@ -36,7 +36,12 @@ class NoMemory(nn.Module):
         return torch.tanh(self.layer(inputs)), None
 
 
-FORMS: dict[str, type[nn.Module]] = {"feed-forward": NoMemory, "Elman": nn.RNN, "GRU": nn.GRU, "LSTM": nn.LSTM}
+FORMS: dict[str, type[nn.Module]] = {
+    "feed-forward": NoMemory,
+    "Elman": nn.RNN,
+    "GRU": nn.GRU,
+    "LSTM": nn.LSTM,
+}
 
 
 def compare() -> list[dict[str, float | str]]:
@@ -44,7 +49,9 @@ def compare() -> list[dict[str, float | str]]:
     trainers = {name: _behind_the_encoder(form) for name, form in FORMS.items()}
     seconds = dict.fromkeys(FORMS, 0.0)
     firsts = np.random.default_rng(SEED).integers(SPAN - LANES, size=LESSONS).tolist()
-    for k, taught in enumerate(tqdm(simulated("training", firsts), total=LESSONS, unit="lesson", file=sys.stderr)):
+    for k, taught in enumerate(
+        tqdm(simulated("training", firsts), total=LESSONS, unit="lesson", file=sys.stderr)
+    ):
         for name, trainer in trainers.items():
             start = time.perf_counter()
             trainer.remember(taught, MEMORY_RATE * (1.0 - k / LESSONS))
@@ -54,7 +61,10 @@ def compare() -> list[dict[str, float | str]]:
     for name, trainer in trainers.items():
         trainer.validation = validation
         size = sum(parameter.numel() for parameter in trainer.network.memory.parameters())
-        rows.append({"form": name, "parameters": size, "seconds": round(seconds[name], 1)} | trainer.validate())
+        rows.append(
+            {"form": name, "parameters": size, "seconds": round(seconds[name], 1)}
+            | trainer.validate()
+        )
     return rows
 
 
@@ -71,9 +81,18 @@ def main() -> None:
     """Compare, print the table, and put it into the card."""
     rows = compare()
     for row in rows:
-        print(*(f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}" for key, value in row.items()))
+        print(
+            *(
+                f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}"
+                for key, value in row.items()
+            )
+        )
     card = json.loads(CARD.read_text(encoding="utf-8"))
-    card["memory_forms"] = {"command": "python -m training.studies.memories", "seed": SEED, "rows": rows}
+    card["memory_forms"] = {
+        "command": "python -m training.studies.memories",
+        "seed": SEED,
+        "rows": rows,
+    }
     write_json(CARD, card)
 
 

@@ -20,9 +20,14 @@ from training.benchmark.validation import FAULTS
 UNDERWAY, GOAL, HOME, ABORTED, STRANDED = range(-1, 4)
 OUTCOMES = ("reached the goal", "came home", "aborted", "stranded")
 IGNORED, FOLLOWED, TOLD = ARMS = ("ignored", "followed", "truth told")
-WATCHED = round((FAULTS.onset[1] + 60.0) * SAMPLE_RATE)  # samples that are diagnosed: 60 s after the last onset
-ADVISED_EVERY, REVIEWED_EVERY = round(SAMPLE_RATE), round(60.0 * SAMPLE_RATE)  # samples, while diagnosed and later
-TRIM_RATE, MOST_TRIM = 0.05, 0.3  # 1/s and m/s, of the guidance that holds the speed asked for
+# samples that are diagnosed: 60 s after the last onset
+WATCHED = round((FAULTS.onset[1] + 60.0) * SAMPLE_RATE)
+# samples, while diagnosed and later
+ADVISED_EVERY = round(SAMPLE_RATE)
+REVIEWED_EVERY = round(60.0 * SAMPLE_RATE)
+# 1/s and m/s, of the guidance that holds the speed asked for
+TRIM_RATE = 0.05
+MOST_TRIM = 0.3
 SPEED_READING = list(CHANNELS).index("speed")
 CERTAIN = -100.0  # log probability of what is known to be false
 
@@ -53,12 +58,17 @@ class Voyages:
     """
 
     def __init__(self, situation: Situation):
-        self.so, self.advice = situation, None
+        self.so = situation
+        self.advice = None
         n_lanes = len(situation.speed)
-        self.outcome, self.changes = np.full(n_lanes, UNDERWAY), np.zeros(n_lanes, np.int64)
-        self.spent, self.lasted = np.zeros(n_lanes), np.zeros(n_lanes)
-        self._trim, self._heading = np.zeros(n_lanes), np.ones(n_lanes)
-        self._asked, self._blind = situation.speed, np.zeros(n_lanes, bool)
+        self.outcome = np.full(n_lanes, UNDERWAY)
+        self.changes = np.zeros(n_lanes, np.int64)
+        self.spent = np.zeros(n_lanes)
+        self.lasted = np.zeros(n_lanes)
+        self._trim = np.zeros(n_lanes)
+        self._heading = np.ones(n_lanes)
+        self._asked = situation.speed
+        self._blind = np.zeros(n_lanes, bool)
 
     @property
     def underway(self) -> np.ndarray:
@@ -71,7 +81,9 @@ class Voyages:
             self.changes += self.underway & (advice.level != self.advice.level)
         self.outcome[self.underway & (advice.level == ABORT)] = ABORTED
         self._heading = np.where(advice.level == RETURN, -1.0, 1.0)
-        self._asked, self._blind, self.advice = advice.speed, advice.distrusted == SPEED, advice
+        self._asked = advice.speed
+        self._blind = advice.distrusted == SPEED
+        self.advice = advice
 
     def command(self, reading: np.ndarray) -> np.ndarray:
         """Actions (n_lanes, 3) that hold the speed asked for, from the speed read [m/s], unless that is distrusted."""
@@ -81,13 +93,17 @@ class Voyages:
 
     def move(self, speed: np.ndarray, energy: np.ndarray) -> None:
         """One sample further, at a speed through the water [m/s] and with energy of the motors [J], (n_lanes,)."""
-        so, underway = self.so, self.underway
+        so = self.so
+        underway = self.underway
         way = np.where(underway, SAMPLE_TIME * (self._heading * speed - so.current), 0.0)
         used = np.where(underway, energy + SAMPLE_TIME * so.hotel_load, 0.0)
-        to_go, home, left = so.distance_to_go - way, so.distance_home + way, so.energy_left - used
+        to_go = so.distance_to_go - way
+        home = so.distance_home + way
+        left = so.energy_left - used
         returned = (self._heading < 0.0) & (home <= 0.0)
         ends = np.select([to_go <= 0.0, returned, left <= 0.0], [GOAL, HOME, STRANDED], UNDERWAY)
-        self.outcome, self.spent = np.where(underway, ends, self.outcome), self.spent + used
+        self.outcome = np.where(underway, ends, self.outcome)
+        self.spent = self.spent + used
         self.lasted = self.lasted + SAMPLE_TIME * underway
         self.so = so._replace(
             distance_to_go=np.maximum(to_go, 0.0),
@@ -99,11 +115,14 @@ class Voyages:
 def sail(plan: Plan, vehicle: Vehicle, arm: str, diagnoser: Diagnoser) -> Voyages:
     """The missions sailed until each has ended: in the arm `FOLLOWED` by the diagnoser's belief, which is kept later.
 
-    Every arm meets the same vehicles, faults and noise. Advice is given once a second while the diagnoser watches, and
-    once a minute thereafter, for the energy left and the way to go.
+    Every arm meets the same vehicles, faults and noise. Advice is given once a second while the
+    diagnoser watches, and once a minute thereafter, for the energy left and the way to go.
     """
-    fleet, voyages = Fleet(len(plan.seeds), vehicle), Voyages(plan.situation)
-    observation = fleet.reset(plan.seeds, schedules=plan.schedules, missions=plan.situation.speed.tolist())
+    fleet = Fleet(len(plan.seeds), vehicle)
+    voyages = Voyages(plan.situation)
+    observation = fleet.reset(
+        plan.seeds, schedules=plan.schedules, missions=plan.situation.speed.tolist()
+    )
     diagnoser.reset(fleet.n_lanes)
     with tqdm(total=fleet.n_lanes, unit="mission", desc=arm) as bar:
         for k in count():
@@ -124,7 +143,8 @@ def sail(plan: Plan, vehicle: Vehicle, arm: str, diagnoser: Diagnoser) -> Voyage
 def told(fleet: Fleet) -> Belief:
     """The belief of one who knows class and severity of the fault in force, not the vehicle within its band."""
     truth = FleetTruth(fleet)
-    label, severity = truth["label"], truth["severity"]
+    label = truth["label"]
+    severity = truth["severity"]
     certain = np.where(label[:, None] == np.array(classes()), 0.0, CERTAIN)
     mean = np.column_stack([np.zeros(fleet.n_lanes), *severity.values()])
     return Belief(certain, mean, np.zeros_like(mean))

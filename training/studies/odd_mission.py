@@ -1,7 +1,8 @@
 """Is one bad mission found among thirty good ones? ``python -m training.studies.odd_mission``.
 
-A vehicle of one shaft logs speed, motor command and current once a second, and no shaft speed. Every mission is by
-another vehicle of the healthy band; on the last one the propeller asks for three times its torque from the start.
+A vehicle of one shaft logs speed, motor command and current once a second, and no shaft speed.
+Every mission is by another vehicle of the healthy band; on the last one the propeller asks for
+three times its torque from the start.
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,14 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MissionSampler
 from auv_fault_env.parameters import PARAMETERS, PRESETS, SAMPLE_RATE
 from training.field.calibration.calibration import calibrated
-from training.field.diagnosis.diagnosis import THRESHOLDS, Verdict, alarm_along, beliefs, persistence, verdict
+from training.field.diagnosis.diagnosis import (
+    THRESHOLDS,
+    Verdict,
+    alarm_along,
+    beliefs,
+    persistence,
+    verdict,
+)
 from training.field.diagnosis.load_limits import load_limits, overloaded
 from training.field.logs.log import Log, read_log
 from training.field.vehicle_file import Column, VehicleFile, write_vehicle
@@ -82,7 +90,9 @@ def write_missions(folder: Path, arguments: OddMission) -> list[Path]:
     """Write every mission's log as CSV, the faulty one last."""
     count = arguments.missions + 1
     lanes = seeds("test", count, FIRST_SEED + arguments.seed)
-    observations = np.asarray(simulated(lanes, round(arguments.duration * SAMPLE_RATE), arguments.load), np.float64)
+    observations = np.asarray(
+        simulated(lanes, round(arguments.duration * SAMPLE_RATE), arguments.load), np.float64
+    )
     paths = [folder / f"mission-{k:03d}.csv" for k in range(count)]
     for path, rows in zip(paths, observations[::DECIMATION].swapaxes(0, 1), strict=True):
         columns = {"t_s": np.arange(len(rows)) / VEHICLE.sample_rate}
@@ -106,7 +116,8 @@ def simulated(lanes: Sequence[int], n_samples: int, load: float) -> np.ndarray:
 
 def study(logs: Sequence[Log], folder: Path) -> dict[str, Any]:
     """Verdicts on all logs, as plain data; the vehicle file calibrated on all healthy ones goes into the folder."""
-    healthy, verdicts = logs[:-1], []
+    healthy = logs[:-1]
+    verdicts = []
     for fold in tqdm(range(FOLDS), unit="fold"):
         others = [log for k, log in enumerate(healthy) if k % FOLDS != fold]
         verdicts += judged(healthy[fold::FOLDS], others, calibrated(others, VEHICLE).vehicle)
@@ -125,7 +136,8 @@ def study(logs: Sequence[Log], folder: Path) -> dict[str, Any]:
 
 def judged(logs: Sequence[Log], healthy: Sequence[Log], vehicle: VehicleFile) -> list[Verdict]:
     """Verdicts by the filter bank and by the limits on the load that the healthy logs set."""
-    limits, verdicts = load_limits(healthy, vehicle), []
+    limits = load_limits(healthy, vehicle)
+    verdicts = []
     for log in logs:
         belief = beliefs(log, "filter_bank", vehicle)
         standing = alarm_along(log, belief, THRESHOLDS["filter_bank"], persistence(vehicle))

@@ -8,7 +8,8 @@ import matplotlib.image
 
 import auv_fault_env  # noqa: F401  (registers the environment)
 
-SEED, SECONDS = 3, 34.0
+SEED = 3
+SECONDS = 34.0
 FAULT = {"fault": "propeller_loss:port", "onset": 12.0, "severity": 1.0}
 
 

@@ -2,11 +2,12 @@
 
     python -m training.studies.speed --output runs/speed
 
-Every repeat measures all contenders in turn, so that load on the machine hits all alike. Rates are medians over the
-repeats; a ratio is the median of the ratios within each repeat. All that a user pays for is included: noise,
-controllers, faults, observations, information and resets. Ours runs whole episodes, so every lane's reset has its
-natural share; the others reset whenever an episode ends. Actions are drawn beforehand.
-Load from elsewhere hits the parallel batches hardest: see that the machine is idle.
+Every repeat measures all contenders in turn, so that load on the machine hits all alike. Rates are
+medians over the repeats; a ratio is the median of the ratios within each repeat. All that a user
+pays for is included: noise, controllers, faults, observations, information and resets. Ours runs
+whole episodes, so every lane's reset has its natural share; the others reset whenever an episode
+ends. Actions are drawn beforehand. Load from elsewhere hits the parallel batches hardest: see that
+the machine is idle.
 """
 
 import contextlib
@@ -83,17 +84,32 @@ class Mark:
     target: str = ""
 
 
-CART, FASTER, COST = "CartPole-v1", "ours over it", "cost per lane-step at {lanes}"
+CART = "CartPole-v1"
+FASTER = "ours over it"
+COST = "cost per lane-step at {lanes}"
 MARKS: dict[str, Mark] = {
     "cartpole": Mark("CartPole-v1, single", "cartpole", "cartpole", CART),
     "single": Mark("Propulsion-v0, single", "single", "cartpole", CART, least=0.4, target=">= 0.4"),
-    "gem": Mark("gym-electric-motor DC speed, single", "single", "gem", FASTER, least=15.0, target=">= 15"),
+    "gem": Mark(
+        "gym-electric-motor DC speed, single", "single", "gem", FASTER, least=15.0, target=">= 15"
+    ),
     "gem_free": Mark("  the same without constraints", "single", "gem_free", FASTER),
     "gem_euler": Mark("  the same without constraints, Euler", "single", "gem_euler", FASTER),
-    "serial": Mark("Propulsion-v0, {lanes} lanes, serial", "serial", "cartpole", CART, 25.0, target=">= 25 (aim 60)"),
-    "parallel": Mark("Propulsion-v0, {lanes} lanes", "parallel", "cartpole", CART, 25.0, target=">= 25 (aim 60)"),
+    "serial": Mark(
+        "Propulsion-v0, {lanes} lanes, serial",
+        "serial",
+        "cartpole",
+        CART,
+        25.0,
+        target=">= 25 (aim 60)",
+    ),
+    "parallel": Mark(
+        "Propulsion-v0, {lanes} lanes", "parallel", "cartpole", CART, 25.0, target=">= 25 (aim 60)"
+    ),
     "cartpoles": Mark("CartPole-v1 hand-vectorised, {lanes} lanes", "cartpoles", "cartpole", CART),
-    "many": Mark("Propulsion-v0, {many} lanes", "parallel", "many", COST, most=1.2, target="<= 1.2"),
+    "many": Mark(
+        "Propulsion-v0, {many} lanes", "parallel", "many", COST, most=1.2, target="<= 1.2"
+    ),
 }
 
 
@@ -155,7 +171,9 @@ def gem_laps(seed: int) -> dict[str, Lap]:
     make = partial(gem.make, "Cont-SC-PermExDc-v0", visualization=())
     euler = make(constraints=(), ode_solver=EulerSolver())
     environments = {"gem": make(), "gem_free": make(constraints=()), "gem_euler": euler}
-    return {name: partial(single_steps, *prepared(env, seed, 100)) for name, env in environments.items()}
+    return {
+        name: partial(single_steps, *prepared(env, seed, 100)) for name, env in environments.items()
+    }
 
 
 def contenders(seed: int, size: Size) -> dict[str, Lap]:
@@ -174,7 +192,8 @@ def contenders(seed: int, size: Size) -> dict[str, Lap]:
 
 def rate(lap: Lap, seconds: float) -> float:
     """Lane-steps per second over whole laps, for at least the given time."""
-    steps, start = 0, time.perf_counter()
+    steps = 0
+    start = time.perf_counter()
     while (spent := time.perf_counter() - start) < seconds or not steps:
         steps += lap()
     return steps / spent
@@ -195,7 +214,11 @@ def comparison(rates: Rates, size: Size) -> list[dict]:
     for name, measured in rates.items():
         mark = MARKS[name]
         ratio = statistics.median(np.divide(rates[mark.over], rates[mark.under]).tolist())
-        row = {"what": mark.what.format(**asdict(size)), "rate": statistics.median(measured), "ratio": ratio}
+        row = {
+            "what": mark.what.format(**asdict(size)),
+            "rate": statistics.median(measured),
+            "ratio": ratio,
+        }
         row |= {"to": mark.to.format(**asdict(size)), "target": mark.target}
         rows.append(row | {"met": mark.least <= ratio <= mark.most if mark.target else None})
     return rows
@@ -203,9 +226,16 @@ def comparison(rates: Rates, size: Size) -> list[dict]:
 
 def kernel_laps(fleet: Fleet) -> dict[str, Lap]:
     """The kernel called from Python and from a compiled loop; its stages, on one block in the fast caches."""
-    n, state, limits, constants = fleet.n_lanes, fleet.arrays, fleet.limits, Constants(*fleet.constants.tolist())
-    actions, observations, outcomes = np.full((n, 3), 0.2), np.empty((n, len(CHANNELS)), np.float32), np.empty((4, n))
-    block, width, scratch = state.memory[0], min(n, layout.LANES), np.zeros(layout.N_SCRATCH * layout.LANES)
+    n = fleet.n_lanes
+    state = fleet.arrays
+    limits = fleet.limits
+    constants = Constants(*fleet.constants.tolist())
+    actions = np.full((n, 3), 0.2)
+    observations = np.empty((n, len(CHANNELS)), np.float32)
+    outcomes = np.empty((4, n))
+    block = state.memory[0]
+    width = min(n, layout.LANES)
+    scratch = np.zeros(layout.N_SCRATCH * layout.LANES)
     stages = {
         lanes.take_actions: (block, width, actions, limits),
         lanes.control: (block, width, constants),
@@ -218,9 +248,13 @@ def kernel_laps(fleet: Fleet) -> dict[str, Lap]:
     }
     whole = (0, len(state.memory), *state, actions, limits, fleet.constants, observations, outcomes)
     times = 1 + 1000 // n
-    call, kernel = partial(lanes.step_blocks, *whole), compiled_lap(lanes.step_blocks, whole, n, times)
+    call = partial(lanes.step_blocks, *whole)
+    kernel = compiled_lap(lanes.step_blocks, whole, n, times)
     laps = {"call": partial(calls, call, n, times), "kernel": kernel}
-    return laps | {stage.__name__: compiled_lap(stage, arguments, width, 500) for stage, arguments in stages.items()}
+    return laps | {
+        stage.__name__: compiled_lap(stage, arguments, width, 500)
+        for stage, arguments in stages.items()
+    }
 
 
 def refreshes(fleet: Fleet, steps: int):
@@ -234,12 +268,16 @@ def refreshes(fleet: Fleet, steps: int):
 
 def costs(laps: dict[str, Lap], repeats: int, seconds: float, about: str) -> dict[str, float]:
     """Median cost of each lap [ns per lane-step]."""
-    return {name: 1e9 / statistics.median(got) for name, got in interleaved(laps, repeats, seconds, about).items()}
+    return {
+        name: 1e9 / statistics.median(got)
+        for name, got in interleaved(laps, repeats, seconds, about).items()
+    }
 
 
 def batch_profile(seed: int, repeats: int, size: Size) -> dict[str, float]:
     """Where the time of the batch goes on one thread [ns per lane-step]; the parts add up to the whole."""
-    n, fleet = size.lanes, Fleet(size.lanes, parallel=False)
+    n = size.lanes
+    fleet = Fleet(size.lanes, parallel=False)
     fleet.reset(range(seed, seed + n))
     laps = kernel_laps(fleet)
     stages = list(laps)[2:]
@@ -257,7 +295,9 @@ def batch_profile(seed: int, repeats: int, size: Size) -> dict[str, float]:
 
 def single_profile(seed: int, repeats: int, size: Size) -> dict[str, float]:
     """Where the time of the single environment goes [ns per step]; the parts add up to the whole."""
-    env, fleet, action = gym.make(OURS), Fleet(1), np.array([0.3, 0.1, 0.0], np.float32)
+    env = gym.make(OURS)
+    fleet = Fleet(1)
+    action = np.array([0.3, 0.1, 0.0], np.float32)
     fleet.reset([seed])
     laps = dict(list(kernel_laps(fleet).items())[:2])
     laps["fleet"] = partial(calls, partial(fleet.step, action[None].astype(float)), 1, 100)
@@ -275,13 +315,18 @@ def single_profile(seed: int, repeats: int, size: Size) -> dict[str, float]:
 
 def machine() -> dict:
     """Processor, cores, threads and versions: what the rates depend on."""
-    info, versions = Path("/proc/cpuinfo"), {"python": platform.python_version()}
+    info = Path("/proc/cpuinfo")
+    versions = {"python": platform.python_version()}
     lines = info.read_text().splitlines() if info.exists() else []
     models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     for name in ("auv-fault", "gymnasium", "numpy", "numba", "gym-electric-motor"):
         with contextlib.suppress(metadata.PackageNotFoundError):
             versions[name] = metadata.version(name)
-    return {"processor": (models or [platform.machine()])[0], "cores": os.cpu_count(), "versions": versions}
+    return {
+        "processor": (models or [platform.machine()])[0],
+        "cores": os.cpu_count(),
+        "versions": versions,
+    }
 
 
 def measure(args: Args, size: Size) -> dict:
@@ -301,7 +346,11 @@ def comparison_text(rows: list[dict]) -> str:
     lines = [f"{'what':<44}{'rate [1/s]':>14}{'ratio':>9}  {'to':<31}{'target':<16}met"]
     for row in rows:
         words = row | {"met": {True: "met", False: "missed", None: ""}[row["met"]]}
-        lines.append("{what:<44}{rate:>14,.0f}{ratio:>9.2f}  {to:<31}{target:<16}{met}".format(**words).rstrip())
+        lines.append(
+            "{what:<44}{rate:>14,.0f}{ratio:>9.2f}  {to:<31}{target:<16}{met}".format(
+                **words
+            ).rstrip()
+        )
     return "\n".join(lines)
 
 
@@ -315,10 +364,14 @@ def profile_text(title: str, parts: dict[str, float]) -> str:
 
 def report(results: dict) -> str:
     """The results in words and tables."""
-    about, lanes = results["machine"], results["size"]["lanes"]
+    about = results["machine"]
+    lanes = results["size"]["lanes"]
     versions = ", ".join(f"{name} {version}" for name, version in about["versions"].items())
     title = f"{about['processor']}, {about['cores']} cores; {versions}"
-    profiles = (f"batch of {lanes} lanes", "batch_profile"), ("single environment", "single_profile")
+    profiles = (
+        (f"batch of {lanes} lanes", "batch_profile"),
+        ("single environment", "single_profile"),
+    )
     tables = [profile_text(name, results[key]) for name, key in profiles]
     return "\n\n".join([title, comparison_text(results["comparison"]), *tables, NOTES])
 
@@ -329,7 +382,9 @@ def main(arguments: Sequence[str] | None = None, size: Size | None = None) -> in
     try:
         args = tyro.cli(Args, args=given, prog="benchmark_speed")
         if args.repeats < 1:
-            raise refusal("repeats", args.repeats, "a whole number from 1", "five give a steady median")
+            raise refusal(
+                "repeats", args.repeats, "a whole number from 1", "five give a steady median"
+            )
         if args.output is not None:
             args.output.mkdir(parents=True, exist_ok=True)  # before the measurement: it may fail
     except (ValueError, OSError) as error:

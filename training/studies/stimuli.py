@@ -12,10 +12,10 @@ triple is a figure and the ends of its 95 % interval::
     budgets         {budget [m/s], as text:
         command, revision   of the benchmark
         stimuli             their names
-        figures             {diagnoser: {subset: {stimulus: as `stimulus_comparisons.paired` tells}}}
-        costs               {diagnoser: {stimulus: speed_rms [m/s], energy [J per episode], false_alarms_per_hour}}
-        behaviour           as `stimulus_behaviour.behaviour` tells
-        ceilings            {fault: as `active_ceiling.free_ceiling` tells}}
+        figures             {diagnoser: {subset: {stimulus: as `stimulus_comparisons.paired`
+        tells}}} costs               {diagnoser: {stimulus: speed_rms [m/s], energy [J per episode],
+        false_alarms_per_hour}} behaviour           as `stimulus_behaviour.behaviour` tells ceilings
+        {fault: as `active_ceiling.free_ceiling` tells}}
 """
 
 import json
@@ -35,7 +35,13 @@ from auv_fault_env.errors import finite_in_range, known_name, refusal, whole_num
 from training.benchmark.scores import RANKED_AT
 from training.bounds import active_ceiling
 from training.report.page import print_tables, write_report
-from training.report.run_folder import earlier_run, free_place, run_folder, write_json, write_manifest
+from training.report.run_folder import (
+    earlier_run,
+    free_place,
+    run_folder,
+    write_json,
+    write_manifest,
+)
 from training.stimuli import STIMULI
 from training.studies import stimulus_behaviour
 from training.studies.stimuli_page import page
@@ -43,9 +49,19 @@ from training.studies.stimulus_behaviour import behaviour
 from training.studies.stimulus_comparisons import LEARNED, REFERENCES, compared, costs, rivals
 
 DIAGNOSER = "filter_bank"  # beside which the agent has learnt
-DRAWN = ("thesis", "triggered_d_optimal", "triggered_surge", "learned")  # stimuli whose behaviour is drawn
+# stimuli whose behaviour is drawn
+DRAWN = ("thesis", "triggered_d_optimal", "triggered_surge", "learned")
 CEILINGS = "ceilings.json"
-SEARCH = ("SEVERITY", "POPULATION", "GENERATIONS", "STEP", "TRIES", "ROUNDS", "TRIED_ON", "JUDGED_ON")
+SEARCH = (
+    "SEVERITY",
+    "POPULATION",
+    "GENERATIONS",
+    "STEP",
+    "TRIES",
+    "ROUNDS",
+    "TRIED_ON",
+    "JUDGED_ON",
+)
 ALL_CORES = -1  # as joblib has it
 LAST_SEED = 40_000_000  # within the seeds that are used from there on
 NAME = "stimulus-study"
@@ -69,7 +85,8 @@ def main(arguments: StimulusStudy) -> None:
     """Compare, simulate, and write report, figures and results."""
     workers = ALL_CORES if arguments.workers is None else whole_number("workers", arguments.workers)
     finite_in_range("seed", arguments.seed, 0, LAST_SEED)
-    benchmarks, output = read_all(arguments.results), free_place(arguments.output)
+    benchmarks = read_all(arguments.results)
+    output = free_place(arguments.output)
     if earlier_run(output) is None:
         output.mkdir(parents=True, exist_ok=True)
         write_manifest(output, NAME, arguments)
@@ -81,7 +98,8 @@ def main(arguments: StimulusStudy) -> None:
         write_json(folder / "results.json", results)
         report = page(results)
         write_report(report, folder)
-    print_tables(report["sections"][: 2 + len(benchmarks)])  # what was compared, the targets, the cross-plays
+    # what was compared, the targets, the cross-plays
+    print_tables(report["sections"][: 2 + len(benchmarks)])
     print(f"\nreport: {arguments.output / 'index.html'}")
 
 
@@ -91,11 +109,21 @@ def read_all(paths: Sequence[Path]) -> dict[float, dict[str, Any]]:
     for path in paths:
         budget, results = read(path)
         if budget in found:
-            raise refusal(f"budget of {path}", budget, "one file for each budget", "leave one of them out")
+            raise refusal(
+                f"budget of {path}", budget, "one file for each budget", "leave one of them out"
+            )
         found[budget] = results
-    suites = {(one["suite"]["name"], one["suite"]["hash"], one["suite"]["every"]) for one in found.values()}
+    suites = {
+        (one["suite"]["name"], one["suite"]["hash"], one["suite"]["every"])
+        for one in found.values()
+    }
     if len(suites) != 1:
-        raise refusal("suites of the results", sorted(suites), "the same episodes in all", "take results of one suite")
+        raise refusal(
+            "suites of the results",
+            sorted(suites),
+            "the same episodes in all",
+            "take results of one suite",
+        )
     return dict(sorted(found.items()))
 
 
@@ -103,18 +131,26 @@ def read(path: Path) -> tuple[float, dict[str, Any]]:
     """Budget [m/s] and results of a benchmark; what is none, or lacks what this study needs, is refused."""
     try:
         results = json.loads(path.read_text(encoding="utf-8"))
-        budgets, scores = results["settings"]["stimuli"], results["scores"]
+        budgets = results["settings"]["stimuli"]
+        scores = results["scores"]
         diagnosers = list(results["thresholds"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         shown = f"{path}, {type(error).__name__}: {error}"
-        raise refusal("results", shown, "results.json of auv-fault benchmark", "check the path") from None
+        raise refusal(
+            "results", shown, "results.json of auv-fault benchmark", "check the path"
+        ) from None
     for name in scores:
         known_name(f"stimulus of {path}", name, STIMULI)
     if not {*REFERENCES} <= scores.keys() or len(set(budgets.values())) != 1:
         allowed = f"{' and '.join(REFERENCES)} among them, all with one budget"
         raise refusal(f"stimuli of {path}", budgets, allowed, "run the benchmark with these")
     if DIAGNOSER not in diagnosers:
-        raise refusal(f"diagnosers of {path}", diagnosers, f"{DIAGNOSER} among them", "run the benchmark with it")
+        raise refusal(
+            f"diagnosers of {path}",
+            diagnosers,
+            f"{DIAGNOSER} among them",
+            "run the benchmark with it",
+        )
     return next(iter(budgets.values())), results
 
 
@@ -126,7 +162,8 @@ def study(
     faults = first["episodes"]["fault"]
     return {
         "seed": seed,
-        "suite": {key: first["suite"][key] for key in ("name", "hash", "every")} | {"episodes": len(faults)},
+        "suite": {key: first["suite"][key] for key in ("name", "hash", "every")}
+        | {"episodes": len(faults)},
         "diagnoser": DIAGNOSER,
         "references": first["references"],
         "classes": [first["classes"][k] for k in sorted(set(faults))],
@@ -139,10 +176,13 @@ def study(
 
 
 def _study(benchmark: Mapping[str, Any], budget: float, workers: int, seed: int) -> dict[str, Any]:
-    scores, level = benchmark["scores"], benchmark["thresholds"][DIAGNOSER][RANKED_AT]
+    scores = benchmark["scores"]
+    level = benchmark["thresholds"][DIAGNOSER][RANKED_AT]
     fault = [benchmark["classes"][k] for k in benchmark["episodes"]["fault"]]
     drawn = [name for name in DRAWN if name in scores]
-    counted = [name for name in scores if name in {*drawn, *rivals(scores)} or LEARNED.fullmatch(name)]
+    counted = [
+        name for name in scores if name in {*drawn, *rivals(scores)} or LEARNED.fullmatch(name)
+    ]
     threshold = -math.inf if level is None else level
     return {
         "command": benchmark["command"],
@@ -154,11 +194,13 @@ def _study(benchmark: Mapping[str, Any], budget: float, workers: int, seed: int)
     }
 
 
-def ceilings(path: Path, budgets: Sequence[float], workers: int, seed: int) -> dict[str, dict[str, Any]]:
+def ceilings(
+    path: Path, budgets: Sequence[float], workers: int, seed: int
+) -> dict[str, dict[str, Any]]:
     """By budget and fault what `active_ceiling.free_ceiling` finds.
 
-    Each is written to the file when it is found, and what the file has that was sought in the same way is taken from
-    there: they take the longest.
+    Each is written to the file when it is found, and what the file has that was sought in the same
+    way is taken from there: they take the longest.
     """
     settings = {"seed": seed} | {name: getattr(active_ceiling, name) for name in SEARCH}
     found = _known(path, settings)
@@ -169,7 +211,9 @@ def ceilings(path: Path, budgets: Sequence[float], workers: int, seed: int) -> d
         if fault not in found.get(f"{budget:g}", {})
     ]
     jobs = (delayed(active_ceiling.free_ceiling)(*one[1:]) for one in missing)
-    made = tqdm(Parallel(n_jobs=workers, return_as="generator")(jobs), total=len(missing), desc="ceilings")
+    made = tqdm(
+        Parallel(n_jobs=workers, return_as="generator")(jobs), total=len(missing), desc="ceilings"
+    )
     for (budget, fault, *_), one in zip(missing, made, strict=True):
         found.setdefault(budget, {})[fault] = one
         write_json(path, {"settings": settings, "budgets": found})

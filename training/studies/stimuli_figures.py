@@ -10,7 +10,10 @@ from training.stimuli.open_loop import Cruise
 from training.studies.stimulus_comparisons import AGENT, LEARNED, REFERENCES, front, shown, speed_up
 
 Results = Mapping[str, Any]
-PLANE = {"speed_rms": "RMS deviation from the mission's speed [m/s]", "energy": "energy [J per episode]"}
+PLANE = {
+    "speed_rms": "RMS deviation from the mission's speed [m/s]",
+    "energy": "energy [J per episode]",
+}
 KINDS = {"mean": "mean offset [m/s]", "absolute": "mean size of the offset [m/s]"}
 
 
@@ -29,12 +32,19 @@ def _figures(heading: str, text: Sequence[str], drawn: Iterable[dict[str, Any]])
 def by_class(results: Results) -> dict[str, Any]:
     """How many times sooner each class is isolated."""
     of_colour = colours(results)
-    text = [f"Restricted mean under the reference over that under the stimulus, with {results['diagnoser']}."]
-    return _figures("Speed-up by class", text, (_by_class(results, budget, of_colour) for budget in results["budgets"]))
+    text = [
+        f"Restricted mean under the reference over that under the stimulus, with {results['diagnoser']}."
+    ]
+    return _figures(
+        "Speed-up by class",
+        text,
+        (_by_class(results, budget, of_colour) for budget in results["budgets"]),
+    )
 
 
 def _by_class(results: Results, budget: str, of_colour: Mapping[str, str]) -> dict[str, Any]:
-    figures, names = results["budgets"][budget]["figures"][results["diagnoser"]], results["classes"]
+    figures = results["budgets"][budget]["figures"][results["diagnoser"]]
+    names = results["classes"]
     panels = {
         reference: {
             stimulus: [speed_up(figures[name][stimulus]["ratio"][reference]) for name in names]
@@ -56,7 +66,8 @@ def plane(results: Results) -> dict[str, Any]:
     """What the isolation time costs."""
     points = list(_points(results))
     fronts = {
-        cost: [points[k] for k in front([(point[cost], point["delay"][0]) for point in points])] for cost in PLANE
+        cost: [points[k] for k in front([(point[cost], point["delay"][0]) for point in points])]
+        for cost in PLANE
     }
     named = {cost: ", ".join(_point(point) for point in chosen) for cost, chosen in fronts.items()}
     return figure_section(
@@ -68,7 +79,10 @@ def plane(results: Results) -> dict[str, Any]:
         f"{named['energy']}.",
         {
             "points": points,
-            "fronts": {cost: [[one[cost], one["delay"][0]] for one in chosen] for cost, chosen in fronts.items()},
+            "fronts": {
+                cost: [[one[cost], one["delay"][0]] for one in chosen]
+                for cost, chosen in fronts.items()
+            },
             "costs": PLANE,
             "colours": colours(results),
         },
@@ -82,11 +96,20 @@ def _points(results: Results) -> Iterator[dict[str, Any]]:
         for name in shown(figures["all"]):
             if name != Cruise.name or k == 0:
                 costs = {key: cost[name][key] for key in PLANE}
-                yield {"stimulus": name, "budget": f"{budget} m/s", "delay": figures["all"][name]["mean"], **costs}
+                yield {
+                    "stimulus": name,
+                    "budget": f"{budget} m/s",
+                    "delay": figures["all"][name]["mean"],
+                    **costs,
+                }
 
 
 def _point(point: Mapping[str, Any]) -> str:
-    return point["stimulus"] if point["stimulus"] == Cruise.name else f"{point['stimulus']} ({point['budget']})"
+    return (
+        point["stimulus"]
+        if point["stimulus"] == Cruise.name
+        else f"{point['stimulus']} ({point['budget']})"
+    )
 
 
 def onset(results: Results) -> dict[str, Any]:
@@ -123,7 +146,9 @@ def episodes(results: Results) -> dict[str, Any]:
             "name": f"episodes-{budget}",
             "caption": f"{one['behaviour']['episodes']['stimulus']} within {budget} m/s: of each class the episode of "
             "median isolation time.",
-            "data": {"drawn": [_episode(episode) for episode in one["behaviour"]["episodes"]["drawn"]]},
+            "data": {
+                "drawn": [_episode(episode) for episode in one["behaviour"]["episodes"]["drawn"]]
+            },
         }
         for budget, one in results["budgets"].items()
     )

@@ -95,7 +95,10 @@ def cross_play(results: Results, budget: str) -> dict[str, Any]:
     """Every stimulus with every diagnoser."""
     figures = results["budgets"][budget]["figures"]
     rows = [
-        [stimulus, *(_triple(of_diagnoser["all"][stimulus]["mean"]) for of_diagnoser in figures.values())]
+        [
+            stimulus,
+            *(_triple(of_diagnoser["all"][stimulus]["mean"]) for of_diagnoser in figures.values()),
+        ]
         for stimulus in _ordered(figures[results["diagnoser"]]["all"])
     ]
     names = [row_name(name, results["references"]) for name in figures]
@@ -112,7 +115,8 @@ def cross_play(results: Results, budget: str) -> dict[str, Any]:
 def table(results: Results, budget: str, diagnoser: str, subset: str) -> dict[str, Any]:
     """The stimuli with one diagnoser, over all classes or some of them."""
     of_budget = results["budgets"][budget]
-    figures, cost = of_budget["figures"][diagnoser].get(subset, {}), of_budget["costs"][diagnoser]
+    figures = of_budget["figures"][diagnoser].get(subset, {})
+    cost = of_budget["costs"][diagnoser]
     columns = ["stimulus", *COLUMNS]
     columns += ["speed RMS [m/s]", "energy [J]", "false alarms per hour"] if subset == "all" else []
     rows = [
@@ -150,7 +154,11 @@ def _cells(figure: Mapping[str, Any]) -> list[str]:
 
 
 def _cost_cells(cost: Mapping[str, float]) -> list[str]:
-    return [f"{cost['speed_rms']:.4f}", f"{cost['energy']:.0f}", f"{cost['false_alarms_per_hour']:.2f}"]
+    return [
+        f"{cost['speed_rms']:.4f}",
+        f"{cost['energy']:.0f}",
+        f"{cost['false_alarms_per_hour']:.2f}",
+    ]
 
 
 def told(results: Results, budget: str) -> dict[str, Any]:
@@ -174,7 +182,13 @@ def healthy(results: Results) -> dict[str, Any]:
     found = {budget: one["behaviour"]["healthy"] for budget, one in results["budgets"].items()}
     names = dict.fromkeys(name for one in found.values() for name in one["share"])
     rows = [
-        [name, *(_triple(one["share"][name]) if name in one["share"] else "–" for one in found.values())]
+        [
+            name,
+            *(
+                _triple(one["share"][name]) if name in one["share"] else "–"
+                for one in found.values()
+            ),
+        ]
         for name in names
     ]
     return {

@@ -30,22 +30,32 @@ from training.stimuli.surge_ahead import HULL_AND_PROPELLERS
 from training.studies.stimulus_comparisons import paired, resampled_means, with_agent
 from training.studies.told_onset import ToldOnset
 
-PER_CLASS, N_HEALTHY = 20, 300  # lanes
-FIRST_FAULTY, FIRST_HEALTHY = 400_000_000, 450_000_000  # within the seeds for validation
-ONSET, SEVERITY = (10.0, 30.0), (0.2, 1.0)
-BEFORE, AFTER, BIN = 10.0, 25.0, 0.5  # s, around the onset; over a bin the offsets are averaged
+# lanes
+PER_CLASS = 20
+N_HEALTHY = 300
+# within the seeds for validation
+FIRST_FAULTY = 400_000_000
+FIRST_HEALTHY = 450_000_000
+ONSET = (10.0, 30.0)
+SEVERITY = (0.2, 1.0)
+# s, around the onset; over a bin the offsets are averaged
+BEFORE = 10.0
+AFTER = 25.0
+BIN = 0.5
 DRAWN = (  # classes, an episode of each
     *("increased_drag", "propeller_damage:port", "sensor:speed"),
     *("decreased_drag", "motor_overheating:starboard", "seal_friction:port"),
 )
 EVERY = 2  # samples from one drawn to the next
-TOLD = {"told the onset": None, "told, without budget": LARGEST}  # budget [m/s], None for that of all
+# budget [m/s], None for that of all
+TOLD = {"told the onset": None, "told, without budget": LARGEST}
 
 
 class Path(NamedTuple):
     """What happened on some lanes, (n_samples, n_lanes) each.
 
-    Mission speed, offset and true speed [m/s]; log p(normal), log p(what is wrong in the end), most probable fault.
+    Mission speed, offset and true speed [m/s]; log p(normal), log p(what is wrong in the end), most
+    probable fault.
     """
 
     mission: np.ndarray
@@ -56,10 +66,14 @@ class Path(NamedTuple):
     top: np.ndarray
 
 
-def in_the_loop(stimulus: Stimulus, diagnoser: str, episodes: Sequence[Episode], conditions: Conditions) -> Path:
+def in_the_loop(
+    stimulus: Stimulus, diagnoser: str, episodes: Sequence[Episode], conditions: Conditions
+) -> Path:
     """Run the episodes with the stimulus, which sees the beliefs of a diagnoser of the registry."""
-    lanes, fault = np.arange(len(episodes)), known(conditions, episodes).truth.fault
-    fleet, watching = Fleet(lanes.size, parallel=False, **conditions.plant), make(diagnoser)
+    lanes = np.arange(len(episodes))
+    fault = known(conditions, episodes).truth.fault
+    fleet = Fleet(lanes.size, parallel=False, **conditions.plant)
+    watching = make(diagnoser)
     lane_seeds, schedules, missions = zip(*episodes, strict=True)
     observation = fleet.reset(lane_seeds, schedules=schedules, missions=missions)
     watching.reset(lanes.size)
@@ -67,8 +81,10 @@ def in_the_loop(stimulus: Stimulus, diagnoser: str, episodes: Sequence[Episode],
     path = Path(*np.empty((len(Path._fields), conditions.n_samples, lanes.size)))
     for k in range(conditions.n_samples):
         belief = watching.update(observation)
-        offset, told = stimulus.offset(k, observation, belief), belief.log_probability
-        mission, speed = observation[:, MISSION_SPEED].astype(float), FleetTruth(fleet)["state"]["speed"]
+        offset = stimulus.offset(k, observation, belief)
+        told = belief.log_probability
+        mission = observation[:, MISSION_SPEED].astype(float)
+        speed = FleetTruth(fleet)["state"]["speed"]
         row = mission, offset, speed, told[:, 0], told[lanes, fault], 1 + told[:, 1:].argmax(axis=1)
         for kept, values in zip(path, row, strict=True):
             kept[k] = values
@@ -78,10 +94,14 @@ def in_the_loop(stimulus: Stimulus, diagnoser: str, episodes: Sequence[Episode],
 
 def faulty_lanes(conditions: Conditions, per_class: int, seed: int) -> list[Episode]:
     """Episodes with one abrupt and lasting fault: every class as often as any other, its kinds in turn."""
-    kinds = {name: [one.name for one in CATALOGUE.values() if one.diagnosis == name] for name in classes()[1:]}
+    kinds = {
+        name: [one.name for one in CATALOGUE.values() if one.diagnosis == name]
+        for name in classes()[1:]
+    }
     faults = [names[k % len(names)] for names in kinds.values() for k in range(per_class)]
     random = np.random.default_rng([FIRST_FAULTY, seed])
-    onset, severity = random.uniform(*ONSET, len(faults)).round(1), random.uniform(*SEVERITY, len(faults))
+    onset = random.uniform(*ONSET, len(faults)).round(1)
+    severity = random.uniform(*SEVERITY, len(faults))
     schedules = [(FaultEvent(*event),) for event in zip(faults, onset, severity, strict=True)]
     lane_seeds = seeds("validation", len(faults), FIRST_FAULTY + seed)
     missions = conditions.draw_missions(lane_seeds)
@@ -107,15 +127,18 @@ def behaviour(
     """What stimuli do within a budget [m/s], as plain data.
 
     around_onset
-        time [s] since onset; mean and absolute: by class and stimulus the mean offset, and the mean of its size [m/s].
+        time [s] since onset; mean and absolute: by class and stimulus the mean offset, and the mean
+        of its size [m/s].
     healthy
-        By stimulus the root mean square of the offsets of healthy vehicles as a share of the budget, a triple as in
-        `training.studies.stimulus_comparisons`; lanes, how many of them.
+        By stimulus the root mean square of the offsets of healthy vehicles as a share of the
+        budget, a triple as in `training.studies.stimulus_comparisons`; lanes, how many of them.
     told
-        Figures as `training.studies.stimulus_comparisons.paired` tells of the isolation time on the lanes with faults of hull
-        and propellers, under what is drawn, in cruise, and, told the onset, under `ToldOnset` with that budget or none.
+        Figures as `training.studies.stimulus_comparisons.paired` tells of the isolation time on the
+        lanes with faults of hull and propellers, under what is drawn, in cruise, and, told the
+        onset, under `ToldOnset` with that budget or none.
     episodes
-        Of the last stimulus drawn, for each of `DRAWN` that of median isolation time, series over `time` [s].
+        Of the last stimulus drawn, for each of `DRAWN` that of median isolation time, series over
+        `time` [s].
 
     Parameters
     ----------
@@ -129,7 +152,8 @@ def behaviour(
         Offset within the seeds, and that of the bootstrap.
     """
     conditions = load(STANDARD).conditions
-    faulty, healthy = faulty_lanes(conditions, PER_CLASS, seed), healthy_lanes(conditions, N_HEALTHY, seed)
+    faulty = faulty_lanes(conditions, PER_CLASS, seed)
+    healthy = healthy_lanes(conditions, N_HEALTHY, seed)
     truth = known(conditions, faulty).truth
     told = {name: ToldOnset(least or budget, onset=truth.onset) for name, least in TOLD.items()}
     tried = {name: STIMULI[name](budget) for name in (*drawn, Cruise.name)} | told
@@ -140,7 +164,8 @@ def behaviour(
     )
     paths = list(tqdm(runs, total=len(jobs), desc=f"behaviour at {budget:g} m/s"))
     on_faulty = dict(zip(tried, paths, strict=False))
-    of_drawn, last = {name: on_faulty[name] for name in drawn}, drawn[-1]
+    of_drawn = {name: on_faulty[name] for name in drawn}
+    last = drawn[-1]
     squared = {
         name: np.square(path.offset).mean(axis=0, keepdims=True)
         for name, path in zip(counted, paths[len(on_faulty) :], strict=True)
@@ -149,14 +174,22 @@ def behaviour(
         "around_onset": around_onset(of_drawn, truth.fault, truth.onset),
         "told": told_figures(on_faulty, truth, threshold, seed),
         "healthy": {"lanes": len(healthy), "share": shares(squared, budget, seed)},
-        "episodes": {"stimulus": last, "drawn": episodes_of(of_drawn[last], truth.fault, truth.onset, threshold)},
+        "episodes": {
+            "stimulus": last,
+            "drawn": episodes_of(of_drawn[last], truth.fault, truth.onset, threshold),
+        },
     }
 
 
-def told_figures(paths: Mapping[str, Path], truth: Truth, threshold: float, seed: int) -> dict[str, Any]:
+def told_figures(
+    paths: Mapping[str, Path], truth: Truth, threshold: float, seed: int
+) -> dict[str, Any]:
     """Figures of the isolation time on the lanes with faults of hull and propellers, by stimulus."""
     lanes = HULL_AND_PROPELLERS[truth.fault]
-    times = {name: isolated(path, truth.fault, truth.onset, threshold).time for name, path in paths.items()}
+    times = {
+        name: isolated(path, truth.fault, truth.onset, threshold).time
+        for name, path in paths.items()
+    }
     return paired({name: one[None, lanes] for name, one in times.items()}, seed)
 
 
@@ -167,10 +200,17 @@ def around_onset(paths: Mapping[str, Path], fault: np.ndarray, onset: np.ndarray
     at = metrics.sample_at(onset - BEFORE) + np.arange(time.size * samples)[:, None]
     found: dict[str, Any] = {"time": rounded(time + BIN / 2), "mean": {}, "absolute": {}}
     offset = {name: path.offset[at, np.arange(onset.size)] for name, path in paths.items()}
-    for kind, values in (("mean", offset), ("absolute", {name: np.abs(one) for name, one in offset.items()})):
-        binned = {name: one.reshape(time.size, samples, -1).mean(axis=1) for name, one in values.items()}
+    for kind, values in (
+        ("mean", offset),
+        ("absolute", {name: np.abs(one) for name, one in offset.items()}),
+    ):
+        binned = {
+            name: one.reshape(time.size, samples, -1).mean(axis=1) for name, one in values.items()
+        }
         for k in np.unique(fault):
-            of_class = {name: rounded(one[:, fault == k].mean(axis=1)) for name, one in binned.items()}
+            of_class = {
+                name: rounded(one[:, fault == k].mean(axis=1)) for name, one in binned.items()
+            }
             found[kind][classes()[k]] = of_class
     return found
 
@@ -193,9 +233,12 @@ def isolated(path: Path, fault: np.ndarray, onset: np.ndarray, threshold: float)
     return metrics.isolation_time(np.where(alarm, path.top, metrics.NORMAL), fault, onset, HORIZON)
 
 
-def episodes_of(path: Path, fault: np.ndarray, onset: np.ndarray, threshold: float) -> list[dict[str, Any]]:
+def episodes_of(
+    path: Path, fault: np.ndarray, onset: np.ndarray, threshold: float
+) -> list[dict[str, Any]]:
     """For each class of `DRAWN` the episode whose isolation time is the median of its lanes."""
-    isolation, found = isolated(path, fault, onset, threshold), []
+    isolation = isolated(path, fault, onset, threshold)
+    found = []
     for name in DRAWN:
         lanes = np.flatnonzero(fault == classes().index(name))
         lane = lanes[np.argsort(isolation.time[lanes], kind="stable")[len(lanes) // 2]]
@@ -204,7 +247,9 @@ def episodes_of(path: Path, fault: np.ndarray, onset: np.ndarray, threshold: flo
             {
                 "class": name,
                 "onset": round(float(onset[lane]), 1),
-                "isolation": None if isolation.censored[lane] else round(float(isolation.time[lane]), 1),
+                "isolation": None
+                if isolation.censored[lane]
+                else round(float(isolation.time[lane]), 1),
                 "time": rounded(np.arange(0, len(path.speed), EVERY) * SAMPLE_TIME),
                 "mission": rounded(series.mission),
                 "command": rounded(series.mission + series.offset),

@@ -1,7 +1,7 @@
 """How much sooner faults are isolated under one stimulus than under another, on the same episodes.
 
-Pure functions of isolation times by stimulus, (n_members, n_lanes) [s]: one member, or one for each training seed of
-the agent. A triple is a figure and the ends of its 95 % interval.
+Pure functions of isolation times by stimulus, (n_members, n_lanes) [s]: one member, or one for each
+training seed of the agent. A triple is a figure and the ends of its 95 % interval.
 """
 
 import re
@@ -15,14 +15,20 @@ from training.metrics.intervals import central, resamples
 from training.metrics.records import HORIZON
 from training.stimuli.open_loop import Cruise, Thesis
 
-LEARNED = re.compile(r"learned(_\d+)?")  # the stimuli of the agent, one for each seed of its training
+# the stimuli of the agent, one for each seed of its training
+LEARNED = re.compile(r"learned(_\d+)?")
 AGENT = "learned, all seeds"
 REFERENCES = (Thesis.name, Cruise.name)
 SUBSETS = {
     "all": (),  # classes; every class where none is named
     "confounded": (  # at constant speed they hardly differ
         *("increased_drag", "decreased_drag", "sensor:speed"),
-        *("propeller_damage:port", "propeller_damage:starboard", "propeller_loss:port", "propeller_loss:starboard"),
+        *(
+            "propeller_damage:port",
+            "propeller_damage:starboard",
+            "propeller_loss:port",
+            "propeller_loss:starboard",
+        ),
     ),
 }
 COSTS = ("speed_rms", "energy")
@@ -38,7 +44,9 @@ def rivals(names: Iterable[str]) -> list[str]:
 
 def shown(names: Iterable[str]) -> list[str]:
     """The names without the agent's single seeds, their mean first."""
-    return sorted((name for name in names if not LEARNED.fullmatch(name)), key=lambda name: name != AGENT)
+    return sorted(
+        (name for name in names if not LEARNED.fullmatch(name)), key=lambda name: name != AGENT
+    )
 
 
 def with_agent(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -47,7 +55,9 @@ def with_agent(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     return dict(values) | ({AGENT: np.concatenate(seeds)} if seeds else {})
 
 
-def compared(scores: Mapping[str, Any], diagnoser: str, fault: Sequence[str], seed: int) -> dict[str, Any]:
+def compared(
+    scores: Mapping[str, Any], diagnoser: str, fault: Sequence[str], seed: int
+) -> dict[str, Any]:
     """By subset of the lanes, those of `SUBSETS` and every class, and by stimulus the figures of `paired`.
 
     Parameters
@@ -59,8 +69,12 @@ def compared(scores: Mapping[str, Any], diagnoser: str, fault: Sequence[str], se
     seed
         Of the bootstrap.
     """
-    times = {name: np.array([by[diagnoser]["by_lane"]["isolation"]], float) for name, by in scores.items()}
-    times, fault = with_agent(times), np.asarray(fault)
+    times = {
+        name: np.array([by[diagnoser]["by_lane"]["isolation"]], float)
+        for name, by in scores.items()
+    }
+    times = with_agent(times)
+    fault = np.asarray(fault)
     subsets = SUBSETS | {str(name): (name,) for name in dict.fromkeys(fault.tolist())}
     chosen = {name: np.isin(fault, classes or fault) for name, classes in subsets.items()}
     return {
@@ -80,10 +94,11 @@ def paired(times: Mapping[str, np.ndarray], seed: int) -> dict[str, Figures]:
     isolated
         Share of the lanes isolated before the horizon.
     difference, ratio
-        Of the mean to that of others, triples: of `REFERENCES`, and for the agent of its `rivals` as well. Every
-        resample draws the same lanes for both, and members of its own for the agent.
+        Of the mean to that of others, triples: of `REFERENCES`, and for the agent of its `rivals`
+        as well. Every resample draws the same lanes for both, and members of its own for the agent.
 
-    Misleads: a handful of training seeds resampled is no more than a handful; theirs is rather too short an interval.
+    Misleads: a handful of training seeds resampled is no more than a handful; theirs is rather too
+    short an interval.
     """
     lanes = resamples(next(iter(times.values())).shape[1], seed)
     drawn = {name: resampled_means(values, lanes, seed) for name, values in times.items()}
@@ -96,10 +111,14 @@ def paired(times: Mapping[str, np.ndarray], seed: int) -> dict[str, Figures]:
             "spread": float(values.mean(axis=1).std(ddof=1)) if len(values) > 1 else None,
             "isolated": float((values < HORIZON).mean()),
             "difference": {
-                one: [mean[name] - mean[one], *central(drawn[name] - drawn[one])] for one in others if one in times
+                one: [mean[name] - mean[one], *central(drawn[name] - drawn[one])]
+                for one in others
+                if one in times
             },
             "ratio": {
-                one: [mean[name] / mean[one], *central(drawn[name] / drawn[one])] for one in others if one in times
+                one: [mean[name] / mean[one], *central(drawn[name] / drawn[one])]
+                for one in others
+                if one in times
             },
         }
     return found
@@ -114,7 +133,8 @@ def speed_up(ratio: Triple) -> list[float]:
 def resampled_means(values: np.ndarray, lanes: np.ndarray, seed: int) -> np.ndarray:
     """Means (n,) of values (n_members, n_lanes) over resamples of lanes (n, n_lanes), and of members if there are any.
 
-    Both are drawn, the members apart from the lanes: what is said is said of other vehicles and of other trainings.
+    Both are drawn, the members apart from the lanes: what is said is said of other vehicles and of
+    other trainings.
     """
     members = resamples(len(values), [seed, 1], len(lanes))
     return (members * (lanes @ values.T)).sum(axis=1) / values.size
@@ -131,7 +151,10 @@ def costs(scores: Mapping[str, Any], diagnoser: str) -> dict[str, dict[str, floa
 
 
 def _costs(score: Mapping[str, Any]) -> list[float]:
-    return [*(score["cost"][key] for key in COSTS), score["rates"][RANKED_AT]["false_alarms_per_hour"]]
+    return [
+        *(score["cost"][key] for key in COSTS),
+        score["rates"][RANKED_AT]["false_alarms_per_hour"],
+    ]
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[int]:

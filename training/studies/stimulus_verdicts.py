@@ -8,7 +8,10 @@ from training.report.cells import with_interval
 from training.stimuli.open_loop import Cruise, Thesis
 from training.studies.stimulus_comparisons import AGENT, Triple, rivals
 
-OF_THESIS, OF_CRUISE, OF_BUDGET = 1 / 2, 1 / 3, 1 / 10  # what is aimed at, as shares
+# what is aimed at, as shares
+OF_THESIS = 1 / 2
+OF_CRUISE = 1 / 3
+OF_BUDGET = 1 / 10
 
 
 def verdicts(of_budget: Mapping[str, Any], diagnoser: str) -> list[list[str]]:
@@ -21,10 +24,18 @@ def verdicts(of_budget: Mapping[str, Any], diagnoser: str) -> list[list[str]]:
     share = of_budget["behaviour"]["healthy"]["share"].get(AGENT)
     return [
         _row(
-            f"isolates in less than half of the time under {Thesis.name}", _ratio(agent, "all", Thesis.name), OF_THESIS
+            f"isolates in less than half of the time under {Thesis.name}",
+            _ratio(agent, "all", Thesis.name),
+            OF_THESIS,
         ),
         *(
-            _row(f"isolates sooner than under {name}", agent and agent["all"]["difference"][name], 0.0, "s", "+")
+            _row(
+                f"isolates sooner than under {name}",
+                agent and agent["all"]["difference"][name],
+                0.0,
+                "s",
+                "+",
+            )
             for name in rivals(subsets["all"])
         ),
         _row(
@@ -32,7 +43,11 @@ def verdicts(of_budget: Mapping[str, Any], diagnoser: str) -> list[list[str]]:
             _ratio(agent, "confounded", Cruise.name),
             OF_CRUISE,
         ),
-        _row("healthy vehicles: offsets below a tenth of the budget, root mean square", share, OF_BUDGET),
+        _row(
+            "healthy vehicles: offsets below a tenth of the budget, root mean square",
+            share,
+            OF_BUDGET,
+        ),
     ]
 
 
@@ -40,8 +55,14 @@ def _ratio(agent: Mapping[str, Any], subset: str, reference: str) -> Triple | No
     return agent[subset]["ratio"][reference] if subset in agent else None
 
 
-def _row(target: str, found: Triple | None, limit: float, unit: str = "times", sign: str = "") -> list[str]:
+def _row(
+    target: str, found: Triple | None, limit: float, unit: str = "times", sign: str = ""
+) -> list[str]:
     if not found:
         return [target, OPEN, "The agent did not take part."]
     value, low, high = found
-    return [target, MET if high < limit else MISSED, f"{with_interval(value, (low, high), 2, sign)} {unit}"]
+    return [
+        target,
+        MET if high < limit else MISSED,
+        f"{with_interval(value, (low, high), 2, sign)} {unit}",
+    ]

@@ -1,7 +1,7 @@
 """What does ``auv-fault diagnose --follow`` cost? ``python -m training.studies.stream``.
 
-Lines of a healthy vehicle go one by one into the command's standard input; each is sent when the one before is
-answered. Measured: seconds to the answer, and the memory of the process on the way.
+Lines of a healthy vehicle go one by one into the command's standard input; each is sent when the
+one before is answered. Measured: seconds to the answer, and the memory of the process on the way.
 """
 
 import subprocess
@@ -50,7 +50,9 @@ def main(arguments: StreamStudy) -> None:
     finite_in_range("lines", arguments.lines, 2 * WARM_UP, 1e9)
     with run_folder(arguments.output, "stream-study", arguments) as folder:
         columns = {name: Column(name) for name in CHANNELS}
-        write_vehicle(folder / "vehicle.toml", VehicleFile(PRESETS["thesis1992"], columns, Column("time")))
+        write_vehicle(
+            folder / "vehicle.toml", VehicleFile(PRESETS["thesis1992"], columns, Column("time"))
+        )
         results = study(arguments, folder / "vehicle.toml")
         write_json(folder / "results.json", results)
     print_tables(results["sections"])
@@ -58,12 +60,24 @@ def main(arguments: StreamStudy) -> None:
 
 def study(arguments: StreamStudy, vehicle: Path) -> dict[str, Any]:
     """Quantiles of the time to an answer [us], and resident memory [MB] by lines sent, as plain data and as a table."""
-    options = ["diagnose", "--vehicle", str(vehicle), "--follow", "--diagnoser", arguments.diagnoser]
+    options = [
+        "diagnose",
+        "--vehicle",
+        str(vehicle),
+        "--follow",
+        "--diagnoser",
+        arguments.diagnoser,
+    ]
     command = [sys.executable, "-m", "training.cli", *options]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0) as process:
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
+    ) as process:
         process.stdin.write(",".join(["time", *CHANNELS]).encode() + b"\n")
-        durations, memory = np.empty(arguments.lines), {}
-        for k, line in enumerate(tqdm(lines(arguments), total=arguments.lines, unit="line", unit_scale=True)):
+        durations = np.empty(arguments.lines)
+        memory = {}
+        for k, line in enumerate(
+            tqdm(lines(arguments), total=arguments.lines, unit="line", unit_scale=True)
+        ):
             start = time.perf_counter()
             process.stdin.write(line)
             process.stdout.readline()
@@ -73,9 +87,16 @@ def study(arguments: StreamStudy, vehicle: Path) -> dict[str, Any]:
         process.stdin.close()
     p50, p99 = (1e6 * np.percentile(durations[WARM_UP:], [50, 99])).tolist()
     rows = [[f"{sent:,}", f"{size:.1f}"] for sent, size in memory.items()]
-    heading = f"{arguments.diagnoser}, to an answer: median {p50:.0f} µs, 99th percentile {p99:.0f} µs"
+    heading = (
+        f"{arguments.diagnoser}, to an answer: median {p50:.0f} µs, 99th percentile {p99:.0f} µs"
+    )
     table = {"columns": ["lines", "resident memory [MB]"], "rows": rows}
-    return {"p50_us": p50, "p99_us": p99, "memory_mb": memory, "sections": [{"heading": heading, "table": table}]}
+    return {
+        "p50_us": p50,
+        "p99_us": p99,
+        "memory_mb": memory,
+        "sections": [{"heading": heading, "table": table}],
+    }
 
 
 def lines(arguments: StreamStudy) -> Iterator[bytes]:
@@ -83,7 +104,9 @@ def lines(arguments: StreamStudy) -> Iterator[bytes]:
     fleet = Fleet(1, missions=MissionSampler(n_legs=200))
     observation = fleet.reset(seeds("test", 1, FIRST_SEED + arguments.seed), schedules=[()])
     for k in range(arguments.lines):
-        yield (",".join([f"{k * SAMPLE_TIME:.1f}", *map(repr, observation[0].tolist())]) + "\n").encode()
+        yield (
+            ",".join([f"{k * SAMPLE_TIME:.1f}", *map(repr, observation[0].tolist())]) + "\n"
+        ).encode()
         observation = fleet.step(observation[:, :1] * [1.0, 0.0, 0.0])
 
 

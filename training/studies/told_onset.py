@@ -14,7 +14,8 @@ from training.stimuli.closed_loop import ClosedLoop
 class ToldOnset(ClosedLoop):
     """Faster by `LARGEST` from the onset on, as long as the allowance lasts; with `LARGEST` as budget, to the end.
 
-    It is no bound, for another profile may tell more; but who waits for suspicion cannot begin as early.
+    It is no bound, for another profile may tell more; but who waits for suspicion cannot begin as
+    early.
 
     Attributes
     ----------

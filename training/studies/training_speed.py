@@ -1,7 +1,7 @@
 """How fast a stimulus is trained: the fleet against single environments in two processes, the same PPO over both.
 
-Run ``python -m training.studies.training_speed``. Rates are decisions of ten samples per second, diagnoser and learning
-included; judge them by their ratio.
+Run ``python -m training.studies.training_speed``. Rates are decisions of ten samples per second,
+diagnoser and learning included; judge them by their ratio.
 """
 
 import time
@@ -52,9 +52,12 @@ def single_rate() -> float:
 
 def main() -> None:
     """Measure one after the other and print the ratio."""
-    single, fleet = single_rate(), fleet_rate()
+    single = single_rate()
+    fleet = fleet_rate()
     print(f"single environments in {PROCESSES} processes: {single:,.0f} decisions per second")
-    print(f"fleet of {stimulus.LANES}: {fleet:,.0f} decisions per second, {fleet / single:.1f} times as many")
+    print(
+        f"fleet of {stimulus.LANES}: {fleet:,.0f} decisions per second, {fleet / single:.1f} times as many"
+    )
 
 
 if __name__ == "__main__":

@@ -25,18 +25,27 @@ class MotorData(NamedTuple):
 def derived(data: MotorData) -> dict[str, float]:
     """What torque constant, back-EMF constant, resistance, inertia and friction imply for the other entries.
 
-    ``tau_m = J R/(K_T K_b)``, ``K_m = K_T/sqrt(R)``, ``i_stall = V/R``, ``i_0 = tau_c/K_T``, ``L = tau_e R``; and the
-    resistance that each of the two contradictory entries would need.
+    ``tau_m = J R/(K_T K_b)``, ``K_m = K_T/sqrt(R)``, ``i_stall = V/R``, ``i_0 = tau_c/K_T``, ``L =
+    tau_e R``; and the resistance that each of the two contradictory entries would need.
     """
-    flux, inertia = data.torque_constant * OUNCE_INCH, data.armature_inertia * OUNCE_INCH
+    flux = data.torque_constant * OUNCE_INCH
+    inertia = data.armature_inertia * OUNCE_INCH
     return {
-        "mechanical_time_constant": 1e3 * inertia * data.resistance / (flux * data.back_emf_constant),  # ms
+        # ms
+        "mechanical_time_constant": 1e3
+        * inertia
+        * data.resistance
+        / (flux * data.back_emf_constant),
         "motor_constant": data.torque_constant / math.sqrt(data.resistance),  # oz-in/sqrt(W)
         "stall_current": data.voltage / data.resistance,  # A
         "no_load_current": data.friction_torque / data.torque_constant,  # A
         "back_emf_constant": flux,  # V s/rad: equal to K_T in SI by conservation of energy
         "inductance": data.electrical_time_constant * data.resistance,  # mH
-        "resistance_for_time_constant": 1e-3 * data.mechanical_time_constant * flux * data.back_emf_constant / inertia,
+        "resistance_for_time_constant": 1e-3
+        * data.mechanical_time_constant
+        * flux
+        * data.back_emf_constant
+        / inertia,
         "resistance_for_motor_constant": (data.torque_constant / data.motor_constant) ** 2,
     }
 
@@ -63,9 +72,21 @@ def comparison_rows(data: MotorData, command: str) -> list[list[str]]:
     }
     rows = []
     for name, quantity in FORMULAS.items():
-        printed, value = getattr(data, name), ours[name]
+        printed = getattr(data, name)
+        value = ours[name]
         verdict = "agrees" if abs(value / printed - 1) < 0.02 else "differs"
-        rows.append(["App. A", quantity, f"{printed:g}", f"{value:.4g}", "-", verdict, why.get(name, ""), command])
+        rows.append(
+            [
+                "App. A",
+                quantity,
+                f"{printed:g}",
+                f"{value:.4g}",
+                "-",
+                verdict,
+                why.get(name, ""),
+                command,
+            ]
+        )
     return rows
 
 
@@ -87,9 +108,14 @@ def appendix_section(columns: list[str], command: str) -> dict[str, Any]:
 
 def constants_section(vehicle: Vehicle) -> dict[str, Any]:
     """Every constant of the vehicle with its source."""
-    rows = [[row["name"], f"{row['value']:.5g}", row["unit"], row["about"], row["source"]] for row in describe(vehicle)]
+    rows = [
+        [row["name"], f"{row['value']:.5g}", row["unit"], row["about"], row["source"]]
+        for row in describe(vehicle)
+    ]
     return {
         "heading": "Constants of the vehicle",
-        "text": ["T: the thesis. N: NPSNET hydrodynamic file, 1995. H: Healey & Lienard 1993. E: estimate or default."],
+        "text": [
+            "T: the thesis. N: NPSNET hydrodynamic file, 1995. H: Healey & Lienard 1993. E: estimate or default."
+        ],
         "table": {"columns": ["name", "value", "unit", "meaning", "source"], "rows": rows},
     }

@@ -1,10 +1,12 @@
 """The thesis' way of training: one hidden layer, sigmoids, squared error, one sample at a time, gradient with momentum.
 
-Every network of a study is a lane of one compiled loop, whatever its seed, size, setting or data. Networks of one seed
-see the same stream of presentations and start from the same weights, of which a smaller one takes the first rows.
+Every network of a study is a lane of one compiled loop, whatever its seed, size, setting or data.
+Networks of one seed see the same stream of presentations and start from the same weights, of which
+a smaller one takes the first rows.
 
-Source: thesis V.C.2 (training set, random selection, backpropagation). Learning rate, momentum and initial weights are
-not in it. Rumelhart, Hinton & Williams, "Learning representations by back-propagating errors", Nature 323, 1986.
+Source: thesis V.C.2 (training set, random selection, backpropagation). Learning rate, momentum and
+initial weights are not in it. Rumelhart, Hinton & Williams, "Learning representations by
+back-propagating errors", Nature 323, 1986.
 """
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
@@ -15,7 +17,9 @@ from tqdm import tqdm
 
 from auv_fault_env.compiling import kernel, scalar
 
-RATE, MOMENTUM = 0.5, 0.4  # E: a small study of the training rms alone, see `raw_network_page.settings_section`
+# E: a small study of the training rms alone, see `raw_network_page.settings_section`
+RATE = 0.5
+MOMENTUM = 0.4
 SPREAD = 0.3  # E: initial weights and biases are uniform within it
 CHUNK = 10_000  # presentations drawn at once
 
@@ -33,8 +37,8 @@ class Lane(NamedTuple):
 class Networks(NamedTuple):
     """Weights of many networks, each padded to the widest; the last column of a layer is the bias.
 
-    hidden (n_lanes, widest, n_inputs + 1), output (n_lanes, n_outputs, widest + 1), with zeros where a smaller network
-    has no node; size (n_lanes,), hidden nodes.
+    hidden (n_lanes, widest, n_inputs + 1), output (n_lanes, n_outputs, widest + 1), with zeros
+    where a smaller network has no node; size (n_lanes,), hidden nodes.
     """
 
     hidden: np.ndarray
@@ -45,12 +49,14 @@ class Networks(NamedTuple):
 def initial(lanes: Sequence[Lane], n_inputs: int, n_outputs: int) -> Networks:
     """Untrained networks, uniform within ± `SPREAD`."""
     size = np.array([lane.hidden for lane in lanes])
-    hidden, output = np.zeros((len(lanes), size.max(), n_inputs + 1)), np.zeros((len(lanes), n_outputs, size.max() + 1))
+    hidden = np.zeros((len(lanes), size.max(), n_inputs + 1))
+    output = np.zeros((len(lanes), n_outputs, size.max() + 1))
     for lane, first, second in zip(lanes, hidden, output, strict=True):
         random = np.random.default_rng([lane.seed, 0])
         second[:, -1] = random.uniform(-SPREAD, SPREAD, n_outputs)
         nodes = random.uniform(-SPREAD, SPREAD, (lane.hidden, n_inputs + 1 + n_outputs))
-        first[: lane.hidden], second[:, : lane.hidden] = nodes[:, : n_inputs + 1], nodes[:, n_inputs + 1 :].T
+        first[: lane.hidden] = nodes[:, : n_inputs + 1]
+        second[:, : lane.hidden] = nodes[:, n_inputs + 1 :].T
     return Networks(hidden, output, size)
 
 
@@ -72,7 +78,8 @@ def train(
     targets
         (n_points, n_outputs), in [0, 1].
     checkpoints
-        Ascending numbers of presentations; the weights returned have one more axis, in front, for them.
+        Ascending numbers of presentations; the weights returned have one more axis, in front, for
+        them.
     bar
         Progress, by presentations of all networks at once.
     """
@@ -83,7 +90,9 @@ def train(
         kept.append((networks.hidden.copy(), networks.output.copy()))
     hidden, output = (np.stack(weights) for weights in zip(*kept, strict=True))
     ends = np.cumsum([len(group) for group in groups.values()])
-    slices = [slice(end - len(group), end) for end, group in zip(ends, groups.values(), strict=True)]
+    slices = [
+        slice(end - len(group), end) for end, group in zip(ends, groups.values(), strict=True)
+    ]
     parts = [Networks(hidden[:, part], output[:, part], networks.size[part]) for part in slices]
     return dict(zip(groups, parts, strict=True))
 
@@ -100,8 +109,10 @@ def _presented(
     steps = np.zeros_like(networks.hidden), np.zeros_like(networks.output)
     seeds = sorted({lane.seed for lane in lanes})
     streams = [np.random.default_rng([seed, 1]) for seed in seeds]
-    stream, data = np.array([seeds.index(lane.seed) for lane in lanes]), np.array([lane.data for lane in lanes])
-    rate, momentum = np.array([lane.rate for lane in lanes]), np.array([lane.momentum for lane in lanes])
+    stream = np.array([seeds.index(lane.seed) for lane in lanes])
+    data = np.array([lane.data for lane in lanes])
+    rate = np.array([lane.rate for lane in lanes])
+    momentum = np.array([lane.momentum for lane in lanes])
     done = 0
     for checkpoint in checkpoints:
         while done < checkpoint:
@@ -114,13 +125,30 @@ def _presented(
 
 
 @kernel
-def _train(hidden, output, size, hidden_step, output_step, inputs, targets, order, stream, data, rate, momentum):
+def _train(
+    hidden,
+    output,
+    size,
+    hidden_step,
+    output_step,
+    inputs,
+    targets,
+    order,
+    stream,
+    data,
+    rate,
+    momentum,
+):
     """Present the samples in order (n_streams, count) to every lane, which changes weights and last steps in place."""
-    activity, error = np.empty(hidden.shape[1]), np.empty(output.shape[1])
+    activity = np.empty(hidden.shape[1])
+    error = np.empty(output.shape[1])
     for lane in range(len(size)):
-        n, samples = size[lane], inputs[data[lane]]
+        n = size[lane]
+        samples = inputs[data[lane]]
         for sample in order[stream[lane]]:
-            _present(hidden[lane], output[lane], n, samples[sample], targets[sample], activity, error)
+            _present(
+                hidden[lane], output[lane], n, samples[sample], targets[sample], activity, error
+            )
             _learn(hidden[lane], output[lane], n, samples[sample], activity, error,
                    hidden_step[lane], output_step[lane], rate[lane], momentum[lane])  # fmt: skip
 
@@ -134,7 +162,8 @@ def _sigmoid(x):
 @scalar
 def _present(hidden, output, size, sample, target, activity, error):
     """Activities of the hidden nodes, and minus the gradient of half the squared error by the outputs' inputs."""
-    n_inputs, bias = len(sample), output.shape[1] - 1
+    n_inputs = len(sample)
+    bias = output.shape[1] - 1
     for j in range(size):
         total = hidden[j, n_inputs]
         for i in range(n_inputs):
@@ -151,7 +180,8 @@ def _present(hidden, output, size, sample, target, activity, error):
 @scalar
 def _learn(hidden, output, size, sample, activity, error, hidden_step, output_step, rate, momentum):
     """One step of gradient descent with momentum; the hidden layer's error uses the output weights before the step."""
-    n_inputs, bias = len(sample), output.shape[1] - 1
+    n_inputs = len(sample)
+    bias = output.shape[1] - 1
     for j in range(size):
         back = 0.0
         for k in range(len(error)):
@@ -177,7 +207,9 @@ def recall(networks: Networks, inputs: np.ndarray) -> np.ndarray:
 
 
 def _layer(weights: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-    return 1.0 / (1.0 + np.exp(-(inputs @ weights[..., :-1].swapaxes(-1, -2) + weights[..., None, :, -1])))
+    return 1.0 / (
+        1.0 + np.exp(-(inputs @ weights[..., :-1].swapaxes(-1, -2) + weights[..., None, :, -1]))
+    )
 
 
 def rms(outputs: np.ndarray, targets: np.ndarray) -> np.ndarray:

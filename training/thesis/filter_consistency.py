@@ -1,8 +1,9 @@
 """Are the filters honest about their errors? NEES and NIS on the plant itself, against their chi-square bands.
 
-The truth is drawn from the filters' own model: parameters start within the prior and walk at random as the filter
-assumes, on the full plant with its motors, controllers and default noise. Then NEES and NIS, averaged over independent
-seeds, are chi-square distributed; a filter that fools itself leaves the band (Bar-Shalom, Li & Kirubarajan 2001, 5.4).
+The truth is drawn from the filters' own model: parameters start within the prior and walk at random
+as the filter assumes, on the full plant with its motors, controllers and default noise. Then NEES
+and NIS, averaged over independent seeds, are chi-square distributed; a filter that fools itself
+leaves the band (Bar-Shalom, Li & Kirubarajan 2001, 5.4).
 """
 
 from typing import Any
@@ -29,7 +30,8 @@ class WalkingTruth:
 
     def __init__(self, kalman: ParameterFilter | SurgeFilter, n_lanes: int, seed: int):
         self.random = np.random.default_rng(seed)
-        self.walk, self.ceiling = np.array(kalman.constants.walk), np.array(kalman.constants.ceiling)
+        self.walk = np.array(kalman.constants.walk)
+        self.ceiling = np.array(kalman.constants.ceiling)
         self.relative = 1.0 + np.sqrt(self.ceiling) * self.random.standard_normal((n_lanes, 3))
 
     def advance(self, variance: np.ndarray) -> None:
@@ -39,7 +41,8 @@ class WalkingTruth:
 
     def apply(self, fleet: Fleet) -> None:
         """Give the fleet these parameters from the next sample on."""
-        names, healthy = list(PLANT_PARAMETERS), fleet.plan.healthy.copy()
+        names = list(PLANT_PARAMETERS)
+        healthy = fleet.plan.healthy.copy()
         for column, name in enumerate(PARAMETERS):
             for row in PLANT_ROWS[name]:
                 share = getattr(fleet.vehicle, name) / len(PLANT_ROWS[name])
@@ -47,15 +50,20 @@ class WalkingTruth:
         fleet.set_healthy(healthy)
 
 
-def run(name: str, seeds: int = 200, seed: int = 0, steps: int = 600) -> tuple[np.ndarray, np.ndarray]:
+def run(
+    name: str, seeds: int = 200, seed: int = 0, steps: int = 600
+) -> tuple[np.ndarray, np.ndarray]:
     """NEES and NIS of one of `FILTERS`, (steps, seeds) each, on the thesis' stimulus with swinging rudders."""
     kind, disturbance = FILTERS[name]
     kalman = kind(disturbance=disturbance, prior_std=PRIOR)
     fleet = Fleet(seeds, disturbance=disturbance, healthy_band=0.0)
-    observation = fleet.reset(range(seed, seed + seeds), schedules=[()] * seeds, missions=[MISSIONS["thesis"]] * seeds)
+    observation = fleet.reset(
+        range(seed, seed + seeds), schedules=[()] * seeds, missions=[MISSIONS["thesis"]] * seeds
+    )
     truth = WalkingTruth(kalman, seeds, seed)
     estimate = kalman.update(kalman.initial(seeds), observation)
-    errors, innovations = np.empty((steps, seeds)), np.empty((steps, seeds))
+    errors = np.empty((steps, seeds))
+    innovations = np.empty((steps, seeds))
     for k in range(steps):
         truth.advance(np.diagonal(estimate.covariance, axis1=1, axis2=2)[:, 1:4])
         truth.apply(fleet)
@@ -75,14 +83,24 @@ def _state(fleet: Fleet, truth: WalkingTruth) -> np.ndarray:
 def summary(name: str, seeds: int, seed: int) -> dict[str, Any]:
     """NEES and NIS over time, their bands for one instant, means over time, and the share of instants inside.
 
-    Neighbouring instants are correlated, so the share scatters about 95 % more widely than independent draws would.
+    Neighbouring instants are correlated, so the share scatters about 95 % more widely than
+    independent draws would.
     """
     result: dict[str, Any] = {"name": name, "seeds": seeds}
-    for key, values, freedom in zip(("NEES", "NIS"), run(name, seeds, seed), (N_TRUE[name], 1), strict=True):
-        series, (low, high) = values.mean(axis=1), band(freedom, seeds)
+    for key, values, freedom in zip(
+        ("NEES", "NIS"), run(name, seeds, seed), (N_TRUE[name], 1), strict=True
+    ):
+        series = values.mean(axis=1)
+        (low, high) = band(freedom, seeds)
         settled = series[SETTLED:]
         inside = float(((settled >= low) & (settled <= high)).mean())
-        result[key] = {"freedom": freedom, "low": low, "high": high, "mean": float(settled.mean()), "inside": inside}
+        result[key] = {
+            "freedom": freedom,
+            "low": low,
+            "high": high,
+            "mean": float(settled.mean()),
+            "inside": inside,
+        }
         result[key]["series"] = series.tolist()
     return result
 
@@ -113,7 +131,10 @@ def section(seeds: int, seed: int) -> dict[str, Any]:
             "so the share for NEES scatters more widely about 95 % than independent draws would. Means and shares "
             "leave out the first five seconds."
         ],
-        "table": {"columns": ["filter", "quantity", "expected", "mean", "95 % band", "instants inside"], "rows": rows},
+        "table": {
+            "columns": ["filter", "quantity", "expected", "mean", "95 % band", "instants inside"],
+            "rows": rows,
+        },
         "figures": [
             {
                 "plot": "consistency",

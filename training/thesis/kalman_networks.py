@@ -13,11 +13,13 @@ from training.thesis.comparison import ALPHA, BETA, Comparison
 
 SIZES = (4, 8)  # hidden nodes, thesis V.D.1
 GRID = 41  # points along an axis of the map
-CHECKPOINTS = tuple(range(100_000, 2_000_001, 100_000))  # presentations; the weights of the least rms error are kept
+# presentations; the weights of the least rms error are kept
+CHECKPOINTS = tuple(range(100_000, 2_000_001, 100_000))
 ONSET = 10.0  # s
 POINTS = grid(GRID)
 TARGETS = fault_map(POINTS)
-MODE, GRADE = TARGETS.argmax(axis=1), severity(TARGETS)
+MODE = TARGETS.argmax(axis=1)
+GRADE = severity(TARGETS)
 
 
 class Response(NamedTuple):
@@ -38,9 +40,12 @@ def study(seeds: Sequence[int], bar: tqdm) -> KalmanStudy:
     """Train networks of both sizes, one per seed, to their minimum rms error."""
     groups = {size: [Lane(seed, size) for seed in seeds] for size in SIZES}
     networks = {
-        size: least_error(trained) for size, trained in train(groups, POINTS[None], TARGETS, CHECKPOINTS, bar).items()
+        size: least_error(trained)
+        for size, trained in train(groups, POINTS[None], TARGETS, CHECKPOINTS, bar).items()
     }
-    return KalmanStudy(networks, {size: recall(trained, POINTS) for size, trained in networks.items()})
+    return KalmanStudy(
+        networks, {size: recall(trained, POINTS) for size, trained in networks.items()}
+    )
 
 
 def least_error(trained: Networks) -> Networks:
@@ -51,10 +56,13 @@ def least_error(trained: Networks) -> Networks:
 
 def responses(view: Comparison, run: str, networks: Networks) -> tuple[Response, Response]:
     """How the networks answer a test run: all to the noise-free estimates, each to those of a noisy run of its own."""
-    row, count = view.runs.index(run), len(networks.size)
+    row = view.runs.index(run)
+    count = len(networks.size)
     clean = view.clean.mean[:, row, np.zeros(count, int)]
     noisy = view.noisy.mean[:, row, np.arange(count) % view.noisy.mean.shape[2]]
-    points = [normalise(part[..., ALPHA], part[..., BETA]).swapaxes(0, 1) for part in (clean, noisy)]
+    points = [
+        normalise(part[..., ALPHA], part[..., BETA]).swapaxes(0, 1) for part in (clean, noisy)
+    ]
     return tuple(Response(part, recall(networks, part)) for part in points)
 
 
@@ -72,7 +80,8 @@ def severity_error(outputs: np.ndarray) -> np.ndarray:
 def identified_after(response: Response, mode: str) -> np.ndarray:
     """Seconds from onset until the mode's output stays the largest up to the end, (n_networks,)."""
     wrong = response.outputs.argmax(axis=-1) != MODES_5_2.index(mode)
-    last = wrong.shape[1] - np.argmax(wrong[:, ::-1], axis=1)  # first sample of the last right interval
+    # first sample of the last right interval
+    last = wrong.shape[1] - np.argmax(wrong[:, ::-1], axis=1)
     return np.where(wrong.any(axis=1), last, 0) / SAMPLE_RATE - ONSET
 
 

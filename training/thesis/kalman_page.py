@@ -33,7 +33,11 @@ INSTANTS = (10.0, 15.0, 19.9, 21.0, 60.0)  # s, marked along the trajectories
 
 def sections(view: Comparison, study: KalmanStudy, columns: list[str]) -> list[dict[str, Any]]:
     """All of V.D that concerns the network."""
-    return [map_section(view, study, columns), table_5_2(view, study), run_section(view, study, columns)]
+    return [
+        map_section(view, study, columns),
+        table_5_2(view, study),
+        run_section(view, study, columns),
+    ]
 
 
 def map_section(view: Comparison, study: KalmanStudy, columns: list[str]) -> dict[str, Any]:
@@ -41,7 +45,10 @@ def map_section(view: Comparison, study: KalmanStudy, columns: list[str]) -> dic
     axis = np.linspace(0.0, 1.0, GRID)
     square = lambda heights: np.round(heights.reshape(GRID, GRID), 3).tolist()  # noqa: E731
     surfaces = {"target: the fault map": square(GRADE)}
-    surfaces |= {f"2-{size}-5, mean of networks": square(severity(study.surface[size]).mean(axis=0)) for size in SIZES}
+    surfaces |= {
+        f"2-{size}-5, mean of networks": square(severity(study.surface[size]).mean(axis=0))
+        for size in SIZES
+    }
     return {
         "heading": "V.D: the network behind the parameter filter",
         "text": [
@@ -74,7 +81,8 @@ def window_rows(view: Comparison) -> list[list[str]]:
         ("beta", NOMINAL[BETA], "0.9, 0.65 to 1.0", BETA_WINDOW),
     ):
         ours = f"{nominal}, {window[0]} to {window[1]}"
-        quantity, reason = f"normalised {name}: nominal, normal window", why if name == "beta" else "Taken over."
+        quantity = f"normalised {name}: nominal, normal window"
+        reason = why if name == "beta" else "Taken over."
         rows.append(view.row("V.B, Fig. 5.1", quantity, given, ours, "-", ours == given, reason))
     return rows
 
@@ -128,10 +136,16 @@ def table_5_2(view: Comparison, study: KalmanStudy) -> dict[str, Any]:
 
 def run_section(view: Comparison, study: KalmanStudy, columns: list[str]) -> dict[str, Any]:
     """Figures 5.14 to 5.20: filter and network together."""
-    answers = {run: responses(view, run, study.networks[ENOUGH]) for run in ("normal", "drag", "loss")}
+    answers = {
+        run: responses(view, run, study.networks[ENOUGH]) for run in ("normal", "drag", "loss")
+    }
     rows = [normal_row(view, answers["normal"]), before_row(view, answers["drag"])]
     rows += [identified_row(view, answers["drag"]), trajectory_row(view, answers["drag"])]
-    rows += [grade_row(view, answers["drag"]), beta_row(view, answers["drag"]), *loss_rows(view, answers["loss"])]
+    rows += [
+        grade_row(view, answers["drag"]),
+        beta_row(view, answers["drag"]),
+        *loss_rows(view, answers["loss"]),
+    ]
     return {
         "heading": "V.D: filter and network together",
         "text": [
@@ -142,10 +156,13 @@ def run_section(view: Comparison, study: KalmanStudy, columns: list[str]) -> dic
         "table": {"columns": columns, "rows": rows},
         "figures": [
             response_figure(
-                answers["drag"], "fig-5-16", "Fig. 5.16: response of the network to increased drag (+35 % at 10 s)."
+                answers["drag"],
+                "fig-5-16",
+                "Fig. 5.16: response of the network to increased drag (+35 % at 10 s).",
             ),
             trajectory_figure(
-                study, {"increased drag (5.17)": answers["drag"], "port propeller lost": answers["loss"]}
+                study,
+                {"increased drag (5.17)": answers["drag"], "port propeller lost": answers["loss"]},
             ),
             response_figure(
                 answers["loss"],
@@ -160,14 +177,16 @@ def normal_row(view: Comparison, answers: tuple[Response, Response]) -> list[str
     """A healthy run is named normal throughout."""
     named = [(answer.outputs.argmax(axis=-1) == 0).mean(axis=1) for answer in answers]
     why = "The first samples of a noisy run, before the filter knows the speed, can lie outside the window."
-    quantity, met = "normal run: samples named normal", bool(named[0].mean() > 0.99)
+    quantity = "normal run: samples named normal"
+    met = bool(named[0].mean() > 0.99)
     return view.row("V.D, Fig. 5.14", quantity, "all", *map(share, named), met, why)
 
 
 def before_row(view: Comparison, answers: tuple[Response, Response]) -> list[str]:
     """Figure 5.16: the first ten seconds."""
     named = [normal_before(answer) for answer in answers]
-    quantity, met = "alpha +35 %: samples of the first 10 s named normal", bool(named[0].mean() > 0.99)
+    quantity = "alpha +35 %: samples of the first 10 s named normal"
+    met = bool(named[0].mean() > 0.99)
     return view.row("V.D, Fig. 5.16", quantity, "all", *map(share, named), met, "")
 
 
@@ -182,7 +201,9 @@ def identified_row(view: Comparison, answers: tuple[Response, Response]) -> list
     )
     met = bool(10.0 < times[0].mean() <= 20.0)
     quantity = "alpha +35 %: identified as increased drag at"
-    return view.row("V.D, Fig. 5.16", quantity, "10 to 20 s", *(spread(t, ".1f", " s") for t in times), met, why)
+    return view.row(
+        "V.D, Fig. 5.16", quantity, "10 to 20 s", *(spread(t, ".1f", " s") for t in times), met, why
+    )
 
 
 def trajectory_row(view: Comparison, answers: tuple[Response, Response]) -> list[str]:
@@ -194,7 +215,9 @@ def trajectory_row(view: Comparison, answers: tuple[Response, Response]) -> list
     why = "Alpha, then beta. The text at Fig. 5.17 swaps the two normal values; V.B gives alpha 0.5 and beta 0.9."
     met = bool(clean[0, -1, ALPHA] > ALPHA_WINDOW[1] and clean[0, -1, BETA] > BETA_WINDOW[0])
     thesis = "from normal (0.5, 0.9) to increased drag"
-    return view.row("V.D, Fig. 5.17", "alpha +35 %: way of the estimate", thesis, text, noise, met, why)
+    return view.row(
+        "V.D, Fig. 5.17", "alpha +35 %: way of the estimate", thesis, text, noise, met, why
+    )
 
 
 def _place(point: np.ndarray) -> str:
@@ -204,12 +227,12 @@ def _place(point: np.ndarray) -> str:
 def grade_row(view: Comparison, answers: tuple[Response, Response]) -> list[str]:
     """Figure 5.16: the severity of the drag fault."""
     height = [severity(answer.outputs)[:, -1] for answer in answers]
-    quantity, why = (
-        "alpha +35 %: fault value at 60 s",
-        "0.35 on our map, on the slope beside the normal window; within 0.1 agrees.",
-    )
+    quantity = "alpha +35 %: fault value at 60 s"
+    why = "0.35 on our map, on the slope beside the normal window; within 0.1 agrees."
     met = bool(abs(height[0].mean() - 0.35) < 0.1)
-    return view.row("V.D, Fig. 5.16", quantity, "graded", *(spread(h, ".2f") for h in height), met, why)
+    return view.row(
+        "V.D, Fig. 5.16", quantity, "graded", *(spread(h, ".2f") for h in height), met, why
+    )
 
 
 def beta_row(view: Comparison, answers: tuple[Response, Response]) -> list[str]:
@@ -217,28 +240,42 @@ def beta_row(view: Comparison, answers: tuple[Response, Response]) -> list[str]:
     lowest = [answer.points[:, 100:, BETA].min(axis=1) for answer in answers]
     last = [answer.points[:, -1, BETA] for answer in answers]
     text = [
-        f"down to {spread(low, '.2f')}, back to {spread(end, '.2f')}" for low, end in zip(lowest, last, strict=True)
+        f"down to {spread(low, '.2f')}, back to {spread(end, '.2f')}"
+        for low, end in zip(lowest, last, strict=True)
     ]
-    low, end = lowest[0].mean(), last[0].mean()
+    low = lowest[0].mean()
+    end = last[0].mean()
     met = bool(low < 0.97 * NOMINAL[1] and abs(end / NOMINAL[1] - 1) < 0.02)
     why = f"It stays inside the normal window, which begins at {BETA_WINDOW[0]}: what the thesis gives the window for."
     return view.row(
-        "V.D, Fig. 5.15", "alpha +35 %: normalised beta (normal 0.9)", "changes, and returns", *text, met, why
+        "V.D, Fig. 5.15",
+        "alpha +35 %: normalised beta (normal 0.9)",
+        "changes, and returns",
+        *text,
+        met,
+        why,
     )
 
 
 def loss_rows(view: Comparison, answers: tuple[Response, Response]) -> list[list[str]]:
     """Figure 5.20: the fault value, and when."""
     height = [severity(answer.outputs)[:, -1] for answer in answers]
-    first = [ONSET + np.argmax(severity(a.outputs)[:, 101:] > 0.5, axis=1) / SAMPLE_RATE + 0.1 for a in answers]
+    first = [
+        ONSET + np.argmax(severity(a.outputs)[:, 101:] > 0.5, axis=1) / SAMPLE_RATE + 0.1
+        for a in answers
+    ]
     times = [ONSET + identified_after(answer, "severe propulsion failure") for answer in answers]
-    where, met = "V.D, Fig. 5.20", height[0].mean() > 0.9
+    where = "V.D, Fig. 5.20"
+    met = height[0].mean() > 0.9
     why = (
         "Before the speed change at 20 s alpha falls with beta, and the fault is called decreased drag of the highest "
         "grade. With noise, beta at 0.45 is near the border of severe failure (0.5) and crosses it at later changes; "
         "the severity stays high."
     )
-    row = lambda quantity, thesis, text, met, why: view.row(where, quantity, thesis, *text, bool(met), why)  # noqa: E731
+
+    def row(quantity, thesis, text, met, why):
+        return view.row(where, quantity, thesis, *text, bool(met), why)
+
     return [
         row("one propeller lost: fault value at 60 s (0 to 1)", "high", [spread(h, ".2f") for h in height], met,
             "The map gives 1 at a whole propeller lost, by construction; the network and the filter keep to it."),
@@ -274,7 +311,9 @@ def _lines(answer: Response) -> dict[str, list[list[float]]]:
     return {"mean": compact(lines.mean(axis=0)), "std": compact(lines.std(axis=0, ddof=1))}
 
 
-def trajectory_figure(study: KalmanStudy, runs: dict[str, tuple[Response, Response]]) -> dict[str, Any]:
+def trajectory_figure(
+    study: KalmanStudy, runs: dict[str, tuple[Response, Response]]
+) -> dict[str, Any]:
     """Figure 5.17: the way of the estimates over the map."""
     paths = {
         title: {

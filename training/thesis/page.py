@@ -7,7 +7,17 @@ import numpy as np
 
 from auv_fault_env.parameters import FOOT, SAMPLE_RATE
 from training.thesis.appendix_a import appendix_section, constants_section
-from training.thesis.comparison import ALPHA, ALPHA_FT, BETA, BETA_FT, TRUE, VEHICLE, Comparison, percent, scaled
+from training.thesis.comparison import (
+    ALPHA,
+    ALPHA_FT,
+    BETA,
+    BETA_FT,
+    TRUE,
+    VEHICLE,
+    Comparison,
+    percent,
+    scaled,
+)
 
 COLUMNS = [
     "where",
@@ -66,9 +76,20 @@ class Identified(NamedTuple):
 
 
 IDENTIFIED = (
-    Identified("drag", ALPHA, "4.1", "alpha +35 %", -0.0332, 0.3, ALPHA_FT, FOOT, ("1/ft", "1/m"), ".4f"),
     Identified(
-        "thrust", BETA, "4.2", "beta -35 %", 2.1945e-7, 0.2, BETA_FT, 1 / FOOT, ("(ft/s²)/rpm²", "(m/s²)/rpm²"), ".4e"
+        "drag", ALPHA, "4.1", "alpha +35 %", -0.0332, 0.3, ALPHA_FT, FOOT, ("1/ft", "1/m"), ".4f"
+    ),
+    Identified(
+        "thrust",
+        BETA,
+        "4.2",
+        "beta -35 %",
+        2.1945e-7,
+        0.2,
+        BETA_FT,
+        1 / FOOT,
+        ("(ft/s²)/rpm²", "(m/s²)/rpm²"),
+        ".4e",
     ),
 )
 
@@ -87,8 +108,18 @@ def identification(view: Comparison) -> dict[str, Any]:
         ],
         "table": {"columns": COLUMNS, "rows": rows},
         "figures": [
-            response_figure(view, "drag", "fig-4-1", "Fig. 4.1: response of the filter to a 35 % increase of alpha."),
-            response_figure(view, "thrust", "fig-4-2", "Fig. 4.2: response of the filter to a 35 % decrease of beta."),
+            response_figure(
+                view,
+                "drag",
+                "fig-4-1",
+                "Fig. 4.1: response of the filter to a 35 % increase of alpha.",
+            ),
+            response_figure(
+                view,
+                "thrust",
+                "fig-4-2",
+                "Fig. 4.2: response of the filter to a 35 % decrease of beta.",
+            ),
         ],
     }
 
@@ -98,42 +129,69 @@ def identified(view: Comparison, one: Identified) -> list[list[str]]:
     end, two = (view.error(one.run, one.parameter, time) for time in (END_IV_C, 30.0))
     later = np.arange(30.0, END_IV_C + 0.05, 0.1)
     worst = max(abs(view.error(one.run, one.parameter, time)[0]) for time in later)
-    estimate, floor = view.estimate(one.run, one.parameter, END_IV_C), view.floor(one.run, one.parameter, END_IV_C)
+    estimate = view.estimate(one.run, one.parameter, END_IV_C)
+    floor = view.floor(one.run, one.parameter, END_IV_C)
     row = partial(view.row, f"IV.C, Fig. {one.figure}")
-    met, name = abs(end[0]) < one.limit, one.change
+    met = abs(end[0]) < one.limit
+    name = one.change
     si = scaled(estimate, one.nominal / one.per_si, one.form)
     why = f"Noise-free at most {worst:.2f} % from there on. {view.floor(one.run, one.parameter, 30.0)}"
-    customary, in_si = f"{one.found:{one.form}} {one.units[0]}", f"{one.found / one.per_si:{one.form}} {one.units[1]}"
+    customary = f"{one.found:{one.form}} {one.units[0]}"
+    in_si = f"{one.found / one.per_si:{one.form}} {one.units[1]}"
     return [
-        row(f"{name}: estimate at 50 s", customary, *scaled(estimate, one.nominal, one.form), met, floor),
+        row(
+            f"{name}: estimate at 50 s",
+            customary,
+            *scaled(estimate, one.nominal, one.form),
+            met,
+            floor,
+        ),
         row("the same in SI units", in_si, *si, met, ""),
         row(f"{name}: error at 50 s", f"{one.limit} %", *percent(*end), met, floor),
-        row(f"{name}: error after two speed changes (30 s)", "within 2 %", *percent(*two), worst < 2.0, why),
+        row(
+            f"{name}: error after two speed changes (30 s)",
+            "within 2 %",
+            *percent(*two),
+            worst < 2.0,
+            why,
+        ),
     ]
 
 
 def normal_row(view: Comparison) -> list[str]:
     """Figure 5.14: a healthy run stays where it is."""
-    quiet = max(abs(view.error("normal", p, t)[0]) for p in (ALPHA, BETA) for t in np.arange(0, 60, 0.1))
+    quiet = max(
+        abs(view.error("normal", p, t)[0]) for p in (ALPHA, BETA) for t in np.arange(0, 60, 0.1)
+    )
     alpha, beta = (view.error("normal", p, 60.0)[1].std(ddof=1) for p in (ALPHA, BETA))
-    quantity, why = "normal run: largest deviation", "The thesis' normal window is 20 % for alpha, 25 % for beta."
+    quantity = "normal run: largest deviation"
+    why = "The thesis' normal window is 20 % for alpha, 25 % for beta."
     scatter = f"at 60 s alpha ± {alpha:.1f} %, beta ± {beta:.1f} %"
-    return view.row("V.D, Fig. 5.14", quantity, "stays normal", f"{quiet:.2f} %", scatter, quiet < 2, why)
+    return view.row(
+        "V.D, Fig. 5.14", quantity, "stays normal", f"{quiet:.2f} %", scatter, quiet < 2, why
+    )
 
 
 def excursion_row(view: Comparison) -> list[str]:
     """Figure 5.15: beta seems to change while only alpha has."""
-    worst = max((view.error("drag", BETA, t) for t in np.arange(10, 60, 0.1)), key=lambda pair: abs(pair[0]))
+    worst = max(
+        (view.error("drag", BETA, t) for t in np.arange(10, 60, 0.1)), key=lambda pair: abs(pair[0])
+    )
     quantity = "alpha +35 %: beta's largest excursion"
     why = "Until the speed has changed, more drag and less thrust are told apart by nothing."
-    return view.row("V.D, Fig. 5.15", quantity, "appears to change", *percent(*worst), abs(worst[0]) > 1, why)
+    return view.row(
+        "V.D, Fig. 5.15", quantity, "appears to change", *percent(*worst), abs(worst[0]) > 1, why
+    )
 
 
 def return_row(view: Comparison) -> list[str]:
     """Figure 5.15: beta returns."""
     back = view.error("drag", BETA, 60.0)
-    quantity, why = "alpha +35 %: beta at 60 s", view.floor("drag", BETA, 60.0)
-    return view.row("V.D, Fig. 5.15", quantity, "returns to normal", *percent(*back), abs(back[0]) < 2, why)
+    quantity = "alpha +35 %: beta at 60 s"
+    why = view.floor("drag", BETA, 60.0)
+    return view.row(
+        "V.D, Fig. 5.15", quantity, "returns to normal", *percent(*back), abs(back[0]) < 2, why
+    )
 
 
 def loss_row(view: Comparison) -> list[str]:
@@ -143,14 +201,19 @@ def loss_row(view: Comparison) -> list[str]:
     why = "The port shaft, unloaded, answers faster; the filter takes the mean of both shafts. "
     why += view.floor("loss", BETA, 60.0)
     quantity = "one propeller lost: change of beta at 60 s"
-    return view.row("V.D, Fig. 5.19", quantity, "-50 %", *percent(*drop), abs(drop[0] + 50) < 1, why)
+    return view.row(
+        "V.D, Fig. 5.19", quantity, "-50 %", *percent(*drop), abs(drop[0] + 50) < 1, why
+    )
 
 
 def responses(view: Comparison) -> dict[str, Any]:
     """Figures 5.14, 5.15 and 5.19."""
     rows = [normal_row(view), excursion_row(view), return_row(view), loss_row(view)]
     captions = {
-        "normal": ("fig-5-14", "Fig. 5.14: response of the filter to a normal run, normalised as in V.B."),
+        "normal": (
+            "fig-5-14",
+            "Fig. 5.14: response of the filter to a normal run, normalised as in V.B.",
+        ),
         "drag": ("fig-5-15", "Fig. 5.15: increased drag (+35 % at 10 s), normalised as in V.B."),
         "loss": ("fig-5-19", "Fig. 5.19: port propeller lost at 10 s, normalised as in V.B."),
     }
@@ -168,13 +231,19 @@ def responses(view: Comparison) -> dict[str, Any]:
 def response_figure(view: Comparison, run: str, name: str, caption: str) -> dict[str, Any]:
     """Alpha and beta over time: in customary units for chapter IV, normalised for chapter V."""
     chapter_v = name.startswith("fig-5")
-    units = {"alpha": "normalised", "beta": "normalised"} if chapter_v else {"alpha": "1/ft", "beta": "(ft/s²)/rpm²"}
+    units = (
+        {"alpha": "normalised", "beta": "normalised"}
+        if chapter_v
+        else {"alpha": "1/ft", "beta": "(ft/s²)/rpm²"}
+    )
     scale = (0.5, 0.9) if chapter_v else (ALPHA_FT, BETA_FT)
-    row, names = view.runs.index(run), ("alpha", "beta")
+    row = view.runs.index(run)
+    names = ("alpha", "beta")
     time = np.arange(len(view.clean.mean)) / SAMPLE_RATE
     true = [np.where(time < 10, 1.0, TRUE[run][p]) * scale[p] for p in (ALPHA, BETA)]
     mean, spread = (
-        [getattr(view.noisy.mean[:, row], of)(axis=1)[:, p] * abs(scale[p]) for p in (0, 1)] for of in ("mean", "std")
+        [getattr(view.noisy.mean[:, row], of)(axis=1)[:, p] * abs(scale[p]) for p in (0, 1)]
+        for of in ("mean", "std")
     )
     signs = np.sign(scale)
     return {
@@ -184,7 +253,9 @@ def response_figure(view: Comparison, run: str, name: str, caption: str) -> dict
         "data": {
             "time": time.tolist(),
             "truth": dict(zip(names, map(np.ndarray.tolist, true), strict=True)),
-            "clean": {n: (view.clean.mean[:, row, 0, p] * scale[p]).tolist() for p, n in enumerate(names)},
+            "clean": {
+                n: (view.clean.mean[:, row, 0, p] * scale[p]).tolist() for p, n in enumerate(names)
+            },
             "noisy_mean": {n: (mean[p] * signs[p]).tolist() for p, n in enumerate(names)},
             "noisy_std": {n: spread[p].tolist() for p, n in enumerate(names)},
             "units": units,
@@ -203,7 +274,10 @@ PANELS = {
 
 def panels(view: Comparison, run: str) -> dict[str, dict[str, dict[str, list[float]]]]:
     """Readings of one run by panel and line; speeds in ft/s."""
-    return {label: {name: view.line(run, channel, label) for name, channel in lines} for label, lines in PANELS.items()}
+    return {
+        label: {name: view.line(run, channel, label) for name, channel in lines}
+        for label, lines in PANELS.items()
+    }
 
 
 def transient_sections(view: Comparison) -> dict[str, Any]:
@@ -224,7 +298,9 @@ def transient_sections(view: Comparison) -> dict[str, Any]:
         ],
         "table": {"columns": COLUMNS, "rows": rows},
         "figures": [
-            figure("normal", "fig-5-13", None, "Fig. 5.13: normal transient between 0.5 and 1.0 ft/s."),
+            figure(
+                "normal", "fig-5-13", None, "Fig. 5.13: normal transient between 0.5 and 1.0 ft/s."
+            ),
             figure("loss", "fig-5-18", 10.0, "Fig. 5.18: port propeller lost at 10 s."),
         ],
     }
@@ -234,11 +310,15 @@ def steady_row(view: Comparison, time: float | None, speed: float, implied: str)
     """Shaft speed at a steady surge speed: read at `time`, or by proportion where the run has no steady state there."""
     if time is not None:
         k = round(time * SAMPLE_RATE)
-        ours, why = view.reading("normal", "port_rpm")[k], "Read in steady motion at the start of the run."
+        ours = view.reading("normal", "port_rpm")[k]
+        why = "Read in steady motion at the start of the run."
     else:
-        ours, why = speed / np.sqrt(BETA_FT / -ALPHA_FT), "Ten seconds are too short for a steady state; computed."
+        ours = speed / np.sqrt(BETA_FT / -ALPHA_FT)
+        why = "Ten seconds are too short for a steady state; computed."
     quantity = f"shaft speed at {speed:g} ft/s [rpm]"
-    return view.row("IV.C, implied", quantity, implied, f"{ours:.1f}", "-", abs(ours - float(implied)) < 1, why)
+    return view.row(
+        "IV.C, implied", quantity, implied, f"{ours:.1f}", "-", abs(ours - float(implied)) < 1, why
+    )
 
 
 def last(line: dict[str, list[float]]) -> str:
@@ -261,7 +341,9 @@ def start_section(view: Comparison) -> dict[str, Any]:
         for label, channel in lines.items()
     }
     columns = ["mode", *(f"{label} at 40 s" for label in lines), "command"]
-    rows = [[mode, *(last(panel[mode]) for panel in panels.values()), view.command] for mode in modes]
+    rows = [
+        [mode, *(last(panel[mode]) for panel in panels.values()), view.command] for mode in modes
+    ]
     return {
         "heading": "V.C: transients that trained the raw-data network",
         "text": [
@@ -275,7 +357,8 @@ def start_section(view: Comparison) -> dict[str, Any]:
             {
                 "plot": "transients",
                 "name": "fig-5-3-to-5-6",
-                "caption": "Figs 5.3 to 5.6: acceleration from rest in the operating modes of Table 5.1." + LINES,
+                "caption": "Figs 5.3 to 5.6: acceleration from rest in the operating modes of Table 5.1."
+                + LINES,
                 "data": {"time": (np.arange(400) / SAMPLE_RATE).tolist(), "panels": panels},
             }
         ],

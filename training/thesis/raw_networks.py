@@ -20,9 +20,12 @@ from training.thesis.runs import TEST_RUNS
 POINTS = 400  # of each operating mode, thesis Figs 5.7 to 5.10
 CHECKPOINTS = (24_000, 60_000, 90_000, 150_000)  # presentations, thesis Figs 5.7 to 5.10
 SIZES = (2, 3, 4, 5, 6, 7, 8)
-RATES, MOMENTA = (0.1, 0.3, 0.5, 0.9), (0.0, 0.4, 0.9)
-RUNS = ("start_normal", "start_friction", "start_drag", "start_propeller")  # in the order of Table 5.1
-# What the readings are divided by: just above the largest of the runs, so that all inputs lie in [0, 1] but for noise.
+RATES = (0.1, 0.3, 0.5, 0.9)
+MOMENTA = (0.0, 0.4, 0.9)
+# in the order of Table 5.1
+RUNS = ("start_normal", "start_friction", "start_drag", "start_propeller")
+# What the readings are divided by: just above the largest of the runs, so that all inputs lie in
+# [0, 1] but for noise.
 FULL_SCALE = {"port_voltage": 6.0, "port_current": 1.5, "port_rpm": 650.0, "speed": 0.5}
 COLUMNS = [list(CHANNELS).index(name) for name in FULL_SCALE]
 TARGETS = np.repeat(np.eye(len(MODES_5_1)), POINTS, axis=0)
@@ -38,8 +41,12 @@ class Propeller(NamedTuple):
 
 DRAGS = (0.2, 0.35, 0.7, 1.0)
 PROPELLERS = {
-    "port damaged: thrust −25 %, torque −20 %": Propeller((FaultEvent("propeller_damage:port", 0.0, 0.5),)),
-    "port damaged: thrust −50 %, torque −40 %": Propeller((FaultEvent("propeller_damage:port", 0.0, 1.0),)),
+    "port damaged: thrust −25 %, torque −20 %": Propeller(
+        (FaultEvent("propeller_damage:port", 0.0, 0.5),)
+    ),
+    "port damaged: thrust −50 %, torque −40 %": Propeller(
+        (FaultEvent("propeller_damage:port", 0.0, 1.0),)
+    ),
     "beta −20 %, torque as before": Propeller(thrust=0.80),
     "beta −35 %, torque as before": Propeller(thrust=0.65),
     "beta −50 %, torque as before": Propeller(thrust=0.50),
@@ -51,8 +58,9 @@ THRUST_ALONE = (0.35, "beta −35 %, torque as before")  # with the sizes of IV.
 class RawStudy(NamedTuple):
     """Outputs (n_checkpoints, n_networks, n_points, n_modes) of the networks, by study and case.
 
-    size: by hidden nodes, noise-free; noisy: six nodes, every network with readings of its own noise; setting: by
-    (rate, momentum); variant: by (size of the drag fault, kind of propeller fault).
+    size: by hidden nodes, noise-free; noisy: six nodes, every network with readings of its own
+    noise; setting: by (rate, momentum); variant: by (size of the drag fault, kind of propeller
+    fault).
     """
 
     size: dict[int, np.ndarray]
@@ -67,11 +75,17 @@ def study(view: Comparison, seeds: Sequence[int], bar: tqdm) -> RawStudy:
     inputs = np.concatenate([training_sets(view.clean.readings, view.runs), variant_sets(), noisy])
     first_noisy = 1 + len(VARIANTS)
     groups = {("size", size): [Lane(seed, size) for seed in seeds] for size in SIZES}
-    groups |= {("setting", setting): [Lane(seed, 6, *setting) for seed in seeds] for setting in product(RATES, MOMENTA)}
     groups |= {
-        ("variant", case): [Lane(seed, 6, RATE, MOMENTUM, 1 + k) for seed in seeds] for k, case in enumerate(VARIANTS)
+        ("setting", setting): [Lane(seed, 6, *setting) for seed in seeds]
+        for setting in product(RATES, MOMENTA)
     }
-    groups[("noisy", 6)] = [Lane(seed, 6, RATE, MOMENTUM, first_noisy + k % len(noisy)) for k, seed in enumerate(seeds)]
+    groups |= {
+        ("variant", case): [Lane(seed, 6, RATE, MOMENTUM, 1 + k) for seed in seeds]
+        for k, case in enumerate(VARIANTS)
+    }
+    groups[("noisy", 6)] = [
+        Lane(seed, 6, RATE, MOMENTUM, first_noisy + k % len(noisy)) for k, seed in enumerate(seeds)
+    ]
     networks = train(groups, inputs, TARGETS, CHECKPOINTS, bar)
     outputs: dict[str, dict] = {"size": {}, "noisy": {}, "setting": {}, "variant": {}}
     for (kind, case), trained in networks.items():
@@ -91,16 +105,22 @@ def variant_sets() -> np.ndarray:
     normal, friction = (Propeller(TEST_RUNS[run].schedule) for run in RUNS[:2])
     drags = [Propeller((FaultEvent("increased_drag", 0.0, severity),)) for severity in DRAGS]
     first, second, *rest = _simulated([normal, friction, *drags, *PROPELLERS.values()])
-    drag, propeller = dict(zip(DRAGS, rest, strict=False)), dict(zip(PROPELLERS, rest[len(drags) :], strict=True))
-    return _scaled(np.stack([[first, second, drag[size], propeller[kind]] for size, kind in VARIANTS]))
+    drag = dict(zip(DRAGS, rest, strict=False))
+    propeller = dict(zip(PROPELLERS, rest[len(drags) :], strict=True))
+    return _scaled(
+        np.stack([[first, second, drag[size], propeller[kind]] for size, kind in VARIANTS])
+    )
 
 
 def _simulated(faults: Sequence[Propeller]) -> np.ndarray:
     """Readings (n_faults, POINTS, n_inputs) of the acceleration from rest, noise-free."""
     fleet = Fleet(len(faults), sensor_noise=0.0, disturbance=0.0, healthy_band=0.0)
     missions = [MISSIONS["acceleration"]] * len(faults)
-    observation = fleet.reset([0] * len(faults), schedules=[fault.schedule for fault in faults], missions=missions)
-    healthy, names = fleet.plan.healthy.copy(), list(PARAMETERS)
+    observation = fleet.reset(
+        [0] * len(faults), schedules=[fault.schedule for fault in faults], missions=missions
+    )
+    healthy = fleet.plan.healthy.copy()
+    names = list(PARAMETERS)
     for side in ("port_beta", "starboard_beta"):
         healthy[:, names.index(side)] *= [fault.thrust for fault in faults]
     fleet.set_healthy(healthy)

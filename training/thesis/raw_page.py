@@ -52,7 +52,12 @@ def recall_section(view: Comparison, study: RawStudy, columns: list[str]) -> dic
     """Figures 5.7 to 5.10."""
     n_networks = study.noisy.shape[1]
     scales = ", ".join(f"{scale:g} {CHANNELS[name].unit}" for name, scale in FULL_SCALE.items())
-    rows = [data_row(view), apart_row(view, study), *first_points_rows(view, study), settled_row(view, study)]
+    rows = [
+        data_row(view),
+        apart_row(view, study),
+        *first_points_rows(view, study),
+        settled_row(view, study),
+    ]
     rows += [least_error_row(view, study), response_row(view, study), steady_row(view, study)]
     return {
         "heading": "V.C: the network on unprocessed data",
@@ -85,33 +90,44 @@ def recall_section(view: Comparison, study: RawStudy, columns: list[str]) -> dic
 
 def data_row(view: Comparison) -> list[str]:
     """The size of the training set."""
-    seconds, why = (
-        (len(view.clean.mean) - 1) / SAMPLE_RATE,
-        "Of each run the first 400 points, as in the thesis' figures.",
-    )
+    seconds = (len(view.clean.mean) - 1) / SAMPLE_RATE
+    why = "Of each run the first 400 points, as in the thesis' figures."
     ours = f"{SAMPLE_RATE:g} Hz, {seconds:g} s, 4 × {POINTS} points"
-    return view.row("V.C", "training sets", "10 Hz, about 60 s, 4 × 400 points", ours, ours, True, why)
+    return view.row(
+        "V.C", "training sets", "10 Hz, about 60 s, 4 × 400 points", ours, ours, True, why
+    )
 
 
 def apart_row(view: Comparison, study: RawStudy) -> list[str]:
     """Figure 5.7: normal and friction."""
-    clean, noisy = (friction_told_from_normal(outputs)[0] for outputs in (study.size[ENOUGH], study.noisy))
+    clean, noisy = (
+        friction_told_from_normal(outputs)[0] for outputs in (study.size[ENOUGH], study.noisy)
+    )
     quantity = "normal and seal friction told apart after 24,000: right one of their outputs larger"
     why = "Friction needs more current at any speed, from the first turn of the shaft."
     met = bool(clean.mean() > 0.95)
-    return view.row("V.C, Fig. 5.7", quantity, "well distinguished", share(clean), share(noisy), met, why)
+    return view.row(
+        "V.C, Fig. 5.7", quantity, "well distinguished", share(clean), share(noisy), met, why
+    )
 
 
 def first_points_rows(view: Comparison, study: RawStudy) -> list[list[str]]:
     """Figures 5.7 to 5.10: what the first points of the drag fault are called."""
-    outputs, rows = study.size[ENOUGH], []
-    clean, noisy = (first_drag_points_named(o, "degraded propeller") for o in (outputs, study.noisy))
+    outputs = study.size[ENOUGH]
+    rows = []
+    clean, noisy = (
+        first_drag_points_named(o, "degraded propeller") for o in (outputs, study.noisy)
+    )
     normal = first_drag_points_named(outputs, "normal")
     for k, (figure, count) in enumerate(zip(FIGURES, CHECKPOINTS, strict=True)):
         quantity = f"of drag's first 100 points, named degraded propeller after {count:,}"
         why = f"Ours: {spread(normal[k])} named normal, the others drag. See 'drag and propeller' below."
         met = bool(clean[k].mean() > 50)
-        rows.append(view.row(f"V.C, Fig. {figure}", quantity, "all", spread(clean[k]), spread(noisy[k]), met, why))
+        rows.append(
+            view.row(
+                f"V.C, Fig. {figure}", quantity, "all", spread(clean[k]), spread(noisy[k]), met, why
+            )
+        )
     return rows
 
 
@@ -137,11 +153,13 @@ def least_error_row(view: Comparison, study: RawStudy) -> list[str]:
     """The rms error over training."""
     clean, noisy = (errors(outputs) for outputs in (study.size[ENOUGH], study.noisy))
     text = [
-        " / ".join(f"{mean:.3f}" for mean in e.mean(axis=1)) + f" (± {e[-1].std(ddof=1):.3f})" for e in (clean, noisy)
+        " / ".join(f"{mean:.3f}" for mean in e.mean(axis=1)) + f" (± {e[-1].std(ddof=1):.3f})"
+        for e in (clean, noisy)
     ]
     first = int((clean.argmin(axis=0) == len(CHECKPOINTS) - 1).sum())
     why = f"Noise-free least at 150,000 in {first} of {clean.shape[1]} networks."
-    quantity, met = "rms output error after 24,000 / 60,000 / 90,000 / 150,000", bool(clean.mean(axis=1).argmin() == 3)
+    quantity = "rms output error after 24,000 / 60,000 / 90,000 / 150,000"
+    met = bool(clean.mean(axis=1).argmin() == 3)
     return view.row("V.C, Fig. 5.10", quantity, "least at 150,000", *text, met, why)
 
 
@@ -149,7 +167,8 @@ def response_row(view: Comparison, study: RawStudy) -> list[str]:
     """Whether less training responds better."""
     clean, noisy = (accuracy(outputs) for outputs in (study.size[ENOUGH], study.noisy))
     text = [
-        " / ".join(f"{100 * m:.1f}" for m in a.mean(axis=1)) + f" % (± {100 * a[-1].std(ddof=1):.1f})"
+        " / ".join(f"{100 * m:.1f}" for m in a.mean(axis=1))
+        + f" % (± {100 * a[-1].std(ddof=1):.1f})"
         for a in (clean, noisy)
     ]
     gain = 100 * (clean[1:3] - clean[-1])
@@ -161,13 +180,19 @@ def response_row(view: Comparison, study: RawStudy) -> list[str]:
     )
     quantity = "points named correctly after 24,000 / 60,000 / 90,000 / 150,000"
     met = bool(best.mean() > 2 * error)
-    return view.row("V.C, Figs 5.8, 5.9", quantity, "60,000 or 90,000 better than 150,000", *text, met, why)
+    return view.row(
+        "V.C, Figs 5.8, 5.9", quantity, "60,000 or 90,000 better than 150,000", *text, met, why
+    )
 
 
 def steady_row(view: Comparison, study: RawStudy) -> list[str]:
     """VI.A: steady values suffice."""
-    clean, noisy = (named_correctly(o, late=True)[BEST].min(axis=-1) for o in (study.size[ENOUGH], study.noisy))
-    quantity = f"second half of each transient, worst mode: named correctly after {CHECKPOINTS[BEST]:,}"
+    clean, noisy = (
+        named_correctly(o, late=True)[BEST].min(axis=-1) for o in (study.size[ENOUGH], study.noisy)
+    )
+    quantity = (
+        f"second half of each transient, worst mode: named correctly after {CHECKPOINTS[BEST]:,}"
+    )
     why = "Once the transient has settled, all four modes are told apart by their steady values."
     met = bool(clean.mean() > 0.9)
     return view.row("VI.A", quantity, "steady values suffice", share(clean), share(noisy), met, why)
@@ -176,7 +201,8 @@ def steady_row(view: Comparison, study: RawStudy) -> list[str]:
 def recall_figure(outputs: np.ndarray, name: str, caption: str) -> dict[str, Any]:
     """Mean and spread of the four outputs over the training set, (n_checkpoints, n_networks, n_points, n_modes)."""
     thinned = outputs[:, :, ::EVERY]
-    mean, std = thinned.mean(axis=1), thinned.std(axis=1, ddof=1)
+    mean = thinned.mean(axis=1)
+    std = thinned.std(axis=1, ddof=1)
     lines = lambda values: np.round(values.swapaxes(1, 2).astype(float), 3).tolist()  # noqa: E731
     return {
         "plot": "recall",
@@ -201,9 +227,21 @@ def table_5_1(view: Comparison, study: RawStudy) -> dict[str, Any]:
         vector = "(" + ",".join("1" if k == j else "0" for j in range(len(MODES_5_1))) + ")"
         classes = ", ".join(name for name, modes in labels().items() if modes[0] == mode)
         rows.append(
-            [mode, f"y{k + 1}={vector}", classes, *(share(part[:, k]) for part in (clean, late, noisy)), view.command]
+            [
+                mode,
+                f"y{k + 1}={vector}",
+                classes,
+                *(share(part[:, k]) for part in (clean, late, noisy)),
+                view.command,
+            ]
         )
-    columns = ["operating mode", "fault vector", "our classes", "named correctly, noise-free", "of it, second half"]
+    columns = [
+        "operating mode",
+        "fault vector",
+        "our classes",
+        "named correctly, noise-free",
+        "of it, second half",
+    ]
     return {
         "heading": "Table 5.1: operating modes of the raw-data network",
         "text": [
@@ -232,7 +270,9 @@ def sizes_section(view: Comparison, study: RawStudy, columns: list[str]) -> dict
         ours = f"{count[size]} of {n_networks} networks; rms {spread(errors(outputs)[-1], '.3f')}"
         early = int(separated(outputs)[0].sum())
         why = f"Named correctly {share(accuracy(outputs)[-1])}; after 24,000: {early} of {n_networks}."
-        rows.append(view.row("V.C.1", f"4-{size}-4: four modes after 150,000", thesis, ours, "-", met, why))
+        rows.append(
+            view.row("V.C.1", f"4-{size}-4: four modes after 150,000", thesis, ours, "-", met, why)
+        )
     fewest = min((size for size in SIZES if count[size] > n_networks / 2), default=None)
     return {
         "heading": "V.C: how many hidden nodes?",
@@ -271,15 +311,18 @@ def confusion_section(view: Comparison, study: RawStudy, columns: list[str]) -> 
 def thrust_alone_rows(view: Comparison, study: RawStudy) -> list[list[str]]:
     """The thesis' two claims with a propeller that loses thrust alone."""
     outputs = study.variant[THRUST_ALONE]
-    named, settled = first_drag_points_named(outputs, "degraded propeller"), drag_settled(outputs)[BEST]
-    case, where = "beta -35 %, torque as before, drag +35 %:", "V.C, Figs 5.7-5.10"
+    named = first_drag_points_named(outputs, "degraded propeller")
+    settled = drag_settled(outputs)[BEST]
+    case = "beta -35 %, torque as before, drag +35 %:"
+    where = "V.C, Figs 5.7-5.10"
     by_training = " / ".join(map(spread, named)) + " after 24,000 / 60,000 / 90,000 / 150,000."
     normal = share(named_correctly(outputs)[BEST][:, 0])
     why = f"Between 50 and 150 in {in_time(settled).sum()} of {len(settled)} networks. "
     why += f"Of the normal run {normal} is named correctly."
     first = f"{case} of the first 100 points, named degraded propeller after {CHECKPOINTS[BEST]:,}"
     second = f"{case} points until drag's output stays the largest, after {CHECKPOINTS[BEST]:,}"
-    confused, in_order = bool(named[BEST].mean() > 50), bool(in_time(settled).mean() > 0.5)
+    confused = bool(named[BEST].mean() > 50)
+    in_order = bool(in_time(settled).mean() > 0.5)
     return [
         view.row(where, first, "all", spread(named[BEST]), "-", confused, by_training),
         view.row(where, second, "100", spread(settled), "-", in_order, why),
@@ -289,7 +332,8 @@ def thrust_alone_rows(view: Comparison, study: RawStudy) -> list[list[str]]:
 def confusion_figure(study: RawStudy) -> dict[str, Any]:
     """The confusion by the sizes of both faults."""
     named = {
-        case: first_drag_points_named(outputs, "degraded propeller")[BEST] for case, outputs in study.variant.items()
+        case: first_drag_points_named(outputs, "degraded propeller")[BEST]
+        for case, outputs in study.variant.items()
     }
     settled = {case: drag_settled(outputs)[BEST] for case, outputs in study.variant.items()}
     table = lambda entry: [[entry(drag, propeller) for propeller in PROPELLERS] for drag in DRAGS]  # noqa: E731
@@ -311,7 +355,12 @@ def confusion_figure(study: RawStudy) -> dict[str, Any]:
 def settings_section(view: Comparison, study: RawStudy) -> dict[str, Any]:
     """The study behind learning rate and momentum."""
     rows = [
-        [f"{rate:g}", f"{momentum:g}", *(spread(part, ".3f") for part in errors(outputs)), view.command]
+        [
+            f"{rate:g}",
+            f"{momentum:g}",
+            *(spread(part, ".3f") for part in errors(outputs)),
+            view.command,
+        ]
         for (rate, momentum), outputs in study.setting.items()
     ]
     return {
@@ -321,7 +370,12 @@ def settings_section(view: Comparison, study: RawStudy) -> dict[str, Any]:
             f"{RATE} and {MOMENTUM} lie in the flat middle; with momentum 0.9 training is unstable from 0.3 on."
         ],
         "table": {
-            "columns": ["learning rate", "momentum", *(f"rms after {count:,}" for count in CHECKPOINTS), "command"],
+            "columns": [
+                "learning rate",
+                "momentum",
+                *(f"rms after {count:,}" for count in CHECKPOINTS),
+                "command",
+            ],
             "rows": rows,
         },
     }

@@ -10,7 +10,9 @@ from training.benchmark.verdicts import Difference, difference
 from training.thesis.comparison import Comparison
 
 NAMES = ("raw_network", "kalman_network", "parallel", "integrated")
-LANES, HOURS, SEED = 400, 8.0, 0  # faulty vehicles; healthy operation twice; first seed within those of validation
+LANES = 400  # faulty vehicles
+HOURS = 8.0  # healthy operation twice
+SEED = 0  # first seed within those of validation
 
 
 def section(view: Comparison, columns: list[str]) -> dict[str, Any]:
@@ -39,19 +41,39 @@ def page(
         "networks in parallel agree with the thesis if they beat each alone, how far that carries is in their row.",
         *(f"{name} could not take part: {reason}" for name, reason in failures.items()),
     ]
-    pairs = (("parallel", "raw_network"), ("parallel", "kalman_network"), ("integrated", "parallel"))
+    pairs = (
+        ("parallel", "raw_network"),
+        ("parallel", "kalman_network"),
+        ("integrated", "parallel"),
+    )
     rows = [measured_row(view, name, scores.get(name)) for name in NAMES]
     rows += [against_row(view, judged, a, b) for a, b in pairs]
     figures = isolation_over_time(judged, list(judged)[::-1])["figures"] if judged else []
     table = {"columns": columns, "rows": rows}
-    return {"heading": "VI.B: the recommendation answered", "text": text, "table": table, "figures": figures}
+    return {
+        "heading": "VI.B: the recommendation answered",
+        "text": text,
+        "table": table,
+        "figures": figures,
+    }
 
 
 def measured_row(view: Comparison, name: str, score: Mapping[str, Any] | None) -> list[str]:
     """What one diagnoser achieves."""
-    quantity = f"{name}: restricted mean isolation time; share isolated; macro-F1 at {DECIDED_AT:g} s"
+    quantity = (
+        f"{name}: restricted mean isolation time; share isolated; macro-F1 at {DECIDED_AT:g} s"
+    )
     if score is None:
-        return ["VI.B", quantity, "-", "-", "-", "not judged", "It could not take part.", view.command]
+        return [
+            "VI.B",
+            quantity,
+            "-",
+            "-",
+            "-",
+            "not judged",
+            "It could not take part.",
+            view.command,
+        ]
     isolation = score["isolation"]
     ours = f"{isolation['restricted_mean']:.1f} s; {100 * isolation['probability']:.0f} %; {score['macro_f1']:.2f}"
     low, high = isolation["interval"]

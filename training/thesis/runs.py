@@ -12,7 +12,8 @@ from diagnosers.consistency import nis
 from diagnosers.kalman import PARAMETERS, Estimate, ParameterFilter
 
 STEPS = 600  # 60 s, the length of the thesis' runs
-LEAST_NOISE = 0.1  # of the default, which the filter assumes in noise-free runs: with less it chases every mismatch
+# of the default, which the filter assumes in noise-free runs: with less it chases every mismatch
+LEAST_NOISE = 0.1
 
 
 class TestRun(NamedTuple):
@@ -22,13 +23,17 @@ class TestRun(NamedTuple):
     schedule: Schedule
 
 
-# The thesis changes alpha or beta at 10 s; the sizes of the faults of chapter V.C are not in it and are chosen here.
+# The thesis changes alpha or beta at 10 s; the sizes of the faults of chapter V.C are not in it and
+# are chosen here.
 TEST_RUNS: dict[str, TestRun] = {
     "normal": TestRun("thesis", ()),
     "drag": TestRun("thesis", (FaultEvent("increased_drag", 10.0, 0.35),)),
     "thrust": TestRun(
         "thesis",
-        (FaultEvent("propeller_damage:port", 10.0, 0.7), FaultEvent("propeller_damage:starboard", 10.0, 0.7)),
+        (
+            FaultEvent("propeller_damage:port", 10.0, 0.7),
+            FaultEvent("propeller_damage:starboard", 10.0, 0.7),
+        ),
     ),
     "loss": TestRun("thesis", (FaultEvent("propeller_loss:port", 10.0, 1.0),)),
     "start_normal": TestRun("acceleration", ()),
@@ -41,8 +46,8 @@ TEST_RUNS: dict[str, TestRun] = {
 class Recording(NamedTuple):
     """One batch of runs: readings (STEPS + 1, n_runs, n_seeds, n_channels) and estimates of alpha, beta, gamma.
 
-    mean and std (STEPS + 1, n_runs, n_seeds, 3) are relative to nominal, nis (STEPS + 1, n_runs, n_seeds) is the
-    normalised innovation squared of the filter.
+    mean and std (STEPS + 1, n_runs, n_seeds, 3) are relative to nominal, nis (STEPS + 1, n_runs,
+    n_seeds) is the normalised innovation squared of the filter.
     """
 
     readings: np.ndarray
@@ -62,7 +67,8 @@ def record(sensor_noise: float, seeds: list[int], bar: tqdm) -> Recording:
         missions=[MISSIONS[run.mission] for run in runs],
     )
     kalman = ParameterFilter(sensor_noise=max(sensor_noise, LEAST_NOISE), disturbance=0.0)
-    readings, estimates = [observation], [kalman.update(kalman.initial(n_lanes), observation)]
+    readings = [observation]
+    estimates = [kalman.update(kalman.initial(n_lanes), observation)]
     for _ in range(STEPS):
         observation = fleet.step(observation[:, :1] * [1.0, 0.0, 0.0])
         readings.append(observation)
@@ -76,7 +82,9 @@ def _recording(
 ) -> Recording:
     columns = [kalman.states.index(name) for name in PARAMETERS]
     fold = lambda values: np.stack(values).reshape(len(values), len(TEST_RUNS), n_seeds, -1)  # noqa: E731
-    variances = [np.diagonal(estimate.covariance, axis1=1, axis2=2)[:, columns] for estimate in estimates]
+    variances = [
+        np.diagonal(estimate.covariance, axis1=1, axis2=2)[:, columns] for estimate in estimates
+    ]
     return Recording(
         fold(readings),
         fold([estimate.mean[:, columns] for estimate in estimates]),

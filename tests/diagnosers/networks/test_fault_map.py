@@ -10,7 +10,8 @@ from diagnosers.networks.fault_map import MODES_5_1, MODES_5_2, fault_map, grid,
     ("alpha", "beta", "mode", "grade"),
     [
         (1.00, 1.00, "normal", 1.0),
-        (1.19, 0.73, "normal", 1.0),  # thesis V.B: windows of 0.4 to 0.6 around 0.5 and of 0.65 to 1.0 around 0.9
+        # thesis V.B: windows of 0.4 to 0.6 around 0.5 and of 0.65 to 1.0 around 0.9
+        (1.19, 0.73, "normal", 1.0),
         (0.81, 1.11, "normal", 1.0),
         (1.00, 1.30, "normal", 1.0),  # beyond the window, but Table 5.2 has no mode for it
         (1.35, 1.00, "increased drag", 0.35),  # thesis V.D, Fig. 5.16
@@ -26,7 +27,9 @@ from diagnosers.networks.fault_map import MODES_5_1, MODES_5_2, fault_map, grid,
 )
 def test_values_of_the_map_by_hand(alpha, beta, mode, grade):
     expected = grade * np.eye(5)[MODES_5_2.index(mode)]
-    np.testing.assert_allclose(fault_map(normalise(np.array([alpha]), np.array([beta])))[0], expected, atol=1e-12)
+    np.testing.assert_allclose(
+        fault_map(normalise(np.array([alpha]), np.array([beta])))[0], expected, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(("table", "modes"), [(0, MODES_5_1), (1, MODES_5_2)])

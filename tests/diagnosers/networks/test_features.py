@@ -17,7 +17,8 @@ N_SAMPLES = 80
 
 def encoded(observations):
     features = Features(PRESETS["thesis1992"])
-    state, rows = features.initial(observations.shape[1]), []
+    state = features.initial(observations.shape[1])
+    rows = []
     for observation in observations.astype(np.float64):
         state, row = features.step(state, observation)
         rows.append(row)
@@ -26,12 +27,17 @@ def encoded(observations):
 
 def episodes(*faults):
     schedules = [(FaultEvent(fault, 4.0, 0.8),) for fault in faults]
-    return roll_out(Fleet(len(faults)), range(len(faults)), N_SAMPLES, schedules=schedules).observations
+    return roll_out(
+        Fleet(len(faults)), range(len(faults)), N_SAMPLES, schedules=schedules
+    ).observations
 
 
 def mirror(names):
     swap = {"port": "starboard", "starboard": "port"}
-    return [list(names).index(re.sub("starboard|port", lambda side: swap[side[0]], name)) for name in names]
+    return [
+        list(names).index(re.sub("starboard|port", lambda side: swap[side[0]], name))
+        for name in names
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -83,4 +89,5 @@ def test_running_means_reach_a_constant_after_their_time():
     rows = encoded(np.repeat(episodes("increased_drag")[:1], N_SAMPLES, axis=0))
     for memory in MEMORIES:
         mean = rows[:, 0, FEATURES.index(f"port_voltage:mean_{memory:g}")]
-        assert np.isclose(mean[-1], mean[1], atol=1e-5)  # residuals of repeated readings are constant
+        # residuals of repeated readings are constant
+        assert np.isclose(mean[-1], mean[1], atol=1e-5)

@@ -22,7 +22,9 @@ def test_no_larger_than_in_the_thesis(architecture, count):
 def test_forward_by_hand():
     ones = {name: np.ones(shape) for name, shape in feed_forward.shapes(2, 3, 1).items()}
     expected = 1.0 + 3.0 / (1.0 + np.exp(-4.0))  # hidden sums 1 + 2 + 1
-    np.testing.assert_allclose(FeedForward(ones).recall(np.array([[1.0, 2.0]])), [[expected]], rtol=1e-6)
+    np.testing.assert_allclose(
+        FeedForward(ones).recall(np.array([[1.0, 2.0]])), [[expected]], rtol=1e-6
+    )
 
 
 def test_tensors_come_back_as_they_were_given_and_as_copies():

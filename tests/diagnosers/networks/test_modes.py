@@ -7,7 +7,8 @@ MODES = ("normal", "one", "two")
 
 
 def test_shares_by_hand():
-    table = shares(LABELS, MODES)  # one fault of four is unknown: a quarter of any fault's probability is its
+    # one fault of four is unknown: a quarter of any fault's probability is its
+    table = shares(LABELS, MODES)
     np.testing.assert_allclose(table[0], [1, 0, 0, 0, 0])
     np.testing.assert_allclose(table[1], [0, 0.375, 0.375, 0, 0.25])
     np.testing.assert_allclose(table[2], [0, 0, 0, 0.75, 0.25])
@@ -15,7 +16,9 @@ def test_shares_by_hand():
 
 def test_classes_are_equally_likely_if_modes_are_as_likely_as_their_classes():
     modes = np.log([[0.2, 0.8 * 2 / 3, 0.8 / 3]])
-    np.testing.assert_allclose(np.exp(spread(modes, shares(LABELS, MODES))), [[0.2, 0.2, 0.2, 0.2, 0.2]])
+    np.testing.assert_allclose(
+        np.exp(spread(modes, shares(LABELS, MODES))), [[0.2, 0.2, 0.2, 0.2, 0.2]]
+    )
 
 
 def test_small_probabilities_stay_apart():

@@ -19,7 +19,8 @@ def test_the_odds_of_a_fault_rise_at_once_and_fall_slowly():
     assert np.allclose(np.exp(steady.log_probability()[0, 0]), 0.001)
     for _ in range(round(10 * RELEASE)):
         steady = steady.after(belief_of(1, 0.01))
-    risen, fallen = np.log(0.999 / 0.001), np.log(0.01 / 0.99)
+    risen = np.log(0.999 / 0.001)
+    fallen = np.log(0.01 / 0.99)
     assert np.isclose((steady.odds[0] - fallen) / (risen - fallen), np.exp(-1.0), rtol=0.05)
     assert np.isclose(np.exp(steady.log_probability()).sum(), 1.0)
 

@@ -34,14 +34,18 @@ MOVED = {  # residuals that each kind of fault enters; the others must stay
 def run(n_lanes=64, n_samples=150, schedule=(), mission="thesis", **scales):
     """Observations (n_samples, n_lanes, n_channels) of nominal vehicles."""
     fleet = Fleet(n_lanes, **{"disturbance": 0.0, "healthy_band": 0.0, **scales})
-    rollout = roll_out(fleet, range(n_lanes), n_samples, None, [schedule] * n_lanes, [mission] * n_lanes)
+    rollout = roll_out(
+        fleet, range(n_lanes), n_samples, None, [schedule] * n_lanes, [mission] * n_lanes
+    )
     return rollout.observations.astype(np.float64)
 
 
 def normalised(observations):
     """(n_samples - 1, n_lanes, 5)."""
     pairs = itertools.pairwise(observations)
-    return np.array([(found := residuals(one, two, VEHICLE)).values / found.std for one, two in pairs])
+    return np.array(
+        [(found := residuals(one, two, VEHICLE)).values / found.std for one, two in pairs]
+    )
 
 
 def test_noise_gives_zero_mean_and_the_standard_deviation_that_is_claimed():
@@ -62,8 +66,12 @@ def test_without_noise_nothing_is_left_but_the_shafts_transients(mission):
 @pytest.mark.parametrize("fault", MOVED)
 def test_a_fault_moves_its_residuals_and_no_others(fault):
     assert fault in CATALOGUE
-    z = normalised(run(1, 100, (FaultEvent(fault, 5.0, 1.0),), mission=0.45, sensor_noise=0.0))[-20:, 0].mean(axis=0)
-    assert {name for name, value in zip(RESIDUALS, z, strict=True) if abs(value) > 0.2} == MOVED[fault]
+    z = normalised(run(1, 100, (FaultEvent(fault, 5.0, 1.0),), mission=0.45, sensor_noise=0.0))[
+        -20:, 0
+    ].mean(axis=0)
+    assert {name for name, value in zip(RESIDUALS, z, strict=True) if abs(value) > 0.2} == MOVED[
+        fault
+    ]
 
 
 @pytest.mark.parametrize(
@@ -81,13 +89,19 @@ def test_a_fault_moves_its_residuals_and_no_others(fault):
 )  # fmt: skip
 def test_a_residual_is_as_large_as_the_fault(fault, residual, size):
     observations = run(1, 100, (FaultEvent(fault, 5.0, 1.0),), mission=0.45, sensor_noise=0.0)
-    got = residuals(observations[-2], observations[-1], VEHICLE).values[0, RESIDUALS.index(residual)]
-    assert got == pytest.approx(size(dict(zip(CHANNELS, observations[-1, 0], strict=True))), rel=0.02)
+    got = residuals(observations[-2], observations[-1], VEHICLE).values[
+        0, RESIDUALS.index(residual)
+    ]
+    assert got == pytest.approx(
+        size(dict(zip(CHANNELS, observations[-1, 0], strict=True))), rel=0.02
+    )
 
 
 def test_friction_holds_a_standing_shaft_up_to_its_torque():
     at_rest = np.zeros((2, len(CHANNELS)))
-    at_rest[:, COLUMN["port_current"]] = np.array([0.5, 1.5]) * VEHICLE.coulomb_friction / VEHICLE.torque_constant
+    at_rest[:, COLUMN["port_current"]] = (
+        np.array([0.5, 1.5]) * VEHICLE.coulomb_friction / VEHICLE.torque_constant
+    )
     torque = residuals(at_rest, at_rest, VEHICLE).values[:, RESIDUALS.index("port_torque")]
     np.testing.assert_allclose(torque, [0.0, 0.5 * VEHICLE.coulomb_friction], atol=1e-12)
 
@@ -105,7 +119,10 @@ def test_batch_is_lanes_one_by_one_and_inputs_stay():
 def test_the_vehicle_is_the_one_that_is_given():
     observations = run(1, 5, sensor_noise=0.0)
     other = replace(VEHICLE, resistance=2 * VEHICLE.resistance)
-    moved = residuals(observations[-2], observations[-1], other).values - residuals(*observations[-2:], VEHICLE).values
+    moved = (
+        residuals(observations[-2], observations[-1], other).values
+        - residuals(*observations[-2:], VEHICLE).values
+    )
     current = observations[-1, 0, COLUMN["port_current"]]
     assert moved[0, 0] == pytest.approx(-VEHICLE.resistance * current, rel=1e-6)
 

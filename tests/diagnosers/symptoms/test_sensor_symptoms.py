@@ -12,11 +12,15 @@ def follow(observations):
     state = sensor_symptoms.initial(observations.shape[1])
     for observation in observations:
         state = sensor_symptoms.update(state, observation)
-    return dict(zip(sensor_symptoms.SYMPTOMS, sensor_symptoms.symptoms(state)[0], strict=True)), state
+    return dict(
+        zip(sensor_symptoms.SYMPTOMS, sensor_symptoms.symptoms(state)[0], strict=True)
+    ), state
 
 
 def noisy(n_samples=200, factor=1.0):
-    return 0.3 + factor * NOISE * np.random.default_rng(0).standard_normal((n_samples, 1, len(CHANNELS)))
+    return 0.3 + factor * NOISE * np.random.default_rng(0).standard_normal(
+        (n_samples, 1, len(CHANNELS))
+    )
 
 
 def test_healthy_noise_is_not_odd():
@@ -30,7 +34,9 @@ def test_one_held_and_two_lost_readings_count_once_and_twice():
     observations[[-3, -1], 0, -1] = 0.0
     symptoms, state = follow(observations)
     assert symptoms["speed_held"] == sensor_symptoms.ODD
-    np.testing.assert_allclose(symptoms["starboard_rpm_lost"], sensor_symptoms.ODD * (1.0 + sensor_symptoms.FORGET**2))
+    np.testing.assert_allclose(
+        symptoms["starboard_rpm_lost"], sensor_symptoms.ODD * (1.0 + sensor_symptoms.FORGET**2)
+    )
     severity = np.full((1, 9), 0.5)
     sensor_symptoms.write_severity(severity, list(range(1, 9)), state)
     assert 0.0 < severity[0, 1] < severity[0, -1] < 0.05 and (severity[0, [0, 2, 3]] == 0.5).all()

@@ -20,9 +20,19 @@ from training.active_env.vector import STEADY_SPEEDS, Missions
 from training.stimuli.declaration import Declaration
 from training.stimuli.policy_inputs import BOUNDS, FLOOR, bent_odds
 
-LANES, SEED = 4, 11
+LANES = 4
+SEED = 11
 GONE = [{"fault": "propeller_loss:port", "onset": 3.0, "severity": 1.0}]
-BURSTS = [{"fault": "seal_friction:port", "onset": 2.0, "severity": 0.9, "period": 2.0, "duty": 0.5, "end": 9.0}]
+BURSTS = [
+    {
+        "fault": "seal_friction:port",
+        "onset": 2.0,
+        "severity": 0.9,
+        "period": 2.0,
+        "duty": 0.5,
+        "end": 9.0,
+    }
+]
 
 
 def ride(env, actions, **reset):
@@ -43,7 +53,9 @@ def until_its_end(env, actions, **reset):
 
 def swings(n, lanes=None, seed=0):
     """Random actions (n, lanes, 1), or (n, 1) for a single environment."""
-    return np.random.default_rng(seed).uniform(-1.0, 1.0, (n, 1) if lanes is None else (n, lanes, 1))
+    return np.random.default_rng(seed).uniform(
+        -1.0, 1.0, (n, 1) if lanes is None else (n, lanes, 1)
+    )
 
 
 def test_both_checkers_pass_without_a_warning():
@@ -66,7 +78,10 @@ def test_gymnasium_finds_it_by_the_name_of_its_module():
 
 def test_spaces_and_features_are_the_documented_ones():
     env = gym.make(NAME)
-    assert env.observation_space.shape == (len(FEATURES),) == (29,) and env.observation_space.dtype == np.float32
+    assert (
+        env.observation_space.shape == (len(FEATURES),) == (29,)
+        and env.observation_space.dtype == np.float32
+    )
     assert np.isfinite([env.observation_space.low, env.observation_space.high]).all()
     assert FEATURES[:2] == ("log_odds:normal", "log_odds:increased_drag") and FEATURES[-1] == "left"
     assert tuple(BOUNDS) == FEATURES and all(low < high for low, high in BOUNDS.values())
@@ -76,34 +91,42 @@ def test_spaces_and_features_are_the_documented_ones():
 
 def by_hand(seed, offsets, schedule):
     """The same seconds with fleet, diagnoser and filter driven by hand: beliefs, estimates and readings of each end."""
-    fleet, bank, kalman = Fleet(1), diagnosers.make("filter_bank"), ParameterFilter()
+    fleet = Fleet(1)
+    bank = diagnosers.make("filter_bank")
+    kalman = ParameterFilter()
     reading = fleet.reset([seed], schedules=[schedule], missions=[0.3048])
     bank.reset(1)
-    belief, estimate = bank.update(reading), kalman.update(kalman.initial(1), reading)
+    belief = bank.update(reading)
+    estimate = kalman.update(kalman.initial(1), reading)
     rows = [(belief, estimate, reading, 0.0)]
     for offset in offsets:
         deviation = 0.0
         for _ in range(10):
             reading = fleet.step([[np.float64(reading[0, 0]) + offset, 0.0, 0.0]])
-            belief, estimate = bank.update(reading), kalman.update(estimate, reading)
+            belief = bank.update(reading)
+            estimate = kalman.update(estimate, reading)
             deviation += fleet.outcomes[2, 0] / 10
         rows.append((belief, estimate, reading, deviation))
     return rows
 
 
 def test_a_decision_is_ten_samples_of_plant_diagnoser_and_filter():
-    actions, event = swings(8), FaultEvent(**GONE[0])
+    actions = swings(8)
+    event = FaultEvent(**GONE[0])
     env = ActiveDiagnosisEnv(cost_weight=7.0, budget=0.1)
     run = until_its_end(env, actions, seed=5, options={"schedule": GONE, "mission": 0.3048})
     hand = by_hand(5, 0.25 * actions[: len(run) - 1, 0], (event,))
-    names, cost = classes(), 0.0
+    names = classes()
+    cost = 0.0
     assert len(hand) == len(run) > 4
     for k, (belief, estimate, reading, deviation) in enumerate(hand):
         observation, reward, *_, info = run[k]
         if k:
             cost += (0.25 * actions[k - 1, 0]) ** 2
             assert info["cost"] == pytest.approx((0.25 * actions[k - 1, 0]) ** 2)
-            then, now = (names.index("propeller_loss:port" if s > 3 else "normal") for s in (k - 1, k))
+            then, now = (
+                names.index("propeller_loss:port" if s > 3 else "normal") for s in (k - 1, k)
+            )
             gain = max(belief[0][0, now], FLOOR) - max(hand[k - 1][0][0][0, then], FLOOR)
             assert reward == pytest.approx(gain - 7.0 * deviation)
         top = 1 + belief[0][0, 1:].argmax()
@@ -127,7 +150,9 @@ def log_probabilities(observation):
     return -np.logaddexp(0.0, -np.sinh(observation[: len(classes())].astype(float)))
 
 
-@pytest.mark.parametrize("schedule", [[], GONE, BURSTS], ids=["healthy", "abrupt", "bursts_and_repair"])
+@pytest.mark.parametrize(
+    "schedule", [[], GONE, BURSTS], ids=["healthy", "abrupt", "bursts_and_repair"]
+)
 def test_rewards_sum_to_the_difference_of_log_probability_minus_the_cost(schedule):
     options = {"schedule": schedule, "mission": "cruise"}
     dear, free = (
@@ -138,7 +163,9 @@ def test_rewards_sum_to_the_difference_of_log_probability_minus_the_cost(schedul
     cost -= total
     assert len(dear) == len(free) > 4 and cost > 0.05
     true = 0 if len(dear) == 13 else classes().index(dear[-1][-1]["truth"]["label"])
-    start, end = (max(log_probabilities(dear[k][0])[index], FLOOR) for k, index in ((0, 0), (-1, true)))
+    start, end = (
+        max(log_probabilities(dear[k][0])[index], FLOOR) for k, index in ((0, 0), (-1, true))
+    )
     assert total == pytest.approx(end - start - cost, abs=2e-4)
     assert schedule or abs(end - start) < 1.0
 
@@ -146,7 +173,8 @@ def test_rewards_sum_to_the_difference_of_log_probability_minus_the_cost(schedul
 def test_between_its_bursts_an_intermittent_fault_is_true():
     env = ActiveDiagnosisVectorEnv(1)
     env.reset(seed=3, options={"schedule": BURSTS, "mission": "cruise"})
-    # sample 20 shows the step before the onset at 2.0 s, sample 90 the last one before the repair at 9.0 s
+    # sample 20 shows the step before the onset at 2.0 s, sample 90 the last one before the repair
+    # at 9.0 s
     np.testing.assert_array_equal(env._label[:12, 0] > 0, [False] * 3 + [True] * 7 + [False] * 2)
 
 
@@ -165,9 +193,13 @@ def test_a_right_and_a_wrong_declaration_end_the_episode():
         def step(self, state, observation):
             sure = np.full((len(observation), len(classes())), -30.0)
             sure[:, 3] = 0.0
-            return (state[0] + 1.0,), diagnosers.Belief(sure, np.zeros_like(sure), np.zeros_like(sure))
+            return (state[0] + 1.0,), diagnosers.Belief(
+                sure, np.zeros_like(sure), np.zeros_like(sure)
+            )
 
-    run = ride(ActiveDiagnosisVectorEnv(1, diagnoser=Wrong()), np.ones((1, 1, 1)), options={"schedule": []})
+    run = ride(
+        ActiveDiagnosisVectorEnv(1, diagnoser=Wrong()), np.ones((1, 1, 1)), options={"schedule": []}
+    )
     assert run[1][2].tolist() == [True] and run[1][-1]["final_info"]["declared"] == [classes()[3]]
 
 
@@ -212,12 +244,17 @@ def test_lanes_equal_single_environments_through_their_resets():
                 assert info["truth"]["label"] == row[-1]["final_info"]["truth"]["label"][lane]
                 observation, info = env.reset()
             assert observation.tobytes() == row[0][lane].tobytes()
-            assert info["cost"] == row[-1]["cost"][lane] and info["mission_speed"] == row[-1]["mission_speed"][lane]
+            assert (
+                info["cost"] == row[-1]["cost"][lane]
+                and info["mission_speed"] == row[-1]["mission_speed"][lane]
+            )
 
 
 def test_reset_on_the_next_step_is_the_same_with_a_step_between():
     actions = swings(20, LANES)
-    same, later = (ActiveDiagnosisVectorEnv(LANES, 6, autoreset_mode=mode) for mode in ("SameStep", "NextStep"))
+    same, later = (
+        ActiveDiagnosisVectorEnv(LANES, 6, autoreset_mode=mode) for mode in ("SameStep", "NextStep")
+    )
     assert same.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
     assert later.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
     still = {"schedule": [], "mission": "cruise"}
@@ -234,7 +271,9 @@ def test_reset_on_the_next_step_is_the_same_with_a_step_between():
 
 def test_vector_wrappers_of_gymnasium_drive_it():
     wrap = gym.wrappers
-    one = gym.make_vec(NAME, 3, "sync", wrappers=[wrap.ClipAction, wrap.NormalizeObservation], max_episode_steps=7)
+    one = gym.make_vec(
+        NAME, 3, "sync", wrappers=[wrap.ClipAction, wrap.NormalizeObservation], max_episode_steps=7
+    )
     many = gym.make_vec(NAME, 3, max_episode_steps=7)
     for env in (one, many):
         env = wrap.vector.RecordEpisodeStatistics(env)
@@ -276,20 +315,29 @@ def test_diagnosers_by_name(name):
 
 def test_commands_and_features_keep_their_limits():
     env = ActiveDiagnosisVectorEnv(2, amplitude=1.0, declare=1.0)
-    run = ride(env, [np.array([[-1.0], [9.0]])] * 70, seed=2, options={"schedule": GONE, "mission": 0.4})
+    run = ride(
+        env, [np.array([[-1.0], [9.0]])] * 70, seed=2, options={"schedule": GONE, "mission": 0.4}
+    )
     assert all(env.observation_space.contains(row[0]) for row in run)
-    assert run[5][-1]["cost"] == pytest.approx([0.4**2, 0.6**2])  # clipped to 0 and 1 m/s, as is the action 9
+    # clipped to 0 and 1 m/s, as is the action 9
+    assert run[5][-1]["cost"] == pytest.approx([0.4**2, 0.6**2])
     assert run[-1][0][1, -1] == BOUNDS["left"][0]
 
 
 WRONG = {
-    "diagnoser": (dict(diagnoser="filter_bnak"), "diagnoser: got 'filter_bnak'.*did you mean 'filter_bank'"),
+    "diagnoser": (
+        dict(diagnoser="filter_bnak"),
+        "diagnoser: got 'filter_bnak'.*did you mean 'filter_bank'",
+    ),
     "no_diagnoser": (dict(diagnoser=3), "diagnoser: got 'int'; allowed is .*Recursive"),
     "budget": (dict(budget=0.0), "budget: got 0.0"),
     "amplitude": (dict(amplitude=-0.1), "amplitude: got -0.1"),
     "cost_weight": (dict(cost_weight=float("nan")), "cost_weight: got nan"),
     "declare": (dict(declare=0.3), "declare: got 0.3"),
-    "mode": (dict(autoreset_mode="Sometimes"), "autoreset_mode: got 'Sometimes'; allowed is one of SameStep, NextStep"),
+    "mode": (
+        dict(autoreset_mode="Sometimes"),
+        "autoreset_mode: got 'Sometimes'; allowed is one of SameStep, NextStep",
+    ),
     "lanes": (dict(num_envs=0), "number of lanes: got 0"),
     "limit": (dict(max_episode_steps=0), "max_episode_steps: got 0"),
 }

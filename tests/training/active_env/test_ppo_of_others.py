@@ -11,7 +11,11 @@ from torch import nn
 from torch.distributions import Normal
 
 NAME = "training.active_env:auv_fault_env/ActiveDiagnosis-v0"
-LANES, ROLLOUT, UPDATES, DISCOUNT, TRACE = 4, 16, 5, 0.99, 0.95
+LANES = 4
+ROLLOUT = 16
+UPDATES = 5
+DISCOUNT = 0.99
+TRACE = 0.95
 
 
 class ActorCritic(nn.Module):
@@ -46,10 +50,15 @@ def advantages(network, values, rewards, ends, observation):
     """Generalised advantage estimates (Schulman et al. 2016), backwards from the last value."""
     with torch.no_grad():
         following = network(torch.as_tensor(observation))[1]
-    gained, estimates = torch.zeros(LANES), []
-    for value, reward, end in zip(*(part.flip(0) for part in (values, rewards.float(), ends)), strict=True):
+    gained = torch.zeros(LANES)
+    estimates = []
+    for value, reward, end in zip(
+        *(part.flip(0) for part in (values, rewards.float(), ends)), strict=True
+    ):
         goes_on = (~end).float()
-        gained = reward + DISCOUNT * goes_on * following - value + DISCOUNT * TRACE * goes_on * gained
+        gained = (
+            reward + DISCOUNT * goes_on * following - value + DISCOUNT * TRACE * goes_on * gained
+        )
         estimates.append(gained)
         following = value
     return torch.stack(estimates[::-1])
@@ -59,7 +68,8 @@ def improve(network, optimiser, rollout, observation):
     """Clipped policy-gradient steps on one rollout; the last loss."""
     observations, actions, before, values, rewards, ends = rollout
     gain = advantages(network, values, rewards, ends, observation)
-    returns, gain = gain + values, (gain - gain.mean()) / (gain.std() + 1e-8)
+    returns = gain + values
+    gain = (gain - gain.mean()) / (gain.std() + 1e-8)
     for _ in range(4):
         chances, value = network(observations)
         ratio = (chances.log_prob(actions).sum(-1) - before).exp()
@@ -74,16 +84,23 @@ def improve(network, optimiser, rollout, observation):
 MANY = {"vectorization_mode": "sync", "vector_kwargs": {"autoreset_mode": AutoresetMode.SAME_STEP}}
 
 
-@pytest.mark.parametrize("making", [{}, MANY | {"wrappers": [ClipAction]}], ids=["fleet", "single ones in a row"])
+@pytest.mark.parametrize(
+    "making", [{}, MANY | {"wrappers": [ClipAction]}], ids=["fleet", "single ones in a row"]
+)
 def test_ppo_on_the_vector_interface_alone(making):
-    envs = RecordEpisodeStatistics(gym.make_vec(NAME, num_envs=LANES, max_episode_steps=20, **making))
+    envs = RecordEpisodeStatistics(
+        gym.make_vec(NAME, num_envs=LANES, max_episode_steps=20, **making)
+    )
     with torch.random.fork_rng():
         torch.manual_seed(0)
-        network = ActorCritic(envs.single_observation_space.shape[0], envs.single_action_space.shape[0])
+        network = ActorCritic(
+            envs.single_observation_space.shape[0], envs.single_action_space.shape[0]
+        )
         start = [values.clone() for values in network.parameters()]
         optimiser = torch.optim.Adam(network.parameters(), 3e-3)
         observation, _ = envs.reset(seed=1)
-        losses, n_ends = [], 0
+        losses = []
+        n_ends = 0
         for _ in range(UPDATES):
             rollout, observation = collected(envs, network, observation)
             losses.append(improve(network, optimiser, rollout, observation))

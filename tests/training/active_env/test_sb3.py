@@ -12,14 +12,17 @@ from auv_fault_env.errors import InputError
 from training.active_env import NAME, ActiveDiagnosisVectorEnv
 from training.active_env.sb3 import ActiveVecEnv
 
-LANES, LIMIT = 5, 12
+LANES = 5
+LIMIT = 12
 GONE = [{"fault": "propeller_loss:port", "onset": 3.0, "severity": 1.0}]
 
 
 def pair(**settings):
     """The adapter, and what it must equal."""
     one = ActiveVecEnv(ActiveDiagnosisVectorEnv(LANES, LIMIT, **settings))
-    many = DummyVecEnv([lambda: gym.make(NAME, max_episode_steps=LIMIT, horizon=LIMIT, **settings)] * LANES)
+    many = DummyVecEnv(
+        [lambda: gym.make(NAME, max_episode_steps=LIMIT, horizon=LIMIT, **settings)] * LANES
+    )
     return one, many
 
 
@@ -37,7 +40,9 @@ def same(one, two):
 
 @pytest.mark.parametrize("given", [False, True], ids=["sampled", "given_fault_and_mission"])
 def test_every_step_equals_dummy_vec_env(given):
-    envs, random, ends = pair(), np.random.default_rng(0), []
+    envs = pair()
+    random = np.random.default_rng(0)
+    ends = []
     for env in envs:
         env.seed(7)
         env.set_options({"schedule": GONE, "mission": "cruise"} if given else None)
@@ -47,9 +52,15 @@ def test_every_step_equals_dummy_vec_env(given):
         ours, theirs = (env.step(actions) for env in envs)
         for one, two in zip(ours[:3], theirs[:3], strict=True):
             same(one, two)
-        for one, two in zip(ours[3] + envs[0].reset_infos, theirs[3] + envs[1].reset_infos, strict=True):
+        for one, two in zip(
+            ours[3] + envs[0].reset_infos, theirs[3] + envs[1].reset_infos, strict=True
+        ):
             same(one, two)
-        ends += [(info["TimeLimit.truncated"], info["declared"]) for info in ours[3] if "terminal_observation" in info]
+        ends += [
+            (info["TimeLimit.truncated"], info["declared"])
+            for info in ours[3]
+            if "terminal_observation" in info
+        ]
     assert (True, "normal") in ends
     assert not given or (False, "propeller_loss:port") in ends
 
@@ -83,7 +94,13 @@ def test_options_of_each_lane():
         env.seed(3)
         env.set_options(options)
     same(one.reset(), many.reset())
-    assert [info["truth"]["onset"] for info in one.reset_infos] == [np.inf, 3.0, np.inf, 3.0, np.inf]
+    assert [info["truth"]["onset"] for info in one.reset_infos] == [
+        np.inf,
+        3.0,
+        np.inf,
+        3.0,
+        np.inf,
+    ]
     one.set_options([{"mission": "cruise"}, *[{}] * (LANES - 1)])
     with pytest.raises(InputError, match=r"reset option mission.*all lanes or none"):
         one.reset()
@@ -103,7 +120,10 @@ def test_what_a_step_returns_is_the_caller_s_own():
 
 def test_attributes_and_methods():
     one, _ = pair(amplitude=0.1)
-    assert one.get_attr("amplitude") == [0.1] * LANES and one.get_attr("amplitude", [0, 2]) == [0.1] * 2
+    assert (
+        one.get_attr("amplitude") == [0.1] * LANES
+        and one.get_attr("amplitude", [0, 2]) == [0.1] * 2
+    )
     one.set_attr("cost_weight", 2.0)
     assert one.env.cost_weight == 2.0
     assert one.env_is_wrapped(gym.Wrapper) == [False] * LANES
@@ -121,5 +141,7 @@ def test_ppo_learns_on_it():
     model = PPO("MlpPolicy", env, n_steps=16, batch_size=32, n_epochs=1, seed=0, device="cpu")
     before = [values.clone() for values in model.policy.parameters()]
     model.learn(128)
-    assert any((old != new).any() for old, new in zip(before, model.policy.parameters(), strict=True))
+    assert any(
+        (old != new).any() for old, new in zip(before, model.policy.parameters(), strict=True)
+    )
     assert model.ep_info_buffer and {info["l"] for info in model.ep_info_buffer} <= set(range(1, 9))

@@ -13,7 +13,9 @@ from training.bounds.information import suite_like, told
 from training.metrics.records import HORIZON
 from training.stimuli import Thesis
 
-N_LANES, MEAN_TIME, PERSISTENCE = 36, 600.0, 3
+N_LANES = 36
+MEAN_TIME = 600.0
+PERSISTENCE = 3
 
 
 @pytest.fixture(scope="module")
@@ -29,11 +31,16 @@ def test_bounds_are_plain_data_for_every_class(found):
 def test_rarer_false_alarms_take_longer(found):
     for one in found["classes"].values():
         assert one["detection_delay"]["1 h"][0] <= one["detection_delay"]["10 h"][0] <= HORIZON
-        assert (np.diff(one["delay_by_rate"]) <= 0.0).all() and len(one["delay_by_rate"]) == len(AMOC_RATES)
+        assert (np.diff(one["delay_by_rate"]) <= 0.0).all() and len(one["delay_by_rate"]) == len(
+            AMOC_RATES
+        )
         assert one["rival"] in found["classes"]
         low, high = one["detection_delay"]["1 h"][1:]
         assert low <= high
-    assert found["all"]["isolation_delay"]["1 h"][0] >= found["all"]["detection_delay"]["1 h"][0] - 1e-9
+    assert (
+        found["all"]["isolation_delay"]["1 h"][0]
+        >= found["all"]["detection_delay"]["1 h"][0] - 1e-9
+    )
 
 
 def test_ratios_are_nearly_likelihood_ratios(found):
@@ -47,7 +54,9 @@ def test_ratios_are_nearly_likelihood_ratios(found):
 def tried():
     faulty, healthy = (suite_like(Thesis(), 0, N_LANES, calm) for calm in (False, True))
     own = told(faulty)[:, np.arange(N_LANES), faulty.diagnosis].astype(float)
-    low, _ = bootstrap(lambda some: delay_bound(detection_power(own[:, some], 10.0 * MEAN_TIME)), N_LANES, 0)
+    low, _ = bootstrap(
+        lambda some: delay_bound(detection_power(own[:, some], 10.0 * MEAN_TIME)), N_LANES, 0
+    )
     return faulty, healthy, low
 
 
@@ -66,7 +75,9 @@ def log_normal(name, lanes):
     diagnoser.reset(len(lanes.first))
     if hasattr(diagnoser, "tell"):
         diagnoser.tell(lanes.healthy, lanes.severity)
-    return np.array([diagnoser.update(observation).log_probability[:, 0] for observation in lanes.observations])
+    return np.array(
+        [diagnoser.update(observation).log_probability[:, 0] for observation in lanes.observations]
+    )
 
 
 def results(delay, isolation, upper=1.5):
@@ -74,7 +85,10 @@ def results(delay, isolation, upper=1.5):
     kind = classes()[1]
     bound = {
         "classes": {
-            kind: {"detection_delay": {"1 h": [3.0, 2.5, 3.5]}, "delay_by_rate": np.linspace(6.0, 0.5, 23).tolist()}
+            kind: {
+                "detection_delay": {"1 h": [3.0, 2.5, 3.5]},
+                "delay_by_rate": np.linspace(6.0, 0.5, 23).tolist(),
+            }
         },
         "all": {"isolation_delay": {"1 h": [5.0, 4.5, 5.5]}},
         "amoc": {"false_alarms_per_hour": AMOC_RATES.tolist()},

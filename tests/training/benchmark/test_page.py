@@ -12,11 +12,20 @@ from training.benchmark import page as benchmark_page
 from training.report.figures import registry
 from training.report.page import write_report
 
-N_EPISODES, N_HEALTHY, HORIZON = 144, 36, 30.0
+N_EPISODES = 144
+N_HEALTHY = 36
+HORIZON = 30.0
 NAMES = ("integrated", "filter_bank", "cusum", "mine", "oracle", "null")
 STIMULI = ("cruise", "thesis")
 RATES = {"1 h": 3600.0, "10 h": 36000.0}
-READINGS = ("speed", "speed_command", "port_rpm", "starboard_rpm", "port_current", "starboard_current")
+READINGS = (
+    "speed",
+    "speed_command",
+    "port_rpm",
+    "starboard_rpm",
+    "port_current",
+    "starboard_current",
+)
 FAULT = np.arange(N_EPISODES) % (len(classes()) - 1) + 1
 DECIDED = np.concatenate([FAULT, np.zeros(N_HEALTHY, int)])
 
@@ -48,7 +57,9 @@ def worst_episode(random, k):
         "threshold": -6.0,
         "alarm": (slope < -6.0).tolist(),
         "fault": np.where(time > 40.0, FAULT[k], 3).tolist(),
-        "readings": {name: (1.0 + 0.2 * np.sin(time / 3 + i)).tolist() for i, name in enumerate(READINGS)},
+        "readings": {
+            name: (1.0 + 0.2 * np.sin(time / 3 + i)).tolist() for i, name in enumerate(READINGS)
+        },
     }
 
 
@@ -69,9 +80,13 @@ def at_rate(mean_time, isolation, detection):
 def score(skill, stimulus, seed):
     """Made up of a skill from 0 (null) to 1."""
     random = np.random.default_rng(seed)
-    isolation = np.minimum(random.exponential(3.0 / max(skill, 1e-6) ** 2, N_EPISODES) + 0.3, HORIZON)
+    isolation = np.minimum(
+        random.exponential(3.0 / max(skill, 1e-6) ** 2, N_EPISODES) + 0.3, HORIZON
+    )
     detection = 0.7 * isolation if skill else isolation
-    decision = np.where(random.uniform(size=DECIDED.size) < skill, DECIDED, random.integers(0, 19, DECIDED.size))
+    decision = np.where(
+        random.uniform(size=DECIDED.size) < skill, DECIDED, random.integers(0, 19, DECIDED.size)
+    )
     rates = np.geomspace(0.03, 60.0, 40)
     matrix = np.zeros((19, 19), int)
     np.add.at(matrix, (DECIDED, decision), 1)
@@ -79,7 +94,9 @@ def score(skill, stimulus, seed):
     confidence = np.linspace(0.1, 0.95, 9)
     mean = {name: float(isolation[k == FAULT].mean()) for k, name in enumerate(classes()) if k}
     return {
-        "rates": {rate: at_rate(mean_time, isolation, detection) for rate, mean_time in RATES.items()},
+        "rates": {
+            rate: at_rate(mean_time, isolation, detection) for rate, mean_time in RATES.items()
+        },
         "isolation": times(isolation),
         "detection": times(detection),
         "isolation_by_class": mean,
@@ -105,7 +122,9 @@ def score(skill, stimulus, seed):
         },
         "amoc": {
             "false_alarms_per_hour": rates.tolist(),
-            "delay": (detection.mean() * (60.0 / rates) ** (0.1 * (skill > 0)) / 1.5).clip(0, HORIZON).tolist(),
+            "delay": (detection.mean() * (60.0 / rates) ** (0.1 * (skill > 0)) / 1.5)
+            .clip(0, HORIZON)
+            .tolist(),
             "probability": (1 - 0.1 * (60.0 / rates) ** 0.1).tolist(),
         },
         "confusion": matrix.tolist(),
@@ -118,7 +137,11 @@ def score(skill, stimulus, seed):
             "truth": truth.tolist(),
             "estimate": (truth + random.normal(0, 0.1, 60)).clip(0, 1).tolist(),
         },
-        "compatibility": {"fddbenchmark TPR": 0.9 * skill, "DX'25 FAR": 0.01, "DX'25 FIA": None if not skill else 0.8},
+        "compatibility": {
+            "fddbenchmark TPR": 0.9 * skill,
+            "DX'25 FAR": 0.01,
+            "DX'25 FIA": None if not skill else 0.8,
+        },
         "by_lane": {
             "isolation": isolation.tolist(),
             "isolated": (isolation < HORIZON).tolist(),
@@ -144,9 +167,18 @@ def bound(least):
     }
     return {
         "classes": dict.fromkeys(classes()[1:], of_class),
-        "all": {key: {"1 h": interval, "10 h": interval} for key in ("detection_delay", "isolation_delay")},
-        "amoc": {"false_alarms_per_hour": np.geomspace(0.03, 60, 10).tolist(), "delay": [least] * 10},
-        "calibration": {"inverse_ratio": {"1 s": 0.98, "15 s": 0.7}, "healthy_beyond": {"0.01": 0.008, "0.1": 0.06}},
+        "all": {
+            key: {"1 h": interval, "10 h": interval}
+            for key in ("detection_delay", "isolation_delay")
+        },
+        "amoc": {
+            "false_alarms_per_hour": np.geomspace(0.03, 60, 10).tolist(),
+            "delay": [least] * 10,
+        },
+        "calibration": {
+            "inverse_ratio": {"1 s": 0.98, "15 s": 0.7},
+            "healthy_beyond": {"0.01": 0.008, "0.1": 0.06},
+        },
         "lanes": 360,
     }
 
@@ -160,12 +192,22 @@ def made_up(stimuli=STIMULI, names=NAMES, least=None):
             "name": "standard",
             "about": "Every class, every severity.",
             "hash": "ab" * 32,
-            "plant": {"preset": "thesis1992", "sensor_noise": 1.0, "disturbance": 1.0, "healthy_band": 1.0},
+            "plant": {
+                "preset": "thesis1992",
+                "sensor_noise": 1.0,
+                "disturbance": 1.0,
+                "healthy_band": 1.0,
+            },
             "duration": 65.0,
             "listed": 2052,
             "every": 1,
         },
-        "seeds": {"faulty": [10, 153], "threshold": [100, 200], "counting": [300, 400], "bootstrap": 0},
+        "seeds": {
+            "faulty": [10, 153],
+            "threshold": [100, 200],
+            "counting": [300, 400],
+            "bootstrap": 0,
+        },
         "settings": {
             "persistence": 3,
             "horizon": HORIZON,
@@ -182,7 +224,10 @@ def made_up(stimuli=STIMULI, names=NAMES, least=None):
         "versions": {"python": "3.11.2", "numpy": "2.4.6"},
         "revision": None,
         "weights": {name: "0123456789abcdef" if name == "integrated" else None for name in names},
-        "compute": {name: {"p50_us": 41.0, "p99_us": 99.5, "many_lanes_us": 1.23, "numbers": 12345} for name in names},
+        "compute": {
+            name: {"p50_us": 41.0, "p99_us": 99.5, "many_lanes_us": 1.23, "numbers": 12345}
+            for name in names
+        },
         "episodes": {
             "seed": list(range(N_EPISODES)),
             "fault": FAULT.tolist(),
@@ -197,7 +242,11 @@ def made_up(stimuli=STIMULI, names=NAMES, least=None):
             for seed, stimulus in enumerate(stimuli)
         },
     }
-    return results if least is None else results | {"bounds": {stimulus: bound(least) for stimulus in stimuli}}
+    return (
+        results
+        if least is None
+        else results | {"bounds": {stimulus: bound(least) for stimulus in stimuli}}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -246,11 +295,15 @@ def test_what_was_run_says_suite_seeds_and_third_parties(page):
 
 
 def test_the_introduction_reads_as_sentences(page):
-    assert page["intro"][0].startswith("The suite: Every class, every severity. 144 episodes with a fault")
+    assert page["intro"][0].startswith(
+        "The suite: Every class, every severity. 144 episodes with a fault"
+    )
 
 
 def test_the_bound_of_isolation_says_for_whom_it_holds(page):
-    (section,) = [section for section in page["sections"] if section["heading"] == "Isolation time by class"]
+    (section,) = [
+        section for section in page["sections"] if section["heading"] == "Isolation time by class"
+    ]
     assert next(iter(section["figures"][0]["data"]["delays"])) == "bound at 1 % misnamed"
     assert "who confuses the two more often can be below it" in section["figures"][0]["caption"]
 
@@ -274,12 +327,16 @@ def test_false_alarms_are_flagged_at_both_rates(page):
 
 def test_the_best_two_are_compared_in_pairs(page):
     compared = rows(page, "Is the best one better?")
-    assert [row[:3] for row in compared] == [[stimulus, "integrated", "filter_bank"] for stimulus in STIMULI]
+    assert [row[:3] for row in compared] == [
+        [stimulus, "integrated", "filter_bank"] for stimulus in STIMULI
+    ]
     assert compared[0][3].startswith("-")
 
 
 def test_a_bound_that_holds_and_one_that_is_beaten(results, page):
-    (verdict,) = [section for section in page["sections"] if section["heading"].startswith("Does any")]
+    (verdict,) = [
+        section for section in page["sections"] if section["heading"].startswith("Does any")
+    ]
     n_checks = len(STIMULI) * len(NAMES) * 19  # detection of 18 classes, isolation of all
     assert verdict["text"][0].startswith(f"0 of {n_checks} comparisons beat their bound")
     assert {row[-1] for row in verdict["table"]["rows"]} == {"no"}
@@ -316,12 +373,21 @@ def test_results_stay_as_they_are(results):
 
 @pytest.mark.slow
 def test_the_report_has_every_figure(tmp_path):
-    page = benchmark_page.page(made_up(stimuli=("thesis",), names=("integrated", "null"), least=0.25))
+    page = benchmark_page.page(
+        made_up(stimuli=("thesis",), names=("integrated", "null"), least=0.25)
+    )
     write_report(page, tmp_path)
-    names = [figure["name"] for section in page["sections"] for figure in section.get("figures", ())]
+    names = [
+        figure["name"] for section in page["sections"] for figure in section.get("figures", ())
+    ]
     assert len(names) == len(set(names)) == 12
     assert {path.stem for path in (tmp_path / "figures").iterdir()} == set(names)
     text = (tmp_path / "index.html").read_text()
     assert text.count("<img") == len(names)
-    for word in ("Leaderboard under thesis", "Worst episodes", "auv-fault benchmark --suite standard", "bound"):
+    for word in (
+        "Leaderboard under thesis",
+        "Worst episodes",
+        "auv-fault benchmark --suite standard",
+        "bound",
+    ):
         assert word in text

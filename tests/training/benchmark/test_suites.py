@@ -34,8 +34,16 @@ def test_the_recipe_gives_the_frozen_suite(name):
 
 def test_no_vehicle_serves_twice():
     taken = [(suite.episodes[0].seed, suite.episodes[-1].seed) for suite in SUITES.values()]
-    taken += [(suite.healthy["counting"], suite.healthy["counting"] + 2_000_000) for suite in SUITES.values()]
-    taken += [(SUITES["standard"].healthy["threshold"], SUITES["standard"].healthy["threshold"] + 2_000_000)]
+    taken += [
+        (suite.healthy["counting"], suite.healthy["counting"] + 2_000_000)
+        for suite in SUITES.values()
+    ]
+    taken += [
+        (
+            SUITES["standard"].healthy["threshold"],
+            SUITES["standard"].healthy["threshold"] + 2_000_000,
+        )
+    ]
     bounds = np.array(sorted(taken))
     assert (bounds[1:, 0] > bounds[:-1, 1]).all()
     assert {purpose_of(int(seed)) for seed in bounds.ravel()} == {"test"}
@@ -52,7 +60,10 @@ def test_standard_has_as_many_of_every_class_and_severities_evenly_spread():
     for diagnosis in classes()[1:]:
         of_class = [event for event in found if CATALOGUE[event.fault].diagnosis == diagnosis]
         assert len(of_class) == 114
-        kinds = [sum(event.fault == kind for event in of_class) for kind in {event.fault for event in of_class}]
+        kinds = [
+            sum(event.fault == kind for event in of_class)
+            for kind in {event.fault for event in of_class}
+        ]
         assert max(kinds) - min(kinds) <= 1
         for kind in {event.fault for event in of_class}:
             severities = np.sort([event.severity for event in of_class if event.fault == kind])
@@ -131,7 +142,11 @@ def test_the_refusal_names_both_hashes_and_the_remedy(tmp_path):
         ('"missions": [', '"missions": [], "was": [', ["missions", "at least one"]),
         ('"episodes": [', '"episodes": [], "were": [', ["episodes", "at least one"]),
         ('"name": "thesis"', '"name": "../thesis"', ["name", "../thesis"]),
-        ('"counting": 4010000000', '"counting": 18446744073709551615', ["first seed of counting", "test seed"]),
+        (
+            '"counting": 4010000000',
+            '"counting": 18446744073709551615',
+            ["first seed of counting", "test seed"],
+        ),
         ('"onset": ', '"onset": 9', ["first onset", "to 34.9"]),
     ],
 )
@@ -165,7 +180,8 @@ def test_what_is_no_suite_is_refused(tmp_path, content):
 
 
 @pytest.mark.parametrize(
-    ("name", "word"), [("standart", "did you mean 'standard'"), ("absent.json", "check the path"), ("", "FILE.json")]
+    ("name", "word"),
+    [("standart", "did you mean 'standard'"), ("absent.json", "check the path"), ("", "FILE.json")],
 )
 def test_an_unknown_suite_is_refused(name, word):
     with pytest.raises(InputError, match=word):

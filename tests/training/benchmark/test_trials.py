@@ -28,7 +28,9 @@ def trial(entrant=RANDOM, stimulus="thesis", part=FAULTY, n=4, **changes):
     episodes = STANDARD.episodes[:n]
     if part != FAULTY:
         episodes = tuple(episode._replace(schedule=()) for episode in episodes)
-    return Trial(entrant, STIMULI[stimulus](), part, STANDARD.conditions, episodes)._replace(**changes)
+    return Trial(entrant, STIMULI[stimulus](), part, STANDARD.conditions, episodes)._replace(
+        **changes
+    )
 
 
 def record(seed, n_lanes):
@@ -36,7 +38,9 @@ def record(seed, n_lanes):
     steps = random.standard_normal((650, n_lanes)).astype(np.float32)
     log_normal = -np.abs(steps.cumsum(axis=0) + random.choice([0, 20], n_lanes)).astype(np.float32)
     whole = [np.zeros((5, n_lanes, N_CLASSES), np.float32)] * 3
-    return Record(log_normal, random.integers(1, N_CLASSES, log_normal.shape).astype(np.int8), *whole)
+    return Record(
+        log_normal, random.integers(1, N_CLASSES, log_normal.shape).astype(np.int8), *whole
+    )
 
 
 @pytest.mark.parametrize("allowed", [0, 3, 40])
@@ -47,15 +51,20 @@ def test_threshold_of_the_chunks_is_exactly_that_of_all_lanes(allowed):
     mean_time = full.size * 0.1 / (allowed + 0.5)
     found = metrics.threshold_within(Edges(kept.low, kept.high), allowed)
     assert found == metrics.threshold_for(full, mean_time, PERSISTENCE)
-    assert kept.low.size < 0.2 * metrics.edges(full, PERSISTENCE).low.size  # and little is kept for it
+    # and little is kept for it
+    assert kept.low.size < 0.2 * metrics.edges(full, PERSISTENCE).low.size
 
 
 def test_what_is_left_of_healthy_lanes_counts_as_the_lanes_themselves():
-    seen, onset = record(3, 30), np.linspace(5.0, 30.0, 30)
+    seen = record(3, 30)
+    onset = np.linspace(5.0, 30.0, 30)
     left = calm(seen, onset)
     for threshold in (-60.0, -20.0, -5.0, -0.1):
         alarm = metrics.alarms(seen.log_normal, threshold, PERSISTENCE)
-        assert metrics.count_alarms(Edges(left.low, left.high), threshold) == metrics.rising(alarm).sum()
+        assert (
+            metrics.count_alarms(Edges(left.low, left.high), threshold)
+            == metrics.rising(alarm).sum()
+        )
         assert (left.least < threshold).sum() == alarm.any(axis=0).sum()
         for k, time in enumerate(records.DECIDED):
             at = metrics.sample_at(onset + time), np.arange(30)
@@ -92,14 +101,17 @@ def test_what_is_no_belief_is_refused_with_what_and_when(given, words):
 
 
 def test_beliefs_are_kept_by_the_names_of_their_classes():
-    turned, probability = classes()[::-1], np.full((1, N_CLASSES), 0.3 / 17)
+    turned = classes()[::-1]
+    probability = np.full((1, N_CLASSES), 0.3 / 17)
     probability[0, turned.index("normal")] = 0.5
     probability[0, turned.index("increased_drag")] = 0.2
     recorder = records.Recorder(turned, 1, np.zeros((1, 1), np.int64))
     ordered = recorder.note(0, belief(probability))
     assert np.exp(recorder.record.log_normal[0, 0]) == pytest.approx(0.5)
     assert recorder.record.fault[0, 0] == classes().index("increased_drag")
-    np.testing.assert_allclose(recorder.record.log_probability[0, 0], ordered.log_probability[0], rtol=1e-6)
+    np.testing.assert_allclose(
+        recorder.record.log_probability[0, 0], ordered.log_probability[0], rtol=1e-6
+    )
 
 
 def test_truth_of_faulty_lanes():
@@ -109,7 +121,9 @@ def test_truth_of_faulty_lanes():
     assert names == [CATALOGUE[event.fault].diagnosis for event in first]
     np.testing.assert_array_equal(so.truth.onset, [event.onset for event in first])
     np.testing.assert_allclose(so.full_severity, [event.severity for event in first], rtol=1e-6)
-    assert (so.truth.label[0] == so.truth.fault).all() and ((so.instants >= 0) & (so.instants < 650)).all()
+    assert (so.truth.label[0] == so.truth.fault).all() and (
+        (so.instants >= 0) & (so.instants < 650)
+    ).all()
 
 
 def test_of_two_faults_the_worse_is_to_be_found_from_the_first_onset_on():
@@ -138,11 +152,15 @@ def test_stimuli_are_tried_on_the_same_vehicles_with_the_same_rudder():
     seen = {name: watch(trial(stimulus=name, n=12))[0] for name in STIMULI}
     channel = {name: k for k, name in enumerate(CHANNELS)}
     for name in ("mission_speed", "rudder", "stern_plane"):
-        np.testing.assert_array_equal(seen["cruise"][:, :, channel[name]], seen["thesis"][:, :, channel[name]])
+        np.testing.assert_array_equal(
+            seen["cruise"][:, :, channel[name]], seen["thesis"][:, :, channel[name]]
+        )
     assert seen["thesis"][:, :, channel["rudder"]].any()
     steady = [len(episode.mission.legs) == 1 for episode in STANDARD.episodes[:12]]
     for name, offset in (("cruise", 0.0), ("thesis", BUDGET)):
-        command, mission = (seen[name][1:, steady, channel[kind]] for kind in ("speed_command", "mission_speed"))
+        command, mission = (
+            seen[name][1:, steady, channel[kind]] for kind in ("speed_command", "mission_speed")
+        )
         np.testing.assert_allclose(np.abs(command - mission), offset, atol=1e-6)
 
 
@@ -156,9 +174,13 @@ def test_commanded_speed_stays_within_the_channel(speed):
 
 def test_energy_and_speed_deviation_are_those_of_the_mission():
     held = Episode(4_999_000_001, (), Mission(((0.0, 0.4),)))
-    quiet = replace(STANDARD.conditions, plant=STANDARD.conditions.plant | {"disturbance": 0.0, "sensor_noise": 0.0})
+    quiet = replace(
+        STANDARD.conditions,
+        plant=STANDARD.conditions.plant | {"disturbance": 0.0, "sensor_noise": 0.0},
+    )
     cruise, thesis = (
-        watch(trial(stimulus=name, episodes=(held,), conditions=quiet))[2:] for name in ("cruise", "thesis")
+        watch(trial(stimulus=name, episodes=(held,), conditions=quiet))[2:]
+        for name in ("cruise", "thesis")
     )
     assert cruise[1][0] < 0.02 < 0.04 < thesis[1][0] < BUDGET  # the speed lags its command
     assert 10.0 < cruise[0][0] < thesis[0][0]
@@ -184,7 +206,9 @@ def test_a_reference_is_told_the_vehicle_and_the_severity():
         run(trial(entrant, part=part))
     (healthy, severity), (_, calm_severity) = Told.heard
     assert healthy.shape == (4, len(PARAMETERS))
-    np.testing.assert_allclose(severity, [episode.schedule[0].severity for episode in STANDARD.episodes[:4]], rtol=1e-6)
+    np.testing.assert_allclose(
+        severity, [episode.schedule[0].severity for episode in STANDARD.episodes[:4]], rtol=1e-6
+    )
     assert (calm_severity == 0.6).all()
 
 
@@ -224,7 +248,9 @@ def test_an_outcome_with_any_spoilt_byte_is_refused_or_read(tmp_path):
 
 def test_two_classes_of_one_file_are_told_apart(tmp_path):
     path = tmp_path / "two_of_a_test.py"
-    path.write_text("from diagnosers.references import Null\nclass A(Null): ...\nclass B(Null): ...\n")
+    path.write_text(
+        "from diagnosers.references import Null\nclass A(Null): ...\nclass B(Null): ...\n"
+    )
     parties = [ThirdParty(f"{path}:{name}") for name in "AB"]
     first, second = (trial_store.fingerprint(Entrant("x", party), party()) for party in parties)
     assert first != second
@@ -267,5 +293,7 @@ def test_the_fingerprint_tells_settings_weights_and_code_apart():
     tensors = networks[0].tensors()
     name = next(iter(tensors))
     changed = {**tensors, name: tensors[name] + 1}
-    assert trial_store.weights_digest(make("raw_network", weights=changed)) != trial_store.weights_digest(networks[0])
+    assert trial_store.weights_digest(
+        make("raw_network", weights=changed)
+    ) != trial_store.weights_digest(networks[0])
     assert trial_store.weights_digest(make("null")) is None

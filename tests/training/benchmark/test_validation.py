@@ -38,7 +38,8 @@ class Perfect(Toy):
     rollout = None  # the back door
 
     def believe(self, k, observation):
-        k, lanes = k % len(self.rollout.label), np.arange(len(observation)) % self.rollout.label.shape[1]
+        k = k % len(self.rollout.label)
+        lanes = np.arange(len(observation)) % self.rollout.label.shape[1]
         return belief(self.rollout.label[k, lanes], self.rollout.severity[k, lanes], 1e-6)
 
 
@@ -88,7 +89,13 @@ def toys(monkeypatch):
 
     roll_out = validation.roll_out
     monkeypatch.setattr(validation, "roll_out", listening)
-    for name, value in (("WARM_UP", 2), ("ONE_BY_ONE", 10), ("MANY_LANES", 4), ("MANY_SAMPLES", 3), ("DIFFERENT", 2)):
+    for name, value in (
+        ("WARM_UP", 2),
+        ("ONE_BY_ONE", 10),
+        ("MANY_LANES", 4),
+        ("MANY_SAMPLES", 3),
+        ("DIFFERENT", 2),
+    ):
         monkeypatch.setattr(timing, name, value)
     for toy, ranked in ((Perfect, True), (Never, False), (Noisy, False), (Told, False)):
         monkeypatch.setitem(REGISTRY, toy.name, Entry(toy, ranked))
@@ -99,7 +106,9 @@ def toys(monkeypatch):
 
 
 def run(tmp_path, *arguments):
-    code = cli.main(["validate", "--output", str(tmp_path / "out"), *TINY, "--diagnosers", *arguments])
+    code = cli.main(
+        ["validate", "--output", str(tmp_path / "out"), *TINY, "--diagnosers", *arguments]
+    )
     path = tmp_path / "out" / "results.json"
     return code, json.loads(path.read_text()) if path.exists() else None
 
@@ -107,16 +116,28 @@ def run(tmp_path, *arguments):
 def test_perfect_beliefs_score_perfectly_and_silence_is_censored(tmp_path):
     code, results = run(tmp_path, "integrated", "null")
     assert code == 0
-    perfect, never = results["scores"]["integrated"], results["scores"]["null"]
-    # the fault shows in the sample after the one it begins in, and an alarm takes 3 samples: under 0.4 s
+    perfect = results["scores"]["integrated"]
+    never = results["scores"]["null"]
+    # the fault shows in the sample after the one it begins in, and an alarm takes 3 samples: under
+    # 0.4 s
     assert 0.2 < perfect["isolation"]["restricted_mean"] < 0.4
     assert perfect["isolation"] == perfect["detection"]
-    assert perfect["isolation"]["probability"] == perfect["macro_f1"] == perfect["severity_coverage"] == 1.0
+    assert (
+        perfect["isolation"]["probability"]
+        == perfect["macro_f1"]
+        == perfect["severity_coverage"]
+        == 1.0
+    )
     assert perfect["severity_mae"] == pytest.approx(0.0, abs=1e-6)
     assert perfect["ece"] == pytest.approx(0.0, abs=1e-5)
     assert perfect["log_loss"] == pytest.approx(1e-6, rel=1e-2)
     assert perfect["false_alarms"] == 0
-    assert never["isolation"] == {"restricted_mean": 30.0, "interval": [30.0, 30.0], "probability": 0.0, "median": None}
+    assert never["isolation"] == {
+        "restricted_mean": 30.0,
+        "interval": [30.0, 30.0],
+        "probability": 0.0,
+        "median": None,
+    }
     assert never["detection"]["probability"] == 0.0
     assert set(never["isolation_by_class"].values()) == {30.0}
     check_page(tmp_path)
@@ -126,7 +147,13 @@ def check_page(tmp_path):
     text = (tmp_path / "out" / "index.html").read_text()
     figures = {path.stem for path in (tmp_path / "out" / "figures").iterdir()}
     assert figures == {"isolation", "confusion-integrated", "reliability", "severity"}
-    for word in ("Are the targets met?", "not judged", "null *", "40 vehicles", "false alarm per 1 h"):
+    for word in (
+        "Are the targets met?",
+        "not judged",
+        "null *",
+        "40 vehicles",
+        "false alarm per 1 h",
+    ):
         assert word in text
 
 
@@ -177,8 +204,15 @@ def test_threshold_holds_on_its_lanes_and_is_set_on_no_others():
     beliefs = validation.compare(entrants, lanes=4, hours=3.0, seed=0)
     judged = scoring.judge(beliefs.records["random"], beliefs.truth)
     log_normal = beliefs.records["random"]["threshold"].log_normal
-    count = lambda level: metrics.rising(metrics.alarms(log_normal, level, records.PERSISTENCE)).sum()  # noqa: E731
-    assert count(judged.threshold) <= 3 < count(np.nextafter(np.float32(judged.threshold), np.float32(0)))
+
+    def count(level):
+        return metrics.rising(metrics.alarms(log_normal, level, records.PERSISTENCE)).sum()
+
+    assert (
+        count(judged.threshold)
+        <= 3
+        < count(np.nextafter(np.float32(judged.threshold), np.float32(0)))
+    )
     assert judged.hours == pytest.approx(3.0, abs=0.02)
 
 
@@ -186,7 +220,8 @@ def test_the_oracle_is_told_and_comes_a_second_time_without_severities(tmp_path)
     code, results = run(tmp_path, "oracle")
     assert code == 0
     assert list(results["scores"]) == ["oracle", "oracle" + validation.UNTOLD]
-    of_chunks = [(healthy, severity) for healthy, severity in Told.heard if len(healthy) == 20]  # half of the lanes
+    # half of the lanes
+    of_chunks = [(healthy, severity) for healthy, severity in Told.heard if len(healthy) == 20]
     told = [severity for _, severity in of_chunks if severity is not None]
     assert len(told) == len(of_chunks) - len(told) > 0
     assert all(healthy.shape == (20, len(PARAMETERS)) for healthy, _ in of_chunks)
@@ -200,10 +235,15 @@ def test_suite_is_as_it_says():
     assert (truth.fault > 0).all() and np.unique(truth.fault).size > 14
     assert (truth.onset >= 5.0).all() and (truth.onset <= 30.0).all()
     thesis, random = (episodes.rollout.observations[:, :, 0] for episodes in chunks)
-    assert (np.unique(thesis.round(3), axis=1).shape[1], np.unique(random.round(3), axis=1).shape[1]) == (1, 100)
+    assert (
+        np.unique(thesis.round(3), axis=1).shape[1],
+        np.unique(random.round(3), axis=1).shape[1],
+    ) == (1, 100)
     for episodes in chunks:
         assert (episodes.full_severity >= episodes.rollout.severity.max(axis=0) - 1e-6).all()
-        np.testing.assert_allclose(episodes.instants[0] * 0.1, episodes.truth.onset + 20.0, atol=0.1)
+        np.testing.assert_allclose(
+            episodes.instants[0] * 0.1, episodes.truth.onset + 20.0, atol=0.1
+        )
         assert (episodes.truth.label[0] == episodes.truth.fault).all()
 
 
@@ -224,7 +264,9 @@ def test_same_seed_same_figures_and_another_seed_others():
     def figures(seed):
         entrants, _ = validation.contestants(["random"])
         beliefs = validation.compare(entrants, lanes=8, hours=0.1, seed=seed)
-        return scoring.summary(scoring.judge(beliefs.records["random"], beliefs.truth), beliefs.truth["faulty"], seed)
+        return scoring.summary(
+            scoring.judge(beliefs.records["random"], beliefs.truth), beliefs.truth["faulty"], seed
+        )
 
     first = figures(0)
     assert first == figures(0) != figures(1)
@@ -232,6 +274,7 @@ def test_same_seed_same_figures_and_another_seed_others():
 
 def test_share_of_healthy_lanes_in_what_is_judged_at_an_instant():
     chosen = scoring.healthy_beside(1000, 1108)
-    assert chosen.size == 250  # one healthy lane to four faulty ones, as the sampler of schedules draws them
+    # one healthy lane to four faulty ones, as the sampler of schedules draws them
+    assert chosen.size == 250
     assert (chosen < 554).sum() == 125  # as many of either stimulus
     assert scoring.healthy_beside(1000, 12).size == 12

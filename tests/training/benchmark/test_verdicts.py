@@ -22,13 +22,21 @@ BEATS, RATIO, SEVERITY, CALIBRATED, BANK, QUICK = range(6)
 
 
 def score(isolation=4.0, severity=0.1, ece=0.03, p99=300.0):
-    return {"isolation": {"restricted_mean": isolation}, "severity_mae": severity, "ece": ece, "p99_us": p99}
+    return {
+        "isolation": {"restricted_mean": isolation},
+        "severity_mae": severity,
+        "ece": ece,
+        "p99_us": p99,
+    }
 
 
 def judged(scores=None, against=None):
     scores = {INTEGRATED: score(), ORACLE: score(3.0), ORACLE + UNTOLD: score()} | (scores or {})
     others = [name for name in ranked() if name != INTEGRATED]
-    won = {INTEGRATED: dict.fromkeys(others, BETTER), FILTER_BANK: dict.fromkeys(BELOW_FILTER_BANK, BETTER)}
+    won = {
+        INTEGRATED: dict.fromkeys(others, BETTER),
+        FILTER_BANK: dict.fromkeys(BELOW_FILTER_BANK, BETTER),
+    }
     return [row[1] for row in verdicts(scores, won | (against or {}))]
 
 
@@ -51,8 +59,13 @@ def test_each_figure_can_miss_its_target(target, scores):
 
 @pytest.mark.parametrize(("target", "name"), [(BEATS, INTEGRATED), (BANK, FILTER_BANK)])
 def test_one_that_is_not_surely_beaten_is_enough_to_miss(target, name):
-    others = {INTEGRATED: [one for one in ranked() if one != INTEGRATED], FILTER_BANK: BELOW_FILTER_BANK}[name]
-    assert judged(against={name: dict.fromkeys(others, BETTER) | {others[0]: WORSE}})[target] == MISSED
+    others = {
+        INTEGRATED: [one for one in ranked() if one != INTEGRATED],
+        FILTER_BANK: BELOW_FILTER_BANK,
+    }[name]
+    assert (
+        judged(against={name: dict.fromkeys(others, BETTER) | {others[0]: WORSE}})[target] == MISSED
+    )
     assert judged(against={name: dict.fromkeys(others[1:], BETTER)})[target] == OPEN
     assert judged(against={name: {}})[target] == OPEN
 

@@ -23,21 +23,28 @@ from training.stimuli import Cruise, Thesis
 BUDGET = 0.0762
 
 
-@pytest.mark.parametrize("profile", [(1, 0.5, 0.0), (4, 0.2, 0.0), (2.7, 0.5, 1.0), (LIMITS[0][1], 0.8, 0.4)])
+@pytest.mark.parametrize(
+    "profile", [(1, 0.5, 0.0), (4, 0.2, 0.0), (2.7, 0.5, 1.0), (LIMITS[0][1], 0.8, 0.4)]
+)
 def test_profiles_keep_the_budget_and_the_mean(profile):
-    values = np.array([offsets(np.array([profile]), time, BUDGET)[0] for time in np.arange(6000) * WINDOW / 6000])
+    values = np.array(
+        [offsets(np.array([profile]), time, BUDGET)[0] for time in np.arange(6000) * WINDOW / 6000]
+    )
     assert values.mean() == pytest.approx(0.0, abs=3e-4)
     assert np.sqrt(np.square(values).mean()) == pytest.approx(BUDGET, rel=5e-3)
 
 
 def test_the_best_stimulus_of_a_lag_is_the_slowest_sine():
     """Lag x' = a (u - x): evidence gathers as mean(x^2), and of all u with mean 0 and mean square 1 the slowest sine,
-    with 1 / (1 + (omega / a)^2), gives the most: every other one has a share in higher frequencies, which lag more.
+    with 1 / (1 + (omega / a)^2), gives the most: every other one has a share in higher frequencies,
+    which lag more.
     """
-    a, n = 1.0, 1000
+    a = 1.0
+    n = 1000
 
     def rate(profiles):
-        x, total = np.zeros(len(profiles)), np.zeros(len(profiles))
+        x = np.zeros(len(profiles))
+        total = np.zeros(len(profiles))
         decay = np.exp(-a * WINDOW / n)
         for k in range(2 * n):
             x = decay * x + (1.0 - decay) * offsets(profiles, (k % n) * WINDOW / n, 1.0)
@@ -91,20 +98,31 @@ def test_offsets_are_repeated_as_far_as_the_channel_goes():
 
 def test_a_square_wave_is_as_good_as_levels_as_it_is_as_a_profile():
     judged = seeds("test", 3, 700_000_200)
-    square = BUDGET * np.repeat([1.0, -1.0], [8, 7])  # changes after 8 s, the profile after 8.0025 s
+    # changes after 8 s, the profile after 8.0025 s
+    square = BUDGET * np.repeat([1.0, -1.0], [8, 7])
     square = levels(square[None], BUDGET)
     profile = np.array([[1.0, 8.0025 / WINDOW, 0.0]])
     as_profile = rates_of("increased_drag", profile, judged, BUDGET)
-    assert free_rates_of("increased_drag", square, judged)[0] == pytest.approx(as_profile[0], rel=0.05)
+    assert free_rates_of("increased_drag", square, judged)[0] == pytest.approx(
+        as_profile[0], rel=0.05
+    )
 
 
 def test_the_free_ceiling_is_no_lower_than_either_profile_and_stands_beside_the_thesis(monkeypatch):
-    for name, value in (("GENERATIONS", 1), ("TRIES", 2), ("ROUNDS", 1), ("TRIED_ON", 1), ("JUDGED_ON", 2)):
+    for name, value in (
+        ("GENERATIONS", 1),
+        ("TRIES", 2),
+        ("ROUNDS", 1),
+        ("TRIED_ON", 1),
+        ("JUDGED_ON", 2),
+    ):
         monkeypatch.setattr(active_ceiling, name, value)
     found = free_ceiling("increased_drag", 5, 0.1)
     judged = seeds("test", 2, 700_000_006)
     assert found["best"] == max(found["free"], found["active"])
-    assert found["thesis"] == pytest.approx(least_rates("increased_drag", Thesis(0.1), judged).mean(axis=0).min())
+    assert found["thesis"] == pytest.approx(
+        least_rates("increased_drag", Thesis(0.1), judged).mean(axis=0).min()
+    )
     assert found["thesis_speed_up"] == pytest.approx(found["best"] / found["thesis"])
     assert np.sqrt(np.mean(np.square(found["levels"]))) == pytest.approx(0.1, abs=1e-3)
     assert found["budget"] == 0.1

@@ -13,7 +13,8 @@ RPM = 1500.0
 
 def standing(n_samples: int, rpm: float) -> tuple[np.ndarray, np.ndarray]:
     """Truth and observations of a vehicle that stands still, its shafts turning."""
-    truth, observations = np.zeros((n_samples, 1, 5)), np.zeros((n_samples, 1, len(CHANNELS)))
+    truth = np.zeros((n_samples, 1, 5))
+    observations = np.zeros((n_samples, 1, len(CHANNELS)))
     truth[:, :, 1:4] = 1.0
     for side in ("port", "starboard"):
         observations[:, :, list(CHANNELS).index(f"{side}_rpm")] = rpm
@@ -28,13 +29,15 @@ def model() -> SurgeFilter:
 
 def test_a_constant_speed_is_known_as_the_mean_of_its_readings():
     variance = cramer_rao.bound(model(), *standing(50, 0.0))[:, 0, 0, 0]
-    samples, noise = np.arange(1, 51), CHANNELS["speed"].noise ** 2
+    samples = np.arange(1, 51)
+    noise = CHANNELS["speed"].noise ** 2
     np.testing.assert_allclose(variance, 1.0 / (1.0 + samples / noise), rtol=1e-3)
 
 
 def test_a_random_walk_settles_where_the_riccati_equation_says():
     """Scalar random walk of variance q a sample, read with variance r: p = (sqrt(q^2 + 4 q r) - q) / 2 in the end."""
-    vehicle, r = PRESETS["thesis1992"], CHANNELS["speed"].noise ** 2
+    vehicle = PRESETS["thesis1992"]
+    r = CHANNELS["speed"].noise ** 2
     q = 2.0 * (SAMPLE_TIME * vehicle.beta * RPM * CHANNELS["port_rpm"].noise) ** 2
     variance = cramer_rao.bound(model(), *standing(4000, RPM))[-1, 0, 0, 0]
     assert variance == pytest.approx((np.sqrt(q * q + 4.0 * q * r) - q) / 2.0, rel=0.02)
@@ -43,7 +46,9 @@ def test_a_random_walk_settles_where_the_riccati_equation_says():
 def test_the_filters_come_near_the_bound_and_do_not_beat_it():
     found = cramer_rao.study(range(60), n_samples=400)["errors"]
     for parameter in ("alpha", "beta"):
-        bound, error = (np.array(found[name][parameter])[100:] for name in ("bound", "surge filter"))
+        bound, error = (
+            np.array(found[name][parameter])[100:] for name in ("bound", "surge filter")
+        )
         assert (error > 0.75 * bound).all()
         assert error.mean() < 1.5 * bound.mean()
         assert bound[-1] < 0.8 * bound[0]

@@ -8,7 +8,8 @@ from auv_fault_env.parameters import SAMPLE_TIME
 from training.bounds import delays
 
 SHIFT = 0.5  # standard deviations: SHIFT**2 / 2 = 0.125 nat per sample
-N_SAMPLES, N_LANES = 300, 20_000
+N_SAMPLES = 300
+N_LANES = 20_000
 
 
 def ratios(shift, n_samples=N_SAMPLES, n_lanes=N_LANES, faulty=True, seed=0):
@@ -33,7 +34,9 @@ def test_a_coin_beats_the_asymptotic_delay_where_information_is_small():
 
 def test_information_rate_of_a_gaussian_shift():
     llr, _ = ratios(SHIFT)
-    assert delays.information_rate(llr).mean() == pytest.approx(SHIFT**2 / 2 / SAMPLE_TIME, rel=0.01)
+    assert delays.information_rate(llr).mean() == pytest.approx(
+        SHIFT**2 / 2 / SAMPLE_TIME, rel=0.01
+    )
     assert delays.late_rate(llr).mean() == pytest.approx(SHIFT**2 / 2 / SAMPLE_TIME, rel=0.01)
 
 
@@ -61,17 +64,24 @@ def test_power_is_never_below_the_level_and_never_above_one():
 def test_delay_bound_is_the_area_above_the_power():
     assert delays.delay_bound(np.ones(300)) == pytest.approx(SAMPLE_TIME)
     assert delays.delay_bound(np.zeros(300)) == pytest.approx(300 * SAMPLE_TIME)
-    assert delays.delay_bound(np.array([0.0, 0.5, 1.0, 1.0])) == pytest.approx((1 + 1 + 0.5) * SAMPLE_TIME)
+    assert delays.delay_bound(np.array([0.0, 0.5, 1.0, 1.0])) == pytest.approx(
+        (1 + 1 + 0.5) * SAMPLE_TIME
+    )
 
 
 def test_cusum_which_is_optimal_does_not_beat_the_bound_but_comes_near():
     """Page's CUSUM: its worst mean delay is the least there is, Moustakides, Ann. Stat. 14 (1986) 1379."""
     samples = 1000.0
     _, healthy = ratios(SHIFT, n_samples=20_000, n_lanes=200, faulty=False, seed=1)
-    low, high = 0.0, 20.0
+    low = 0.0
+    high = 20.0
     for _ in range(12):
         threshold = (low + high) / 2
-        low, high = (threshold, high) if mean_time_to_alarm(healthy, threshold) < samples else (low, threshold)
+        low, high = (
+            (threshold, high)
+            if mean_time_to_alarm(healthy, threshold) < samples
+            else (low, threshold)
+        )
     llr, faulty = ratios(SHIFT, n_lanes=4000, seed=2)
     first = first_alarm(faulty, threshold)
     bound = delays.delay_bound(delays.detection_power(llr, samples))
@@ -80,7 +90,8 @@ def test_cusum_which_is_optimal_does_not_beat_the_bound_but_comes_near():
 
 
 def first_alarm(steps, threshold):
-    statistic, first = np.zeros(steps.shape[1]), np.full(steps.shape[1], len(steps))
+    statistic = np.zeros(steps.shape[1])
+    first = np.full(steps.shape[1], len(steps))
     for k, step in enumerate(steps):
         statistic = np.maximum(statistic, 0.0) + step
         first = np.where((statistic > threshold) & (first == len(steps)), k, first)
@@ -104,7 +115,8 @@ def test_bootstrap_interval_holds_the_bound_and_narrows_with_lanes():
     def bound(some):
         return delays.delay_bound(delays.detection_power(llr[:, some], 1e4))
 
-    few, many = bootstrapped(bound, 40), bootstrapped(bound, 400)
+    few = bootstrapped(bound, 40)
+    many = bootstrapped(bound, 400)
     assert many[0] <= bound(np.arange(400)) <= many[1]
     assert many[1] - many[0] < 0.6 * (few[1] - few[0])
 

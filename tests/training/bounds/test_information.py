@@ -15,27 +15,30 @@ from training.stimuli import Cruise, Thesis
 CLASSES = list(classes())
 
 
-def lanes_of(fault: str, severity: float, n_lanes: int = 8, onset: float = 2.0, seed: int = 5) -> Lanes:
+def lanes_of(
+    fault: str, severity: float, n_lanes: int = 8, onset: float = 2.0, seed: int = 5
+) -> Lanes:
     events = [FaultEvent(fault, onset, severity)] * n_lanes
     return run(Cruise(), events, [MISSIONS["cruise"]] * n_lanes, range(seed, seed + n_lanes))
 
 
 def test_the_fault_shows_first_where_the_lanes_say():
-    faulty, twin = lanes_of("sensor_bias:speed", 0.5), lanes_of("sensor_bias:speed", 0.0)
+    faulty = lanes_of("sensor_bias:speed", 0.5)
+    twin = lanes_of("sensor_bias:speed", 0.0)
     first = faulty.first[0]
     np.testing.assert_array_equal(faulty.observations[:first], twin.observations[:first])
     speed = list(CHANNELS).index("speed")
     shift = faulty.observations[first, :, speed] - twin.observations[first, :, speed]
-    np.testing.assert_allclose(shift, 0.5 * CATALOGUE["sensor_bias:speed"].offset["speed_bias"], atol=1e-6)
+    np.testing.assert_allclose(
+        shift, 0.5 * CATALOGUE["sensor_bias:speed"].offset["speed_bias"], atol=1e-6
+    )
 
 
 def test_evidence_for_a_current_sensors_bias_gathers_as_its_noise_allows():
     """At most shift^2 / 2 noise^2 a sample; half of that if the voltage's noise, alike in amperes, came on top."""
     lanes = lanes_of("sensor_bias:port_current", 0.1, n_lanes=40)
-    shift, noise = (
-        0.1 * CATALOGUE["sensor_bias:port_current"].offset["port_current_bias"],
-        CHANNELS["port_current"].noise,
-    )
+    shift = 0.1 * CATALOGUE["sensor_bias:port_current"].offset["port_current_bias"]
+    noise = CHANNELS["port_current"].noise
     most = 10.0 * shift**2 / (2.0 * noise**2)
     rate = late_rate(information.told(lanes))[:, CLASSES.index("sensor:port_current")].mean()
     assert 0.45 * most < rate < 1.05 * most
@@ -49,7 +52,8 @@ def test_without_a_fault_evidence_speaks_against_every_class():
 
 
 def test_beginning_on_some_lanes_leaves_the_others():
-    bank, lanes = KnownOnset(), lanes_of("increased_drag", 0.5, n_lanes=4)
+    bank = KnownOnset()
+    lanes = lanes_of("increased_drag", 0.5, n_lanes=4)
     bank.reset(4)
     bank.begin(np.arange(4))
     for observation in lanes.observations[:30]:
@@ -65,7 +69,9 @@ def test_beginning_on_some_lanes_leaves_the_others():
     same.begin(np.arange(4))
     for observation in lanes.observations[:31]:
         other = same.update(observation)
-    np.testing.assert_array_equal(other.log_probability[[0, 2, 3]], after.log_probability[[0, 2, 3]])
+    np.testing.assert_array_equal(
+        other.log_probability[[0, 2, 3]], after.log_probability[[0, 2, 3]]
+    )
 
 
 def test_nothing_switches_so_only_the_samples_after_the_beginning_count():
@@ -76,7 +82,9 @@ def test_nothing_switches_so_only_the_samples_after_the_beginning_count():
     for one in bank:
         one.reset(2)
         one.tell(lanes.healthy, lanes.severity)
-    whole, short = (log_likelihoods(one, some, n_samples) for one, some in zip(bank, (lanes, late), strict=True))
+    whole, short = (
+        log_likelihoods(one, some, n_samples) for one, some in zip(bank, (lanes, late), strict=True)
+    )
     k = CLASSES.index("seal_friction:port")
     assert whole[-1, :, k].mean() > short[-2, :, k].mean()
 
@@ -100,7 +108,13 @@ def test_suite_like_lanes_hold_every_class_as_often_under_both_kinds_of_mission(
 
 
 def test_the_stimulus_is_added_to_the_mission():
-    lanes = run(Thesis(), [FaultEvent("increased_drag", 1.0, 0.5)], [MISSIONS["cruise"]], [0], fleet=Fleet(1))
+    lanes = run(
+        Thesis(),
+        [FaultEvent("increased_drag", 1.0, 0.5)],
+        [MISSIONS["cruise"]],
+        [0],
+        fleet=Fleet(1),
+    )
     command = lanes.observations[1:, 0, 1] - lanes.observations[1:, 0, 0]
     np.testing.assert_allclose(command[:100], -Thesis().budget, atol=1e-6)
     np.testing.assert_allclose(command[100:200], Thesis().budget, atol=1e-6)

@@ -33,7 +33,9 @@ class Even(Recursive):
         return np.zeros(n_lanes)
 
     def step(self, state, observation):
-        return state + 1, self.spoilt(int(state[0]), np.full((len(observation), N_CLASSES), 1.0 / N_CLASSES))
+        return state + 1, self.spoilt(
+            int(state[0]), np.full((len(observation), N_CLASSES), 1.0 / N_CLASSES)
+        )
 
     def spoilt(self, k, probability):
         return Belief(np.log(probability), *(np.zeros_like(probability) for _ in range(2)))
@@ -63,7 +65,9 @@ class Leaving(Even):
 
 class Boundless(Even):
     def spoilt(self, k, probability):
-        return super().spoilt(k, probability)._replace(severity_mean=np.full_like(probability, np.inf))
+        return (
+            super().spoilt(k, probability)._replace(severity_mean=np.full_like(probability, np.inf))
+        )
 
 
 class Doubtless(Even):
@@ -102,7 +106,13 @@ class Told(Even):
 def quick(monkeypatch, request):
     if "page" not in request.node.name:  # drawing takes longer than all the rest
         monkeypatch.setattr(benchmark, "write_report", lambda report, folder: None)
-    for name, value in (("WARM_UP", 2), ("ONE_BY_ONE", 10), ("MANY_LANES", 4), ("MANY_SAMPLES", 3), ("DIFFERENT", 2)):
+    for name, value in (
+        ("WARM_UP", 2),
+        ("ONE_BY_ONE", 10),
+        ("MANY_LANES", 4),
+        ("MANY_SAMPLES", 3),
+        ("DIFFERENT", 2),
+    ):
         monkeypatch.setattr(timing, name, value)
 
 
@@ -110,7 +120,9 @@ def quick(monkeypatch, request):
 def mine(tmp_path):
     suite = load("thesis")
     path = tmp_path / "mine.json"
-    path.write_text(replace(suite, name="mine", episodes=suite.episodes[:6]).text(), encoding="utf-8")
+    path.write_text(
+        replace(suite, name="mine", episodes=suite.episodes[:6]).text(), encoding="utf-8"
+    )
     return path
 
 
@@ -135,7 +147,12 @@ def test_a_run_leaves_results_rows_and_a_page_behind(mine):
         "name": "mine",
         "about": "faults of the thesis, nominal vehicles at its mean speed",
         "hash": "",
-        "plant": {"preset": "thesis1992", "sensor_noise": 1.0, "disturbance": 1.0, "healthy_band": 0.0},
+        "plant": {
+            "preset": "thesis1992",
+            "sensor_noise": 1.0,
+            "disturbance": 1.0,
+            "healthy_band": 0.0,
+        },
         "duration": 65.0,
         "listed": 6,
         "every": 1,
@@ -144,11 +161,16 @@ def test_a_run_leaves_results_rows_and_a_page_behind(mine):
     for by_name in results["scores"].values():
         assert list(by_name) == ["random", "null"]
         silent = by_name["null"]
-        assert silent["isolation"]["restricted_mean"] == 30.0 and silent["rates"]["10 h"]["false_alarms"] == 0
+        assert (
+            silent["isolation"]["restricted_mean"] == 30.0
+            and silent["rates"]["10 h"]["false_alarms"] == 0
+        )
         assert len(silent["by_lane"]["isolation"]) == len(results["episodes"]["seed"]) == 6
         assert len(silent["by_lane"]["decision"]) == len(results["decided"]["cruise"])
         assert [one["why"] for one in silent["worst"]] == ["no alarm 30 s after onset"] * 3
-        assert {len(silent["worst"][0][key]) for key in ("time", "log_normal", "alarm", "fault")} == {130}
+        assert {
+            len(silent["worst"][0][key]) for key in ("time", "log_normal", "alarm", "fault")
+        } == {130}
     assert results["scores"]["cruise"]["null"]["cost"]["energy_ratio"] == 1.0
     assert results["scores"]["thesis"]["null"]["cost"]["speed_rms_ratio"] > 1.5
     with (mine.parent / "out" / "results.csv").open(newline="") as file:
@@ -173,8 +195,16 @@ def test_any_number_of_workers_gives_the_same_bits(mine):
 
 def test_ray_gives_the_same_bits(mine):
     pytest.importorskip("ray")
-    for output, way in (("one", ["--workers", "1"]), ("ray", ["--workers", "2", "--backend", "ray"])):
-        run = [sys.executable, "-m", "training.cli", *command(mine, "--diagnosers", "random", *way, output=output)]
+    for output, way in (
+        ("one", ["--workers", "1"]),
+        ("ray", ["--workers", "2", "--backend", "ray"]),
+    ):
+        run = [
+            sys.executable,
+            "-m",
+            "training.cli",
+            *command(mine, "--diagnosers", "random", *way, output=output),
+        ]
         subprocess.run(run, check=True, capture_output=True)  # Ray warns of this and that
     assert outcomes(mine, "one") == outcomes(mine, "ray")
     assert results_of(mine, "one") == results_of(mine, "ray")
@@ -190,8 +220,11 @@ def test_ray_that_is_not_installed_is_refused(mine, capfd, monkeypatch):
 def test_a_finished_run_is_scored_again_without_running_anything(mine, monkeypatch):
     once = command(mine, "--diagnosers", "random", "--workers", "1")
     assert cli.main(once) == 0
-    first, kept = results_of(mine), outcomes(mine)
-    monkeypatch.setattr("training.benchmark.workers.run", lambda trial: pytest.fail("a trial was run again"))
+    first = results_of(mine)
+    kept = outcomes(mine)
+    monkeypatch.setattr(
+        "training.benchmark.workers.run", lambda trial: pytest.fail("a trial was run again")
+    )
     assert cli.main(once) == 0
     assert results_of(mine) == first and outcomes(mine) == kept
 
@@ -199,7 +232,8 @@ def test_a_finished_run_is_scored_again_without_running_anything(mine, monkeypat
 def test_only_what_is_missing_is_run_and_foreign_trials_are_not_read(mine):
     once = command(mine, "--diagnosers", "random", "--workers", "1")
     assert cli.main(once) == 0
-    first, kept = results_of(mine), outcomes(mine)
+    first = results_of(mine)
+    kept = outcomes(mine)
     trials = mine.parent / "out" / "trials"
     lost = next(iter(kept))
     (trials / lost).rename(trials / lost.replace(".npz", "0.npz"))
@@ -212,8 +246,11 @@ def test_only_what_is_missing_is_run_and_foreign_trials_are_not_read(mine):
 def test_killed_half_way_the_same_command_gives_the_same_results(mine):
     more = "--diagnosers", "random", "null", "--stimuli", "cruise", "--workers", "1"
     arguments = command(mine, *more)
-    process = subprocess.Popen([sys.executable, "-m", "training.cli", *arguments], stderr=subprocess.DEVNULL)
-    trials, deadline = mine.parent / "out" / "trials", time.monotonic() + 120
+    process = subprocess.Popen(
+        [sys.executable, "-m", "training.cli", *arguments], stderr=subprocess.DEVNULL
+    )
+    trials = mine.parent / "out" / "trials"
+    deadline = time.monotonic() + 120
     while len(list(trials.glob("[!.]*"))) < 3 and time.monotonic() < deadline:
         time.sleep(0.02)
     os.kill(process.pid, signal.SIGKILL)
@@ -250,31 +287,63 @@ def test_an_output_of_another_suite_or_run_is_refused(mine, capfd):
         (Breaking, "RuntimeError: no idea"),
         (BreakingAgain, "RuntimeError: not again"),
         (Leaving, "SystemExit: enough"),
-        (Boundless, "ValueError: its severity is infinite, or its standard deviation negative, at 0.0 s"),
-        (Doubtless, "ValueError: its severity is infinite, or its standard deviation negative, at 0.0 s"),
+        (
+            Boundless,
+            "ValueError: its severity is infinite, or its standard deviation negative, at 0.0 s",
+        ),
+        (
+            Doubtless,
+            "ValueError: its severity is infinite, or its standard deviation negative, at 0.0 s",
+        ),
     ],
 )
-def test_one_that_fails_is_left_out_in_one_line_and_the_others_stay(mine, capfd, monkeypatch, kind, why):
+def test_one_that_fails_is_left_out_in_one_line_and_the_others_stay(
+    mine, capfd, monkeypatch, kind, why
+):
     monkeypatch.setitem(REGISTRY, "limits", Entry(kind))
-    assert cli.main(command(mine, "--diagnosers", "limits", "null", "--stimuli", "cruise", "--workers", "1")) == 0
+    assert (
+        cli.main(
+            command(mine, "--diagnosers", "limits", "null", "--stimuli", "cruise", "--workers", "1")
+        )
+        == 0
+    )
     results = results_of(mine)
     assert results["failures"] == {"limits": why}
     assert list(results["scores"]["cruise"]) == ["null"]
     lines = capfd.readouterr().err.replace("\r", "\n").split("\n")
     assert sum(line.rstrip() == f"limits is left out: {why}" for line in lines) == 1
-    assert cli.main(command(mine, "--diagnosers", "limits", "--stimuli", "cruise", "--workers", "1")) == 2
+    assert (
+        cli.main(command(mine, "--diagnosers", "limits", "--stimuli", "cruise", "--workers", "1"))
+        == 2
+    )
     assert "at least one that works" in capfd.readouterr().err
 
 
 def test_one_that_no_threshold_can_quieten_never_alarms_and_spoils_nothing(mine, monkeypatch):
     monkeypatch.setitem(REGISTRY, "limits", Entry(Certain))
-    run = command(mine, "--diagnosers", "limits", "null", "--stimuli", "cruise", "--workers", "1", output="page")
+    run = command(
+        mine,
+        "--diagnosers",
+        "limits",
+        "null",
+        "--stimuli",
+        "cruise",
+        "--workers",
+        "1",
+        output="page",
+    )
     assert cli.main(run) == 0
     results = results_of(mine, "page")
     assert results["thresholds"]["limits"] == {"1 h": None, "10 h": None}
     certain = results["scores"]["cruise"]["limits"]
-    assert certain["rates"]["1 h"]["threshold"] is None and certain["detection"]["probability"] == 0.0
-    assert [registry.PLOTS["episodes"]([page_figures._episode(view_of(results), "cruise", certain["worst"][0])]).axes]
+    assert (
+        certain["rates"]["1 h"]["threshold"] is None and certain["detection"]["probability"] == 0.0
+    )
+    assert [
+        registry.PLOTS["episodes"](
+            [page_figures._episode(view_of(results), "cruise", certain["worst"][0])]
+        ).axes
+    ]
 
 
 def view_of(results):
@@ -283,7 +352,10 @@ def view_of(results):
 
 def test_one_that_is_told_the_truth_is_not_ranked(mine, monkeypatch):
     monkeypatch.setitem(REGISTRY, "limits", Entry(Told))
-    assert cli.main(command(mine, "--diagnosers", "limits", "--stimuli", "cruise", "--workers", "1")) == 0
+    assert (
+        cli.main(command(mine, "--diagnosers", "limits", "--stimuli", "cruise", "--workers", "1"))
+        == 0
+    )
     assert results_of(mine)["references"] == ["limits"]
 
 
@@ -295,7 +367,16 @@ def test_a_process_that_dies_ends_the_run_in_one_line(mine, capfd):
         f"        if os.getpid() != {os.getpid()}: os._exit(3)\n        return super().initial(n)\n",
         encoding="utf-8",
     )
-    more = ["--diagnoser", f"{dying}:Dying", "--diagnosers", "null", "--stimuli", "cruise", "--workers", "2"]
+    more = [
+        "--diagnoser",
+        f"{dying}:Dying",
+        "--diagnosers",
+        "null",
+        "--stimuli",
+        "cruise",
+        "--workers",
+        "2",
+    ]
     assert cli.main(command(mine, *more)) == 2
     last = capfd.readouterr().err.replace("\r", "\n").strip().split("\n")[-1]
     assert last.startswith("auv-fault benchmark: workers: got 'a process that has died'")
@@ -318,12 +399,16 @@ def test_a_run_that_is_stopped_says_what_it_leaves(mine, capfd, monkeypatch, whe
         raise KeyboardInterrupt
 
     monkeypatch.setattr(benchmark, where, stopped)
-    assert cli.main(command(mine, "--diagnosers", "null", "--stimuli", "cruise", "--workers", "1")) == 130
+    assert (
+        cli.main(command(mine, "--diagnosers", "null", "--stimuli", "cruise", "--workers", "1"))
+        == 130
+    )
     assert "trials that are done are kept" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(
-    "healthy", [{"counting": 4_900_000_001}, {"counting": 4_000_000_003}, {"threshold": 4_010_000_001}]
+    "healthy",
+    [{"counting": 4_900_000_001}, {"counting": 4_000_000_003}, {"threshold": 4_010_000_001}],
 )
 def test_a_suite_whose_vehicles_serve_twice_is_refused(mine, capfd, healthy):
     suite = load(str(mine))
@@ -335,7 +420,9 @@ def test_a_suite_whose_vehicles_serve_twice_is_refused(mine, capfd, healthy):
 
 
 def test_the_command_of_the_results_can_be_pasted():
-    asked = Benchmark(suite="my suite.json", diagnoser=("a b.py:C", "m:D"), hours=12.3456789, lanes=3)
+    asked = Benchmark(
+        suite="my suite.json", diagnoser=("a b.py:C", "m:D"), hours=12.3456789, lanes=3
+    )
     words = shlex.split(results.command(asked))
     assert words[:4] == ["auv-fault", "benchmark", "--suite", "my suite.json"]
     assert ["--hours", "12.3456789"] == words[words.index("--hours") :][:2]
@@ -352,7 +439,16 @@ def test_somebody_elses_diagnoser_takes_part(mine):
         "        return state, Belief(p, 0 * p, 0 * p)\n",
         encoding="utf-8",
     )
-    more = ["--diagnoser", f"{foreign}:Mine", "--diagnosers", "null", "--stimuli", "cruise", "--workers", "2"]
+    more = [
+        "--diagnoser",
+        f"{foreign}:Mine",
+        "--diagnosers",
+        "null",
+        "--stimuli",
+        "cruise",
+        "--workers",
+        "2",
+    ]
     assert cli.main(command(mine, *more)) == 0
     results = results_of(mine)
     assert list(results["scores"]["cruise"]) == ["null", "mine"]
@@ -360,10 +456,27 @@ def test_somebody_elses_diagnoser_takes_part(mine):
 
 
 def test_fewer_lanes_are_a_fair_sample_and_the_results_say_so(mine):
-    assert cli.main(command(mine, "--diagnosers", "null", "--lanes", "3", "--stimuli", "cruise", "--workers", "1")) == 0
+    assert (
+        cli.main(
+            command(
+                mine,
+                "--diagnosers",
+                "null",
+                "--lanes",
+                "3",
+                "--stimuli",
+                "cruise",
+                "--workers",
+                "1",
+            )
+        )
+        == 0
+    )
     results = results_of(mine)
     assert results["suite"]["every"] == 2
-    assert results["episodes"]["seed"] == [episode.seed for episode in load(str(mine)).episodes[::2]]
+    assert results["episodes"]["seed"] == [
+        episode.seed for episode in load(str(mine)).episodes[::2]
+    ]
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,9 @@ def paths(tmp_path_factory):
 
 
 def run(tmp_path, vehicle, *logs):
-    code = cli.main(["calibrate", "--vehicle", str(vehicle), "--output", str(tmp_path / "out"), *map(str, logs)])
+    code = cli.main(
+        ["calibrate", "--vehicle", str(vehicle), "--output", str(tmp_path / "out"), *map(str, logs)]
+    )
     return code, tmp_path / "out"
 
 
@@ -48,7 +50,13 @@ def test_vehicle_file_holds_the_fit_and_says_so(finished):
 
 def test_page_has_fits_residuals_and_what_is_not_known(finished):
     text = (finished / "index.html").read_text()
-    for heading in ("Fitted parameters", "Not identified", "Leaving one mission out", "Fit", "Port against starboard"):
+    for heading in (
+        "Fitted parameters",
+        "Not identified",
+        "Leaving one mission out",
+        "Fit",
+        "Port against starboard",
+    ):
         assert f">{heading}</h2>" in text
     assert "rudder and planes do not move" in text
     assert {path.stem for path in (finished / "figures").iterdir()} == {"fit", "missions"}
@@ -74,7 +82,10 @@ def test_poor_log_is_calibrated_as_far_as_it_goes(paths, tmp_path):
     """Speed alone: nothing is fitted, the file stays as it is but for the noise."""
     poor = kept(healthy_logs(n=1), ("speed",))[0].observation
     np.nan_to_num(poor, copy=False)
-    lines = ["time,v", *(f"{0.1 * k:.1f},{row[list(CHANNELS).index('speed')]}" for k, row in enumerate(poor))]
+    lines = [
+        "time,v",
+        *(f"{0.1 * k:.1f},{row[list(CHANNELS).index('speed')]}" for k, row in enumerate(poor)),
+    ]
     (tmp_path / "poor.csv").write_text("\n".join(lines))
     (tmp_path / "poor.toml").write_text(
         '[vehicle]\nsample_rate = 10.0\n[time]\ncolumn = "time"\n[channels.speed]\ncolumn = "v"\n'

@@ -69,7 +69,9 @@ def test_the_page_shows_signals_estimates_belief_and_alarms(all_three):
     results = json.loads((all_three[1] / "results.json").read_text())
     panels = results["sections"][1]["figures"][0]["data"]["panels"]
     assert list(panels)[-3:] == ["estimate", "log10 p(normal)", "probability"]
-    assert set(panels["estimate"]) == {"drag", "thrust"} and "port, healthy" in panels["current [A]"]
+    assert (
+        set(panels["estimate"]) == {"drag", "thrust"} and "port, healthy" in panels["current [A]"]
+    )
 
 
 def test_the_verdicts_are_printed(folder, tmp_path, capsys):
@@ -95,7 +97,9 @@ def test_healthy_logs_lower_the_threshold_as_far_as_they_come(folder, tmp_path):
     ],
     ids=["no log", "none", "none usable", "diagnoser", "healthy"],
 )
-def test_bad_input_is_refused_in_one_line_and_nothing_is_written(folder, tmp_path, logs, settings, words):
+def test_bad_input_is_refused_in_one_line_and_nothing_is_written(
+    folder, tmp_path, logs, settings, words
+):
     with pytest.raises(InputError) as error:
         run(folder, tmp_path / "out", *logs, **settings)
     assert words in str(error.value) and "\n" not in str(error.value)

@@ -26,14 +26,20 @@ def steps(random, n_samples, values, hold=150):
 
 def made_run(seed, seconds=400, noise=0.0, coefficients=TRUTH, name=None):
     """A ship with these coefficients, driven at random; noise [m/s^2] of an acceleration that lasts five seconds."""
-    random, n_samples = np.random.default_rng(seed), round(seconds / STEP)
-    rpm, rudder = steps(random, n_samples, [-400.0, 0.0, 300.0, 600.0]), steps(random, n_samples, [-0.5, 0.0, 0.5])
-    share, memory = STEP / 8.0, np.exp(-STEP / 5.0)
+    random = np.random.default_rng(seed)
+    n_samples = round(seconds / STEP)
+    rpm = steps(random, n_samples, [-400.0, 0.0, 300.0, 600.0])
+    rudder = steps(random, n_samples, [-0.5, 0.0, 0.5])
+    share = STEP / 8.0
+    memory = np.exp(-STEP / 5.0)
     yaw_rate = lfilter([share], [1.0, share - 1.0], -0.06 * rudder)
-    push = lfilter([noise * (1.0 - memory**2) ** 0.5], [1.0, -memory], random.normal(size=n_samples))
+    push = lfilter(
+        [noise * (1.0 - memory**2) ** 0.5], [1.0, -memory], random.normal(size=n_samples)
+    )
     wind = 1.0 + lfilter([0.1], [1.0, -0.995], random.normal(size=n_samples))
     inputs = Inputs(-1.2 * yaw_rate, yaw_rate, rpm, rudder, wind)
-    speed, driven = np.full(n_samples, 0.1), inputs.between()
+    speed = np.full(n_samples, 0.1)
+    driven = inputs.between()
     for k in range(n_samples - 1):
         rate = surge_fit.acceleration(FORM, coefficients, speed[k], driven.part(k)) + push[k]
         speed[k + 1] = speed[k] + STEP * rate
@@ -43,7 +49,16 @@ def made_run(seed, seconds=400, noise=0.0, coefficients=TRUTH, name=None):
 def write_run(path, run, start=100.0):
     time = start + STEP * np.arange(len(run.speed))
     x = run.inputs
-    columns = (time, run.speed, x.sway, x.yaw_rate, x.rpm / 60.0, x.rudder, np.abs(x.wind), np.pi * (x.wind < 0))
+    columns = (
+        time,
+        run.speed,
+        x.sway,
+        x.yaw_rate,
+        x.rpm / 60.0,
+        x.rudder,
+        np.abs(x.wind),
+        np.pi * (x.wind < 0),
+    )
     path.parent.mkdir(parents=True, exist_ok=True)
     np.savetxt(path, np.column_stack(columns), "%.9g", ",", header=",".join(COLUMNS), comments="")
 
@@ -61,15 +76,23 @@ def test_a_run_is_read_in_the_units_of_this_project(tmp_path):
 def test_the_first_terms_are_the_plants_own_equation():
     alpha, beta, gamma = TRUTH[:3]
     shaft = physics.Motor(0.0, 0.0, 0.0, 0.0, 0.5 * beta * physics.RPM**2)
-    spin, rudder, speed = 500.0 / physics.RPM, 0.3, 0.4
-    expected = physics.surge_acceleration(speed, spin, spin, alpha + gamma * rudder**2, 0.0, shaft, shaft)
+    spin = 500.0 / physics.RPM
+    rudder = 0.3
+    speed = 0.4
+    expected = physics.surge_acceleration(
+        speed, spin, spin, alpha + gamma * rudder**2, 0.0, shaft, shaft
+    )
     inputs = Inputs(*np.array([0.1, 0.1, 500.0, rudder, 1.0]))
-    assert surge_fit.acceleration(esso_osaka.THESIS, TRUTH[:3], speed, inputs) == pytest.approx(expected, rel=1e-12)
+    assert surge_fit.acceleration(esso_osaka.THESIS, TRUTH[:3], speed, inputs) == pytest.approx(
+        expected, rel=1e-12
+    )
 
 
 def test_a_run_without_disturbance_gives_its_coefficients_back():
     run = made_run(1)
-    np.testing.assert_allclose(surge_fit.solve(surge_fit.normal_equations(run, FORM)), TRUTH, rtol=0.01)
+    np.testing.assert_allclose(
+        surge_fit.solve(surge_fit.normal_equations(run, FORM)), TRUTH, rtol=0.01
+    )
     assert surge_fit.rms(surge_fit.prediction_error(FORM, TRUTH, run)) < 1e-4
 
 
@@ -94,7 +117,9 @@ def test_the_prediction_is_that_of_an_exact_integrator():
     predicted = surge_fit.predict(FORM, TRUTH, run)
     for start in (0, 333, 600):
         span = (time[start], time[start + AHEAD])
-        exact = solve_ivp(rate, span, run.speed[start : start + 1], rtol=1e-9, atol=1e-12, max_step=STEP / 2)
+        exact = solve_ivp(
+            rate, span, run.speed[start : start + 1], rtol=1e-9, atol=1e-12, max_step=STEP / 2
+        )
         assert predicted[start] == pytest.approx(exact.y[0, -1], abs=1e-4)
 
 
@@ -107,7 +132,8 @@ def test_leaving_a_run_out_by_weights_is_leaving_it_out():
 
 
 def test_intervals_hold_the_truth_about_as_often_as_they_say():
-    held, width = [], []
+    held = []
+    width = []
     for seed in range(25):
         normal = surge_fit.normal_equations(made_run(100 + seed, seconds=700, noise=1e-3), FORM)
         low, high = surge_fit.intervals(normal, seed, n=300).T
@@ -119,7 +145,9 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say():
 
 def test_the_ships_disturbance_is_the_one_that_makes_its_prediction_err():
     runs = [made_run(200 + seed, seconds=700, noise=2e-3) for seed in range(3)]
-    error = surge_fit.rms(np.concatenate([surge_fit.prediction_error(FORM, TRUTH, run) for run in runs]))
+    error = surge_fit.rms(
+        np.concatenate([surge_fit.prediction_error(FORM, TRUTH, run) for run in runs])
+    )
     vehicle = ship(FORM, TRUTH, error)
     assert vehicle.disturbance_std == pytest.approx(2e-3, rel=0.2)
     assert (vehicle.alpha, vehicle.beta, vehicle.gamma) == tuple(TRUTH[:3])
@@ -136,10 +164,12 @@ def test_the_filter_finds_a_ship_that_is_not_the_nominal_one_if_it_is_told_of_tu
 
 def test_the_end_of_a_run_where_nobody_steers_is_left_out():
     run = made_run(1, seconds=100)
-    run.inputs.rpm[800:], run.inputs.rudder[850:] = 0.0, 0.0
+    run.inputs.rpm[800:] = 0.0
+    run.inputs.rudder[850:] = 0.0
     run.inputs.rudder[849] = 0.1
     assert len(free_running(run).speed) == len(free_running(run).inputs.wind) == 850
-    run.inputs.rpm[:], run.inputs.rudder[:] = 0.0, 0.0
+    run.inputs.rpm[:] = 0.0
+    run.inputs.rudder[:] = 0.0
     with pytest.raises(InputError, match="0 samples until nobody steers"):
         free_running(run)
 
@@ -148,7 +178,9 @@ def test_the_end_of_a_run_where_nobody_steers_is_left_out():
 def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("ships")
     for seed in range(3):
-        write_run(made / "random" / f"random_{seed}.csv", made_run(400 + seed, seconds=200, noise=1e-3))
+        write_run(
+            made / "random" / f"random_{seed}.csv", made_run(400 + seed, seconds=200, noise=1e-3)
+        )
     return made
 
 
@@ -165,7 +197,10 @@ def test_the_command_writes_a_report(tmp_path, folder, capsys):
     runs = findings["fits"]["model"]["runs"]
     assert [run["run"] for run in runs] == ["0", "1", "2"]
     for run in runs:
-        assert all(low < value < high for value, (low, high) in zip(run["coefficients"], run["intervals"], strict=True))
+        assert all(
+            low < value < high
+            for value, (low, high) in zip(run["coefficients"], run["intervals"], strict=True)
+        )
         assert run["errors"]["own"] < 1.02 * run["errors"]["left_out"]
     assert "Parameters by run" in printed
     page = (tmp_path / "out" / "index.html").read_text()

@@ -24,12 +24,19 @@ from training.stimuli.policy import SHAPES, LearnedPolicy
 onnxruntime = pytest.importorskip("onnxruntime")
 RUNNER = Path(__file__).parents[3] / "docs" / "examples" / "onnx_runner.py"
 run = runpy.run_path(str(RUNNER))["run"]
-FAULTS = ("motor_overheating:port", "increased_drag", "propeller_loss:starboard", "seal_friction:port")
+FAULTS = (
+    "motor_overheating:port",
+    "increased_drag",
+    "propeller_loss:starboard",
+    "seal_friction:port",
+)
 
 
 def policy():
     random = np.random.default_rng(0)
-    tensors = {name: random.normal(0.0, 0.3, shape).astype(np.float32) for name, shape in SHAPES.items()}
+    tensors = {
+        name: random.normal(0.0, 0.3, shape).astype(np.float32) for name, shape in SHAPES.items()
+    }
     return LearnedPolicy(tensors, "cusum", 0.0762, 0.25)
 
 
@@ -87,7 +94,8 @@ def test_the_example_is_an_episode_of_the_seed(graph):
 
 @pytest.mark.parametrize("name", GRAPHS)
 def test_the_graph_believes_what_the_diagnoser_believes(name, rollout):
-    graph, diagnoser = graph_of(name), make(name)
+    graph = graph_of(name)
+    diagnoser = make(name)
     told = answers(graph, graph.feed(rollout.observations))
     diagnoser.reset(4)
     beliefs = [diagnoser.update(observation) for observation in rollout.observations]
@@ -95,25 +103,31 @@ def test_the_graph_believes_what_the_diagnoser_believes(name, rollout):
         expected = np.stack([getattr(belief, part) for belief in beliefs])
         if part == "log_probability":
             assert len(set(expected[-1].argmax(axis=1))) > 1  # they do not all say the same
-            values, expected = np.exp(values), np.exp(expected)
+            values = np.exp(values)
+            expected = np.exp(expected)
         np.testing.assert_allclose(values, expected, rtol=0, atol=2e-4, err_msg=part)
 
 
 def test_the_policy_of_the_graph_is_the_policy():
-    graph, features = (
-        PolicyGraph(policy()),
+    graph = PolicyGraph(policy())
+    features = (
         np.random.default_rng(1)
         .uniform(policy_inputs.LOW, policy_inputs.HIGH, (20, 3, len(policy_inputs.FEATURES)))
-        .astype(np.float32),
+        .astype(np.float32)
     )
     expected = np.stack([policy().action(sample) for sample in features])
-    np.testing.assert_allclose(answers(graph, {"features": features})["action"], expected, atol=1e-6)
+    np.testing.assert_allclose(
+        answers(graph, {"features": features})["action"], expected, atol=1e-6
+    )
 
 
 def test_the_file_says_what_it_is(graph, model, session):
     about = session.get_modelmeta().custom_metadata_map
     assert about == metadata(graph)
-    assert json.loads(about["weights"]) == digest(graph.tensors) and len(json.loads(about["weights"])) == 64
+    assert (
+        json.loads(about["weights"]) == digest(graph.tensors)
+        and len(json.loads(about["weights"])) == 64
+    )
     assert json.loads(about["sample_time"]) == 0.1
     named = {name: len(columns) for name, columns in json.loads(about["inputs"]).items()}
     assert {name: width for name, width in widths(graph).items() if name != "state"} == named
@@ -150,7 +164,11 @@ def test_command_writes_two_files_that_need_nothing_but_onnx_runtime_and_numpy(t
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
-    assert len(lines) == 61 and lines[0].startswith("   0 s  normal") and "motor_overheating:port" in lines[59]
+    assert (
+        len(lines) == 61
+        and lines[0].startswith("   0 s  normal")
+        and "motor_overheating:port" in lines[59]
+    )
     assert float(lines[60].removeprefix("largest difference from PyTorch: ")) < 1e-5
 
 

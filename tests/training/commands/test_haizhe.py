@@ -11,7 +11,9 @@ from training.commands import haizhe
 from training.datasets import forests, haizhe_runs
 from training.datasets.haizhe_runs import CLASSES, READINGS
 
-HEADER = "time,pwm1,pwm2,pwm3,pwm4,depth,press,voltage,roll,pitch,yaw,a_x,a_y,a_z,w_row,w_pitch,w_yaw"
+HEADER = (
+    "time,pwm1,pwm2,pwm3,pwm4,depth,press,voltage,roll,pitch,yaw,a_x,a_y,a_z,w_row,w_pitch,w_yaw"
+)
 ROWS = 40
 RUNS = 10  # of a class: half before 18:00, half after
 
@@ -119,12 +121,15 @@ def test_the_command_reports_the_official_split_where_it_is_there(tmp_path, few_
     low, high = first["accuracy_interval"]
     assert low < first["accuracy"] <= high <= 1.0
     assert np.sum(first["confusion"]) == pytest.approx(len(CLASSES))
-    assert {"manifest.json", "results.json", "index.html"} <= {path.name for path in output.iterdir()}
+    assert {"manifest.json", "results.json", "index.html"} <= {
+        path.name for path in output.iterdir()
+    }
 
 
 def test_the_same_seed_gives_the_same_decisions_and_another_seed_others(few_trees):
     random = np.random.default_rng(0)
-    inputs, label = random.normal(size=(60, 4)), np.arange(60) % 5
+    inputs = random.normal(size=(60, 4))
+    label = np.arange(60) % 5
     folds = forests.shuffled_folds(label, 5, 0)
     first, again, other = (forests.cross_decide(inputs, label, folds, seed) for seed in (0, 0, 1))
     assert (first == again).all()
@@ -149,7 +154,10 @@ def test_a_missing_folder_says_where_to_get_the_data(tmp_path, capsys):
         (HEADER, "mpty CSV"),
         ("time,depth\n1,2\n", "pwm1"),
         (HEADER + "\n" + ",".join(["x"] * 17) + "\n", "conversion error"),
-        ("\n".join([HEADER] + [",".join(["1"] * 16 + [""])] * ROWS) + "\n", f"{ROWS} cells without a number"),
+        (
+            "\n".join([HEADER] + [",".join(["1"] * 16 + [""])] * ROWS) + "\n",
+            f"{ROWS} cells without a number",
+        ),
     ],
     ids=["empty", "header only", "other columns", "words", "gaps"],
 )

@@ -12,7 +12,8 @@ from training.thesis import kalman_networks, raw_networks, recommendation_page
 from training.thesis.page import COLUMNS
 from training.thesis.runs import STEPS, TEST_RUNS, record
 
-ALPHA, BETA = 0, 1
+ALPHA = 0
+BETA = 1
 NO_BAR = tqdm(disable=True)
 
 
@@ -37,9 +38,12 @@ def test_the_thesis_values_are_those_of_the_preset():
 
 
 @pytest.mark.parametrize(
-    ("run", "parameter", "true", "limit"), [("drag", ALPHA, 1.35, 0.003), ("thrust", BETA, 0.65, 0.002)]
+    ("run", "parameter", "true", "limit"),
+    [("drag", ALPHA, 1.35, 0.003), ("thrust", BETA, 0.65, 0.002)],
 )
-def test_noise_free_the_changed_parameter_is_found_as_closely_as_in_the_thesis(clean, run, parameter, true, limit):
+def test_noise_free_the_changed_parameter_is_found_as_closely_as_in_the_thesis(
+    clean, run, parameter, true, limit
+):
     for end in (50.0, 60.0):
         assert estimate(clean, run, parameter, end) == pytest.approx(true, rel=limit)
     after_two_changes = clean.mean[300:, list(TEST_RUNS).index(run), 0, parameter]
@@ -61,8 +65,10 @@ def test_drag_moves_beta_until_the_speed_changes_and_then_lets_it_return(clean):
 
 
 def test_with_noise_the_scatter_is_what_the_filter_expects_of_a_healthy_vehicle(noisy):
-    row, end = list(TEST_RUNS).index("normal"), -1
-    scatter, expected = noisy.mean[end, row].std(axis=0), noisy.std[end, row].mean(axis=0)
+    row = list(TEST_RUNS).index("normal")
+    end = -1
+    scatter = noisy.mean[end, row].std(axis=0)
+    expected = noisy.std[end, row].mean(axis=0)
     assert np.all(scatter[:2] < 1.5 * expected[:2])
     assert np.all(scatter[:2] > expected[:2] / 3)
 
@@ -80,14 +86,18 @@ def report(tmp_path_factory):
         patch.setattr(kalman_networks, "CHECKPOINTS", (1_000, 2_000))
         patch.setattr(recommendation_page, "LANES", 8)
         patch.setattr(recommendation_page, "HOURS", 0.05)
-        assert cli.main(["reproduce", "--output", str(folder), "--seeds", "2", "--networks", "2"]) == 0
+        assert (
+            cli.main(["reproduce", "--output", str(folder), "--seeds", "2", "--networks", "2"]) == 0
+        )
     return folder
 
 
 def test_command_writes_a_self_contained_report(report, capsys):
     page = (report / "index.html").read_text()
     results = json.loads((report / "results.json").read_text())
-    figures = [figure["name"] for section in results["sections"] for figure in section.get("figures", ())]
+    figures = [
+        figure["name"] for section in results["sections"] for figure in section.get("figures", ())
+    ]
     for name in figures:
         assert (report / "figures" / f"{name}.png").stat().st_size > 10_000
     assert page.count("data:image/svg+xml;base64,") == len(figures) == len(set(figures)) >= 15
@@ -103,19 +113,32 @@ def test_command_writes_a_self_contained_report(report, capsys):
 
 @pytest.mark.parametrize(
     "place",
-    [f"Fig. {number}" for number in "4.1 4.2 5.1 5.7 5.8 5.9 5.10 5.12 5.14 5.15 5.16 5.17 5.19 5.20".split()]
+    [
+        f"Fig. {number}"
+        for number in "4.1 4.2 5.1 5.7 5.8 5.9 5.10 5.12 5.14 5.15 5.16 5.17 5.19 5.20".split()
+    ]
     + ["V.C.1", "V.D.1", "VI.A", "VI.B"],
 )
 def test_every_result_of_the_thesis_has_its_row(report, place):
     sections = json.loads((report / "results.json").read_text())["sections"]
     rows = [
-        row for part in sections if part.get("table", {}).get("columns") == COLUMNS for row in part["table"]["rows"]
+        row
+        for part in sections
+        if part.get("table", {}).get("columns") == COLUMNS
+        for row in part["table"]["rows"]
     ]
     found = [row for row in rows if re.search(rf"{re.escape(place)}(?!\d)", row[0])]
     assert found
     for row in found:
-        assert row[COLUMNS.index("verdict (noise-free)")] in ("agrees", "differs", "not judged", "-")
-        assert row[COLUMNS.index("command")] == "auv-fault reproduce --seed 0 --seeds 2 --networks 2"
+        assert row[COLUMNS.index("verdict (noise-free)")] in (
+            "agrees",
+            "differs",
+            "not judged",
+            "-",
+        )
+        assert (
+            row[COLUMNS.index("command")] == "auv-fault reproduce --seed 0 --seeds 2 --networks 2"
+        )
 
 
 @pytest.mark.parametrize("table", ["Table 5.1", "Table 5.2"])

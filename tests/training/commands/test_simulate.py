@@ -36,7 +36,17 @@ def test_both_files_hold_one_row_per_sample_and_the_same_numbers(tmp_path):
 
 
 def test_rows_are_the_fleet_itself(tmp_path):
-    _, folder = run(tmp_path, "--vehicles", "2", "--seed", "5", "--mission", "thesis", "--schedule", healthy(tmp_path))
+    _, folder = run(
+        tmp_path,
+        "--vehicles",
+        "2",
+        "--seed",
+        "5",
+        "--mission",
+        "thesis",
+        "--schedule",
+        healthy(tmp_path),
+    )
     columns = read(folder)
     mission = auv_fault_env.MISSIONS["thesis"]
     fleet = Fleet(2)
@@ -80,7 +90,9 @@ def test_sampled_schedules_are_recorded_exactly(tmp_path):
     recorded = json.loads((folder / "schedules.json").read_text())
     sampler = auv_fault_env.ScheduleSampler()
     for vehicle in range(4):
-        assert auv_fault_env.from_json(json.dumps(recorded[str(vehicle)])) == sampler.sample(1 + vehicle)
+        assert auv_fault_env.from_json(json.dumps(recorded[str(vehicle)])) == sampler.sample(
+            1 + vehicle
+        )
 
 
 def test_healthy_vehicles_have_no_onset(tmp_path):
@@ -91,7 +103,10 @@ def test_healthy_vehicles_have_no_onset(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--preset", "thesis1993"], ["preset", "'thesis1993'", "npsnet1995", "did you mean 'thesis1992'"]),
+        (
+            ["--preset", "thesis1993"],
+            ["preset", "'thesis1993'", "npsnet1995", "did you mean 'thesis1992'"],
+        ),
         (["--vehicles", "0"], ["vehicles", "0", "from 1"]),
         (["--duration", "-1"], ["duration", "-1", "0.1"]),
         (["--duration", "nan"], ["duration", "nan"]),

@@ -16,7 +16,8 @@ from training.stimuli.policy_inputs import FEATURES, HIGH, LOW
 
 SMALL = dict(LANES=4, ROLLOUT=8, ROLLOUTS=2, TRIED=3, LIMIT=10, VALIDATED=10)
 SMALL["SETTINGS"] = SETTINGS | {"n_epochs": 2, "batch_size": 16}
-NAME, EPOCHS = "stimulus-filter_bank-0", 3
+NAME = "stimulus-filter_bank-0"
+EPOCHS = 3
 STEPS = str(3 * 64 - 5)  # rounded up to three epochs
 
 
@@ -29,7 +30,18 @@ def small():
 
 
 def run(output, *arguments):
-    return cli.main(["train-stimulus", "--output", str(output), "--budget", "0.05", "--steps", STEPS, *arguments])
+    return cli.main(
+        [
+            "train-stimulus",
+            "--output",
+            str(output),
+            "--budget",
+            "0.05",
+            "--steps",
+            STEPS,
+            *arguments,
+        ]
+    )
 
 
 def card(output):
@@ -51,7 +63,15 @@ def whole(small, tmp_path_factory):
 
 
 def test_run_is_complete_and_its_policy_can_be_loaded(whole):
-    files = {"index.html", "manifest.json", "results.json", "figures", LOG, f"{NAME}.json", f"{NAME}.safetensors"}
+    files = {
+        "index.html",
+        "manifest.json",
+        "results.json",
+        "figures",
+        LOG,
+        f"{NAME}.json",
+        f"{NAME}.safetensors",
+    }
     assert {path.name for path in whole.iterdir()} == files
     assert list(whole.parent.iterdir()) == [whole]
     policy = LearnedPolicy.load(whole / f"{NAME}.safetensors")
@@ -63,18 +83,24 @@ def test_run_is_complete_and_its_policy_can_be_loaded(whole):
 
 def test_card_tells_how_the_policy_was_made(whole):
     made = card(whole)
-    command = f"auv-fault train-stimulus --diagnoser filter_bank --budget 0.05 --seed 0 --steps {STEPS}"
+    command = (
+        f"auv-fault train-stimulus --diagnoser filter_bank --budget 0.05 --seed 0 --steps {STEPS}"
+    )
     assert made["command"] == command
     assert (made["epochs"], len(made["history"]), made["seed"]) == (EPOCHS, EPOCHS, 0)
     assert made["features"] == list(FEATURES)
-    assert made["figures"].keys() == {"price", "decisions_per_second"} and made["figures"]["decisions_per_second"] > 0
+    assert (
+        made["figures"].keys() == {"price", "decisions_per_second"}
+        and made["figures"]["decisions_per_second"] > 0
+    )
     assert made["validation"] == made["history"][made["best_epoch"] - 1]["validation"]
     assert {"loss", "delay", "rms", "price", "approx_kl"} < made["history"][0]["train"].keys()
     assert made["versions"]["torch"] and made["versions"]["stable-baselines3"]
 
 
 def test_broken_off_run_goes_on_bit_for_bit(whole, tmp_path, monkeypatch, capsys):
-    output, epoch = tmp_path / "run", StimulusTrainer.epoch
+    output = tmp_path / "run"
+    epoch = StimulusTrainer.epoch
 
     def broken(self, number):
         if number == 2:
@@ -90,7 +116,9 @@ def test_broken_off_run_goes_on_bit_for_bit(whole, tmp_path, monkeypatch, capsys
     assert run(output, "--seed", "1") == 2
     refused(capsys, "checkpoint in", "'seed': 0", "--restart")
     numbers = []
-    monkeypatch.setattr(StimulusTrainer, "epoch", lambda self, number: numbers.append(number) or epoch(self, number))
+    monkeypatch.setattr(
+        StimulusTrainer, "epoch", lambda self, number: numbers.append(number) or epoch(self, number)
+    )
     assert run(output) == 0
     assert numbers == [2]
     one, two = ((folder / f"{NAME}.safetensors").read_bytes() for folder in (output, whole))
@@ -104,13 +132,17 @@ def test_finished_run_is_kept_and_can_be_installed(whole, tmp_path, monkeypatch,
     monkeypatch.setattr(StimulusTrainer, "epoch", None)
     assert run(whole, "--install") == 0
     assert "already trained" in capsys.readouterr().out
-    assert {path.name for path in (tmp_path / "weights").iterdir()} == {f"{NAME}.safetensors", f"{NAME}.json"}
+    assert {path.name for path in (tmp_path / "weights").iterdir()} == {
+        f"{NAME}.safetensors",
+        f"{NAME}.json",
+    }
     assert run(whole, "--seed", "1") == 2
     refused(capsys, "training in", "'seed': 0", "--restart")
 
 
 def test_a_trainer_learns_and_restores_all_that_the_next_epoch_needs():
-    one, other = StimulusTrainer(3), StimulusTrainer(4)
+    one = StimulusTrainer(3)
+    other = StimulusTrainer(4)
     before = {name: np.array(tensor) for name, tensor in one.state().items()}
     one.epoch(0)
     after = {name: np.array(tensor) for name, tensor in one.state().items()}
@@ -128,7 +160,9 @@ def test_validation_counts_one_whole_episode_of_each_vehicle(monkeypatch):
     seen = []
     for name, value in dict(VALIDATED=VALIDATED, TRIED=12).items():
         monkeypatch.setattr(stimulus, name, value)
-    monkeypatch.setattr(stimulus, "figures", lambda outcomes, budget: seen.extend(outcomes) or {"loss": budget})
+    monkeypatch.setattr(
+        stimulus, "figures", lambda outcomes, budget: seen.extend(outcomes) or {"loss": budget}
+    )
     trainer = StimulusTrainer(0, budget=0.05)
     assert trainer.validate() == {"loss": 0.05}
     assert sorted(one.lane for one in seen) == list(range(12))
@@ -137,12 +171,15 @@ def test_validation_counts_one_whole_episode_of_each_vehicle(monkeypatch):
 
 
 def test_training_and_validation_have_seeds_of_their_own(monkeypatch):
-    trainer, used = StimulusTrainer(0), []
+    trainer = StimulusTrainer(0)
+    used = []
     for env in (trainer.env, trainer.trial):
         fleet = env.venv.env.propulsion.fleet
         reset = fleet.reset
         monkeypatch.setattr(
-            fleet, "reset", lambda seeds=None, reset=reset, **rest: used.append(seeds) or reset(seeds, **rest)
+            fleet,
+            "reset",
+            lambda seeds=None, reset=reset, **rest: used.append(seeds) or reset(seeds, **rest),
         )
     trainer.epoch(0)
     trainer.epoch(1)
@@ -155,7 +192,8 @@ def test_training_and_validation_have_seeds_of_their_own(monkeypatch):
 
 def test_global_generators_are_left_as_they_were():
     torch = pytest.importorskip("torch")
-    state, numbers = torch.random.get_rng_state(), np.random.get_state()[1].copy()  # noqa: NPY002
+    state = torch.random.get_rng_state()
+    numbers = np.random.get_state()[1].copy()  # noqa: NPY002
     with seeded(5):
         drawn = torch.rand(1), np.random.rand()  # noqa: NPY002
     with seeded(5):
@@ -168,7 +206,11 @@ BAD = {
     "budget": (["--budget", "0"], "budget: got 0.0; allowed is a number from 0.001 to 1"),
     "negative budget": (["--budget", "-0.1"], "budget: got -0.1"),
     "no number": (["--budget", "nan"], "budget: got nan"),
-    "diagnoser": (["--diagnoser", "filter_bnak"], "diagnoser: got 'filter_bnak'", "did you mean 'filter_bank'?"),
+    "diagnoser": (
+        ["--diagnoser", "filter_bnak"],
+        "diagnoser: got 'filter_bnak'",
+        "did you mean 'filter_bank'?",
+    ),
     "reference": (["--diagnoser", "oracle"], "diagnoser: got 'oracle'"),
     "steps": (["--steps", "0"], "steps: got 0; allowed is a whole number from 1"),
     "seed": (["--seed", "-1"], "seed: got -1"),

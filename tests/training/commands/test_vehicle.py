@@ -25,7 +25,8 @@ def simulated(tmp_path):
 
 
 def test_proposal_reads_the_log_it_was_made_from(tmp_path, capsys):
-    log, output = simulated(tmp_path), tmp_path / "vehicle.toml"
+    log = simulated(tmp_path)
+    output = tmp_path / "vehicle.toml"
     assert cli.main(["vehicle", "init", str(log), "--output", str(output)]) == 0
     printed = capsys.readouterr().out
     vehicle = read_vehicle(output)
@@ -49,6 +50,11 @@ def test_existing_file_is_kept(tmp_path, capfd):
 
 
 def test_unusable_log_leaves_nothing(tmp_path, capfd):
-    assert cli.main(["vehicle", "init", str(tmp_path / "none.csv"), "--output", str(tmp_path / "v.toml")]) == 2
+    assert (
+        cli.main(
+            ["vehicle", "init", str(tmp_path / "none.csv"), "--output", str(tmp_path / "v.toml")]
+        )
+        == 2
+    )
     assert capfd.readouterr().err.count("\n") == 1
     assert not list(tmp_path.iterdir())

@@ -14,14 +14,18 @@ from training.commands.watch import HOST, free_port
 from ..live.browser import CHROMIUM, tab
 
 WATCH = [sys.executable, "-m", "training.cli", "watch"]
-HERS = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST", "NICEGUI"))}
+HERS = {
+    name: value for name, value in os.environ.items() if not name.startswith(("PYTEST", "NICEGUI"))
+}
 ALARM = "document.body?.innerText.includes('alarm: propeller_loss:port')"
 
 
 @contextmanager
 def served():
     """Address of a page that is served as from the command line."""
-    server = subprocess.Popen([*WATCH, "--port", "0", "--seed", "1"], stdout=subprocess.PIPE, text=True, env=HERS)
+    server = subprocess.Popen(
+        [*WATCH, "--port", "0", "--seed", "1"], stdout=subprocess.PIPE, text=True, env=HERS
+    )
     try:
         yield re.match(r"http://\S+", server.stdout.readline()).group()
     finally:
@@ -40,10 +44,16 @@ def test_in_a_browser_a_fault_is_injected_and_named_and_nothing_comes_from_elsew
         page.click("start")
         page.click("inject")
         page.until(ALARM)
-        fetched = [e["params"]["request"]["url"] for e in page.events if e["method"] == "Network.requestWillBeSent"]
+        fetched = [
+            e["params"]["request"]["url"]
+            for e in page.events
+            if e["method"] == "Network.requestWillBeSent"
+        ]
         assert any("echart" in url for url in fetched)
         assert [url for url in fetched if not url.startswith((address, "data:", "blob:"))] == []
-        assert [event for event in page.events if event["method"] == "Runtime.exceptionThrown"] == []
+        assert [
+            event for event in page.events if event["method"] == "Runtime.exceptionThrown"
+        ] == []
 
 
 def test_a_taken_port_is_refused():

@@ -16,15 +16,21 @@ from training.rollouts import roll_out
 
 NAMES = list(CHANNELS)
 VEHICLE = VehicleFile(
-    vehicle=PRESETS["thesis1992"], columns={name: Column(name) for name in CHANNELS}, time=Column("time")
+    vehicle=PRESETS["thesis1992"],
+    columns={name: Column(name) for name in CHANNELS},
+    time=Column("time"),
 )
 
 
 @cache
-def episode(fault: str | None = None, severity: float = 0.9, n_samples: int = 200, seed: int = 11) -> np.ndarray:
+def episode(
+    fault: str | None = None, severity: float = 0.9, n_samples: int = 200, seed: int = 11
+) -> np.ndarray:
     """Observations (n_samples, n_channels) of a vehicle on the thesis' stimulus; the fault begins at 5 s."""
     schedule = (FaultEvent(fault, onset=5.0, severity=severity),) if fault else ()
-    rolled = roll_out(Fleet(1), [seed], n_samples, schedules=[schedule], missions=[MISSIONS["thesis"]])
+    rolled = roll_out(
+        Fleet(1), [seed], n_samples, schedules=[schedule], missions=[MISSIONS["thesis"]]
+    )
     observations = rolled.observations[:, 0].astype(np.float64)
     observations.setflags(write=False)
     return observations
@@ -45,4 +51,6 @@ def write_log(path: Path, observations: np.ndarray) -> Path:
 def csv_lines(observations: np.ndarray, first: float = 100.0) -> bytes:
     """A header and a line per sample."""
     rows = [[first + k * SAMPLE_TIME, *row] for k, row in enumerate(observations.tolist())]
-    return "\n".join([",".join(["time", *NAMES]), *(",".join(map(repr, row)) for row in rows), ""]).encode()
+    return "\n".join(
+        [",".join(["time", *NAMES]), *(",".join(map(repr, row)) for row in rows), ""]
+    ).encode()

@@ -28,7 +28,9 @@ OFF = replace(
 LEGS = MissionSampler(n_legs=8)
 
 
-def healthy_logs(vehicle=OFF, n=4, n_samples=900, mission=None, rudder=0.0, band=0.0, noise=1.0, seed=0) -> list[Log]:
+def healthy_logs(
+    vehicle=OFF, n=4, n_samples=900, mission=None, rudder=0.0, band=0.0, noise=1.0, seed=0
+) -> list[Log]:
     """Logs of one vehicle, every second on the thesis' speed steps, or all on the mission given."""
     fleet = Fleet(n, vehicle, noise, noise, healthy_band=band, missions=LEGS)
     fleet.reset(range(seed, seed + n), schedules=[()] * n)
@@ -45,7 +47,8 @@ def kept(logs: list[Log], channels: tuple[str, ...], every: int = 1) -> list[Log
     poor = []
     for log in logs:
         observation = np.full_like(log.observation, np.nan)
-        commands, readings = [NAMES.index(name) for name in COMMANDS], [NAMES.index(name) for name in channels]
+        commands = [NAMES.index(name) for name in COMMANDS]
+        readings = [NAMES.index(name) for name in channels]
         observation[:, commands] = log.observation[:, commands]
         observation[::every, readings] = log.observation[::every, readings]
         poor.append(log._replace(observation=observation))

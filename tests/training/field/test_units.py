@@ -46,5 +46,7 @@ def test_other_words_are_no_units(text):
 
 
 def test_unknown_unit_is_refused_with_the_list():
-    with pytest.raises(InputError, match=r"unit of speed: got 'knts'; allowed is one of m/s, .*did you mean 'kn'"):
+    with pytest.raises(
+        InputError, match=r"unit of speed: got 'knts'; allowed is one of m/s, .*did you mean 'kn'"
+    ):
         factor("unit of speed", "knts", "m/s")

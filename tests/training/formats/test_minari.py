@@ -20,7 +20,16 @@ FAULT = '[{"fault": "propeller_loss:port", "onset": 1.0, "severity": 1.0}]'
 
 
 def simulated(folder, *arguments, steps=30):
-    options = ["--output", str(folder), "--duration", str(steps / 10), "--vehicles", "3", "--seed", "5"]
+    options = [
+        "--output",
+        str(folder),
+        "--duration",
+        str(steps / 10),
+        "--vehicles",
+        "3",
+        "--seed",
+        "5",
+    ]
     assert cli.main(["simulate", *options, "--formats", "parquet", "minari", *arguments]) == 0
     return folder
 
@@ -52,19 +61,32 @@ def test_what_was_simulated_comes_back_equal(tmp_path, load):
         for k, name in enumerate(CHANNELS):
             assert episode.observations[1:, k].tolist() == table[name][rows]
         assert episode.rewards.tolist() == table["truth_reward"][rows]
-        assert episode.truncations.tolist() == [False] * 29 + [True] and not episode.terminations.any()
+        assert (
+            episode.truncations.tolist() == [False] * 29 + [True] and not episode.terminations.any()
+        )
         assert len(episode.infos) == len(table) - len(CHANNELS) - 3  # but vehicle, seed and reward
         for name, values in episode.infos.items():
             assert len(values) == 31 and values[1:].tolist() == table[name][rows]
 
 
-MISSIONS = {"drawn": (), "from rest": ("--mission", "acceleration"), "one speed": ("--mission", "0.4")}
+MISSIONS = {
+    "drawn": (),
+    "from rest": ("--mission", "acceleration"),
+    "one speed": ("--mission", "0.4"),
+}
 
 
 @pytest.mark.parametrize("mission", MISSIONS.values(), ids=MISSIONS)
 def test_the_recovered_environment_replays_every_episode(tmp_path, load, mission):
     (tmp_path / "fault.json").write_text(FAULT)
-    settings = ("--preset", "npsnet1995", "--sensor-noise", "0.5", "--schedule", str(tmp_path / "fault.json"))
+    settings = (
+        "--preset",
+        "npsnet1995",
+        "--sensor-noise",
+        "0.5",
+        "--schedule",
+        str(tmp_path / "fault.json"),
+    )
     data = load(simulated(tmp_path / "run", *settings, *mission))
     env = data.recover_environment()
     assert data.observation_space == env.observation_space and data.action_space == env.action_space
@@ -109,11 +131,16 @@ def test_nothing_outside_the_output_changes(tmp_path, monkeypatch):
     simulated(tmp_path / "run")
     assert dict(os.environ) == before
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
-    assert str(tmp_path) not in (Path(tmp_path) / "run" / "minari" / DATASET / "data" / "metadata.json").read_text()
+    assert (
+        str(tmp_path)
+        not in (Path(tmp_path) / "run" / "minari" / DATASET / "data" / "metadata.json").read_text()
+    )
 
 
 def refused(tmp_path, capfd, *arguments):
-    code = cli.main(["simulate", "--output", str(tmp_path / "run"), "--formats", "minari", *arguments])
+    code = cli.main(
+        ["simulate", "--output", str(tmp_path / "run"), "--formats", "minari", *arguments]
+    )
     message = capfd.readouterr().err.splitlines()[-1]
     assert code == 2 and not list(tmp_path.iterdir())
     return message
@@ -125,4 +152,6 @@ def test_a_missing_package_is_named_with_its_extra(tmp_path, capfd, monkeypatch)
 
 
 def test_an_episode_too_long_for_minari_is_refused(tmp_path, capfd):
-    assert "duration of Minari's episodes: got 20000.0" in refused(tmp_path, capfd, "--duration", "20000")
+    assert "duration of Minari's episodes: got 20000.0" in refused(
+        tmp_path, capfd, "--duration", "20000"
+    )

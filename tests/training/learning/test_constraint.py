@@ -11,7 +11,8 @@ from training.learning.constraint import DECLARED, LEFT, RATE, ConstrainedVecEnv
 from training.learning.outcomes import HEALTHY_SHARE
 from training.stimuli.base import EPISODE, LARGEST
 
-BUDGET, AMPLITUDE = 0.1, 0.2
+BUDGET = 0.1
+AMPLITUDE = 0.2
 GONE = [{"fault": "propeller_loss:port", "onset": 0.0, "severity": 1.0}]
 
 
@@ -39,8 +40,10 @@ def test_a_healthy_vehicle_pays_for_its_offsets_and_a_faulty_one_does_not():
     actions = np.array([[0.0], [0.5], [-1.0]], np.float32)
     spent = np.square(AMPLITUDE * actions[:, 0]) / BUDGET**2
     for schedule, paid in (((), 0.5 * spent), (GONE, 0.0)):
-        (free, _), (dear, _) = constrained(schedule), constrained(schedule)
-        free.price, dear.price = 0.0, 0.5
+        (free, _) = constrained(schedule)
+        (dear, _) = constrained(schedule)
+        free.price = 0.0
+        dear.price = 0.5
         for _ in range(4):
             before, after = (env.step(actions) for env in (free, dear))
             np.testing.assert_allclose(after[1], before[1] - paid, atol=1e-6)
@@ -51,7 +54,9 @@ def test_a_right_declaration_pays_a_wrong_one_and_the_onset_do_not():
     env, _ = constrained([GONE[0] | {"onset": 0.5}], diagnoser=Certain())
     _, reward, done, _ = env.step(np.zeros((3, 1), np.float32))
     assert done.all() and reward == pytest.approx([DECLARED] * 3)
-    env, _ = constrained([{"fault": "increased_drag", "onset": 0.5, "severity": 1.0}], diagnoser=Certain())
+    env, _ = constrained(
+        [{"fault": "increased_drag", "onset": 0.5, "severity": 1.0}], diagnoser=Certain()
+    )
     _, reward, done, _ = env.step(np.zeros((3, 1), np.float32))
     assert done.all() and reward == pytest.approx([0.0] * 3)
     env, _ = constrained([{"fault": "increased_drag", "onset": 1.5, "severity": 1.0}])
@@ -67,7 +72,11 @@ def test_no_episode_overdraws_its_budget_and_the_next_begins_with_all_of_it():
     for k in range(1, 6):
         observation, _, done, infos = env.step(np.full((3, 1), -1.0, np.float32))
         costs.append([info["cost"] for info in infos])
-        last = [info["terminal_observation"][LEFT] for info in infos] if k == 5 else observation[:, LEFT]
+        last = (
+            [info["terminal_observation"][LEFT] for info in infos]
+            if k == 5
+            else observation[:, LEFT]
+        )
         left = np.maximum(whole - np.sum(costs, axis=0), 0.0)
         np.testing.assert_allclose(last, np.log1p(left / LARGEST**2), atol=1e-4)
     np.testing.assert_allclose(np.sum(costs, axis=0), whole, rtol=1e-5)
@@ -76,7 +85,8 @@ def test_no_episode_overdraws_its_budget_and_the_next_begins_with_all_of_it():
 
 
 def test_smaller_budgets_are_drawn_from_the_seed():
-    (_, one), (_, again) = constrained(least=0.4, n_lanes=200), constrained(least=0.4, n_lanes=200)
+    (_, one) = constrained(least=0.4, n_lanes=200)
+    (_, again) = constrained(least=0.4, n_lanes=200)
     np.testing.assert_array_equal(one, again)
     share = np.sqrt(np.expm1(one[:, LEFT]) * LARGEST**2 / EPISODE) / BUDGET
     assert 0.4 < share.min() < 0.45 and 0.95 < share.max() < 1.0 and abs(share.mean() - 0.7) < 0.05
@@ -88,7 +98,8 @@ def test_price_follows_the_overdraft_of_the_healthy(share, overdraft):
     env.price = 0.1
     seen = [env.step(np.full((3, 1), 0.5, np.float32))[0] for _ in range(4)]
     env.ascend(np.array(seen), np.full((4, 3), share * HEALTHY_SHARE * BUDGET / AMPLITUDE))
-    assert env.price == pytest.approx(0.1 + RATE * overdraft, abs=1e-6)  # 1 at most: the square would be 8 over
+    # 1 at most: the square would be 8 over
+    assert env.price == pytest.approx(0.1 + RATE * overdraft, abs=1e-6)
 
 
 def test_what_faulty_vehicles_do_and_what_the_allowance_forbids_is_no_overdraft():

@@ -31,8 +31,13 @@ def test_it_goes_ahead_by_the_odds_and_the_budget_where_doubt_is_of_hull_and_pro
     for budget in (0.05, 0.1):
         even = ahead(probabilities(normal=0.5, increased_drag=0.49), budget)
         assert even == pytest.approx(GAIN * budget, rel=0.05)
-    assert ahead(probabilities(normal=0.6, increased_drag=0.3)) == pytest.approx(GAIN * 0.1 * 0.3 / 0.6, rel=0.2)
-    assert ahead(probabilities(normal=0.01, propeller_damage_port=0.45, propeller_loss_port=0.4)) == LARGEST
+    assert ahead(probabilities(normal=0.6, increased_drag=0.3)) == pytest.approx(
+        GAIN * 0.1 * 0.3 / 0.6, rel=0.2
+    )
+    assert (
+        ahead(probabilities(normal=0.01, propeller_damage_port=0.45, propeller_loss_port=0.4))
+        == LARGEST
+    )
     assert ahead(np.where(np.arange(len(classes())) == 1, -1e-9, -1e30)[None]) == LARGEST
     assert ahead(probabilities(normal=0.1, motor_overheating_port=0.85)) == 0.0
 
@@ -44,12 +49,15 @@ def test_bent_odds_are_unbent():
 
 
 def test_the_stimulus_follows_the_odds():
-    reading, stimulus = np.zeros((1, 12)), STIMULI["triggered_surge"](0.1)
+    reading = np.zeros((1, 12))
+    stimulus = STIMULI["triggered_surge"](0.1)
     reading[:, :2] = 0.3
     offsets = []
     for k, normal in enumerate((0.99, 0.5, 0.5, 0.99)):
         told = probabilities(normal=normal, increased_drag=0.9 * (1.0 - normal))
-        offsets.append(stimulus.offset(k, reading, Belief(told, np.zeros_like(told), np.zeros_like(told)))[0])
+        offsets.append(
+            stimulus.offset(k, reading, Belief(told, np.zeros_like(told), np.zeros_like(told)))[0]
+        )
     assert offsets[1] == pytest.approx(offsets[2], rel=1e-2) and offsets[1] > 5.0 * offsets[0] > 0.0
     assert offsets[3] == pytest.approx(offsets[0], rel=1e-2)
 
@@ -58,7 +66,8 @@ def test_worth_is_the_discounted_sum_of_what_follows():
     env = ConstrainedVecEnv(ActiveVecEnv(ActiveDiagnosisVectorEnv(3, 4, "random", cost_weight=0.0)))
     env.seed(1)
     lessons = watched(env, 10, 0.5)
-    worth, gains = lessons.worth.reshape(10, 3), []
+    worth = lessons.worth.reshape(10, 3)
+    gains = []
     env.seed(1)
     env.reset()
     for done in lessons.done.reshape(10, 3, 1):
@@ -70,15 +79,21 @@ def test_worth_is_the_discounted_sum_of_what_follows():
 
 def test_actor_and_critic_learn_what_was_done_and_what_it_was_worth():
     trainer = StimulusTrainer(0)
-    env = ConstrainedVecEnv(ActiveVecEnv(ActiveDiagnosisVectorEnv(64, diagnoser=lighter_bank(), cost_weight=0.0)))
+    env = ConstrainedVecEnv(
+        ActiveVecEnv(ActiveDiagnosisVectorEnv(64, diagnoser=lighter_bank(), cost_weight=0.0))
+    )
     env.seed(1)
-    lessons, policy = watched(env, 60, 0.9), trainer.model.policy
+    lessons = watched(env, 60, 0.9)
+    policy = trainer.model.policy
 
     def errors():
         with torch.inference_mode():
             mean = policy.get_distribution(lessons.seen).distribution.mean
             values = policy.predict_values(lessons.seen)[:, 0]
-        return [float((a - b).square().mean()) for a, b in ((mean, lessons.done), (values, lessons.worth))]
+        return [
+            float((a - b).square().mean())
+            for a, b in ((mean, lessons.done), (values, lessons.worth))
+        ]
 
     before = errors()
     with seeded(0):

@@ -5,18 +5,29 @@ import pytest
 import torch
 
 from training.learning import integrated
-from training.learning.integrated import CLASSES, FEATURES, IntegratedTrainer, calibrate, image, lesson, mirrored_if
+from training.learning.integrated import (
+    CLASSES,
+    FEATURES,
+    IntegratedTrainer,
+    calibrate,
+    image,
+    lesson,
+    mirrored_if,
+)
 
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
-    for name, value in dict(LANES=8, LESSONS=2, GLANCES=3, GLANCED=16, BATCH=4, LOOKING=1, TRIED=1).items():
+    for name, value in dict(
+        LANES=8, LESSONS=2, GLANCES=3, GLANCED=16, BATCH=4, LOOKING=1, TRIED=1
+    ).items():
         monkeypatch.setattr(integrated, name, value)
     monkeypatch.setattr("training.learning.episodes.N_SAMPLES", 60)
 
 
 def test_a_restored_trainer_goes_on_bit_for_bit():
-    one, other = IntegratedTrainer(3), IntegratedTrainer(3)
+    one = IntegratedTrainer(3)
+    other = IntegratedTrainer(3)
     one.epoch(0)
     other.restore({name: np.array(tensor) for name, tensor in one.state().items()})
     assert one.epoch(1) == other.epoch(1)
@@ -38,7 +49,8 @@ def test_memory_learns_only_after_the_encoder():
 
 def test_epochs_and_purposes_learn_from_different_episodes():
     features = [
-        lesson(purpose, first).features for purpose, first in (("training", 0), ("training", 8), ("validation", 0))
+        lesson(purpose, first).features
+        for purpose, first in (("training", 0), ("training", 8), ("validation", 0))
     ]
     assert all(not torch.equal(features[a], features[b]) for a, b in ((0, 1), (0, 2), (1, 2)))
     assert torch.equal(lesson("training", 0).features, features[0])

@@ -35,7 +35,8 @@ def test_training_learns_the_map():
 def test_calibration_finds_slopes_and_offsets_that_made_the_classes():
     random = np.random.default_rng(0)
     sums = random.normal(size=(20_000, len(MODES_5_2)))
-    slope, offset = np.array([1.0, 2.0, 0.5, 1.5, 1.0]), np.array([0.0, 1.0, -1.0, 0.5, 0.0])
+    slope = np.array([1.0, 2.0, 0.5, 1.5, 1.0])
+    offset = np.array([0.0, 1.0, -1.0, 0.5, 0.0])
     belief = np.exp(spread(log_softmax(slope * sums + offset), shares(labels(), MODES_5_2)))
     label = (belief.cumsum(axis=1) > random.uniform(size=(len(sums), 1))).argmax(axis=1)
     got_slope, got_offset, loss = calibrated(sums, label)
@@ -45,8 +46,11 @@ def test_calibration_finds_slopes_and_offsets_that_made_the_classes():
 
 
 def test_lines_by_hand():
-    drag, loss = CLASSES.index("increased_drag"), CLASSES.index("propeller_loss:starboard")
-    label = np.repeat([drag, loss, CLASSES.index("decreased_drag"), CLASSES.index("propeller_damage:port")], 4)
+    drag = CLASSES.index("increased_drag")
+    loss = CLASSES.index("propeller_loss:starboard")
+    label = np.repeat(
+        [drag, loss, CLASSES.index("decreased_drag"), CLASSES.index("propeller_damage:port")], 4
+    )
     height = np.tile([0.0, 0.0, 1.0, 1.0], 4)
     grown = np.concatenate([[0.2, 0.4, 0.8, 1.0], np.full(4, 0.7), height[:8]])
     table = lines(height, label, grown)
@@ -58,6 +62,8 @@ def test_finish_gives_a_diagnoser_with_the_weights_of_the_training(monkeypatch):
     monkeypatch.setattr(kalman_network, "LANES", 128)
     trainer = trained(KalmanNetworkTrainer(0), range(1))
     diagnoser, figures = trainer.finish()
-    np.testing.assert_array_equal(diagnoser.tensors()["output_weight"], trainer.state()["output_weight"])
+    np.testing.assert_array_equal(
+        diagnoser.tensors()["output_weight"], trainer.state()["output_weight"]
+    )
     assert np.isfinite(list(figures.values())).all()
     assert (diagnoser.tensors()["severity"][1:, 2] > 0.0).all()

@@ -42,9 +42,13 @@ def die(place, function, at_call, before):
 die(*{moment!r})
 cli.main(["train", {name!r}, "--output", {output!r}])
 """
-MOMENTS = {  # where the process dies, and how many epochs are kept; the first checkpoint is that of no epoch
+# where the process dies, and how many epochs are kept; the first checkpoint is that of no epoch
+MOMENTS = {
     "in the third epoch": (("toy_trainer:ToyTrainer", "epoch", 3, False), 2),
-    "while the checkpoint of the second epoch is written": (("diagnosers.storage", "save_file", 3, False), 1),
+    "while the checkpoint of the second epoch is written": (
+        ("diagnosers.storage", "save_file", 3, False),
+        1,
+    ),
     "while the run is written": (("training.commands.train", "write_report", 1, True), 6),
     "before the checkpoint is removed": (("training.commands.train:shutil", "rmtree", 3, True), 6),
 }
@@ -97,7 +101,15 @@ def whole(tmp_path_factory):
 
 
 def test_run_is_complete_and_nothing_else_is_left(whole):
-    files = {"index.html", "manifest.json", "results.json", "figures", LOG, f"{NAME}.json", f"{NAME}.safetensors"}
+    files = {
+        "index.html",
+        "manifest.json",
+        "results.json",
+        "figures",
+        LOG,
+        f"{NAME}.json",
+        f"{NAME}.safetensors",
+    }
     assert {path.name for path in whole.iterdir()} == files
     assert list(whole.parent.iterdir()) == [whole]
     assert json.loads((whole / "manifest.json").read_text())["command"] == "auv-fault train"
@@ -118,12 +130,17 @@ def test_killed_run_goes_on_bit_for_bit(whole, tmp_path, moment, kept, monkeypat
     killed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert killed.returncode == -9, killed.stderr
     assert (unfinished(output) / FILE).exists()
-    numbers, epoch = [], toy.epoch
-    monkeypatch.setattr(toy, "epoch", lambda self, number: numbers.append(number) or epoch(self, number))
+    numbers = []
+    epoch = toy.epoch
+    monkeypatch.setattr(
+        toy, "epoch", lambda self, number: numbers.append(number) or epoch(self, number)
+    )
     assert run(output) == 0
     assert numbers == list(range(kept, toy.epochs))
     assert weights(output) == weights(whole)
-    assert [epoch["train"] for epoch in card(output)["history"]] == [epoch["train"] for epoch in card(whole)["history"]]
+    assert [epoch["train"] for epoch in card(output)["history"]] == [
+        epoch["train"] for epoch in card(whole)["history"]
+    ]
     assert not unfinished(output).exists()
 
 
@@ -142,11 +159,19 @@ def test_interrupted_run_says_how_to_go_on(whole, tmp_path, monkeypatch, toy, ca
 
 @pytest.mark.parametrize(
     ("call", "error"),
-    [(1, OSError(28, "No space left")), (3, SafetensorError("No space left")), (8, SafetensorError("No space left"))],
+    [
+        (1, OSError(28, "No space left")),
+        (3, SafetensorError("No space left")),
+        (8, SafetensorError("No space left")),
+    ],
     ids=["first checkpoint", "later checkpoint", "weights"],
 )
-def test_full_disk_is_one_line_and_loses_no_epoch(whole, tmp_path, monkeypatch, call, error, capsys):
-    output, calls, save = tmp_path / "run", [], storage.save_file
+def test_full_disk_is_one_line_and_loses_no_epoch(
+    whole, tmp_path, monkeypatch, call, error, capsys
+):
+    output = tmp_path / "run"
+    calls = []
+    save = storage.save_file
 
     def full(*arguments, **settings):
         calls.append(1)
@@ -188,7 +213,9 @@ def test_training_stops_early_and_keeps_the_best(tmp_path, toy):
 def test_diverged_training_is_refused(tmp_path, toy, value):
     trained = toy(0)
     trained.validate = lambda: {"loss": value}
-    with pytest.raises(InputError, match=r"validation loss of epoch 1: got (nan|inf); .* has diverged"):
+    with pytest.raises(
+        InputError, match=r"validation loss of epoch 1: got (nan|inf); .* has diverged"
+    ):
         train(trained, NAME, 0, tmp_path)
 
 
@@ -207,7 +234,11 @@ def test_checkpoint_of_another_training_is_refused(tmp_path, monkeypatch, toy, c
 
 
 def test_checkpoint_keeps_order_shapes_and_dtypes(tmp_path):
-    state = {"b": np.arange(6, dtype=np.float32).reshape(2, 3).T, "a": np.array(3), "c": np.zeros((0, 2), np.uint8)}
+    state = {
+        "b": np.arange(6, dtype=np.float32).reshape(2, 3).T,
+        "a": np.array(3),
+        "c": np.zeros((0, 2), np.uint8),
+    }
     checkpoint.write(tmp_path, {"seed": 1}, Progress([], state, state))
     read = checkpoint.read(tmp_path, {"seed": 1})
     for got in (read.current, read.best):
@@ -233,11 +264,18 @@ def test_damaged_checkpoint_is_refused(tmp_path, toy, damage, capsys):
 
 def test_log_has_every_scalar_once(whole, toy):
     log = EventAccumulator(str(whole / LOG)).Reload()
-    assert set(log.Tags()["tensors"]) == {"train/loss", "train/bias", "validation/loss", "validation/bias"}
+    assert set(log.Tags()["tensors"]) == {
+        "train/loss",
+        "train/bias",
+        "validation/loss",
+        "validation/bias",
+    }
     events = log.Tensors("validation/loss")
     assert [event.step for event in events] == list(range(1, toy.epochs + 1))
     logged = [float(make_ndarray(event.tensor_proto)) for event in events]
-    np.testing.assert_allclose(logged, [epoch["validation"]["loss"] for epoch in card(whole)["history"]], rtol=1e-6)
+    np.testing.assert_allclose(
+        logged, [epoch["validation"]["loss"] for epoch in card(whole)["history"]], rtol=1e-6
+    )
 
 
 def test_card_tells_how_the_weights_were_made(whole, toy):
@@ -254,7 +292,10 @@ def test_card_tells_how_the_weights_were_made(whole, toy):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["limits"], "diagnoser to train: got 'limits'; allowed is one of raw_network, kalman_network, integrated"),
+        (
+            ["limits"],
+            "diagnoser to train: got 'limits'; allowed is one of raw_network, kalman_network, integrated",
+        ),
         (["integratd"], "did you mean 'integrated'?"),
         ([NAME, "--epochs", "0"], "epochs: got 0"),
         ([NAME, "--epochs", "7"], "epochs: got 7; allowed is 1 to 6"),
@@ -284,7 +325,8 @@ def test_bad_places_are_refused_before_training(tmp_path, monkeypatch, toy, plac
 
 
 def test_finished_run_is_kept_and_can_be_installed(tmp_path, monkeypatch, toy, capsys):
-    output, installed = tmp_path / "run", tmp_path / "weights"
+    output = tmp_path / "run"
+    installed = tmp_path / "weights"
     monkeypatch.setattr(storage, "WEIGHTS", installed)
     assert run(output, "--epochs", "2") == 0
     with monkeypatch.context() as patch:

@@ -6,7 +6,8 @@ import pytest
 from training.learning.outcomes import CENSORED, HEALTHY_SHARE, Outcome, Outcomes, figures
 
 INF = float("inf")
-PORT, SPEED = "propeller_loss:port", "sensor:speed"
+PORT = "propeller_loss:port"
+SPEED = "sensor:speed"
 
 
 def info(label="normal", declared="normal", onset=INF, cost=0.0):
@@ -22,7 +23,8 @@ def followed(*seconds):
 
 
 def test_right_declaration_counts_from_onset():
-    one, two = info(onset=1.5, cost=0.01), info(PORT, onset=1.5, cost=0.02)
+    one = info(onset=1.5, cost=0.01)
+    two = info(PORT, onset=1.5, cost=0.02)
     last = info(PORT, PORT, onset=1.5, cost=0.03)
     assert followed(one, two, last) == [Outcome(0, 3, pytest.approx(0.06), True, True, 1.5)]
 
@@ -54,7 +56,11 @@ def test_lanes_begin_anew_by_themselves():
     assert cost.tolist() == [0.1, 0.2] and label.tolist() == [PORT, "normal"]
     outcomes.note([info(cost=0.4), info(cost=0.3)], np.array([True, True]))
     ended = outcomes.ended
-    assert [(one.lane, one.decisions, one.faulty) for one in ended] == [(0, 1, True), (0, 1, False), (1, 2, False)]
+    assert [(one.lane, one.decisions, one.faulty) for one in ended] == [
+        (0, 1, True),
+        (0, 1, False),
+        (1, 2, False),
+    ]
     assert [one.cost for one in ended] == pytest.approx([0.1, 0.4, 0.5])
 
 
@@ -68,7 +74,9 @@ def test_figures_by_hand():
     got = figures(outcomes, budget=0.1)
     assert got["delay"] == pytest.approx(17.0)
     assert got["isolated"] == 0.5 and got["mistaken"] == 0.5
-    assert got["rms"] == pytest.approx(0.1) and got["healthy_rms"] == pytest.approx((0.1 / 30) ** 0.5)
+    assert got["rms"] == pytest.approx(0.1) and got["healthy_rms"] == pytest.approx(
+        (0.1 / 30) ** 0.5
+    )
     assert got["loss"] == pytest.approx(17.0 * got["healthy_rms"] / (HEALTHY_SHARE * 0.1))
     assert figures(outcomes, budget=2.0)["loss"] == pytest.approx(17.0)
 

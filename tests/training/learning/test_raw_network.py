@@ -61,6 +61,10 @@ def test_the_diagnoser_has_the_weights_of_the_training():
     trainer = trained(RawNetworkTrainer(0), range(1))
     diagnoser, figures = trainer.finish()
     assert {name: tensor.shape for name, tensor in diagnoser.tensors().items()} == ARCHITECTURE
-    np.testing.assert_array_equal(diagnoser.tensors()["hidden_weight"], trainer.state()["hidden_weight"])
-    assert (diagnoser.tensors()["hidden_weight"] != feed_forward.drawn(ARCHITECTURE, 0)["hidden_weight"]).any()
+    np.testing.assert_array_equal(
+        diagnoser.tensors()["hidden_weight"], trainer.state()["hidden_weight"]
+    )
+    assert (
+        diagnoser.tensors()["hidden_weight"] != feed_forward.drawn(ARCHITECTURE, 0)["hidden_weight"]
+    ).any()
     assert np.isfinite(figures["calibration_loss"])

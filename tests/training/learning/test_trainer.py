@@ -12,7 +12,8 @@ from training.learning.trainer import TRAINERS, trainer_of
 
 @pytest.mark.parametrize("name", TRAINERS)
 def test_state_of_every_trainer_is_all_that_the_next_epoch_needs_to_begin(name):
-    one, other = trainer_of(name, 0), trainer_of(name, 1)
+    one = trainer_of(name, 0)
+    other = trainer_of(name, 1)
     before = {key: np.array(tensor) for key, tensor in one.state().items()}
     assert any(not np.array_equal(tensor, other.state()[key]) for key, tensor in before.items())
     other.restore(before)
@@ -32,7 +33,9 @@ def test_every_trainer_says_how_long_and_on_what(name):
 
 @pytest.mark.parametrize("name", ["limits", "integratd", ""])
 def test_what_does_not_learn_is_refused(name):
-    with pytest.raises(InputError, match="diagnoser to train: got .* allowed is one of " + ", ".join(TRAINERS)):
+    with pytest.raises(
+        InputError, match="diagnoser to train: got .* allowed is one of " + ", ".join(TRAINERS)
+    ):
         trainer_of(name, 0)
 
 

@@ -36,7 +36,9 @@ class ToyTrainer:
     def points(self, number):
         random = np.random.default_rng((self.seed, number))
         inputs = random.normal(size=(64, 4)).astype(np.float32)
-        return inputs, inputs @ np.array([1.0, -2.0, 3.0, 0.5], np.float32) + random.normal(size=64).astype(np.float32)
+        return inputs, inputs @ np.array([1.0, -2.0, 3.0, 0.5], np.float32) + random.normal(
+            size=64
+        ).astype(np.float32)
 
     def loss(self, number):
         inputs, outputs = self.points(number)
@@ -57,7 +59,9 @@ class ToyTrainer:
         return {"weights": self.weights, "momentum": self.momentum, "count": self.count}
 
     def restore(self, state):
-        self.weights, self.momentum, self.count = (state[name].copy() for name in ("weights", "momentum", "count"))
+        self.weights, self.momentum, self.count = (
+            state[name].copy() for name in ("weights", "momentum", "count")
+        )
 
     def finish(self):
         return ToyDiagnoser(self.weights), {"temperature": 1.25, "macro_f1": {"normal": 0.5}}

@@ -9,7 +9,9 @@ from contextlib import contextmanager
 
 from websockets.sync.client import connect
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
 OPTIONS = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --remote-debugging-port=0".split()
 
 
@@ -17,7 +19,9 @@ class Tab:
     """A page in the browser; `events` are the protocol's messages so far."""
 
     def __init__(self, socket):
-        self._socket, self._number, self.events = socket, 0, []
+        self._socket = socket
+        self._number = 0
+        self.events = []
 
     def call(self, method, **parameters):
         self._number += 1
@@ -48,7 +52,13 @@ class Tab:
 @contextmanager
 def tab(folder, width=1366, height=900):
     """An empty tab of a new browser whose profile lies in the folder."""
-    command = [CHROMIUM, *OPTIONS, f"--user-data-dir={folder}", f"--window-size={width},{height}", "about:blank"]
+    command = [
+        CHROMIUM,
+        *OPTIONS,
+        f"--user-data-dir={folder}",
+        f"--window-size={width},{height}",
+        "about:blank",
+    ]
     browser = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         with connect(_address(folder / "DevToolsActivePort"), max_size=None) as socket:
@@ -68,4 +78,6 @@ def _address(file):
         time.sleep(0.1)
     port = file.read_text().split()[0]
     with urllib.request.urlopen(f"http://127.0.0.1:{port}/json/list") as answer:
-        return next(one["webSocketDebuggerUrl"] for one in json.load(answer) if one["type"] == "page")
+        return next(
+            one["webSocketDebuggerUrl"] for one in json.load(answer) if one["type"] == "page"
+        )

@@ -45,7 +45,9 @@ def test_every_chart_is_plain_data_with_title_and_axes(history, name, truth):
 @pytest.mark.parametrize("name", [name for name in CHARTS if name != "ranking"])
 def test_fault_and_alarm_are_marked(history, name):
     series = CHARTS[name](history, False)["series"][0]
-    assert [(line["name"], line["xAxis"]) for line in series["markLine"]["data"]] == [("fault", 69.8)]
+    assert [(line["name"], line["xAxis"]) for line in series["markLine"]["data"]] == [
+        ("fault", 69.8)
+    ]
     ((begin, end),) = series["markArea"]["data"]
     assert (begin["name"], begin["xAxis"], end["xAxis"]) == ("alarm", 69.9, 70.0)
 
@@ -58,7 +60,9 @@ def test_the_last_minute_is_shown(history):
 def test_lines_carry_their_channel(history):
     column = list(CHANNELS).index("starboard_rpm")
     line = named(CHARTS["rpm"](history, False), "starboard")
-    assert line["data"] == [[time, column + 12.0 * k] for k, time in enumerate((69.7, 69.8, 69.9, 70.0))]
+    assert line["data"] == [
+        [time, column + 12.0 * k] for k, time in enumerate((69.7, 69.8, 69.9, 70.0))
+    ]
 
 
 def test_the_true_speed_is_shown_only_with_the_truth(history):
@@ -72,7 +76,12 @@ def test_the_likeliest_is_on_top_and_has_the_severity(history):
     assert ranking["yAxis"]["data"][-1] == "propeller_loss:port"
     assert ranking["series"][0]["data"][-1]["value"] == 99.9
     severity = CHARTS["severity"](history, False)
-    assert named(severity, "propeller_loss:port")["data"] == [[69.7, None], [69.8, None], [69.9, 0.9], [70.0, 0.9]]
+    assert named(severity, "propeller_loss:port")["data"] == [
+        [69.7, None],
+        [69.8, None],
+        [69.9, 0.9],
+        [70.0, 0.9],
+    ]
     assert named(severity, "low")["data"][-1][1] == pytest.approx(0.9 - 0.196)
     assert named(severity, "95 % interval")["data"][-1][1] == pytest.approx(1.0 - (0.9 - 0.196))
 
@@ -81,7 +90,9 @@ def test_verdict_needs_an_alarm_and_half_of_the_suspicion(history):
     assert history.verdict == "propeller_loss:port"
     assert history._replace(alarm=np.zeros(4, bool)).verdict == NORMAL
     even = np.log(np.full((4, len(classes())), 1.0 / len(classes())))
-    assert history._replace(belief=history.belief._replace(log_probability=even)).verdict == "unknown"
+    assert (
+        history._replace(belief=history.belief._replace(log_probability=even)).verdict == "unknown"
+    )
 
 
 def test_alarms_begin_and_end(history):

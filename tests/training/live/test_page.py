@@ -78,7 +78,9 @@ def test_controls_reach_the_vehicle():
     visit(act)
 
 
-@pytest.mark.parametrize(("control", "name"), [("diagnoser", "integrated"), ("stimulus", "d_optimal")])
+@pytest.mark.parametrize(
+    ("control", "name"), [("diagnoser", "integrated"), ("stimulus", "d_optimal")]
+)
 def test_diagnoser_and_stimulus_are_chosen_while_the_page_waits(control, name):
     async def act(user, page):
         with user:
@@ -98,5 +100,9 @@ def test_each_visitor_has_a_vehicle_of_his_own():
 
 
 def test_places_are_those_of_the_catalogue():
-    names = [":".join(filter(None, (kind, place))) for kind, options in places().items() for place in options]
+    names = [
+        ":".join(filter(None, (kind, place)))
+        for kind, options in places().items()
+        for place in options
+    ]
     assert sorted(names) == sorted(CATALOGUE)

@@ -107,14 +107,20 @@ def test_another_diagnoser_reads_what_is_remembered():
 
 
 def test_reset_brings_another_vehicle_of_the_same_seed():
-    one, two = Session(seed=3), Session(seed=3)
+    one = Session(seed=3)
+    two = Session(seed=3)
     first = run(one, 2.0).observation
     np.testing.assert_array_equal(run(two, 2.0).observation, first)
     one.inject("increased_drag")
     run(one, 1.0)
     for session in (one, two):
         session.reset()
-    assert (one.time, one.travelled > 0.1, one.truth().label, one.history().marks) == (0.0, False, NORMAL, ())
+    assert (one.time, one.travelled > 0.1, one.truth().label, one.history().marks) == (
+        0.0,
+        False,
+        NORMAL,
+        (),
+    )
     np.testing.assert_array_equal(run(one, 2.0).observation, run(two, 2.0).observation)
     assert not np.array_equal(one.history().observation, first)
 
@@ -152,7 +158,10 @@ def test_advice_comes_once_a_second_and_follows_the_belief():
 @pytest.mark.parametrize(
     ("act", "words"),
     [
-        (lambda session: session.inject("propeller_los:port"), "did you mean 'propeller_loss:port'"),
+        (
+            lambda session: session.inject("propeller_los:port"),
+            "did you mean 'propeller_loss:port'",
+        ),
         (lambda session: session.inject("increased_drag", severity=1.5), "number from 0 to 1"),
         (lambda session: session.set_mission_speed(2.0), "number from 0.1 to 1"),
         (lambda session: session.choose_diagnoser("oracle"), "diagnoser: got 'oracle'"),
@@ -165,4 +174,8 @@ def test_what_is_wrong_is_refused_and_changes_nothing(act, words):
     with pytest.raises(InputError, match=words):
         act(session)
     session.step()
-    assert (session.faults, session.mission_speed, session.diagnoser.name) == ({}, 0.3048, "filter_bank")
+    assert (session.faults, session.mission_speed, session.diagnoser.name) == (
+        {},
+        0.3048,
+        "filter_bank",
+    )

@@ -10,12 +10,14 @@ from training import metrics
 from training.metrics import compatibility
 
 LABEL = np.array([[0, 0], [0, 2], [1, 2], [1, 2]])
-DECISION = np.array([[0, 0], [1, 0], [2, 2], [1, 0]])  # a false alarm, wrong, right; nothing, late, given up
+# a false alarm, wrong, right; nothing, late, given up
+DECISION = np.array([[0, 0], [1, 0], [2, 2], [1, 0]])
 
 
 def test_fddbenchmark_by_hand():
     found = compatibility.fddbenchmark(LABEL, DECISION, 3)
-    assert found.detection_tpr == pytest.approx(3 / 5)  # 5 faulty samples, a fault named at 3 of them
+    # 5 faulty samples, a fault named at 3 of them
+    assert found.detection_tpr == pytest.approx(3 / 5)
     assert found.detection_fpr == pytest.approx(1 / 3)
     assert found.cdr == pytest.approx(2 / 3)  # of the 3, 2 named rightly
     np.testing.assert_allclose(found.tpr, [2 / 3, 1 / 2, 1 / 3])
@@ -37,7 +39,8 @@ def test_rates_of_dx25_by_hand():
 
 
 def test_isolation_accuracy_is_over_the_samples_rightly_detected_and_among_faults():
-    probability = np.full((4, 2, 3), [0.98, 0.01, 0.01])  # what is believed elsewhere does not matter
+    # what is believed elsewhere does not matter
+    probability = np.full((4, 2, 3), [0.98, 0.01, 0.01])
     probability[2, 0] = 0.2, 0.2, 0.6  # true class 1: 0.25 among faults
     probability[3, 0] = 0.0, 1.0, 0.0
     probability[2, 1] = 0.5, 0.1, 0.4  # true class 2: 0.8
@@ -74,7 +77,8 @@ def test_utility_of_ambiguity_groups_by_hand():
     assert compatibility.ambiguous_utility(truth, truth) == pytest.approx(1.0)
     assert compatibility.ambiguous_utility(sets({0}), truth) == pytest.approx(0.625 / 0.625)
     assert compatibility.ambiguous_utility(sets({2}), truth) == pytest.approx(0.25 / 0.625)
-    assert compatibility.ambiguous_utility(sets({2}), sets({0})) == pytest.approx(0.25)  # one truth: `utility` itself
+    # one truth: `utility` itself
+    assert compatibility.ambiguous_utility(sets({2}), sets({0})) == pytest.approx(0.25)
 
 
 def test_the_last_fault_named_counts_even_if_given_up():
@@ -92,7 +96,9 @@ def test_all_scores_at_once():
     assert found["fddbenchmark TPR"] == found["DX'25 TDR"] == pytest.approx(0.6)
     assert found["DX'25 FIA"] == pytest.approx(0.5)  # two faults, equally likely
     assert found["DXC'26 m_utl"] == pytest.approx(1.0)
-    nothing = compatibility.scores(LABEL * 0, DECISION * 0, np.zeros((1, 2), int), log_probability[:1], 3)
+    nothing = compatibility.scores(
+        LABEL * 0, DECISION * 0, np.zeros((1, 2), int), log_probability[:1], 3
+    )
     assert nothing["DX'25 TDR"] is None and nothing["DX'25 FAR"] == 0.0
 
 
@@ -107,15 +113,20 @@ def added_delay(label, decision, step):
 
 def test_what_another_average_delay_does_not_see():
     """Three runs with a fault from sample 10 on: an alarm before that stays, one 20 samples late, none at all."""
-    n_samples, step = 100, 10
+    n_samples = 100
+    step = 10
     label = np.repeat(np.arange(n_samples)[:, None] >= 10, 3, axis=1).astype(int)
     decision = np.zeros_like(label)
     decision[5:, 0] = 1
     decision[30:, 1] = 1
-    onset, horizon = np.full(3, 9.5 * SAMPLE_TIME), 8.0
+    onset = np.full(3, 9.5 * SAMPLE_TIME)
+    horizon = 8.0
     delays = metrics.detection_delay(decision != 0, onset, horizon)
-    np.testing.assert_allclose(delays.time, [horizon, 20.5 * SAMPLE_TIME, horizon])  # the first detects nothing
+    # the first detects nothing
+    np.testing.assert_allclose(delays.time, [horizon, 20.5 * SAMPLE_TIME, horizon])
     assert metrics.restricted_mean(delays) == pytest.approx((8.0 + 2.05 + 8.0) / 3)
-    # nought for the first, a window step for each of the 20 samples, the third forgotten: no time of anything
+    # nought for the first, a window step for each of the 20 samples, the third forgotten: no time
+    # of anything
     assert added_delay(label, decision, step) == (0 + 20 * step) / 2
-    assert added_delay(label[:, 1:], decision[:, 1:], step) == 20 * step  # the missed run changes nothing
+    # the missed run changes nothing
+    assert added_delay(label[:, 1:], decision[:, 1:], step) == 20 * step

@@ -39,14 +39,17 @@ def test_threshold_allows_just_the_alarms_of_its_rate(persistence):
 
 
 def test_threshold_counts_several_alarms_of_one_lane():
-    log_normal = lanes([0.0, -4.0, 0.0, -3.0, 0.0, -2.0, 0.0, 0.0, 0.0, 0.0], [-1.0] * 10)  # 2 s in all
-    assert metrics.threshold_for(log_normal, 1.0, 1) == -2.0  # two alarms: the dips to -4 and -3 of one lane
+    # 2 s in all
+    log_normal = lanes([0.0, -4.0, 0.0, -3.0, 0.0, -2.0, 0.0, 0.0, 0.0, 0.0], [-1.0] * 10)
+    # two alarms: the dips to -4 and -3 of one lane
+    assert metrics.threshold_for(log_normal, 1.0, 1) == -2.0
     assert metrics.threshold_for(log_normal, 2.0, 1) == -3.0
     assert metrics.threshold_for(log_normal, 3.0, 1) == -4.0
 
 
 def test_threshold_is_not_raised_until_all_alarms_have_merged_into_one():
-    flickering = lanes([-2.0, -1.0] * 50)  # above -1 the lane alarms all the time, which is one alarm only
+    # above -1 the lane alarms all the time, which is one alarm only
+    flickering = lanes([-2.0, -1.0] * 50)
     assert metrics.threshold_for(flickering, 10.0, 1) == -2.0
 
 
@@ -74,9 +77,12 @@ def test_alarm_before_or_at_onset_is_no_detection():
 
 def test_nothing_at_the_very_onset_is_found_though_samples_are_not_exact_multiples():
     onset = np.round(np.arange(1, 300) * 0.1, 2)
-    at_onset = np.arange(650)[:, None] >= np.arange(1, 300)  # alarm and right answer begin in the sample of the onset
+    # alarm and right answer begin in the sample of the onset
+    at_onset = np.arange(650)[:, None] >= np.arange(1, 300)
     assert metrics.detection_delay(at_onset, onset, 30.0).censored.all()
-    assert metrics.isolation_time(np.where(at_onset, 7, 0), np.full(299, 7), onset, 30.0).censored.all()
+    assert metrics.isolation_time(
+        np.where(at_onset, 7, 0), np.full(299, 7), onset, 30.0
+    ).censored.all()
     later = np.arange(650)[:, None] >= np.arange(2, 301)
     np.testing.assert_allclose(metrics.detection_delay(later, onset, 30.0).time, 0.1)
 
@@ -121,14 +127,16 @@ def test_kaplan_meier_median_by_hand():
 
 def test_what_happens_at_the_very_horizon_does_not_outlive_those_where_nothing_does():
     onset = np.tile(np.round(np.arange(50, 300) * 0.1, 2), 5)
-    right = (np.arange(650)[:, None] >= metrics.sample_at(onset + 30.0)) & (np.arange(1250) < 250)  # a fifth, at last
+    # a fifth, at last
+    right = (np.arange(650)[:, None] >= metrics.sample_at(onset + 30.0)) & (np.arange(1250) < 250)
     found = metrics.isolation_time(np.where(right, 7, 0), np.full(1250, 7), onset, 30.0)
     assert metrics.probability(found) == pytest.approx(0.2)
     assert found.time.max() == 30.0 and metrics.kaplan_meier_median(found) == math.inf
 
 
 def test_confusion_and_macro_f1_by_hand():
-    label, decision = np.array([0, 0, 1, 1, 1, 2]), np.array([0, 1, 1, 1, 0, 1])
+    label = np.array([0, 0, 1, 1, 1, 2])
+    decision = np.array([0, 1, 1, 1, 0, 1])
     matrix = metrics.confusion(label, decision, 4)
     np.testing.assert_array_equal(matrix, [[1, 1, 0, 0], [1, 2, 0, 0], [0, 1, 0, 0], [0, 0, 0, 0]])
     # F1 of 0: 2/4; of 1: 4/7; of 2: 0; class 3 never occurs
@@ -136,25 +144,33 @@ def test_confusion_and_macro_f1_by_hand():
 
 
 def test_weighted_confusion_is_that_of_repeated_lanes():
-    label, decision = np.array([0, 1, 2]), np.array([0, 2, 2])
+    label = np.array([0, 1, 2])
+    decision = np.array([0, 2, 2])
     weights = np.array([[1, 1, 1], [0, 2, 1]])
     first, second = metrics.confusion(label, decision, 3, weights)
     np.testing.assert_array_equal(first, metrics.confusion(label, decision, 3))
-    np.testing.assert_array_equal(second, metrics.confusion(label[[1, 1, 2]], decision[[1, 1, 2]], 3))
+    np.testing.assert_array_equal(
+        second, metrics.confusion(label[[1, 1, 2]], decision[[1, 1, 2]], 3)
+    )
 
 
 def test_classes_are_matched_by_name():
-    np.testing.assert_array_equal(metrics.class_order(("b", "normal", "a"), ("normal", "a", "b")), [1, 2, 0])
+    np.testing.assert_array_equal(
+        metrics.class_order(("b", "normal", "a"), ("normal", "a", "b")), [1, 2, 0]
+    )
 
 
-@pytest.mark.parametrize("given", [("normal", "a"), ("normal", "a", "c"), ("normal", "a", "b", "b")])
+@pytest.mark.parametrize(
+    "given", [("normal", "a"), ("normal", "a", "c"), ("normal", "a", "b", "b")]
+)
 def test_other_classes_are_refused(given):
     with pytest.raises(InputError, match="classes of the belief"):
         metrics.class_order(given, ("normal", "a", "b"))
 
 
 def test_severity_error_and_coverage_by_hand():
-    estimate, truth = np.array([0.5, 0.2]), np.array([0.6, 0.6])
+    estimate = np.array([0.5, 0.2])
+    truth = np.array([0.6, 0.6])
     np.testing.assert_allclose(metrics.severity_error(estimate, truth), [0.1, 0.4])
     # 90 % of a normal distribution lie within 1.645 standard deviations
     std = np.array([0.1 / 1.644, 0.4 / 1.646])
@@ -162,21 +178,31 @@ def test_severity_error_and_coverage_by_hand():
 
 
 def test_calibration_error_by_hand():
-    confidence, right = np.array([0.9, 0.95, 1.0, 0.35]), np.array([True, False, True, True])
+    confidence = np.array([0.9, 0.95, 1.0, 0.35])
+    right = np.array([True, False, True, True])
     bins = metrics.reliability(confidence, right, n_bins=2)
     np.testing.assert_allclose(bins, [[0.25, 0.75], [0.35, 0.95], [1.0, 2 / 3]])
     expected = 0.25 * 0.65 + 0.75 * (0.95 - 2 / 3)
-    assert metrics.expected_calibration_error(confidence, right, n_bins=2) == pytest.approx(expected)
+    assert metrics.expected_calibration_error(confidence, right, n_bins=2) == pytest.approx(
+        expected
+    )
 
 
 def test_prior_is_calibrated_though_useless():
-    assert metrics.expected_calibration_error(np.full(4, 0.25), np.array([True, False, False, False])) == 0.0
+    assert (
+        metrics.expected_calibration_error(np.full(4, 0.25), np.array([True, False, False, False]))
+        == 0.0
+    )
 
 
 def test_brier_and_log_loss_by_hand():
-    log_probability, label = np.log([[0.7, 0.2, 0.1], [0.5, 0.25, 0.25]]), np.array([0, 1])
-    assert metrics.brier(log_probability, label) == pytest.approx((0.14 + 0.875) / 2)  # .09+.04+.01, .25+.5625+.0625
-    assert metrics.log_loss(log_probability, label) == pytest.approx(-(math.log(0.7) + math.log(0.25)) / 2)
+    log_probability = np.log([[0.7, 0.2, 0.1], [0.5, 0.25, 0.25]])
+    label = np.array([0, 1])
+    # .09+.04+.01, .25+.5625+.0625
+    assert metrics.brier(log_probability, label) == pytest.approx((0.14 + 0.875) / 2)
+    assert metrics.log_loss(log_probability, label) == pytest.approx(
+        -(math.log(0.7) + math.log(0.25)) / 2
+    )
     with np.errstate(divide="ignore"):
         assert metrics.log_loss(np.log([[1.0, 0.0]]), np.array([1])) == math.inf
 
@@ -184,10 +210,12 @@ def test_brier_and_log_loss_by_hand():
 def test_paired_interval_sees_what_the_lanes_share():
     random = np.random.default_rng(0)
     lane = random.uniform(0.0, 30.0, 400)
-    a, b = lane + random.normal(0.0, 0.5, 400), lane + 1.0
+    a = lane + random.normal(0.0, 0.5, 400)
+    b = lane + 1.0
     low, high = intervals.paired_bootstrap(a, b, seed=1)
     assert -1.1 < low < -1.0 < high < -0.9
-    ours, theirs = intervals.interval(a, 1), intervals.interval(b, 1)
+    ours = intervals.interval(a, 1)
+    theirs = intervals.interval(b, 1)
     assert ours[1] > theirs[0]  # unpaired they overlap
 
 
@@ -203,7 +231,8 @@ def test_f1_intervals_hold_their_value_and_pair():
     random = np.random.default_rng(4)
     label = random.integers(0, 3, 300)
     wrong = random.uniform(size=300)
-    good, bad = np.where(wrong < 0.1, 0, label), np.where(wrong < 0.2, 0, label)
+    good = np.where(wrong < 0.1, 0, label)
+    bad = np.where(wrong < 0.2, 0, label)
     low, high = intervals.f1_interval(label, good, 3, seed=0)
     assert low < metrics.macro_f1(metrics.confusion(label, good, 3)) < high
     assert intervals.paired_f1(label, good, bad, 3, seed=0)[0] > 0.0
@@ -211,7 +240,8 @@ def test_f1_intervals_hold_their_value_and_pair():
 
 
 def test_poisson_interval_of_the_tables():
-    np.testing.assert_allclose(intervals.poisson_interval(10, 1.0), (4.795, 18.390), atol=1e-3)  # Garwood 1936
+    # Garwood 1936
+    np.testing.assert_allclose(intervals.poisson_interval(10, 1.0), (4.795, 18.390), atol=1e-3)
     np.testing.assert_allclose(intervals.poisson_interval(0, 2.0), (0.0, 3.6889 / 2), atol=1e-4)
 
 

@@ -43,7 +43,9 @@ def test_failed_run_keeps_the_earlier_one(tmp_path):
 
 def test_foreign_folder_is_refused_and_untouched(tmp_path):
     (tmp_path / "thesis.doc").write_text("precious")
-    with pytest.raises(InputError, match=r"output: got .* allowed is a new folder or that of an earlier run"):
+    with pytest.raises(
+        InputError, match=r"output: got .* allowed is a new folder or that of an earlier run"
+    ):
         with run_folder(tmp_path, "test", Arguments()):
             raise AssertionError("must not start")
     assert (tmp_path / "thesis.doc").read_text() == "precious"
@@ -83,7 +85,10 @@ def test_earlier_run_survives_if_the_new_one_cannot_take_its_place(tmp_path, mon
     with run_folder(output, "test", Arguments()) as folder:
         (folder / "first.txt").write_text("x")
     rename = Path.rename
-    taken = lambda self, target: rename(self, target) if self == output or self.name.endswith("-old") else fail()  # noqa: E731
+
+    def taken(self, target):
+        return rename(self, target) if self == output or self.name.endswith("-old") else fail()
+
     monkeypatch.setattr(Path, "rename", taken)
     with pytest.raises(InputError), run_folder(output, "test", Arguments()):
         pass

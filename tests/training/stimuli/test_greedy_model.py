@@ -10,9 +10,11 @@ from auv_fault_env.parameters import PRESETS, nominal
 from auv_fault_env.physics import constants_of
 from training.stimuli.greedy_model import LOOK, Now, expected_information, information, respond
 
-SPEED, STEP_UP = 0.3, 0.05
+SPEED = 0.3
+STEP_UP = 0.05
 FIRST = list(CHANNELS).index(READINGS[0])
-# Largest error of a change; those of voltage and current while the motor still speeds up, which the model leaves out.
+# Largest error of a change; those of voltage and current while the motor still speeds up, which the
+# model leaves out.
 TOLERANCE = dict(zip(READINGS, (0.01, 0.004, 0.12, 0.08, 12.0, 0.12, 0.08, 12.0), strict=True))
 CONSTANTS = Fleet(1).constants
 VARIANCE = np.array([CHANNELS[name].noise ** 2 for name in READINGS])
@@ -21,7 +23,8 @@ VARIANCE = np.array([CHANNELS[name].noise ** 2 for name in READINGS])
 def parameters_of(fault, severity):
     """Parameters of the nominal vehicle with this fault."""
     scale, offset, *_ = matrices()
-    row, healthy = list(CATALOGUE).index(fault), np.array(list(nominal(PRESETS["thesis1992"]).values()))
+    row = list(CATALOGUE).index(fault)
+    healthy = np.array(list(nominal(PRESETS["thesis1992"]).values()))
     return healthy * (1.0 + severity * (scale[row] - 1.0)) + severity * offset[row]
 
 
@@ -40,25 +43,35 @@ def test_changes_of_the_readings_are_those_of_the_plant(fault):
     reading = fleet.reset([0], schedules=[(FaultEvent(fault, 0.0, 0.5),)], missions=[SPEED])
     for _ in range(600):
         reading = fleet.step([[SPEED, 0.0, 0.0]])
-    before, changes = reading[0, FIRST:].astype(float), []
+    before = reading[0, FIRST:].astype(float)
+    changes = []
     for k in range(10 * LOOK):
         reading = fleet.step([[SPEED + STEP_UP, 0.0, 0.0]])
         if k % 10 == 9:
             changes.append(reading[0, FIRST:] - before)
     found = np.empty((LOOK, len(READINGS)))
     now = Now(before[0], before[1], SPEED)
-    respond(parameters_of(fault, 0.5), now, SPEED + STEP_UP, constants_of(CONSTANTS), np.empty(len(READINGS)), found)
+    respond(
+        parameters_of(fault, 0.5),
+        now,
+        SPEED + STEP_UP,
+        constants_of(CONSTANTS),
+        np.empty(len(READINGS)),
+        found,
+    )
     worst = dict(zip(READINGS, np.abs(found - changes).max(axis=0), strict=True))
     assert {name: error for name, error in worst.items() if error > TOLERANCE[name]} == {}
     assert found[-1, 0] > 0.01 and found[0, 1] > 0.002
 
 
 def test_information_of_two_hypotheses_is_bounded_by_their_entropy_and_below_the_exact_value():
-    responses, even = np.zeros((2, LOOK, len(READINGS))), np.array([0.5, 0.5])
+    responses = np.zeros((2, LOOK, len(READINGS)))
+    even = np.array([0.5, 0.5])
     assert information(responses, even, VARIANCE) == pytest.approx(0.0, abs=1e-12)
     responses[1, 0, 0] = 1.0
     assert information(responses, even, VARIANCE) == pytest.approx(np.log(2.0))
-    responses[1, 0, 0] = 2.0 * CHANNELS["speed"].noise  # two normals two sigma apart, equally likely
+    # two normals two sigma apart, equally likely
+    responses[1, 0, 0] = 2.0 * CHANNELS["speed"].noise
     told = information(responses, even, VARIANCE)
     assert told == pytest.approx(-np.log(0.5 + 0.5 * np.exp(-0.5)))  # k = 4/8
     x = np.linspace(-8.0, 10.0, 20001)
@@ -69,8 +82,14 @@ def test_information_of_two_hypotheses_is_bounded_by_their_entropy_and_below_the
 
 
 def test_without_a_change_of_command_in_steady_motion_nothing_is_told():
-    vehicles = np.array([[parameters_of("increased_drag", 0.8), parameters_of("propeller_loss:port", 0.2)]])
-    now, mission, grid = np.array([[SPEED, 0.0, SPEED]]), np.array([SPEED]), np.array([-0.03, 0.0, 0.05])
-    told = expected_information(vehicles, np.array([[0.4, 0.6]]), now, mission, grid, VARIANCE, CONSTANTS)
+    vehicles = np.array(
+        [[parameters_of("increased_drag", 0.8), parameters_of("propeller_loss:port", 0.2)]]
+    )
+    now = np.array([[SPEED, 0.0, SPEED]])
+    mission = np.array([SPEED])
+    grid = np.array([-0.03, 0.0, 0.05])
+    told = expected_information(
+        vehicles, np.array([[0.4, 0.6]]), now, mission, grid, VARIANCE, CONSTANTS
+    )
     assert told[0, 1] == pytest.approx(0.0, abs=1e-9)
     assert (told[0, [0, 2]] > 0.1).all()

@@ -16,15 +16,22 @@ from training.stimuli.light_bank import lighter_bank
 from training.stimuli.policy import SHAPES, LearnedPolicy
 from training.studies.stimulus_comparisons import LEARNED as SEEDS_OF_TRAINING
 
-SEEDS, DECISIONS = (3, 4, 5), 13
-SCHEDULES = [(), (FaultEvent("increased_drag", 12.2, 0.9),), (FaultEvent("propeller_damage:port", 11.5, 0.5),)]
+SEEDS = (3, 4, 5)
+DECISIONS = 13
+SCHEDULES = [
+    (),
+    (FaultEvent("increased_drag", 12.2, 0.9),),
+    (FaultEvent("propeller_damage:port", 11.5, 0.5),),
+]
 MISSIONS = [0.25, 0.3, 0.4]
 LEARNED = [name for name in STIMULI if SEEDS_OF_TRAINING.fullmatch(name)]
 
 
 def drawn(seed, spread=0.3):
     random = np.random.default_rng(seed)
-    tensors = {name: random.normal(0.0, spread, shape).astype(np.float32) for name, shape in SHAPES.items()}
+    tensors = {
+        name: random.normal(0.0, spread, shape).astype(np.float32) for name, shape in SHAPES.items()
+    }
     return LearnedPolicy(tensors, "filter_bank", 0.1, 0.25)
 
 
@@ -37,11 +44,17 @@ def policy(tmp_path, monkeypatch):
 
 
 def test_it_acts_as_the_policy_does_in_its_environment(policy):
-    env = ConstrainedVecEnv(ActiveVecEnv(ActiveDiagnosisVectorEnv(3, diagnoser=lighter_bank(), budget=0.1)))
+    env = ConstrainedVecEnv(
+        ActiveVecEnv(ActiveDiagnosisVectorEnv(3, diagnoser=lighter_bank(), budget=0.1))
+    )
     env.venv._seeds = list(SEEDS)
-    env.venv._options = [{"schedule": s, "mission": m} for s, m in zip(SCHEDULES, MISSIONS, strict=True)]
+    env.venv._options = [
+        {"schedule": s, "mission": m} for s, m in zip(SCHEDULES, MISSIONS, strict=True)
+    ]
     seen = env.reset()
-    fleet, bank, stimulus = Fleet(3), lighter_bank(), LearnedHeld(0.1)
+    fleet = Fleet(3)
+    bank = lighter_bank()
+    stimulus = LearnedHeld(0.1)
     reading = fleet.reset(SEEDS, schedules=SCHEDULES, missions=MISSIONS)
     bank.reset(3)
     moved = 0.0
@@ -53,16 +66,19 @@ def test_it_acts_as_the_policy_does_in_its_environment(policy):
             moved += float(np.abs(offset).mean())
             command = reading[:, list(CHANNELS).index("mission_speed")] + offset
             reading = fleet.step(np.column_stack([command, np.zeros((3, 2))]))
-        np.testing.assert_allclose(reading, env.venv.env._readings, rtol=1e-6, atol=1e-6)  # actions are float32 there
+        # actions are float32 there
+        np.testing.assert_allclose(reading, env.venv.env._readings, rtol=1e-6, atol=1e-6)
     assert moved / (10 * DECISIONS) > 0.01
 
 
 def test_it_ends_with_the_first_declaration(policy):
     n_classes = len(classes())
     doubt, sure = np.full((2, 2, n_classes), -5.0)
-    sure[0, classes().index("sensor:port_voltage")] = sure[1, 0] = -0.01  # declared on the first lane alone
+    # declared on the first lane alone
+    sure[0, classes().index("sensor:port_voltage")] = sure[1, 0] = -0.01
     reading = Fleet(2).reset([1, 2], schedules=[(), ()], missions=[0.3, 0.3])
-    stimulus, nothing = Learned(0.1), np.zeros((2, n_classes))
+    stimulus = Learned(0.1)
+    nothing = np.zeros((2, n_classes))
     offsets = [stimulus.offset(k, reading, Belief(doubt, nothing, nothing)) for k in range(10)]
     assert np.all(offsets[-1] != 0.0)
     offsets = [stimulus.offset(k, reading, Belief(sure, nothing, nothing)) for k in range(10, 41)]
@@ -72,9 +88,13 @@ def test_it_ends_with_the_first_declaration(policy):
 
 
 def test_it_is_asked_at_every_sample_and_may_be_held_for_a_second(policy):
-    n_classes, random = len(classes()), np.random.default_rng(2)
-    reading, nothing = Fleet(1).reset([1], schedules=[()], missions=[0.3]), np.zeros((1, n_classes))
-    beliefs = [Belief(np.log(random.dirichlet(np.ones(n_classes), 1)), nothing, nothing) for _ in range(30)]
+    n_classes = len(classes())
+    random = np.random.default_rng(2)
+    reading = Fleet(1).reset([1], schedules=[()], missions=[0.3])
+    nothing = np.zeros((1, n_classes))
+    beliefs = [
+        Belief(np.log(random.dirichlet(np.ones(n_classes), 1)), nothing, nothing) for _ in range(30)
+    ]
     quick, held = (
         [float(stimulus.offset(k, reading, belief)[0]) for k, belief in enumerate(beliefs)]
         for stimulus in (Learned(0.1), LearnedHeld(0.1))
@@ -103,6 +123,8 @@ def test_a_missing_or_damaged_policy_is_refused(tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", LEARNED)
 def test_every_policy_of_the_package_was_trained_with_its_own_seed(name):
     stimulus = STIMULI[name]()
-    policy = LearnedPolicy.load(storage.WEIGHTS / f"stimulus-filter_bank-{stimulus.seed}.safetensors")
+    policy = LearnedPolicy.load(
+        storage.WEIGHTS / f"stimulus-filter_bank-{stimulus.seed}.safetensors"
+    )
     assert policy.diagnoser == "filter_bank"
     assert len({STIMULI[other]().learnt for other in LEARNED}) == len(LEARNED) == 5

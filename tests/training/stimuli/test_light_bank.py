@@ -8,7 +8,8 @@ from training.stimuli.light_bank import PRIOR, SUSPECTED, UNSUSPECTED, lighter_b
 
 
 def test_it_has_the_classes_of_all_and_the_filters_of_few():
-    bank, whole = lighter_bank(), make("filter_bank")
+    bank = lighter_bank()
+    whole = make("filter_bank")
     assert bank.classes == whole.classes
     filters = [one.hypotheses().hypothesis.size for one in (bank, whole)]
     assert filters[0] < filters[1] / 8
@@ -28,13 +29,17 @@ def test_what_is_not_suspected_is_dropped_and_the_rest_stays():
     belief = bank_after(make("filter_bank"), FaultEvent("sensor_bias:port_current", 1.0, 1.0), 40)
     seen = suspected(belief)
     assert (seen.log_probability[:, UNSUSPECTED] < -1e5).all()
-    np.testing.assert_array_equal(seen.log_probability[:, ~UNSUSPECTED], belief.log_probability[:, ~UNSUSPECTED])
+    np.testing.assert_array_equal(
+        seen.log_probability[:, ~UNSUSPECTED], belief.log_probability[:, ~UNSUSPECTED]
+    )
 
 
 def test_it_names_a_lost_propeller_as_the_whole_bank_does():
     for bank in (lighter_bank(), make("filter_bank")):
         belief = bank_after(bank, FaultEvent("propeller_loss:port", 2.0, 1.0), 100)
-        assert (belief.log_probability.argmax(axis=1) == list(classes()).index("propeller_loss:port")).all()
+        assert (
+            belief.log_probability.argmax(axis=1) == list(classes()).index("propeller_loss:port")
+        ).all()
 
 
 def bank_after(bank, event, n_samples):

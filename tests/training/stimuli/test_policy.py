@@ -40,7 +40,9 @@ def test_actions_are_the_deterministic_ones_of_the_agent(agent, policy, features
     action = policy.action(features)
     assert action.shape == (50, 1) and action.dtype == np.float32
     assert np.ptp(action) > 0.5 and np.abs(action).max() <= 1.0
-    np.testing.assert_allclose(action, agent.predict(features, deterministic=True)[0], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(
+        action, agent.predict(features, deterministic=True)[0], rtol=0, atol=1e-6
+    )
 
 
 def test_one_lane_is_as_many(policy, features):
@@ -80,7 +82,12 @@ def test_loader_needs_no_stable_baselines3(policy, tmp_path):
 
 
 def header(**changes):
-    return {"features": FEATURES, "diagnoser": "filter_bank", "budget": 0.05, "amplitude": 0.25} | changes
+    return {
+        "features": FEATURES,
+        "diagnoser": "filter_bank",
+        "budget": 0.05,
+        "amplitude": 0.25,
+    } | changes
 
 
 SWAPPED = [FEATURES[1], FEATURES[0], *FEATURES[2:]]
@@ -89,11 +96,20 @@ WRONG = {
         header(features=FEATURES[:-1]),
         r"features of the policy .*: got '28 features'; allowed is the 29 ",
     ),
-    "other order": (header(features=SWAPPED), r"got \"29 features, number 1 'log_odds:increased_drag'\""),
-    "a diagnoser's weights": ({"diagnoser": "integrated", "settings": {}}, "features of the policy .*: got None"),
+    "other order": (
+        header(features=SWAPPED),
+        r"got \"29 features, number 1 'log_odds:increased_drag'\"",
+    ),
+    "a diagnoser's weights": (
+        {"diagnoser": "integrated", "settings": {}},
+        "features of the policy .*: got None",
+    ),
     "no object": ([1, 2], "features of the policy .*: got None"),
     "diagnoser": (header(diagnoser=3), "diagnoser of the policy .*: got 3"),
-    "budget": (header(budget=0), "budget of the policy .*: got 0; allowed is a number from 0.001 to 1"),
+    "budget": (
+        header(budget=0),
+        "budget of the policy .*: got 0; allowed is a number from 0.001 to 1",
+    ),
     "amplitude": (header(amplitude="much"), "amplitude of the policy .*: got 'much'"),
 }
 
@@ -108,7 +124,10 @@ def test_a_file_of_another_layout_is_refused_in_one_line(agent, tmp_path, header
 
 def test_other_tensors_are_refused(agent, tmp_path):
     tensors = agent.learned()
-    for wrong in (tensors | {"first_bias": np.zeros(3, np.float32)}, {"first_bias": tensors["first_bias"]}):
+    for wrong in (
+        tensors | {"first_bias": np.zeros(3, np.float32)},
+        {"first_bias": tensors["first_bias"]},
+    ):
         storage.write(tmp_path / "policy.safetensors", wrong, header())
         with pytest.raises(InputError, match=r"tensors of .*allowed is its architecture"):
             LearnedPolicy.load(tmp_path / "policy.safetensors")

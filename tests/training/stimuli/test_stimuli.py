@@ -16,7 +16,9 @@ from training.stimuli.waveforms import multisine, prbs, square
 
 MISSION_SPEED = list(CHANNELS).index("mission_speed")
 OBSERVATION = np.zeros((3, len(CHANNELS)))
-OBSERVATION[:, [list(CHANNELS).index(name) for name in ("mission_speed", "speed_command", "speed")]] = 0.3
+OBSERVATION[
+    :, [list(CHANNELS).index(name) for name in ("mission_speed", "speed_command", "speed")]
+] = 0.3
 CLOSED = [name for name, stimulus in STIMULI.items() if issubclass(stimulus, ClosedLoop)]
 TRIGGERED = [name for name, stimulus in STIMULI.items() if issubclass(stimulus, Triggered)]
 N_SAMPLES = round(EPISODE * 10)
@@ -35,7 +37,9 @@ SPEEDS = [0.3, 0.97, *FAULTS.values()]
 
 def belief(normal, n_lanes=3):
     """A belief with this probability of `normal`, the rest shared."""
-    log_probability = np.log(np.full((n_lanes, 19), (1.0 - np.asarray(normal, float).reshape(-1, 1)) / 18))
+    log_probability = np.log(
+        np.full((n_lanes, 19), (1.0 - np.asarray(normal, float).reshape(-1, 1)) / 18)
+    )
     log_probability[:, 0] = np.log(normal)
     return Belief(log_probability, np.full((n_lanes, 19), 0.5), np.full((n_lanes, 19), 0.3))
 
@@ -46,7 +50,8 @@ def offsets(stimulus, n_samples=N_SAMPLES, normal=0.2):
 
 def in_the_loop(stimulus, schedules=SCHEDULES, speeds=SPEEDS):
     """Offsets (n_samples, n_lanes) of an episode with the filter bank, and the commands [m/s]."""
-    fleet, bank = Fleet(len(schedules)), make("filter_bank")
+    fleet = Fleet(len(schedules))
+    bank = make("filter_bank")
     observation = fleet.reset(range(len(schedules)), schedules=schedules, missions=speeds)
     bank.reset(len(schedules))
     found = np.empty((N_SAMPLES, len(schedules)))
@@ -67,7 +72,9 @@ def test_no_stimulus_spends_more_than_its_budget_with_a_diagnoser_in_the_loop(na
     if name in CLOSED:
         assert np.abs(found).max() <= LARGEST
         healthy, faulty = (found[:, lanes] for lanes in (slice(0, 2), slice(2, 5)))
-        assert np.sqrt(np.mean(healthy**2)) < 0.5 * budget and np.mean(healthy**2) < np.mean(faulty**2)
+        assert np.sqrt(np.mean(healthy**2)) < 0.5 * budget and np.mean(healthy**2) < np.mean(
+            faulty**2
+        )
 
 
 @pytest.mark.parametrize("name", STIMULI)
@@ -78,20 +85,24 @@ def test_a_budget_of_zero_is_cruise(name):
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_whatever_is_believed_the_allowance_is_not_overdrawn(name):
-    stimulus, random = STIMULI[name](0.1), np.random.default_rng(0)
+    stimulus = STIMULI[name](0.1)
+    random = np.random.default_rng(0)
     found = []
     for k in range(2 * N_SAMPLES):
         told = belief(random.uniform(0.001, 0.999, 3) ** 4)
         told.log_probability[:, 1:] += np.log(18.0 * random.dirichlet([0.1] * 18, 3).clip(1e-9))
         found.append(stimulus.offset(k, OBSERVATION, told))
     spent = np.sum(np.square(found), axis=0)
-    assert (spent <= N_SAMPLES * 0.1**2 * (1 + 1e-9)).all() and (spent > 0.2 * N_SAMPLES * 0.1**2).all()
+    assert (spent <= N_SAMPLES * 0.1**2 * (1 + 1e-9)).all() and (
+        spent > 0.2 * N_SAMPLES * 0.1**2
+    ).all()
 
 
 @pytest.mark.parametrize("name", STIMULI)
 def test_an_episode_repeats_and_lanes_do_not_depend_on_each_other(name):
     stimulus = STIMULI[name]()
-    first, again = in_the_loop(stimulus), in_the_loop(stimulus)
+    first = in_the_loop(stimulus)
+    again = in_the_loop(stimulus)
     np.testing.assert_array_equal(first, again)
     few = in_the_loop(pickle.loads(pickle.dumps(stimulus)), SCHEDULES[:3], SPEEDS[:3])
     np.testing.assert_array_equal(few, first[:, :3])
@@ -99,7 +110,8 @@ def test_an_episode_repeats_and_lanes_do_not_depend_on_each_other(name):
 
 @pytest.mark.parametrize("name", STIMULI)
 def test_a_stimulus_is_known_by_its_name_and_budget(name):
-    stimulus, text = STIMULI[name](0.03), repr(STIMULI[name](0.03))
+    stimulus = STIMULI[name](0.03)
+    text = repr(STIMULI[name](0.03))
     assert stimulus.name == name
     assert "0.03" in text and type(stimulus).__name__ in text
     offsets(stimulus, 3)
@@ -143,7 +155,9 @@ def test_waves_have_a_root_mean_square_of_one_and_open_loops_repeat_them():
         assert np.sqrt(np.mean(wave**2)) == pytest.approx(1.0, rel=1e-12)
     for name in ("prbs", "multisine", "d_optimal"):
         wave = STIMULI[name].wave()
-        np.testing.assert_allclose(offsets(STIMULI[name](0.04), 700)[:, 1], 0.04 * np.resize(wave, 700))
+        np.testing.assert_allclose(
+            offsets(STIMULI[name](0.04), 700)[:, 1], 0.04 * np.resize(wave, 700)
+        )
     assert N_SAMPLES % multisine().size == N_SAMPLES % d_optimal(EPISODE).size == 0
 
 
@@ -164,7 +178,9 @@ def test_harmonics_of_the_multisine_are_equal_and_its_peak_is_low():
 def test_the_d_optimal_profile_tells_more_than_the_thesis_and_than_any_candidate():
     best = d_optimal(EPISODE)
     thesis = np.resize(square(), N_SAMPLES)
-    others = np.stack([best, thesis, np.resize(prbs(), N_SAMPLES), multisine()[np.arange(N_SAMPLES) % 325]])
+    others = np.stack(
+        [best, thesis, np.resize(prbs(), N_SAMPLES), multisine()[np.arange(N_SAMPLES) % 325]]
+    )
     information = log_information(BUDGET * others)
     assert information[0] > information[1:].max() + 0.1
     few = candidates(EPISODE)[::13]
@@ -179,7 +195,8 @@ def test_constant_speed_tells_less_of_drag_and_thrust_than_any_profile():
 
 @pytest.mark.parametrize("name", TRIGGERED)
 def test_a_trigger_cruises_until_a_fault_is_suspected_and_spends_what_is_left_in_a_spell(name):
-    stimulus, found = STIMULI[name](0.05), []
+    stimulus = STIMULI[name](0.05)
+    found = []
     for k in range(N_SAMPLES):
         normal = 0.6, 0.4 if k == 300 else 0.7, 0.4 if k >= 300 else 0.99
         found.append(stimulus.offset(k, OBSERVATION, belief(normal)))
@@ -220,14 +237,19 @@ def test_greedy_tells_drag_from_thrust_by_changing_speed():
 
 def test_greedy_is_silent_where_nothing_is_to_be_gained():
     assert not first_of_greedy(likely("normal")).any()
-    assert not first_of_greedy(likely("increased_drag", "normal", severity=0.0)).any()  # the same vehicle twice
+    # the same vehicle twice
+    assert not first_of_greedy(likely("increased_drag", "normal", severity=0.0)).any()
     dear = likely("increased_drag", "propeller_damage:port")
     assert first_of_greedy(dear, budget=0.1).all() and not first_of_greedy(dear, budget=0.005).any()
 
 
 def test_greedy_holds_an_offset_for_a_second():
-    stimulus, doubt, sure = STIMULI["greedy"](), likely("increased_drag", "propeller_damage:port"), likely("normal")
-    found = np.array([stimulus.offset(k, OBSERVATION, sure if k % 20 else doubt) for k in range(40)])[:, 0]
+    stimulus = STIMULI["greedy"]()
+    doubt = likely("increased_drag", "propeller_damage:port")
+    sure = likely("normal")
+    found = np.array(
+        [stimulus.offset(k, OBSERVATION, sure if k % 20 else doubt) for k in range(40)]
+    )[:, 0]
     first = found[0]
     assert first != 0.0
     np.testing.assert_array_equal(found[:20], np.repeat([first, 0.0], 10))

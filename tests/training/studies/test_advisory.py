@@ -35,13 +35,24 @@ PLENTY = 1e6
 
 
 def situation(n_lanes=1, **values):
-    usual = dict(speed=0.5, distance_to_go=30.0, distance_home=20.0, energy_left=PLENTY, hotel_load=5.0, current=0.0)
-    return Situation(**{name: np.full(n_lanes, value, float) for name, value in (usual | values).items()})
+    usual = dict(
+        speed=0.5,
+        distance_to_go=30.0,
+        distance_home=20.0,
+        energy_left=PLENTY,
+        hotel_load=5.0,
+        current=0.0,
+    )
+    return Situation(
+        **{name: np.full(n_lanes, value, float) for name, value in (usual | values).items()}
+    )
 
 
 def told_to(level, n_lanes=1):
     advice = advise(normal(n_lanes), situation(n_lanes), VEHICLE)
-    return advice._replace(level=np.full(n_lanes, level), speed=np.full(n_lanes, 0.0 if level == ABORT else 0.5))
+    return advice._replace(
+        level=np.full(n_lanes, level), speed=np.full(n_lanes, 0.0 if level == ABORT else 0.5)
+    )
 
 
 @pytest.mark.parametrize(
@@ -89,7 +100,12 @@ def test_the_speed_is_held_unless_its_reading_is_distrusted():
 
 def test_changes_of_the_action_are_counted():
     mission = Voyages(situation(2))
-    for level in ([CONTINUE, CONTINUE], [CONTINUE, RETURN], [CONTINUE, CONTINUE], [ABORT, CONTINUE]):
+    for level in (
+        [CONTINUE, CONTINUE],
+        [CONTINUE, RETURN],
+        [CONTINUE, CONTINUE],
+        [ABORT, CONTINUE],
+    ):
         mission.obey(told_to(CONTINUE, 2)._replace(level=np.array(level)))
     assert mission.changes.tolist() == [1, 2]
 
@@ -122,7 +138,12 @@ def test_on_the_plant_a_healthy_mission_uses_what_the_advice_foretells():
 
 def test_advice_on_the_truth_saves_missions_that_ignoring_it_strands():
     """Doubled drag, a fast mission, and a battery for less than the way at that speed."""
-    plan = planned((FaultEvent("increased_drag", 5.0, 1.0),), speed=0.8, distance_to_go=150.0, energy_left=4200.0)
+    plan = planned(
+        (FaultEvent("increased_drag", 5.0, 1.0),),
+        speed=0.8,
+        distance_to_go=150.0,
+        energy_left=4200.0,
+    )
     diagnoser = make("null")
     ignored, told = (sail(plan, VEHICLE, arm, diagnoser) for arm in (IGNORED, TOLD))
     assert (ignored.outcome == STRANDED).all()
@@ -191,6 +212,14 @@ def test_bad_input_is_refused(change, message, tmp_path):
 
 
 def test_bad_input_is_one_line_at_the_command_line(tmp_path):
-    command = [sys.executable, "-m", "training.studies.advisory", "--missions", "0", "--output", str(tmp_path / "run")]
+    command = [
+        sys.executable,
+        "-m",
+        "training.studies.advisory",
+        "--missions",
+        "0",
+        "--output",
+        str(tmp_path / "run"),
+    ]
     run = subprocess.run(command, capture_output=True, text=True)
     assert run.returncode == 2 and run.stderr.count("\n") == 1 and "missions: got 0" in run.stderr

@@ -16,7 +16,9 @@ from training.learning.recurrent_agent import TIME, RecurrentTrainer
 from training.stimuli.policy import HIDDEN
 from training.studies import agents
 
-N_LANES, EPISODE = 16, 12  # decisions
+# decisions
+N_LANES = 16
+EPISODE = 12
 
 
 class Compared(BaseCallback):
@@ -27,7 +29,8 @@ class Compared(BaseCallback):
 
     def _on_rollout_end(self):
         rollout = self.model.rollout_buffer
-        self.meant, self.done = self.model.policy.meant(rollout), rollout.actions[..., 0].copy()
+        self.meant = self.model.policy.meant(rollout)
+        self.done = rollout.actions[..., 0].copy()
         self.starts = rollout.episode_starts.copy()
 
 
@@ -42,7 +45,8 @@ def small(monkeypatch):
 
 
 def test_what_it_means_is_what_it_does_without_noise():
-    trainer, seen = RecurrentTrainer(0), Compared()
+    trainer = RecurrentTrainer(0)
+    seen = Compared()
     with torch.no_grad():
         trainer.model.policy.action_net[0].weight.mul_(100.0)
         trainer.model.policy.log_std.fill_(-12.0)
@@ -63,19 +67,29 @@ def test_it_learns_from_the_rule_and_forgets_between_episodes():
 
     def meant(part):
         still = torch.zeros(1, N_LANES, HIDDEN)
-        flat = seen[part].swapaxes(0, 1).flatten(0, 1), (still, still), starts[part].swapaxes(0, 1).flatten()
+        flat = (
+            seen[part].swapaxes(0, 1).flatten(0, 1),
+            (still, still),
+            starts[part].swapaxes(0, 1).flatten(),
+        )
         with torch.inference_mode():
             mean = trainer.model.policy.get_distribution(*flat)[0].distribution.mean
         return mean.unflatten(0, (N_LANES, -1))[..., 0].swapaxes(0, 1)
 
     def error():
-        return float((meant(slice(None)) - lessons.done.unflatten(0, (2 * EPISODE, N_LANES))[..., 0]).square().mean())
+        return float(
+            (meant(slice(None)) - lessons.done.unflatten(0, (2 * EPISODE, N_LANES))[..., 0])
+            .square()
+            .mean()
+        )
 
     before = error()
     trainer._imitate()
     assert error() < before
     late = starts[EPISODE].bool()
-    torch.testing.assert_close(meant(slice(None))[EPISODE:, late], meant(slice(EPISODE, None))[:, late])
+    torch.testing.assert_close(
+        meant(slice(None))[EPISODE:, late], meant(slice(EPISODE, None))[:, late]
+    )
 
 
 def test_the_comparison_goes_into_the_card(tmp_path, monkeypatch, capsys):
@@ -84,7 +98,9 @@ def test_the_comparison_goes_into_the_card(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(agents, "CARD", card)
     monkeypatch.setattr(agents, "SEEDS", 1)
     monkeypatch.setattr(agents, "STEPS", 1)
-    monkeypatch.setattr(agents, "Parallel", lambda **_: lambda jobs: [f(*a, **k) for f, a, k in jobs])
+    monkeypatch.setattr(
+        agents, "Parallel", lambda **_: lambda jobs: [f(*a, **k) for f, a, k in jobs]
+    )
     agents.main()
     made = json.loads(card.read_text(encoding="utf-8"))
     rows = made["memory_forms"]["rows"]

@@ -12,7 +12,10 @@ def test_the_odd_mission_is_found_and_no_healthy_one(tmp_path):
     odd_mission.main(OddMission(output=tmp_path / "out", missions=FOLDS, duration=120.0))
     results = json.loads((tmp_path / "out" / "results.json").read_text())
     assert results["false_alarms"] == 0
-    assert results["verdicts"].pop(f"mission-{FOLDS:03d}.csv") == "fault" and results["alarm_time"] < 60.0
+    assert (
+        results["verdicts"].pop(f"mission-{FOLDS:03d}.csv") == "fault"
+        and results["alarm_time"] < 60.0
+    )
     assert set(results["verdicts"].values()) == {"healthy"} and len(results["verdicts"]) == FOLDS
     assert read_vehicle(tmp_path / "out" / "calibrated.toml").shafts == 1
 

@@ -9,7 +9,8 @@ from training.studies.filter_speed import Bank, observations
 def test_the_banks_surge_filter_is_filterpys(f):
     pytest.importorskip("filterpy")
     assert SURGE == 0
-    bank, samples = Bank(2), observations(2, 12)
+    bank = Bank(2)
+    samples = observations(2, 12)
     kalman, update = bank.reference(1, f)
     for sample in samples:
         bank.update(sample)

@@ -9,7 +9,8 @@ from training.studies import isolability
 from training.studies.isolability_page import least_rival, page
 
 CLASSES = list(classes())
-DRAG, THRUST = CLASSES.index("increased_drag"), CLASSES.index("propeller_damage:port")
+DRAG = CLASSES.index("increased_drag")
+THRUST = CLASSES.index("propeller_damage:port")
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +50,11 @@ def results(structure):
     n = len(CLASSES)
     matrix = (np.ones((n, n)) - np.eye(n)).tolist()
     names = list(isolability.CONDITIONS)
-    one = {"profile": {"cycles": 2, "duty": 0.5, "roundness": 0.0}, "active": 2.0, "passive_rival": "normal"}
+    one = {
+        "profile": {"cycles": 2, "duty": 0.5, "roundness": 0.0},
+        "active": 2.0,
+        "passive_rival": "normal",
+    }
     line = {"alpha": [9.0, 3.0], "beta": [9.0, 3.0]}
     return {
         "classes": CLASSES,
@@ -60,7 +65,10 @@ def results(structure):
             "increased_drag": one | {"passive": 0.0, "speed_up": None},
             "b": one | {"passive": 1.0, "speed_up": 2.0},
         },
-        "cramer_rao": {"errors": {"bound": line, "surge filter": line}, "severity": {"thesis": {"a": 0.1}}},
+        "cramer_rao": {
+            "errors": {"bound": line, "surge filter": line},
+            "severity": {"thesis": {"a": 0.1}},
+        },
         "structure": structure,
         "vehicles": 1,
         "severity": 0.6,
@@ -68,7 +76,8 @@ def results(structure):
 
 
 @pytest.mark.parametrize(
-    "structure", [None, {"faults": ["a", "b"], "isolable": [[False, True]] * 2, "rates": [[0.0, 1.0]] * 2}]
+    "structure",
+    [None, {"faults": ["a", "b"], "isolable": [[False, True]] * 2, "rates": [[0.0, 1.0]] * 2}],
 )
 def test_the_page_draws_every_figure_from_results_alone(structure):
     sections = page(results(structure))["sections"]

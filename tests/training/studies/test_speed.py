@@ -10,7 +10,17 @@ from types import SimpleNamespace
 import pytest
 
 from training.studies import speed
-from training.studies.speed import MARKS, Args, Size, comparison, comparison_text, interleaved, main, rate, report
+from training.studies.speed import (
+    MARKS,
+    Args,
+    Size,
+    comparison,
+    comparison_text,
+    interleaved,
+    main,
+    rate,
+    report,
+)
 
 TINY = Size(lanes=5, many=70, episode=3, seconds=0.0)
 OWN = [name for name in MARKS if not name.startswith("gem")]
@@ -19,30 +29,57 @@ FIND = importlib.util.find_spec
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
-    folder, printed = tmp_path_factory.mktemp("speed") / "run", io.StringIO()
+    folder = tmp_path_factory.mktemp("speed") / "run"
+    printed = io.StringIO()
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
-        patch.setattr(importlib.util, "find_spec", lambda name: None if name == "gym_electric_motor" else FIND(name))
+        patch.setattr(
+            importlib.util,
+            "find_spec",
+            lambda name: None if name == "gym_electric_motor" else FIND(name),
+        )
         assert main(["--repeats", "1", "--output", str(folder), "--seed", "3"], TINY) == 0
-    return SimpleNamespace(printed=printed.getvalue(), **json.loads((folder / "results.json").read_text("utf-8")))
+    return SimpleNamespace(
+        printed=printed.getvalue(), **json.loads((folder / "results.json").read_text("utf-8"))
+    )
 
 
 def test_results_hold_comparison_profiles_machine_and_command(results):
     assert results.command.endswith("--seed 3") and results.seed == 3 and results.repeats == 1
-    assert results.machine["processor"] and results.machine["cores"] >= 1 and results.machine["versions"]["numba"]
+    assert (
+        results.machine["processor"]
+        and results.machine["cores"] >= 1
+        and results.machine["versions"]["numba"]
+    )
     assert list(results.rates) == OWN
-    assert [row["what"] for row in results.comparison] == [MARKS[name].what.format(lanes=5, many=70) for name in OWN]
+    assert [row["what"] for row in results.comparison] == [
+        MARKS[name].what.format(lanes=5, many=70) for name in OWN
+    ]
     for row in results.comparison:
         assert row["rate"] > 0 and row["ratio"] > 0
         assert (row["met"] is None) == (not row["target"])
-    for stage in ("take_actions", "control", "draw_normals", "prepare", "move", "sense_all", "account", "publish"):
+    for stage in (
+        "take_actions",
+        "control",
+        "draw_normals",
+        "prepare",
+        "move",
+        "sense_all",
+        "account",
+        "publish",
+    ):
         assert results.batch_profile[stage] > 0
     assert results.single_profile["kernel"] > 0 and results.single_profile["truth"] > 0
-    assert all(map(math.isfinite, [*results.batch_profile.values(), *results.single_profile.values()]))
+    assert all(
+        map(math.isfinite, [*results.batch_profile.values(), *results.single_profile.values()])
+    )
 
 
 def test_tables_name_every_row_and_tell_how_to_get_the_missing_yardstick(results):
     assert 'pip install -e ".[bench]"' in results.printed
-    for what in [row["what"] for row in results.comparison] + [*results.batch_profile, *results.single_profile]:
+    for what in [row["what"] for row in results.comparison] + [
+        *results.batch_profile,
+        *results.single_profile,
+    ]:
         assert what in results.printed
     assert "batch of 5 lanes" in results.printed
 
@@ -77,15 +114,24 @@ def test_shares_of_a_profile_add_up():
     about = {"processor": "cpu", "cores": 2, "versions": {"python": "3"}}
     profile = {"move": 3.0, "publish": 1.0}
     text = report(
-        {"machine": about, "size": size, "comparison": [], "batch_profile": profile, "single_profile": profile}
+        {
+            "machine": about,
+            "size": size,
+            "comparison": [],
+            "batch_profile": profile,
+            "single_profile": profile,
+        }
     )
     assert text.count("75.0 %") == 2 and text.count("100.0 %") == 2
 
 
 @pytest.mark.parametrize(
-    ("arguments", "named"), [(["--repeats", "0"], "repeats"), (["--output", "pyproject.toml/speed"], "pyproject.toml")]
+    ("arguments", "named"),
+    [(["--repeats", "0"], "repeats"), (["--output", "pyproject.toml/speed"], "pyproject.toml")],
 )
-def test_bad_input_is_refused_in_one_line_before_anything_is_measured(arguments, named, monkeypatch, capsys, request):
+def test_bad_input_is_refused_in_one_line_before_anything_is_measured(
+    arguments, named, monkeypatch, capsys, request
+):
     monkeypatch.chdir(request.config.rootpath)
     monkeypatch.setattr(speed, "measure", None)
     assert main(arguments) == 2

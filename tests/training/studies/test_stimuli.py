@@ -33,7 +33,14 @@ FAULTS = list(classes()[1:])
 LANES = 6 * len(FAULTS)
 FAULT = np.resize(np.arange(len(FAULTS)) + 1, LANES)
 OPEN_LOOP = ("cruise", "thesis", "triggered_thesis", "greedy")
-SPEED = {"cruise": 1.0, "thesis": 0.6, "triggered_thesis": 0.4, "greedy": 0.35, "learned": 0.2, "learned_1": 0.24}
+SPEED = {
+    "cruise": 1.0,
+    "thesis": 0.6,
+    "triggered_thesis": 0.4,
+    "greedy": 0.35,
+    "learned": 0.2,
+    "learned_1": 0.24,
+}
 
 
 def times(values):
@@ -43,14 +50,21 @@ def times(values):
 def score(isolation, cost=0.05):
     lanes = {"isolation": np.round(isolation, 4).tolist(), "isolated": (isolation < 30.0).tolist()}
     rates = {"1 h": {"false_alarms_per_hour": 1.2}}
-    return {"by_lane": lanes, "cost": {"speed_rms": cost, "energy": 200.0 + 1000.0 * cost}, "rates": rates}
+    return {
+        "by_lane": lanes,
+        "cost": {"speed_rms": cost, "energy": 200.0 + 1000.0 * cost},
+        "rates": rates,
+    }
 
 
 def benchmark(budget=0.05, stimuli=(*OPEN_LOOP, "learned", "learned_1"), **changes):
     """What `auv-fault benchmark` would write of what this study reads."""
     slow = np.random.default_rng(0).uniform(4.0, 20.0, LANES)
     scores = {
-        stimulus: {name: score(SPEED[stimulus] * slow * (1.0 + k)) for k, name in enumerate((DIAGNOSER, "cusum"))}
+        stimulus: {
+            name: score(SPEED[stimulus] * slow * (1.0 + k))
+            for k, name in enumerate((DIAGNOSER, "cusum"))
+        }
         for stimulus in stimuli
     }
     return {
@@ -74,7 +88,9 @@ def written(folder, name="results.json", **changes):
 
 def test_a_stimulus_that_is_always_as_much_sooner_is_surely_so():
     thesis = np.linspace(2.0, 20.0, 40)
-    found = paired({"thesis": times(thesis), "cruise": times(2.0 * thesis), "prbs": times(thesis - 1.5)}, 0)
+    found = paired(
+        {"thesis": times(thesis), "cruise": times(2.0 * thesis), "prbs": times(thesis - 1.5)}, 0
+    )
     np.testing.assert_allclose(found["prbs"]["difference"]["thesis"], [-1.5] * 3)
     np.testing.assert_allclose(found["thesis"]["ratio"]["cruise"], [0.5] * 3)
     mean, low, high = found["thesis"]["mean"]
@@ -101,24 +117,34 @@ def test_figures_are_those_of_the_lanes_of_each_class_and_of_the_agents_seeds_to
     found = compared(scores, DIAGNOSER, fault, 0)
     assert list(found) == [*SUBSETS, *FAULTS]
     own = {name: np.array(by[DIAGNOSER]["by_lane"]["isolation"]) for name, by in scores.items()}
-    drag, alike = FAULT == 1, np.isin(fault, SUBSETS["confounded"])
+    drag = FAULT == 1
+    alike = np.isin(fault, SUBSETS["confounded"])
     assert 0 < alike.sum() == 6 * len(SUBSETS["confounded"])
     for subset, lanes in (("increased_drag", drag), ("confounded", alike), ("all", FAULT > 0)):
         seeds = [own[name][lanes].mean() for name in ("learned", "learned_1")]
         assert found[subset]["greedy"]["mean"][0] == pytest.approx(own["greedy"][lanes].mean())
         assert found[subset][AGENT]["mean"][0] == pytest.approx(np.mean(seeds))
-        assert found[subset][AGENT]["spread"] == pytest.approx(abs(seeds[0] - seeds[1]) / np.sqrt(2))
+        assert found[subset][AGENT]["spread"] == pytest.approx(
+            abs(seeds[0] - seeds[1]) / np.sqrt(2)
+        )
         rival = found[subset][AGENT]["difference"]["greedy"]
         assert (
-            rival[0] == pytest.approx(np.mean(seeds) - own["greedy"][lanes].mean()) and rival[1] < rival[0] < rival[2]
+            rival[0] == pytest.approx(np.mean(seeds) - own["greedy"][lanes].mean())
+            and rival[1] < rival[0] < rival[2]
         )
     assert "greedy" not in found["all"]["learned"]["difference"]
-    assert AGENT not in compared({name: scores[name] for name in OPEN_LOOP}, DIAGNOSER, fault, 0)["all"]
+    assert (
+        AGENT
+        not in compared({name: scores[name] for name in OPEN_LOOP}, DIAGNOSER, fault, 0)["all"]
+    )
     assert shown(found["all"]) == [AGENT, *OPEN_LOOP]
 
 
 def test_the_costs_of_the_agent_are_the_mean_of_its_seeds():
-    scores = {name: {DIAGNOSER: score(np.ones(2), cost)} for name, cost in (("learned", 0.02), ("learned_3", 0.04))}
+    scores = {
+        name: {DIAGNOSER: score(np.ones(2), cost)}
+        for name, cost in (("learned", 0.02), ("learned_3", 0.04))
+    }
     assert costs(scores, DIAGNOSER)[AGENT] == pytest.approx(
         {"speed_rms": 0.03, "energy": 230.0, "false_alarms_per_hour": 1.2}
     )
@@ -139,7 +165,10 @@ def of_budget(half=0.45, sooner=-0.2, third=0.3, share=0.08):
     agent = {
         "all": {
             "ratio": {"thesis": [half - 0.02, half - 0.04, half]},
-            "difference": {"triggered_thesis": [-1.0, -1.1, -0.9], "greedy": [sooner - 0.02, sooner - 0.04, sooner]},
+            "difference": {
+                "triggered_thesis": [-1.0, -1.1, -0.9],
+                "greedy": [sooner - 0.02, sooner - 0.04, sooner],
+            },
         },
         "confounded": {"ratio": {"cruise": [third - 0.02, third - 0.04, third]}},
     }
@@ -151,7 +180,13 @@ def of_budget(half=0.45, sooner=-0.2, third=0.3, share=0.08):
 
 @pytest.mark.parametrize(
     ("missed", "changes"),
-    [(None, {}), (0, {"half": 0.51}), (2, {"sooner": 0.01}), (3, {"third": 0.34}), (4, {"share": 0.11})],
+    [
+        (None, {}),
+        (0, {"half": 0.51}),
+        (2, {"sooner": 0.01}),
+        (3, {"third": 0.34}),
+        (4, {"share": 0.11}),
+    ],
 )
 def test_a_target_is_met_if_the_whole_interval_says_so(missed, changes):
     rows = verdicts(of_budget(**changes), DIAGNOSER)
@@ -183,14 +218,17 @@ def test_without_the_agent_no_target_is_judged():
 def test_a_file_that_is_no_benchmark_of_stimuli_is_refused_by_name(tmp_path, content, words):
     path = tmp_path / "results.json"
     if content is not None:
-        path.write_text(content if isinstance(content, str) else json.dumps(content), encoding="utf-8")
+        path.write_text(
+            content if isinstance(content, str) else json.dumps(content), encoding="utf-8"
+        )
     with pytest.raises(InputError, match=re.escape(words)) as refused:
         read(path)
     assert str(path) in str(refused.value) and "\n" not in str(refused.value)
 
 
 def test_benchmarks_come_by_budget_and_must_be_of_one_suite(tmp_path):
-    large, small = written(tmp_path, "a.json", budget=0.1), written(tmp_path, "b.json", budget=0.05)
+    large = written(tmp_path, "a.json", budget=0.1)
+    small = written(tmp_path, "b.json", budget=0.05)
     assert list(read_all([large, small])) == [0.05, 0.1]
     with pytest.raises(InputError, match=r"one file for each budget"):
         read_all([large, written(tmp_path, "c.json", budget=0.1)])
@@ -222,15 +260,21 @@ def ceiling_of(fault, seed, budget):
 def sought(monkeypatch):
     """What ceilings have been sought for."""
     found = []
-    monkeypatch.setattr(active_ceiling, "free_ceiling", lambda *one: found.append(one) or ceiling_of(*one))
+    monkeypatch.setattr(
+        active_ceiling, "free_ceiling", lambda *one: found.append(one) or ceiling_of(*one)
+    )
     return found
 
 
-def test_ceilings_are_sought_once_unless_they_would_be_sought_otherwise(tmp_path, sought, monkeypatch):
-    path, faults = tmp_path / "ceilings.json", active_ceiling.FAULTS
+def test_ceilings_are_sought_once_unless_they_would_be_sought_otherwise(
+    tmp_path, sought, monkeypatch
+):
+    path = tmp_path / "ceilings.json"
+    faults = active_ceiling.FAULTS
     first = ceilings(path, [0.05], 1, 0)
     assert sought == [(fault, 0, 0.05) for fault in faults]
-    more, text = ceilings(path, [0.05, 0.1], 1, 0), path.read_text()
+    more = ceilings(path, [0.05, 0.1], 1, 0)
+    text = path.read_text()
     assert sought[len(faults) :] == [(fault, 0, 0.1) for fault in faults]
     assert list(more) == ["0.05", "0.1"] and more["0.05"] == first["0.05"]
     for seed, rounds, kept in ((1, 8, text), (0, 9, text), (0, 8, "{"), (0, 8, text)):
@@ -261,20 +305,32 @@ def followed(n_lanes):
     """A course of events, made up."""
     random = np.random.default_rng(2)
     made = Followed(*random.uniform(0.0, 0.4, (len(Followed._fields), 650, n_lanes)))
-    return made._replace(log_normal=-40.0 * made.log_normal, log_true=-made.log_true, top=made.top.round() + FAULT)
+    return made._replace(
+        log_normal=-40.0 * made.log_normal, log_true=-made.log_true, top=made.top.round() + FAULT
+    )
 
 
 def results(stimuli):
     """What `stimulus_study.study` gives, from made-up courses."""
-    fault, onset = FAULT, np.resize(np.linspace(10.0, 30.0, 7), LANES)
+    fault = FAULT
+    onset = np.resize(np.linspace(10.0, 30.0, 7), LANES)
     paths = {name: followed(LANES) for name in stimuli if name != "cruise"}
     behaviour = {
         "around_onset": around_onset(paths, fault, onset),
-        "healthy": {"lanes": 4, "share": shares({name: np.full((1, 4), 0.001) for name in paths}, 0.05, 0)},
-        "told": paired({name: times(np.full(6, 9.0)) for name in (*paths, "cruise", "told the onset")}, 0),
-        "episodes": {"stimulus": stimuli[-1], "drawn": episodes_of(paths[stimuli[-1]], fault, onset, -3.0)},
+        "healthy": {
+            "lanes": 4,
+            "share": shares({name: np.full((1, 4), 0.001) for name in paths}, 0.05, 0),
+        },
+        "told": paired(
+            {name: times(np.full(6, 9.0)) for name in (*paths, "cruise", "told the onset")}, 0
+        ),
+        "episodes": {
+            "stimulus": stimuli[-1],
+            "drawn": episodes_of(paths[stimuli[-1]], fault, onset, -3.0),
+        },
     }
-    scores, names = benchmark(stimuli=stimuli)["scores"], [classes()[k] for k in fault]
+    scores = benchmark(stimuli=stimuli)["scores"]
+    names = [classes()[k] for k in fault]
     one = {
         "command": "auv-fault benchmark",
         "revision": "abc",
@@ -296,7 +352,9 @@ def results(stimuli):
     }
 
 
-@pytest.mark.parametrize("stimuli", [OPEN_LOOP, (*OPEN_LOOP, "learned", "learned_1")], ids=["without", "with agent"])
+@pytest.mark.parametrize(
+    "stimuli", [OPEN_LOOP, (*OPEN_LOOP, "learned", "learned_1")], ids=["without", "with agent"]
+)
 def test_the_page_draws_every_figure_and_fills_every_table_from_results_alone(stimuli):
     sections = page(json.loads(json.dumps(results(stimuli))))["sections"]
     for section in sections:
@@ -307,7 +365,8 @@ def test_the_page_draws_every_figure_and_fills_every_table_from_results_alone(st
             assert all(isinstance(cell, str) for cell in row)
     names = {section["heading"]: section for section in sections}
     main_rows = names[f"{DIAGNOSER}, 0.05 m/s"]["table"]["rows"]
-    assert main_rows[-1][0] == "cruise" and main_rows[-1][3].startswith("1.00")  # the slowest; as long as itself
+    # the slowest; as long as itself
+    assert main_rows[-1][0] == "cruise" and main_rows[-1][3].startswith("1.00")
     drag = next(row for row in names["How much a stimulus can bring, 0.05 m/s"]["table"]["rows"])
     assert drag[5:7] == ["no rate to compare with", "3.0"]
     assert (drag[7] == "–") == ("learned" not in stimuli)
@@ -323,13 +382,16 @@ def test_half_of_the_time_is_twice_as_soon_and_the_ends_change_places():
 def test_the_command_writes_a_report_and_takes_ceilings_over(tmp_path, sought, monkeypatch):
     for name, value in (("PER_CLASS", 1), ("N_HEALTHY", 2)):
         monkeypatch.setattr(stimulus_behaviour, name, value)
-    monkeypatch.setattr(stimuli, "write_report", lambda report, folder: None)  # drawing takes the longest
+    # drawing takes the longest
+    monkeypatch.setattr(stimuli, "write_report", lambda report, folder: None)
     path = written(tmp_path, stimuli=("cruise", "thesis"))
     asked = StimulusStudy((path,), tmp_path / "out", workers=1)
     main(asked)
     first = json.loads((tmp_path / "out" / "results.json").read_text())
     assert list(first["budgets"]) == ["0.05"] and len(sought) == len(active_ceiling.FAULTS)
-    assert first["budgets"]["0.05"]["behaviour"]["healthy"]["share"]["thesis"][0] == pytest.approx(1.0, abs=0.01)
+    assert first["budgets"]["0.05"]["behaviour"]["healthy"]["share"]["thesis"][0] == pytest.approx(
+        1.0, abs=0.01
+    )
     main(asked)
     assert len(sought) == len(active_ceiling.FAULTS)
     assert json.loads((tmp_path / "out" / "results.json").read_text()) == first

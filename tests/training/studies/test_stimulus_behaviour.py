@@ -46,18 +46,24 @@ def test_the_loop_is_that_of_the_benchmark():
     deviation = np.sqrt(np.mean(np.square(path.speed - path.mission), axis=0))
     np.testing.assert_allclose(deviation, speed_rms, rtol=0.02)
     assert np.abs(path.offset).max() > 0.05 and (path.log_true <= 1e-9).all()
-    right = path.top[-1] == [classes().index(CATALOGUE[one.schedule[0].fault].diagnosis) for one in episodes]
+    right = path.top[-1] == [
+        classes().index(CATALOGUE[one.schedule[0].fault].diagnosis) for one in episodes
+    ]
     assert (path.log_true[-1][right] > np.log(1.0 / len(classes()))).all()
 
 
 def test_lanes_have_every_class_as_often_and_nobody_was_scored_on_them():
     conditions = STANDARD.conditions
-    faulty, healthy = faulty_lanes(conditions, 4, 0), healthy_lanes(conditions, 30, 0)
+    faulty = faulty_lanes(conditions, 4, 0)
+    healthy = healthy_lanes(conditions, 30, 0)
     events = [event for episode in faulty for event in episode.schedule]
     of_class = [CATALOGUE[event.fault].diagnosis for event in events]
     assert of_class == [name for name in classes()[1:] for _ in range(4)]
     assert len({event.fault for event in events if event.fault.endswith(":speed")}) == 4
-    assert all(event.ramp == 0.0 and 10.0 <= event.onset <= 30.0 and 0.2 <= event.severity <= 1.0 for event in events)
+    assert all(
+        event.ramp == 0.0 and 10.0 <= event.onset <= 30.0 and 0.2 <= event.severity <= 1.0
+        for event in events
+    )
     assert not any(episode.schedule for episode in healthy)
     seeds = [episode.seed for episode in (*faulty, *healthy)]
     assert len(set(seeds)) == len(seeds) and {purpose_of(seed) for seed in seeds} == {"validation"}
@@ -72,7 +78,8 @@ def followed(offset, **more):
 
 def test_offsets_are_averaged_by_class_over_the_time_since_onset():
     """One lane goes 0.1 m/s faster from its onset on, one of the same class 0.1 m/s slower, another 0.2 m/s faster."""
-    onset, fault = np.array([10.0, 20.0, 30.0]), np.array([1, 1, 5])
+    onset = np.array([10.0, 20.0, 30.0])
+    fault = np.array([1, 1, 5])
     began = np.arange(N_SAMPLES)[:, None] * SAMPLE_TIME >= onset - 1e-9
     found = around_onset({"greedy": followed(began * [0.1, -0.1, 0.2])}, fault, onset)
     time = np.array(found["time"])
@@ -98,7 +105,8 @@ def test_who_is_told_the_onset_goes_ahead_from_then_on_until_the_allowance_is_sp
     stimulus = ToldOnset(0.05, onset=np.array([1.0, 3.0]))
     offset = np.array([stimulus.offset(k, reading, None) for k in range(N_SAMPLES)])
     for lane, first in enumerate((10, 30)):
-        assert not offset[:first, lane].any() and (offset[first : first + 26, lane] == 0.25).all()  # 0.05^2 65 s
+        # 0.05^2 65 s
+        assert not offset[:first, lane].any() and (offset[first : first + 26, lane] == 0.25).all()
         assert not offset[first + 27 :, lane].any()
     assert np.sqrt(np.square(offset).mean(axis=0)) == pytest.approx([0.05] * 2)
     free = ToldOnset(0.25, onset=np.array([1.0, 3.0]))
@@ -108,13 +116,17 @@ def test_who_is_told_the_onset_goes_ahead_from_then_on_until_the_allowance_is_sp
 def test_the_episode_drawn_of_a_class_is_that_of_its_median_isolation_time():
     """Three lanes of each class, right and alarmed 4 s, 9 s and never after onset."""
     of_class = np.repeat([classes().index(name) for name in DRAWN], 3)
-    onset, delay = np.full(of_class.size, 12.0), np.tile([np.inf, 4.0, 9.0], len(DRAWN))
+    onset = np.full(of_class.size, 12.0)
+    delay = np.tile([np.inf, 4.0, 9.0], len(DRAWN))
     told = np.arange(N_SAMPLES)[:, None] * SAMPLE_TIME >= onset + delay - 1e-9
     lane = np.broadcast_to(np.arange(of_class.size), told.shape)
-    path = followed(lane * 1.0, log_normal=np.where(told, -9.0, -1.0), top=np.broadcast_to(of_class, told.shape))
+    path = followed(
+        lane * 1.0, log_normal=np.where(told, -9.0, -1.0), top=np.broadcast_to(of_class, told.shape)
+    )
     found = episodes_of(path, of_class, onset, -5.0)
     assert [one["class"] for one in found] == list(DRAWN)
-    assert [one["isolation"] for one in found] == [9.2] * len(DRAWN)  # the alarm asks for three samples in a row
+    # the alarm asks for three samples in a row
+    assert [one["isolation"] for one in found] == [9.2] * len(DRAWN)
     assert [one["offset"][0] for one in found] == [3.0 * k + 2.0 for k in range(len(DRAWN))]
     assert found[0]["onset"] == 12.0 and found[0]["time"][:2] == [0.0, 0.2]
     assert found[0]["normal"][0] == pytest.approx(np.exp(-1.0), abs=1e-4)
@@ -126,7 +138,9 @@ def test_on_healthy_vehicles_the_thesis_spends_all_and_a_trigger_little(monkeypa
     found = behaviour(["thesis", "greedy"], ["thesis", "greedy"], 0.05, "filter_bank", -6.0, 1, 0)
     share = found["healthy"]["share"]
     assert share["thesis"][0] == pytest.approx(1.0, abs=0.02) and share["greedy"][0] < 0.5
-    assert found["episodes"]["stimulus"] == "greedy" and len(found["episodes"]["drawn"]) == len(DRAWN)
+    assert found["episodes"]["stimulus"] == "greedy" and len(found["episodes"]["drawn"]) == len(
+        DRAWN
+    )
     size = np.array(found["around_onset"]["absolute"]["increased_drag"]["thesis"])
     assert size.max() <= 0.05 + 1e-4 and size.min() > 0.03
     told = found["told"]

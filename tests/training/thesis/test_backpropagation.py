@@ -27,7 +27,8 @@ def by_autograd(lane, inputs, targets, presentations):
     start = initial([lane], inputs.shape[-1], targets.shape[-1])
     weights = [torch.tensor(layer[0], requires_grad=True) for layer in (start.hidden, start.output)]
     optimiser = torch.optim.SGD(weights, lr=lane.rate, momentum=lane.momentum)
-    x, t = torch.tensor(inputs[lane.data]), torch.tensor(targets)
+    x = torch.tensor(inputs[lane.data])
+    t = torch.tensor(targets)
     one = torch.ones(1, dtype=torch.float64)
     for sample in np.random.default_rng([lane.seed, 1]).integers(len(targets), size=presentations):
         optimiser.zero_grad()
@@ -44,18 +45,24 @@ def test_training_is_what_autograd_does():
     for k, lane in enumerate(LANES):
         hidden, output = by_autograd(lane, inputs, targets, 400)
         np.testing.assert_allclose(trained.hidden[0, k, : lane.hidden], hidden, rtol=0, atol=1e-6)
-        np.testing.assert_allclose(trained.output[0, k][:, [*range(lane.hidden), -1]], output, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(
+            trained.output[0, k][:, [*range(lane.hidden), -1]], output, rtol=0, atol=1e-6
+        )
 
 
 def test_a_network_is_the_same_alone_and_among_wider_ones():
     inputs, targets = task()
-    together = train({"first": LANES[:1], "others": LANES[1:]}, inputs, targets, (50,), Bar())["others"]
+    together = train({"first": LANES[:1], "others": LANES[1:]}, inputs, targets, (50,), Bar())[
+        "others"
+    ]
     alone = train({"it": LANES[1:2]}, inputs, targets, (50,), Bar())["it"]
     assert np.array_equal(recall(together, inputs[0])[0, 0], recall(alone, inputs[0])[0, 0])
 
 
 def test_networks_of_one_seed_start_alike_and_those_of_others_do_not():
-    wide, narrow, other = (initial([Lane(seed, size)], 3, 2).hidden[0] for seed, size in ((1, 4), (1, 2), (2, 4)))
+    wide, narrow, other = (
+        initial([Lane(seed, size)], 3, 2).hidden[0] for seed, size in ((1, 4), (1, 2), (2, 4))
+    )
     assert wide.shape == (4, 4)
     assert np.abs(wide).max() <= 0.3
     assert not np.array_equal(wide, other)
@@ -77,7 +84,9 @@ def test_checkpoints_and_chunks_do_not_change_the_training():
 
 
 def test_it_learns_a_boundary():
-    points = np.stack(np.meshgrid(np.linspace(0, 1, 9), np.linspace(0, 1, 9)), axis=-1).reshape(1, -1, 2)
+    points = np.stack(np.meshgrid(np.linspace(0, 1, 9), np.linspace(0, 1, 9)), axis=-1).reshape(
+        1, -1, 2
+    )
     targets = np.eye(2)[(points[0].sum(axis=1) > 1.05).astype(int)]
     lanes = [Lane(seed, 3) for seed in range(3)]
     trained = train({"it": lanes}, points, targets, (1, 60_000), Bar())["it"]
@@ -88,7 +97,8 @@ def test_it_learns_a_boundary():
 
 def test_recall_and_rms_by_hand():
     network = initial([Lane(0, 1)], 1, 1)
-    network.hidden[0], network.output[0] = [[np.log(3.0), 0.0]], [[2.0, -1.5]]
+    network.hidden[0] = [[np.log(3.0), 0.0]]
+    network.output[0] = [[2.0, -1.5]]
     output = recall(network, np.array([[0.0], [1.0]]))  # hidden node 0.5 and 0.75
     assert output.shape == (1, 2, 1)
     assert output[0, :, 0] == pytest.approx([1 / (1 + np.exp(0.5)), 0.5])

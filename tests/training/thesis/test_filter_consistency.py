@@ -25,7 +25,9 @@ def test_a_filter_that_knows_too_little_noise_leaves_the_band(monkeypatch):
 
     kind, disturbance = FILTERS["surge filter"]
     monkeypatch.setitem(
-        filter_consistency.FILTERS, "surge filter", (lambda **given: kind(sensor_noise=0.8, **given), disturbance)
+        filter_consistency.FILTERS,
+        "surge filter",
+        (lambda **given: kind(sensor_noise=0.8, **given), disturbance),
     )
     _, innovations = run("surge filter", seeds=100, steps=200)
     assert not np.prod(np.subtract(band(1, 100), innovations[SETTLED:].mean())) < 0

@@ -15,7 +15,9 @@ NO_BAR = tqdm(disable=True)
 
 @pytest.fixture(scope="module")
 def view():
-    return Comparison(record(0.0, [0], NO_BAR), record(1.0, [0, 1], NO_BAR), list(TEST_RUNS), "a command")
+    return Comparison(
+        record(0.0, [0], NO_BAR), record(1.0, [0, 1], NO_BAR), list(TEST_RUNS), "a command"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +52,9 @@ def test_exact_outputs_have_no_error():
 
 def test_the_weights_of_the_least_error_are_kept():
     random = np.random.default_rng(0)
-    several = Networks(random.normal(size=(4, 2, 3, 3)), random.normal(size=(4, 2, 5, 4)), np.array([3, 3]))
+    several = Networks(
+        random.normal(size=(4, 2, 3, 3)), random.normal(size=(4, 2, 5, 4)), np.array([3, 3])
+    )
     errors = rms(recall(several, study.POINTS), study.TARGETS)
     kept = rms(recall(study.least_error(several), study.POINTS), study.TARGETS)
     assert kept == pytest.approx(errors.min(axis=0))
@@ -80,7 +84,9 @@ def test_networks_follow_the_test_runs(view, trained):
     assert np.array_equal(clean.points[0], clean.points[1])
     assert not np.array_equal(noisy.points[0], noisy.points[1])
     assert clean.points[0, -1] == pytest.approx([0.5, 0.45], abs=0.01)
-    assert np.all(clean.outputs[:, -1].argmax(axis=-1) == MODES_5_2.index("severe propulsion failure"))
+    assert np.all(
+        clean.outputs[:, -1].argmax(axis=-1) == MODES_5_2.index("severe propulsion failure")
+    )
 
 
 def test_the_page_names_every_figure(view, trained):

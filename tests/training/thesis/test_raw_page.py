@@ -9,7 +9,8 @@ from training.thesis.runs import TEST_RUNS, record
 
 VERDICT = 5
 NO_BAR = tqdm(disable=True)
-N_NETWORKS, N_CHECKPOINTS = 3, len(study.CHECKPOINTS)
+N_NETWORKS = 3
+N_CHECKPOINTS = len(study.CHECKPOINTS)
 NORMAL, FRICTION, DRAG, PROPELLER = range(4)
 
 
@@ -30,7 +31,10 @@ def outputs(*changes):
 
 def studied(base):
     return study.RawStudy(
-        dict.fromkeys(study.SIZES, base), base, {(0.5, 0.4): base}, dict.fromkeys(study.VARIANTS, base)
+        dict.fromkeys(study.SIZES, base),
+        base,
+        {(0.5, 0.4): base},
+        dict.fromkeys(study.VARIANTS, base),
     )
 
 
@@ -54,12 +58,17 @@ def test_training_set_has_the_modes_in_the_order_of_table_5_1(view):
 def test_the_variant_of_the_test_runs_is_the_training_set_itself(view):
     sets = dict(zip(study.VARIANTS, study.variant_sets(), strict=True))
     (inputs,) = study.training_sets(view.clean.readings, view.runs)
-    np.testing.assert_allclose(sets[0.35, "port damaged: thrust −50 %, torque −40 %"], inputs, atol=1e-6)
+    np.testing.assert_allclose(
+        sets[0.35, "port damaged: thrust −50 %, torque −40 %"], inputs, atol=1e-6
+    )
 
 
 def test_thrust_alone_leaves_the_motor_as_it_is_at_the_same_speeds(view):
-    inputs = dict(zip(study.VARIANTS, study.variant_sets(), strict=True))[study.THRUST_ALONE].reshape(4, 400, 4)
-    normal, propeller = inputs[NORMAL], inputs[PROPELLER]
+    inputs = dict(zip(study.VARIANTS, study.variant_sets(), strict=True))[
+        study.THRUST_ALONE
+    ].reshape(4, 400, 4)
+    normal = inputs[NORMAL]
+    propeller = inputs[PROPELLER]
     speed = list(study.FULL_SCALE).index("speed")
     for column in range(3):
         there = np.interp(normal[20:100, speed], propeller[:, speed], propeller[:, column])
@@ -109,11 +118,14 @@ def test_where_the_error_is_least(view, best, verdict):
 
 
 def test_fewer_nodes_that_suffice_differ_from_the_thesis(view):
-    blind, seeing = outputs((0, 400, DRAG)), outputs()
+    blind = outputs((0, 400, DRAG))
+    seeing = outputs()
     sizes = {size: blind if size < 4 else seeing for size in study.SIZES}
     section = page.sizes_section(view, studied(seeing)._replace(size=sizes), ["columns"])
     by_size = {row[1][:5]: row[VERDICT] for row in section["table"]["rows"]}
-    assert by_size == {f"4-{size}-4": "differs" if size in (4, 5) else "agrees" for size in study.SIZES}
+    assert by_size == {
+        f"4-{size}-4": "differs" if size in (4, 5) else "agrees" for size in study.SIZES
+    }
 
 
 def test_a_short_study_trains_every_group(view, monkeypatch):

@@ -19,13 +19,25 @@ def view():
 def judged(time, right):
     """What the page reads of a diagnoser that isolates all after this time, or whose decisions are all wrong."""
     times = Times(np.full(40, time), np.full(40, not right))
-    return SimpleNamespace(isolation=times, label=LABEL, decision=LABEL if right else np.roll(LABEL, 1))
+    return SimpleNamespace(
+        isolation=times, label=LABEL, decision=LABEL if right else np.roll(LABEL, 1)
+    )
 
 
 def score(one):
     mean = float(one.isolation.time.mean())
-    isolation = {"restricted_mean": mean, "interval": (mean, mean), "probability": 1.0 - one.isolation.censored.mean()}
-    return {"isolation": isolation, "macro_f1": 0.5, "false_alarms_per_hour": 1.0, "severity_mae": 0.1, "ece": 0.02}
+    isolation = {
+        "restricted_mean": mean,
+        "interval": (mean, mean),
+        "probability": 1.0 - one.isolation.censored.mean(),
+    }
+    return {
+        "isolation": isolation,
+        "macro_f1": 0.5,
+        "false_alarms_per_hour": 1.0,
+        "severity_mae": 0.1,
+        "ece": 0.02,
+    }
 
 
 def rows_of(found, failures):
@@ -47,7 +59,9 @@ def test_the_better_one_is_told():
 @pytest.mark.parametrize("present", [(), ("parallel",), ("raw_network", "kalman_network")])
 def test_what_could_not_take_part_is_said(present):
     missing = [name for name in page.NAMES if name not in present]
-    section = rows_of(dict.fromkeys(present, judged(5.0, True)), dict.fromkeys(missing, "Gone: not there"))
+    section = rows_of(
+        dict.fromkeys(present, judged(5.0, True)), dict.fromkeys(missing, "Gone: not there")
+    )
     text = " ".join(section["text"])
     for name in missing:
         assert f"{name} could not take part: Gone: not there" in text

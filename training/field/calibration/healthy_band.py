@@ -10,10 +10,10 @@ WIDEST = 0.9  # of a band, relative
 def healthy_band(own: np.ndarray, variance: np.ndarray, std: float, band: float) -> float:
     """Half-width of the healthy band of one parameter, relative, as that of a uniform distribution.
 
-    The spread between units beyond their errors (DerSimonian & Laird, Controlled Clinical Trials 7 (1986) 177) is
-    averaged with the file's band, which counts as `PRIOR_UNITS` units: one mission says nothing of a spread, so the
-    file's band stands, and with many missions theirs does. The error of the common estimate is added, because a
-    diagnoser has to reckon with it.
+    The spread between units beyond their errors (DerSimonian & Laird, Controlled Clinical Trials 7
+    (1986) 177) is averaged with the file's band, which counts as `PRIOR_UNITS` units: one mission
+    says nothing of a spread, so the file's band stands, and with many missions theirs does. The
+    error of the common estimate is added, because a diagnoser has to reckon with it.
 
     Parameters
     ----------
@@ -24,7 +24,8 @@ def healthy_band(own: np.ndarray, variance: np.ndarray, std: float, band: float)
     band
         Half-width in the vehicle file, relative.
 
-    Misleads: a spread by things the logs did not go through (fouling, cold water, a full battery) is not in it.
+    Misleads: a spread by things the logs did not go through (fouling, cold water, a full battery)
+    is not in it.
     """
     weight = 1.0 / variance
     units = weight.sum() ** 2 / np.sum(weight**2)

@@ -18,7 +18,8 @@ from training.field.logs.log import Log
 POINTS = 1500  # of a figure's line
 REPAIRS = "Repairs"
 UNITS = {"speed": "m/s", "rpm": "rpm", "current": "A"}
-LARGEST_OWN = 0.5  # relative standard deviation of a mission's own estimate; poorer ones are not drawn
+# relative standard deviation of a mission's own estimate; poorer ones are not drawn
+LARGEST_OWN = 0.5
 
 
 def page(
@@ -72,7 +73,15 @@ def parameters(estimates: Sequence[Estimate]) -> dict[str, Any]:
             "propeller_torque is a factor on C1 and C2; beta is that of all shafts together."
         ],
         "table": {
-            "columns": ["parameter", "value", "95 % interval", "half-width", "in the file", "healthy band", "unit"],
+            "columns": [
+                "parameter",
+                "value",
+                "95 % interval",
+                "half-width",
+                "in the file",
+                "healthy band",
+                "unit",
+            ],
             "rows": rows,
         },
     }
@@ -98,7 +107,8 @@ def left_out_section(logs: Sequence[Log], left_out: Sequence[LeftOut]) -> dict[s
     for row in left_out:
         name, change = max(row.changes.items(), key=lambda item: abs(item[1]))
         cells = [
-            f"{row.error[kind]:.4g} / {row.error_without[kind]:.4g}" if kind in row.error else "" for kind in kinds
+            f"{row.error[kind]:.4g} / {row.error_without[kind]:.4g}" if kind in row.error else ""
+            for kind in kinds
         ]
         rows.append([logs[row.mission].name, *cells, f"{name} {100 * change:+.1f} %"])
     text = (
@@ -108,9 +118,15 @@ def left_out_section(logs: Sequence[Log], left_out: Sequence[LeftOut]) -> dict[s
     )
     return {
         "heading": "Leaving one mission out",
-        "text": [text if rows else "There is one mission only, so nothing to leave out: give more logs."],
+        "text": [
+            text if rows else "There is one mission only, so nothing to leave out: give more logs."
+        ],
         "table": {
-            "columns": ["mission", *(f"{kind} [{UNITS[kind]}]" for kind in kinds), "largest change"],
+            "columns": [
+                "mission",
+                *(f"{kind} [{UNITS[kind]}]" for kind in kinds),
+                "largest change",
+            ],
             "rows": rows,
         },
     }
@@ -121,7 +137,8 @@ def fits(logs: Sequence[Log], samples: Samples, calibration: Calibration) -> dic
     alone = samples.of(samples.mission == 0)
     at = simulated(alone, calibration.vehicle)
     chosen = np.arange(0, len(alone.starts), -(-len(alone.starts) // POINTS))
-    if np.isfinite(alone.reading).any(axis=1)[chosen].mean() < 0.5:  # a slow log: what was read, not what lies between
+    # a slow log: what was read, not what lies between
+    if np.isfinite(alone.reading).any(axis=1)[chosen].mean() < 0.5:
         chosen = np.flatnonzero(np.isfinite(alone.reading[:, 4:]).any(axis=1))[:POINTS]
     panels = {
         f"{name.replace('_', ' ')} [{CHANNELS[name].unit}]": {
@@ -176,13 +193,20 @@ def _by_side(calibration: Calibration, name: str) -> dict[str, dict[str, list]]:
     std = np.sqrt(fit.own_variance[:, k]) / abs(fit.estimate[k])
     if name in motor_fit.PARAMETERS:
         groups = {
-            side: (fit.units % len(SIDES) == number, fit.units // len(SIDES)) for number, side in enumerate(SIDES)
+            side: (fit.units % len(SIDES) == number, fit.units // len(SIDES))
+            for number, side in enumerate(SIDES)
         }
     else:
         groups = {"all shafts": (np.full(value.size, True), fit.units)}
-    telling = {side: (chosen & (std < LARGEST_OWN), mission) for side, (chosen, mission) in groups.items()}
+    telling = {
+        side: (chosen & (std < LARGEST_OWN), mission) for side, (chosen, mission) in groups.items()
+    }
     return {
-        side: {"mission": (mission[one] + 1).tolist(), "value": _series(value[one]), "std": _series(std[one])}
+        side: {
+            "mission": (mission[one] + 1).tolist(),
+            "value": _series(value[one]),
+            "std": _series(std[one]),
+        }
         for side, (one, mission) in telling.items()
         if one.any()
     }
@@ -197,23 +221,32 @@ def sides(calibration: Calibration) -> dict[str, Any] | None:
     return rows and {
         "heading": "Port against starboard",
         "text": ["Both shafts are fitted as one; what they differ by is part of the healthy band."],
-        "table": {"columns": ["parameter", "port minus starboard", "standard deviation"], "rows": rows},
+        "table": {
+            "columns": ["parameter", "port minus starboard", "standard deviation"],
+            "rows": rows,
+        },
     }
 
 
 def noise(samples: Samples, calibration: Calibration) -> dict[str, Any]:
     """Noise of the sensors, and residuals by channel."""
-    left, rows = errors(samples, calibration.vehicle), []
+    left = errors(samples, calibration.vehicle)
+    rows = []
     for name in filter(samples.exists, calibration.vehicle.noise):
         levels = [f"{file.noise[name]:.3g}" for file in (calibration.vehicle, calibration.before)]
-        rows.append([name, *levels, *_residual(left.get(name), samples.mission), CHANNELS[name].unit])
+        rows.append(
+            [name, *levels, *_residual(left.get(name), samples.mission), CHANNELS[name].unit]
+        )
     return {
         "heading": "Noise and residuals",
         "text": [
             "Noise is the standard deviation of a reading, from second differences. The residual is reading minus "
             "simulation as above: its root mean square, and the range of its mean over the missions."
         ],
-        "table": {"columns": ["reading", "noise", "in the file", "residual", "means by mission", "unit"], "rows": rows},
+        "table": {
+            "columns": ["reading", "noise", "in the file", "residual", "means by mission", "unit"],
+            "rows": rows,
+        },
     }
 
 
@@ -222,7 +255,10 @@ def _residual(values: np.ndarray | None, mission: np.ndarray) -> list[str]:
     if not np.any(known):
         return ["", ""]
     means = [values[known & (mission == one)].mean() for one in np.unique(mission[known])]
-    return [f"{np.sqrt(np.mean(values[known] ** 2)):.3g}", f"{min(means):+.2g} to {max(means):+.2g}"]
+    return [
+        f"{np.sqrt(np.mean(values[known] ** 2)):.3g}",
+        f"{min(means):+.2g} to {max(means):+.2g}",
+    ]
 
 
 def repairs(logs: Sequence[Log]) -> dict[str, Any] | None:
@@ -235,7 +271,9 @@ def repairs(logs: Sequence[Log]) -> dict[str, Any] | None:
     }
 
 
-def plain(calibration: Calibration, left_out: Sequence[LeftOut], logs: Sequence[Log]) -> Mapping[str, Any]:
+def plain(
+    calibration: Calibration, left_out: Sequence[LeftOut], logs: Sequence[Log]
+) -> Mapping[str, Any]:
     """All figures by name, for results.json; None for what is not known."""
     estimates = {}
     for name in NAMES:

@@ -33,12 +33,15 @@ def shaft_of(vehicle: Vehicle) -> Shaft:
 
 def constants_of(vehicle: Vehicle) -> Constants:
     """Water, hull, controllers and disturbance."""
-    return Constants(*(float(getattr(vehicle, name)) for name in Constants._fields[:-1]), ENERGY_WEIGHT)
+    return Constants(
+        *(float(getattr(vehicle, name)) for name in Constants._fields[:-1]), ENERGY_WEIGHT
+    )
 
 
 def factors(vehicle: Vehicle, name: str) -> tuple[float, float]:
     """Least and largest factor on a parameter that keep it within its physical limits."""
-    value, spec = getattr(vehicle, name), QUANTITIES[name]
+    value = getattr(vehicle, name)
+    spec = QUANTITIES[name]
     low, high = sorted((spec["low"] / value, spec["high"] / value)) if value else (0.0, 2.0)
     return min(max(low, LEAST_FACTOR), 0.999), max(high, 1.001)
 
@@ -47,7 +50,11 @@ def doubt(share: float) -> str:
     """Why a parameter is not identified, given its relative standard deviation."""
     if np.isnan(share):
         return f"the readings are of less than {LEAST_BLOCKS * BLOCK:g} s"
-    return f"its standard deviation would be {100 * share:.0f} %" if share < 10.0 else "the readings hardly show it"
+    return (
+        f"its standard deviation would be {100 * share:.0f} %"
+        if share < 10.0
+        else "the readings hardly show it"
+    )
 
 
 def nothing(names: tuple[str, ...], why: str, remedy: str) -> Part:

@@ -1,8 +1,9 @@
 """What the plant's physics makes of a log, sample by sample, beside what was read: the residuals of `training.field`.
 
-Compiled loops around the scalar functions of `auv_fault_env.physics`. Both residuals have unit variance where model and
-noise are right, so that a least-squares fit weighs them as it should: the speed's by a Kalman filter that knows of the
-disturbance, the shaft's by taking out of the current what voltage and rpm have in common with it.
+Compiled loops around the scalar functions of `auv_fault_env.physics`. Both residuals have unit
+variance where model and noise are right, so that a least-squares fit weighs them as it should: the
+speed's by a Kalman filter that knows of the disturbance, the shaft's by taking out of the current
+what voltage and rpm have in common with it.
 """
 
 import math
@@ -37,12 +38,16 @@ def pushed(speed, before, now, drag, disturbance, side, opening):
 @scalar
 def carried(speed, before, now, drag, disturbance, side, opening):
     """Surge speed one sample later, by the midpoint rule."""
-    middle = speed + 0.5 * SAMPLE_TIME * pushed(speed, before, now, drag, disturbance, side, opening)
+    middle = speed + 0.5 * SAMPLE_TIME * pushed(
+        speed, before, now, drag, disturbance, side, opening
+    )
     return speed + SAMPLE_TIME * pushed(middle, before, now, drag, disturbance, side, opening)
 
 
 @kernel
-def speed_innovations(starts, reading, spins, deflection, shaft, constants, opening, noise, innovation, std, predicted):
+def speed_innovations(
+    starts, reading, spins, deflection, shaft, constants, opening, noise, innovation, std, predicted
+):
     """Fill innovation, its standard deviation and the predicted speed, (n_samples,) each [m/s].
 
     An extended Kalman filter of speed and disturbance; the hull is that of the constants.
@@ -52,7 +57,8 @@ def speed_innovations(starts, reading, spins, deflection, shaft, constants, open
     starts
         (n_samples,) whether a stretch begins with this sample, before which nothing is known.
     reading
-        (n_samples,) speed [m/s]; NaN where nothing was read: then the innovation is NaN and the filter runs on.
+        (n_samples,) speed [m/s]; NaN where nothing was read: then the innovation is NaN and the
+        filter runs on.
     spins
         (n_samples, 2) shaft speeds [rad/s].
     deflection
@@ -66,20 +72,34 @@ def speed_innovations(starts, reading, spins, deflection, shaft, constants, open
     """
     side = motor(shaft, constants, 0.0)
     memory, kick = disturbance_memory(constants)
-    speed, push, variance, crossed, push_variance = 0.0, 0.0, 0.0, 0.0, 0.0
+    speed = 0.0
+    push = 0.0
+    variance = 0.0
+    crossed = 0.0
+    push_variance = 0.0
     for k in range(reading.size):
         if starts[k]:
-            speed, push, variance, crossed = 0.0, 0.0, START_SPEED_STD**2, 0.0
+            speed = 0.0
+            push = 0.0
+            variance = START_SPEED_STD**2
+            crossed = 0.0
             push_variance = constants.disturbance_std**2
         else:
             drag = constants.alpha + constants.gamma * deflection[k]
-            before, now = spins[k - 1], spins[k]
-            push, crossed = memory * push, memory * crossed
+            before = spins[k - 1]
+            now = spins[k]
+            push = memory * push
+            crossed = memory * crossed
             push_variance = memory * memory * push_variance + kick * kick
             ahead = carried(speed, before, now, drag, push, side, opening)
-            by_speed = (carried(speed + STEP, before, now, drag, push, side, opening) - ahead) / STEP
+            by_speed = (
+                carried(speed + STEP, before, now, drag, push, side, opening) - ahead
+            ) / STEP
             by_push = (carried(speed, before, now, drag, push + STEP, side, opening) - ahead) / STEP
-            variance = by_speed * (by_speed * variance + 2.0 * by_push * crossed) + by_push * by_push * push_variance
+            variance = (
+                by_speed * (by_speed * variance + 2.0 * by_push * crossed)
+                + by_push * by_push * push_variance
+            )
             crossed = by_speed * crossed + by_push * push_variance
             speed = ahead
         predicted[k] = speed
@@ -91,7 +111,8 @@ def speed_innovations(starts, reading, spins, deflection, shaft, constants, open
             speed += variance / total * bounded
             push += crossed / total * bounded
             push_variance -= crossed * crossed / total
-            variance, crossed = variance * noise * noise / total, crossed * noise * noise / total
+            variance = variance * noise * noise / total
+            crossed = crossed * noise * noise / total
 
 
 @scalar
@@ -100,19 +121,28 @@ def whitened(inputs, ahead, by_voltage, shaft, noise):
 
     The voltage's error is in both predictions, the rpm counter's in that of the current.
     """
-    voltage, current, rpm = inputs[0], inputs[1], inputs[2]
-    conductance, slope = 1.0 / shaft.resistance, shaft.torque_constant / (shaft.resistance * RPM)
+    voltage = inputs[0]
+    current = inputs[1]
+    rpm = inputs[2]
+    conductance = 1.0 / shaft.resistance
+    slope = shaft.torque_constant / (shaft.resistance * RPM)
     first = rpm - RPM * ahead
     if math.isnan(rpm):
         left = current - armature_current(shaft, ahead, voltage)
         return 0.0, left / math.hypot(noise[1], (conductance - slope * by_voltage) * noise[0])
     if math.isnan(voltage):
-        by_current, by_rpm = by_voltage / conductance, 1.0 - by_voltage * slope / conductance
+        by_current = by_voltage / conductance
+        by_rpm = 1.0 - by_voltage * slope / conductance
         return first / math.hypot(by_current * noise[1], by_rpm * noise[2]), 0.0
     first_variance = noise[2] ** 2 + (by_voltage * noise[0]) ** 2
     shared = by_voltage * conductance * noise[0] ** 2 + slope * noise[2] ** 2
     second = current - armature_current(shaft, rpm / RPM, voltage) - shared / first_variance * first
-    variance = noise[1] ** 2 + (conductance * noise[0]) ** 2 + (slope * noise[2]) ** 2 - shared**2 / first_variance
+    variance = (
+        noise[1] ** 2
+        + (conductance * noise[0]) ** 2
+        + (slope * noise[2]) ** 2
+        - shared**2 / first_variance
+    )
     return first / math.sqrt(first_variance), second / math.sqrt(variance)
 
 
@@ -120,17 +150,19 @@ def whitened(inputs, ahead, by_voltage, shaft, noise):
 def shaft_residuals(starts, inputs, read, speed, shaft, constants, noise, residual, predicted):
     """Fill residuals (n_samples, 2) of rpm and current, of unit variance, and predicted rpm and current (n_samples, 2).
 
-    The voltage sets the shaft speed by the closed form of `physics.spin`, and both set the current. Errors in the
-    voltage count as what they are, errors of an input: without that, they would pull the torque constant up. Residuals
-    are zero where nothing was read, where the shaft hardly turns, and at the start of a stretch.
+    The voltage sets the shaft speed by the closed form of `physics.spin`, and both set the current.
+    Errors in the voltage count as what they are, errors of an input: without that, they would pull
+    the torque constant up. Residuals are zero where nothing was read, where the shaft hardly turns,
+    and at the start of a stretch.
 
     Parameters
     ----------
     starts
         (n_samples,) whether a stretch begins with this sample.
     inputs
-        (n_samples, 3): voltage, current and rpm, between the readings interpolated; NaN where there is no such channel.
-        A missing voltage is what current and rpm say of it, a missing rpm what the voltage makes it.
+        (n_samples, 3): voltage, current and rpm, between the readings interpolated; NaN where there
+        is no such channel. A missing voltage is what current and rpm say of it, a missing rpm what
+        the voltage makes it.
     read
         (n_samples,) whether the inputs were read then.
     speed
@@ -140,17 +172,21 @@ def shaft_residuals(starts, inputs, read, speed, shaft, constants, noise, residu
     """
     turning = 0.0
     for k in range(read.size):
-        voltage, current, rpm = inputs[k, 0], inputs[k, 1], inputs[k, 2]
+        voltage = inputs[k, 0]
+        current = inputs[k, 1]
+        rpm = inputs[k, 2]
         if math.isnan(voltage):
             voltage = shaft.resistance * current + shaft.torque_constant * rpm / RPM
-        side, near = motor(shaft, constants, voltage), motor(shaft, constants, voltage + STEP)
+        side = motor(shaft, constants, voltage)
+        near = motor(shaft, constants, voltage + STEP)
         if starts[k]:
             turning = 0.0
             for _ in range(SETTLING):
                 turning = spin(turning, side, speed[k], 0.0, SAMPLE_TIME)
         ahead = spin(turning, side, speed[k], 0.0, SAMPLE_TIME)
         by_voltage = RPM * (spin(turning, near, speed[k], 0.0, SAMPLE_TIME) - ahead) / STEP
-        predicted[k, 0], predicted[k, 1] = RPM * ahead, armature_current(shaft, ahead, voltage)
+        predicted[k, 0] = RPM * ahead
+        predicted[k, 1] = armature_current(shaft, ahead, voltage)
         residual[k, 0] = residual[k, 1] = 0.0
         turns = (RPM * ahead if math.isnan(rpm) else rpm) > STANDING
         if read[k] and turns and not starts[k]:

@@ -21,9 +21,10 @@ LEAST_READINGS = 20  # that tell of a channel's noise
 class Samples(NamedTuple):
     """All missions on the 10 Hz grid, one after the other.
 
-    starts (n_samples,): whether a stretch begins here. mission (n_samples,): index of the log. block (n_samples,):
-    number of the `BLOCK` of time. reading (n_samples, n_channels): NaN where nothing was read. held, of the same shape:
-    between the readings of a stretch interpolated; NaN only where a channel has none.
+    starts (n_samples,): whether a stretch begins here. mission (n_samples,): index of the log.
+    block (n_samples,): number of the `BLOCK` of time. reading (n_samples, n_channels): NaN where
+    nothing was read. held, of the same shape: between the readings of a stretch interpolated; NaN
+    only where a channel has none.
     """
 
     starts: np.ndarray
@@ -53,7 +54,9 @@ class Samples(NamedTuple):
     @property
     def deflection(self) -> np.ndarray:
         """Squared and summed deflections [rad^2], (n_samples,); a missing plane does not move."""
-        return sum(np.nan_to_num(self.channel(name, held=True)) ** 2 for name in ("rudder", "stern_plane"))
+        return sum(
+            np.nan_to_num(self.channel(name, held=True)) ** 2 for name in ("rudder", "stern_plane")
+        )
 
     @property
     def smooth_speed(self) -> np.ndarray:
@@ -65,13 +68,18 @@ class Samples(NamedTuple):
     @property
     def measured_spins(self) -> np.ndarray | None:
         """Shaft speeds [rad/s], (n_samples, 2); a shaft without a counter turns as the other; None if none has one."""
-        turning = [self.channel(f"{side}_rpm", held=True) / RPM for side in SIDES if self.exists(f"{side}_rpm")]
+        turning = [
+            self.channel(f"{side}_rpm", held=True) / RPM
+            for side in SIDES
+            if self.exists(f"{side}_rpm")
+        ]
         return np.column_stack([turning[0], turning[-1]]) if turning else None
 
 
 def samples_of(logs: Sequence[Log]) -> Samples:
     """All stretches of all logs; a log's blocks of time are counted on from those before."""
-    parts, blocks = [], 0
+    parts = []
+    blocks = 0
     for mission, log in enumerate(logs):
         for segment in log.segments:
             reading = np.asarray(log.observation[segment], np.float64)
@@ -85,20 +93,30 @@ def samples_of(logs: Sequence[Log]) -> Samples:
 
 def _bridged(column: np.ndarray) -> np.ndarray:
     known = np.flatnonzero(np.isfinite(column))
-    return np.interp(np.arange(column.size), known, column[known]) if known.size else np.full(column.size, np.nan)
+    return (
+        np.interp(np.arange(column.size), known, column[known])
+        if known.size
+        else np.full(column.size, np.nan)
+    )
 
 
 def noise_levels(samples: Samples) -> dict[str, float]:
     """Standard deviation of the noise of every reading that exists, robust, from second differences.
 
-    Misleads at one reading a second, where the signal itself bends between readings: then it is an upper limit.
-    A channel that hardly ever changes (a coarse converter) has the root mean square instead, a constant one no level.
+    Misleads at one reading a second, where the signal itself bends between readings: then it is an
+    upper limit. A channel that hardly ever changes (a coarse converter) has the root mean square
+    instead, a constant one no level.
     """
     levels = {}
     for name in filter(samples.exists, READINGS):
-        bends = np.concatenate([_bends(column) for column in _stretches(samples, name)]) / SECOND_DIFFERENCE
+        bends = (
+            np.concatenate([_bends(column) for column in _stretches(samples, name)])
+            / SECOND_DIFFERENCE
+        )
         if bends.size >= LEAST_READINGS:
-            levels[name] = float(NORMAL_MAD * np.median(np.abs(bends)) or np.sqrt(np.mean(bends**2)))
+            levels[name] = float(
+                NORMAL_MAD * np.median(np.abs(bends)) or np.sqrt(np.mean(bends**2))
+            )
     return {name: level for name, level in levels.items() if level > 0.0}
 
 

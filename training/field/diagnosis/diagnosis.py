@@ -22,12 +22,16 @@ from training.field.vehicle_file import VehicleFile
 from training.metrics import alarms
 from training.metrics.records import PERSISTENCE
 
-OWN_PARAMETERS = ("filter_bank", "integrated", "cusum", "rules", "limits", "kalman_network")  # may be a vehicle's own
+# may be a vehicle's own
+OWN_PARAMETERS = ("filter_bank", "integrated", "cusum", "rules", "limits", "kalman_network")
 THRESHOLDS: dict[str, float] = {name: ONE_PER_10_HOURS[name] for name in OWN_PARAMETERS}
-HEALTHY, FAULT, UNUSABLE = "healthy", "fault", "unusable"
+HEALTHY = "healthy"
+FAULT = "fault"
+UNUSABLE = "unusable"
 TOP = 3  # classes named
 TWO_SIDED = 1.96  # standard deviations of a 95 % interval
-LEAST_RATE = 0.95 * SAMPLE_RATE  # of a log, for diagnosers that know no silence between two readings
+# of a log, for diagnosers that know no silence between two readings
+LEAST_RATE = 0.95 * SAMPLE_RATE
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,8 @@ class Verdict:
     duration
         Length [s].
     alarms
-        Begin and end of every alarm [s from the log's start]; what follows holds for the last sample of the last one.
+        Begin and end of every alarm [s from the log's start]; what follows holds for the last
+        sample of the last one.
     fault, side
         Most probable class, and its side if it has one.
     severity, severity_low, severity_high
@@ -51,7 +56,8 @@ class Verdict:
     top
         The most probable faults with their probabilities; of a healthy log at its end.
     load
-        Load of each shaft against a healthy one during the alarms, less one: above 0 is more, below 0 less.
+        Load of each shaft against a healthy one during the alarms, less one: above 0 is more, below
+        0 less.
     remarks
         What was repaired in the log, or why it is unusable.
     """
@@ -78,17 +84,27 @@ class Verdict:
 def diagnoser_for(name: str, vehicle: VehicleFile, resolution: Mapping[str, float]) -> Diagnoser:
     """The diagnoser on this vehicle's own parameters; resolution by reading, in the channel's unit.
 
-    Channels that do not exist, and logs slower than 10 Hz, are for the filter bank alone: the others would take the
-    silence for a broken sensor, and are refused.
+    Channels that do not exist, and logs slower than 10 Hz, are for the filter bank alone: the
+    others would take the silence for a broken sensor, and are refused.
     """
     taken = inspect.signature(class_of(known_name("diagnoser", name, THRESHOLDS))).parameters
     silent = tuple(channel for channel in READINGS if channel not in vehicle.columns)
     if "faults" not in taken and (silent or vehicle.sample_rate < LEAST_RATE):
         lacking = ", ".join(silent) or f"a rate of {SAMPLE_RATE:g} Hz"
-        raise refusal("diagnoser", name, f"filter_bank for a vehicle without {lacking}", "leave --diagnoser out")
+        raise refusal(
+            "diagnoser",
+            name,
+            f"filter_bank for a vehicle without {lacking}",
+            "leave --diagnoser out",
+        )
     sides = sides_seen(vehicle)
-    missing = tuple(f"{part}_" for part in (*silent, *(side for side in SIDES if side not in sides)))
-    noise = {name: max(value, NOISE_FLOOR * CHANNELS[name].noise) for name, value in vehicle.noise.items()}
+    missing = tuple(
+        f"{part}_" for part in (*silent, *(side for side in SIDES if side not in sides))
+    )
+    noise = {
+        name: max(value, NOISE_FLOOR * CHANNELS[name].noise)
+        for name, value in vehicle.noise.items()
+    }
     coarse = [name for name, step in resolution.items() if is_coarse(step, noise[name])]
     missing += tuple(f"{name}_{loss}" for name in coarse for loss in ("stuck", "dropout"))
     settings = dict(
@@ -104,7 +120,9 @@ def diagnoser_for(name: str, vehicle: VehicleFile, resolution: Mapping[str, floa
 
 def sides_seen(vehicle: VehicleFile) -> tuple[str, ...]:
     """Sides whose voltage or shaft speed is logged; a starboard shaft that is not is taken to turn as the port one."""
-    sides = tuple(side for side in SIDES if {f"{side}_voltage", f"{side}_rpm"} & vehicle.columns.keys())
+    sides = tuple(
+        side for side in SIDES if {f"{side}_voltage", f"{side}_rpm"} & vehicle.columns.keys()
+    )
     if SIDES[0] not in sides:
         allowed = "port_voltage or port_rpm among them"
         raise refusal("channels", list(vehicle.columns), allowed, "name the column of either")
@@ -130,7 +148,9 @@ def beliefs(log: Log, name: str, vehicle: VehicleFile) -> Belief:
         for segment in log.segments:
             diagnoser.reset(1)
             for k in range(segment.start, segment.stop):
-                for kept, values in zip(along, diagnoser.update(log.observation[k : k + 1]), strict=True):
+                for kept, values in zip(
+                    along, diagnoser.update(log.observation[k : k + 1]), strict=True
+                ):
                     kept[k] = values[0]
                 bar.update()
     return along
@@ -144,7 +164,9 @@ def alarm_along(log: Log, belief: Belief, threshold: float, samples: int) -> np.
     return standing
 
 
-def verdict(path: str, log: Log, belief: Belief, standing: np.ndarray, vehicle: VehicleFile) -> Verdict:
+def verdict(
+    path: str, log: Log, belief: Belief, standing: np.ndarray, vehicle: VehicleFile
+) -> Verdict:
     """What the beliefs and alarms along a log say of it."""
     names = classes()
     at = int(np.flatnonzero(standing)[-1]) if standing.any() else len(standing) - 1
@@ -159,7 +181,8 @@ def verdict(path: str, log: Log, belief: Belief, standing: np.ndarray, vehicle: 
     if not standing.any():
         return Verdict(verdict=HEALTHY, **said)
     worst = int(order[0])
-    mean, spread = float(belief.severity_mean[at, worst]), TWO_SIDED * float(belief.severity_std[at, worst])
+    mean = float(belief.severity_mean[at, worst])
+    spread = TWO_SIDED * float(belief.severity_std[at, worst])
     return Verdict(
         verdict=FAULT,
         alarms=intervals(log, standing),

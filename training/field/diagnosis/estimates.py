@@ -13,7 +13,8 @@ from training.field.logs.log import Log
 from training.field.vehicle_file import VehicleFile
 
 NAMES = list(CHANNELS)
-ESTIMATED = {"drag": 1 + PARAMETERS.index("alpha"), "thrust": 1 + PARAMETERS.index("beta")}  # states of both filters
+# states of both filters
+ESTIMATED = {"drag": 1 + PARAMETERS.index("alpha"), "thrust": 1 + PARAMETERS.index("beta")}
 
 
 class Estimates(NamedTuple):
@@ -26,17 +27,20 @@ class Estimates(NamedTuple):
 def hull_estimates(log: Log, vehicle: VehicleFile) -> dict[str, Estimates]:
     """Drag and thrust by the thesis' parameter filter, or by that without accelerometer where there is none.
 
-    Empty where speed or a shaft's speed is not logged. Readings are held until the next one. Misleads at constant
-    speed, where drag and thrust cannot be told apart and only their ratio is estimated.
+    Empty where speed or a shaft's speed is not logged. Readings are held until the next one.
+    Misleads at constant speed, where drag and thrust cannot be told apart and only their ratio is
+    estimated.
     """
     shafts = [f"{side}_rpm" for side in SIDES[: vehicle.shafts]]
     if not {"speed", *shafts} <= vehicle.columns.keys():
         return {}
     kind = ParameterFilter if "acceleration" in vehicle.columns else SurgeFilter
-    estimator, n_samples = kind(vehicle.vehicle), len(log.time)
+    estimator = kind(vehicle.vehicle)
+    n_samples = len(log.time)
     along = {name: Estimates(np.ones(n_samples), np.zeros(n_samples)) for name in ESTIMATED}
     for segment in log.segments:
-        estimate, held = estimator.initial(1), np.zeros((1, len(NAMES)))
+        estimate = estimator.initial(1)
+        held = np.zeros((1, len(NAMES)))
         for k in range(segment.start, segment.stop):
             held = filled(log.observation[k : k + 1], held)
             estimate = estimator.update(estimate, both_shafts(held, vehicle))
@@ -69,8 +73,8 @@ def healthy_currents(log: Log, vehicle: VehicleFile) -> dict[str, np.ndarray]:
 def shaft_loads(log: Log, during: np.ndarray, vehicle: VehicleFile) -> dict[str, float]:
     """Load of each shaft against a healthy one, less one, over some of the samples (n_samples,), where it can be told.
 
-    It is the current against that of a healthy motor at the same voltage and speed, so a wrong current or voltage
-    reading shows as load.
+    It is the current against that of a healthy motor at the same voltage and speed, so a wrong
+    current or voltage reading shows as load.
     """
     loads = {
         side: excess_load(log.observation[during, NAMES.index(f"{side}_current")], drawn[during])

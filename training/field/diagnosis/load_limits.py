@@ -29,8 +29,12 @@ def running_loads(log: Log, vehicle: VehicleFile) -> dict[str, np.ndarray]:
 def _running(measured: np.ndarray, healthy: np.ndarray) -> np.ndarray:
     heard = ~np.isnan(measured)
     sums = [np.cumsum(np.where(heard, values, 0.0)) for values in (measured, healthy)]
-    measured, healthy = (np.concatenate([total[:WINDOW], total[WINDOW:] - total[:-WINDOW]]) for total in sums)
-    load = np.divide(measured, healthy, out=np.full(len(measured), np.nan), where=healthy > 0.0) - 1.0
+    measured, healthy = (
+        np.concatenate([total[:WINDOW], total[WINDOW:] - total[:-WINDOW]]) for total in sums
+    )
+    load = (
+        np.divide(measured, healthy, out=np.full(len(measured), np.nan), where=healthy > 0.0) - 1.0
+    )
     load[: WINDOW - 1] = np.nan
     return load
 
@@ -38,7 +42,8 @@ def _running(measured: np.ndarray, healthy: np.ndarray) -> np.ndarray:
 def load_limits(logs: Sequence[Log], vehicle: VehicleFile) -> dict[str, tuple[float, float]]:
     """Lowest and highest load of each side that is still healthy, from healthy logs; empty without logs.
 
-    Misleads if the logs went through less than the missions to come: other speeds, colder water, a fouled propeller.
+    Misleads if the logs went through less than the missions to come: other speeds, colder water, a
+    fouled propeller.
     """
     seen: dict[str, list[np.ndarray]] = {}
     for log in logs:
@@ -52,7 +57,9 @@ def load_limits(logs: Sequence[Log], vehicle: VehicleFile) -> dict[str, tuple[fl
     }
 
 
-def overloaded(log: Log, vehicle: VehicleFile, limits: Mapping[str, tuple[float, float]]) -> np.ndarray:
+def overloaded(
+    log: Log, vehicle: VehicleFile, limits: Mapping[str, tuple[float, float]]
+) -> np.ndarray:
     """Where a shaft's load is beyond its limits, (n_samples,) bool."""
     beyond = np.zeros(len(log.time), bool)
     for side, load in running_loads(log, vehicle).items():

@@ -23,11 +23,23 @@ PANELS = {
 }
 CERTAIN = -30.0  # decimal logarithm of p(normal) at which the figure ends
 WORTH_TELLING = 1e-3  # probability
-COLUMNS = ["log", "verdict", "alarm at [s]", "fault", "severity (95 %)", "load of the shaft", "duration [s]"]
+COLUMNS = [
+    "log",
+    "verdict",
+    "alarm at [s]",
+    "fault",
+    "severity (95 %)",
+    "load of the shaft",
+    "duration [s]",
+]
 
 
 def page(
-    command: str, diagnoser: str, threshold: float, verdicts: Sequence[Verdict], figures: Sequence[dict[str, Any]]
+    command: str,
+    diagnoser: str,
+    threshold: float,
+    verdicts: Sequence[Verdict],
+    figures: Sequence[dict[str, Any]],
 ) -> dict[str, Any]:
     """The report as plain data; figures are those of `figure`."""
     found = sum(one.verdict == FAULT for one in verdicts)
@@ -43,12 +55,19 @@ def page(
         "sections": [
             {
                 "heading": "Verdicts",
-                "text": ["Times are from the log's start; the rest is from the last moment of an alarm."],
-                "table": {"columns": [*COLUMNS, "most probable faults"], "rows": [row(one) for one in verdicts]},
+                "text": [
+                    "Times are from the log's start; the rest is from the last moment of an alarm."
+                ],
+                "table": {
+                    "columns": [*COLUMNS, "most probable faults"],
+                    "rows": [row(one) for one in verdicts],
+                },
             },
             {
                 "heading": "Logs in detail",
-                "text": ["Faulty logs first. Dotted: currents of healthy motors. Estimates: relative, ±1 std."],
+                "text": [
+                    "Faulty logs first. Dotted: currents of healthy motors. Estimates: relative, ±1 std."
+                ],
                 "figures": list(figures),
             },
             repairs(verdicts),
@@ -58,7 +77,11 @@ def page(
 
 def row(one: Verdict) -> list[str]:
     """A verdict as the cells of the table."""
-    interval = "" if one.severity is None else f"{one.severity:.2f} ({one.severity_low:.2f}–{one.severity_high:.2f})"
+    interval = (
+        ""
+        if one.severity is None
+        else f"{one.severity:.2f} ({one.severity_low:.2f}–{one.severity_high:.2f})"
+    )
     return [
         one.log,
         one.verdict,
@@ -89,7 +112,8 @@ def figure(
     panels = {label: measured(log, lines) for label, lines in PANELS.items()}
     panels["current [A]"] = currents(log, vehicle)
     panels["estimate"] = {
-        name: line(log.time, part.mean, part.std) for name, part in hull_estimates(log, vehicle).items()
+        name: line(log.time, part.mean, part.std)
+        for name, part in hull_estimates(log, vehicle).items()
     }
     depth = belief.log_probability[:, 0].astype(np.float64) / math.log(10.0)
     panels["log10 p(normal)"] = {"belief": line(log.time, np.maximum(depth, CERTAIN))} | {
@@ -97,31 +121,48 @@ def figure(
     }
     names = list(classes())
     panels["probability"] = {
-        name: line(log.time, np.exp(belief.log_probability[:, names.index(name)].astype(np.float64)))
+        name: line(
+            log.time, np.exp(belief.log_probability[:, names.index(name)].astype(np.float64))
+        )
         for name in ("normal", *(name for name, _ in one.top[:TOP]))
     }
     panels = {label: lines for label, lines in panels.items() if lines}
-    caption = f"{one.log}: {one.verdict}" + (f", {one.fault} from {one.alarm_time:.1f} s." if one.alarms else ".")
+    caption = f"{one.log}: {one.verdict}" + (
+        f", {one.fault} from {one.alarm_time:.1f} s." if one.alarms else "."
+    )
     data = {"panels": panels, "alarms": [list(alarm) for alarm in one.alarms]}
     return {"plot": "stacked", "name": f"log-{number}", "caption": caption, "data": data}
 
 
 def measured(log: Log, channels: dict[str, str]) -> dict[str, Any]:
     """Lines of the channels that were read, by their name in the panel."""
-    columns = {name: log.observation[:, list(CHANNELS).index(channel)] for name, channel in channels.items()}
-    return {name: line(log.time, values) for name, values in columns.items() if not np.isnan(values).all()}
+    columns = {
+        name: log.observation[:, list(CHANNELS).index(channel)]
+        for name, channel in channels.items()
+    }
+    return {
+        name: line(log.time, values)
+        for name, values in columns.items()
+        if not np.isnan(values).all()
+    }
 
 
 def currents(log: Log, vehicle: VehicleFile) -> dict[str, Any]:
     """Measured currents, and what healthy motors would draw."""
     lines = measured(log, {side: f"{side}_current" for side in SIDES})
-    drawn = {side: values for side, values in healthy_currents(log, vehicle).items() if side in lines}
+    drawn = {
+        side: values for side, values in healthy_currents(log, vehicle).items() if side in lines
+    }
     return lines | {f"{side}, healthy": line(log.time, values) for side, values in drawn.items()}
 
 
-def line(time: np.ndarray, value: np.ndarray, width: np.ndarray | None = None) -> dict[str, list[float]]:
+def line(
+    time: np.ndarray, value: np.ndarray, width: np.ndarray | None = None
+) -> dict[str, list[float]]:
     """A line for the figure, of so many points at most, without those that were not read."""
     heard = np.flatnonzero(~np.isnan(value))
     shown = heard[:: -(-heard.size // POINTS) or 1]
     parts = {"time": time, "value": value} | ({} if width is None else {"width": width})
-    return {name: [float(f"{number:.6g}") for number in part[shown]] for name, part in parts.items()}
+    return {
+        name: [float(f"{number:.6g}") for number in part[shown]] for name, part in parts.items()
+    }

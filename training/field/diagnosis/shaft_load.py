@@ -16,7 +16,9 @@ from diagnosers.symptoms.residuals import plant_of
 @kernel
 def _draw(voltage, speed, shaft, plant, current):
     """Fill the currents; readings that are missing are held, zero before the first."""
-    turning, applied, through = 0.0, 0.0, 0.0
+    turning = 0.0
+    applied = 0.0
+    through = 0.0
     for k in range(voltage.size):
         applied = applied if math.isnan(voltage[k]) else voltage[k]
         through = through if math.isnan(speed[k]) else speed[k]
@@ -27,8 +29,9 @@ def _draw(voltage, speed, shaft, plant, current):
 def healthy_current(voltage: np.ndarray, speed: np.ndarray, vehicle: Vehicle) -> np.ndarray:
     """Current [A] of a nominal motor at every sample, (n_samples,), 0.1 s apart, from a standing shaft on.
 
-    Voltage [V] and surge speed [m/s], (n_samples,): NaN where nothing was read, and then held. Misleads in the first
-    sample of a log that begins under way, and where the voltage moves between readings that are far apart.
+    Voltage [V] and surge speed [m/s], (n_samples,): NaN where nothing was read, and then held.
+    Misleads in the first sample of a log that begins under way, and where the voltage moves between
+    readings that are far apart.
     """
     current = np.empty(len(voltage))
     plant, shaft = plant_of(vehicle)

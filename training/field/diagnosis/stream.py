@@ -35,20 +35,29 @@ class BadLine(ValueError):
 
 
 def follow(
-    source: BinaryIO, sink: TextIO, vehicle: VehicleFile, name: str, threshold: float, errors: TextIO = sys.stderr
+    source: BinaryIO,
+    sink: TextIO,
+    vehicle: VehicleFile,
+    name: str,
+    threshold: float,
+    errors: TextIO = sys.stderr,
 ) -> bool:
     """Answer every line of the source with one on the sink, until either ends; whether there was an alarm.
 
-    Lines are CSV below a header, or JSON objects, columns as in the vehicle file. An answer is a JSON object with time
-    [s], p_normal, class, severity, its 95 % interval, and alarm; class is `normal` as long as no alarm stands. A line
-    comes every 0.1 s at best: the answer to one that comes sooner is the last one's. Between lines further apart the
-    vehicle is predicted, beyond 5 s the diagnoser starts anew. Raises `InputError` if no line can be read.
+    Lines are CSV below a header, or JSON objects, columns as in the vehicle file. An answer is a
+    JSON object with time [s], p_normal, class, severity, its 95 % interval, and alarm; class is
+    `normal` as long as no alarm stands. A line comes every 0.1 s at best: the answer to one that
+    comes sooner is the last one's. Between lines further apart the vehicle is predicted, beyond 5 s
+    the diagnoser starts anew. Raises `InputError` if no line can be read.
     """
-    stream, number = None, 0
+    stream = None
+    number = 0
     with suppress(BrokenPipeError, KeyboardInterrupt):
         for number, row in rows(source, vehicle, errors):
             try:
-                stream = stream or Stream(vehicle, diagnoser_for(name, vehicle, printed(row, vehicle)), threshold)
+                stream = stream or Stream(
+                    vehicle, diagnoser_for(name, vehicle, printed(row, vehicle)), threshold
+                )
                 answer = stream.take(row)
             except BadLine as error:
                 print(f"line {number}: {error}; left out", file=errors)
@@ -57,7 +66,8 @@ def follow(
                 print(f"line {number}: {remark}; taken as missing", file=errors)
             print(json.dumps(answer), file=sink, flush=True)
     if stream is None or stream.time is None:
-        got, allowed = "no row with a reading", "CSV below a header, or JSON objects"
+        got = "no row with a reading"
+        allowed = "CSV below a header, or JSON objects"
         raise refusal("standard input", got, allowed, "check the columns")
     return stream.alarmed
 
@@ -65,7 +75,8 @@ def follow(
 def rows(source: BinaryIO, vehicle: VehicleFile, errors: TextIO) -> Iterator[tuple[int, Row]]:
     """Number and cells of every line that can be read; a header without the vehicle's columns is refused."""
     header: list[str] | None = None
-    separator, as_json = ",", None
+    separator = ","
+    as_json = None
     for number, text in lines(source):
         as_json = text.startswith("{") if as_json is None else as_json
         try:
@@ -84,7 +95,8 @@ def lines(source: BinaryIO) -> Iterator[tuple[int, str]]:
     """Number and text of every line that is not empty; of one beyond `LONGEST_LINE`, the beginning."""
     number = 0
     while line := source.readline(LONGEST_LINE):
-        number, rest = number + 1, line
+        number = number + 1
+        rest = line
         while rest and not rest.endswith(b"\n"):
             rest = source.readline(LONGEST_LINE)
         text = line.decode("utf-8-sig" if number == 1 else "utf-8", "replace").strip()
@@ -174,18 +186,24 @@ class Stream:
     """
 
     def __init__(self, vehicle: VehicleFile, diagnoser: Diagnoser, threshold: float):
-        self._vehicle, self._diagnoser, self._threshold = vehicle, diagnoser, threshold
+        self._vehicle = vehicle
+        self._diagnoser = diagnoser
+        self._threshold = threshold
         self._persistence = persistence(vehicle)
         self._silence = np.full((1, len(CHANNELS)), np.nan)
-        self._index, self._low = 0, 0
-        self._limits = {name: IMPOSSIBLE * limit for name, limit in largest(vehicle.vehicle).items()}
+        self._index = 0
+        self._low = 0
+        self._limits = {
+            name: IMPOSSIBLE * limit for name, limit in largest(vehicle.vehicle).items()
+        }
         self.time: float | None = None
         self.alarmed = False
         self.remarks: list[str] = []
 
     def take(self, row: Row) -> dict[str, Any]:
         """The answer to a line."""
-        observation, time = self._observation(row), self._time(row)
+        observation = self._observation(row)
+        time = self._time(row)
         if self.time is None or not -SAMPLE_TIME <= time - self.time <= GAP:
             self._begin(time)
         self.time = max(self.time, time)
@@ -197,8 +215,10 @@ class Stream:
 
     def _begin(self, time: float) -> None:
         self._diagnoser.reset(1)
-        self._start, self.time = time, time
-        self._index, self._low = -1, 0
+        self._start = time
+        self.time = time
+        self._index = -1
+        self._low = 0
 
     def _observation(self, row: Row) -> np.ndarray:
         self.remarks = []
@@ -208,12 +228,15 @@ class Stream:
         return channels_of({channel: np.array([value]) for channel, value in values.items()})
 
     def _value(self, channel: str, row: Row) -> float:
-        column, limit = self._vehicle.columns[channel], self._limits[channel]
+        column = self._vehicle.columns[channel]
+        limit = self._limits[channel]
         cell = row.get(column.name)
         value = number_of(cell, column)
         unknown = math.isnan(value) and str(cell).lower() not in MISSING
         if unknown or abs(value) > limit:
-            self.remarks.append(f"{channel}: {str(cell)[:40]!r}" + ("" if unknown else f" is beyond {limit:.3g}"))
+            self.remarks.append(
+                f"{channel}: {str(cell)[:40]!r}" + ("" if unknown else f" is beyond {limit:.3g}")
+            )
         return value if abs(value) <= limit else math.nan
 
     def _time(self, row: Row) -> float:
@@ -230,13 +253,17 @@ class Stream:
         log_probability, mean, std = (values[0] for values in self._belief)
         alarm = self._low >= self._persistence
         k = 1 + int(log_probability[1:].argmax()) if alarm else 0
-        severity, spread = float(mean[k]), TWO_SIDED * float(std[k])
+        severity = float(mean[k])
+        spread = TWO_SIDED * float(std[k])
         return {
             "time": round(self.time, 6),
             "p_normal": math.exp(log_probability[0]),
             "class": self._diagnoser.classes[k],
             "severity": round(severity, 4),
-            "severity_95": [round(max(severity - spread, 0.0), 4), round(min(severity + spread, 1.0), 4)],
+            "severity_95": [
+                round(max(severity - spread, 0.0), 4),
+                round(min(severity + spread, 1.0), 4),
+            ],
             "alarm": alarm,
         }
 

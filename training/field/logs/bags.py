@@ -15,8 +15,10 @@ from training.extras import needed
 from training.field.logs.table import Table
 
 TOGETHER = 20_000_000  # ns, within which messages of several topics are one row
-LONGEST = 16  # numbers of an array that become columns; a longer one is an image, a scan, a point cloud
-HEADER = "header"  # field of a message whose stamp is passed over: the bag has one clock for all topics
+# numbers of an array that become columns; a longer one is an image, a scan, a point cloud
+LONGEST = 16
+# field of a message whose stamp is passed over: the bag has one clock for all topics
+HEADER = "header"
 
 
 class Rows:
@@ -24,7 +26,8 @@ class Rows:
 
     def __init__(self):
         self.times = array("q")  # ns, of the first message of each row
-        self.series: dict[str, tuple[array, array]] = defaultdict(lambda: (array("q"), array("d")))  # rows and values
+        # rows and values
+        self.series: dict[str, tuple[array, array]] = defaultdict(lambda: (array("q"), array("d")))
         self.heard: set[str] = set()
         self.left_out: Counter[str] = Counter()  # messages that could not be decoded, by topic
 
@@ -51,30 +54,42 @@ class Rows:
 def read_bag(path: Path) -> Table:
     """Every number of every message, a column ``topic/field`` each.
 
-    Fields within fields and the elements of short arrays add their names and places: ``/motor/port/rpm``,
-    ``/readings/data/3``. A row is what is heard within 20 ms, of each topic once, NaN where it is silent. ``time`` [s]
-    counts from the first row, by the recorder's clock. A message that cannot be decoded is left out and counted in the
-    repairs.
+    Fields within fields and the elements of short arrays add their names and places:
+    ``/motor/port/rpm``, ``/readings/data/3``. A row is what is heard within 20 ms, of each topic
+    once, NaN where it is silent. ``time`` [s] counts from the first row, by the recorder's clock. A
+    message that cannot be decoded is left out and counted in the repairs.
 
-    Raises `InputError` for what is no bag, a damaged one, and one without numbers. Misleads where messages were delayed
-    on their way: the recorder's clock says when they came, not when they were measured.
+    Raises `InputError` for what is no bag, a damaged one, and one without numbers. Misleads where
+    messages were delayed on their way: the recorder's clock says when they came, not when they were
+    measured.
     """
     rows = _read(Path(path))
     if not rows.series:
-        raise refusal("bag", str(path), "one with numbers in its messages", "record the topics of the readings")
-    repairs = (f"{topic}: {n} messages that cannot be decoded left out" for topic, n in rows.left_out.items())
+        raise refusal(
+            "bag",
+            str(path),
+            "one with numbers in its messages",
+            "record the topics of the readings",
+        )
+    repairs = (
+        f"{topic}: {n} messages that cannot be decoded left out"
+        for topic, n in rows.left_out.items()
+    )
     return Table(rows.columns(), tuple(repairs))
 
 
 def _read(path: Path) -> Rows:
     reader, typesys = (needed(f"rosbags.{part}", "formats") for part in ("highlevel", "typesys"))
     rows = Rows()
-    types = typesys.get_typestore(typesys.Stores.LATEST)  # for old bags, which do not hold their own
+    # for old bags, which do not hold their own
+    types = typesys.get_typestore(typesys.Stores.LATEST)
     try:
         with reader.AnyReader([path], default_typestore=types) as bag:
             for connection, time, data in bag.messages():
                 try:
-                    numbers = list(_numbers(bag.deserialize(data, connection.msgtype), connection.topic))
+                    numbers = list(
+                        _numbers(bag.deserialize(data, connection.msgtype), connection.topic)
+                    )
                 except Exception:  # as below
                     rows.left_out[connection.topic] += 1
                 else:
@@ -82,7 +97,9 @@ def _read(path: Path) -> Rows:
     except Exception as error:  # the library meets damage with whatever exception comes of it
         reason = " ".join(str(error).split()) or type(error).__name__
         remedy = "check the path; `mcap recover` mends a file that was cut off"
-        raise refusal("bag", str(path), f"a whole MCAP file or rosbag2 folder ({reason})", remedy) from None
+        raise refusal(
+            "bag", str(path), f"a whole MCAP file or rosbag2 folder ({reason})", remedy
+        ) from None
     return rows
 
 

@@ -40,7 +40,12 @@ def clock_of(stamps: np.ndarray, sample_rate: float, repairs: list[str]) -> Cloc
     """
     rows = np.flatnonzero(abs(stamps) < LATEST)
     if rows.size == 0:
-        raise refusal("time", "no stamp", "a number of seconds in each row", "correct [time] in the vehicle file")
+        raise refusal(
+            "time",
+            "no stamp",
+            "a number of seconds in each row",
+            "correct [time] in the vehicle file",
+        )
     _say(repairs, stamps.size - rows.size, "rows without a stamp left out")
     if np.mean(np.diff(stamps[rows], prepend=stamps[rows[0]]) < 0) > UNORDERED:
         repairs.append("time: the rows are in no order; sorted by their stamps")
@@ -51,10 +56,14 @@ def clock_of(stamps: np.ndarray, sample_rate: float, repairs: list[str]) -> Cloc
     time = _spread(stamps[rows] - stamps[rows[0]], sample_rate, repairs)
     block = _blocks(time, repairs)
     order = np.lexsort((time, block))
-    rows, time, block = rows[order], time[order], block[order]
+    rows = rows[order]
+    time = time[order]
+    block = block[order]
     last = np.append((np.diff(time) > 0) | (np.diff(block) > 0), True)
     _say(repairs, (~last).sum(), "rows whose stamp comes again left out, the last kept")
-    rows, time, block = rows[last], time[last], block[last]
+    rows = rows[last]
+    time = time[last]
+    block = block[last]
     _check_rate(time, sample_rate, repairs)
     return _stretches(rows, time, np.diff(block) > 0, sample_rate, repairs)
 
@@ -67,8 +76,12 @@ def _say(repairs: list[str], count: int, words: str) -> None:
 def _wild(time: np.ndarray) -> np.ndarray:
     """Single stamps that are far from both neighbours, which agree with each other."""
     wild = np.zeros(time.size, bool)
-    before, here, after = time[:-2], time[1:-1], time[2:]
-    wild[1:-1] = (abs(here - before) > GAP) & (abs(here - after) > GAP) & (abs(after - before) <= GAP)
+    before = time[:-2]
+    here = time[1:-1]
+    after = time[2:]
+    wild[1:-1] = (
+        (abs(here - before) > GAP) & (abs(here - after) > GAP) & (abs(after - before) <= GAP)
+    )
     return wild
 
 
@@ -77,9 +90,15 @@ def _spread(time: np.ndarray, sample_rate: float, repairs: list[str]) -> np.ndar
     ticks = np.flatnonzero(np.diff(time, prepend=-np.inf))
     count = np.diff(ticks, append=time.size)
     length = np.median(np.diff(time[ticks])) if ticks.size > 1 else 0.0
-    if not (length > 0 and np.median(count) > 1 and 0.7 < np.median(count) / (length * sample_rate) < 1.4):
+    if not (
+        length > 0
+        and np.median(count) > 1
+        and 0.7 < np.median(count) / (length * sample_rate) < 1.4
+    ):
         return time
-    repairs.append(f"time: the clock ticks every {length:.3g} s only; the rows between are spread evenly")
+    repairs.append(
+        f"time: the clock ticks every {length:.3g} s only; the rows between are spread evenly"
+    )
     within = np.arange(time.size) - np.repeat(ticks, count)
     return time + length * within / np.repeat(count, count)
 
@@ -98,14 +117,24 @@ def _check_rate(time: np.ndarray, sample_rate: float, repairs: list[str]) -> Non
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0 / sample_rate
     ratio = step * sample_rate
     if not 0.02 < ratio < 50:
-        got = f"rows {step:.3g} s apart, {ratio:.3g} times what sample_rate = {sample_rate:g} Hz says"
-        raise refusal("time", got, "stamps in the unit that [time] names", "correct the unit or sample_rate")
+        got = (
+            f"rows {step:.3g} s apart, {ratio:.3g} times what sample_rate = {sample_rate:g} Hz says"
+        )
+        raise refusal(
+            "time", got, "stamps in the unit that [time] names", "correct the unit or sample_rate"
+        )
     if not 0.8 < ratio < 1.25:
-        repairs.append(f"time: rows are {step:.3g} s apart, not {1 / sample_rate:.3g} s as sample_rate says")
+        repairs.append(
+            f"time: rows are {step:.3g} s apart, not {1 / sample_rate:.3g} s as sample_rate says"
+        )
 
 
 def _stretches(
-    rows: np.ndarray, time: np.ndarray, restarted: np.ndarray, sample_rate: float, repairs: list[str]
+    rows: np.ndarray,
+    time: np.ndarray,
+    restarted: np.ndarray,
+    sample_rate: float,
+    repairs: list[str],
 ) -> Clock:
     """Cut at gaps and where the clock was set; there the time goes on one sample later."""
     step = np.diff(time)

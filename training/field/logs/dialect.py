@@ -17,7 +17,23 @@ SEPARATORS = ("\t", ";", "|", ",", " ")  # the last: any number of blanks
 LONGEST_LINE = 100_000  # characters
 TAIL = 40  # lines from which the separator is read: the last, for they are rows
 ENOUGH = 1_000_000  # characters to see the layout
-MISSING = ("", "-", "--", "?", "*", "nan", "null", "none", "nil", "na", "n/a", "#n/a", "nat", "missing", "---")
+MISSING = (
+    "",
+    "-",
+    "--",
+    "?",
+    "*",
+    "nan",
+    "null",
+    "none",
+    "nil",
+    "na",
+    "n/a",
+    "#n/a",
+    "nat",
+    "missing",
+    "---",
+)
 WORDS = dict.fromkeys(MISSING, float("nan")) | {"true": 1.0, "false": 0.0}
 STAMP = re.compile(r"\d[\d.:/ TZ+-]*:\d\d[\d.,:Z+-]*")
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(e[+-]?\d+)?", re.IGNORECASE)
@@ -70,16 +86,23 @@ def decoded(content: bytes, name: str) -> tuple[str, list[str]]:
     repairs = [] if encoding.startswith("utf-8") else [f"encoding: read as {encoding.upper()}"]
     trimmed = text.rstrip("\0")
     if len(trimmed) < len(text):
-        repairs.append(f"end: zero bytes left out, the log was cut while it was written ({len(text) - len(trimmed)})")
+        repairs.append(
+            f"end: zero bytes left out, the log was cut while it was written ({len(text) - len(trimmed)})"
+        )
     if "\0" in trimmed or len(UNPRINTABLE.findall(trimmed[:10_000])) > len(trimmed[:10_000]) / 100:
-        raise refusal("log", name, "a table as text, Parquet, MCAP or a rosbag2 folder", "export it as CSV")
+        raise refusal(
+            "log", name, "a table as text, Parquet, MCAP or a rosbag2 folder", "export it as CSV"
+        )
     return trimmed.replace("\r\n", "\n").replace("\r", "\n"), repairs
 
 
 def _encoding(content: bytes) -> str:
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
-    zeros = [np.mean(np.frombuffer(content[k:4096:2], np.uint8) == 0) if len(content) > 1 else 0.0 for k in (0, 1)]
+    zeros = [
+        np.mean(np.frombuffer(content[k:4096:2], np.uint8) == 0) if len(content) > 1 else 0.0
+        for k in (0, 1)
+    ]
     if max(zeros) > 0.4 and min(zeros) < 0.1:
         return "utf-16-be" if zeros[0] > zeros[1] else "utf-16-le"
     try:
@@ -100,9 +123,16 @@ def dialect_of(lines: Sequence[str], name: str) -> Dialect:
     """The layout, from the first lines of a file; `InputError` if they hold no header with rows of numbers below."""
     longest = max(map(len, lines))
     if longest > LONGEST_LINE:
-        raise refusal("log", name, f"lines of at most {LONGEST_LINE} characters", "export it with fewer columns")
+        raise refusal(
+            "log",
+            name,
+            f"lines of at most {LONGEST_LINE} characters",
+            "export it with fewer columns",
+        )
     plain = [line.lstrip("#%/") for line in lines[: max(10, ENOUGH // (longest + 1))]]
-    separator = max(SEPARATORS, key=lambda mark: _score([cells_of(line, mark) for line in plain[-TAIL:]]))
+    separator = max(
+        SEPARATORS, key=lambda mark: _score([cells_of(line, mark) for line in plain[-TAIL:]])
+    )
     rows = [cells_of(line, separator) for line in plain]
     width = _width(rows)
     first = _first(rows, width)
@@ -110,11 +140,20 @@ def dialect_of(lines: Sequence[str], name: str) -> Dialect:
         raise refusal("log", name, "a header with rows of numbers below", "check what was exported")
     data = [row for row in rows[first:] if len(row) == width]
     above = [row for row in rows[:first] if any(row)]
-    units = above.pop() if len(above) > 1 and len(above[-1]) == len(above[-2]) and _are_units(above[-1]) else ()
+    units = (
+        above.pop()
+        if len(above) > 1 and len(above[-1]) == len(above[-2]) and _are_units(above[-1])
+        else ()
+    )
     names = _fitted(above.pop(), data, separator) if above else ()
     if len(names) != width:
         got = f"{name}: a header of {len(names)} names above rows of {width} cells"
-        raise refusal("log", got, "one name for each column", "write the header, and separate cells by semicolons")
+        raise refusal(
+            "log",
+            got,
+            "one name for each column",
+            "write the header, and separate cells by semicolons",
+        )
     comma = _any_cell(data, DECIMAL_COMMA) and not _any_cell(data, DECIMAL_POINT)
     return Dialect(separator, comma, tuple(names), tuple(units), first, len(above))
 

@@ -26,10 +26,12 @@ class Log(NamedTuple):
     name
         Of the file.
     time
-        Seconds from the log's first sample, (n_samples,). After the clock was set it goes on one sample later.
+        Seconds from the log's first sample, (n_samples,). After the clock was set it goes on one
+        sample later.
     observation
-        Channels in the order of `CHANNELS`, (n_samples, n_channels), every `SAMPLE_TIME` within a segment; a reading is
-        NaN where none was taken (a log of 1 Hz has nine such rows between two), a command is held.
+        Channels in the order of `CHANNELS`, (n_samples, n_channels), every `SAMPLE_TIME` within a
+        segment; a reading is NaN where none was taken (a log of 1 Hz has nine such rows between
+        two), a command is held.
     segments
         Unbroken stretches of at least 10 s.
     repairs
@@ -46,24 +48,31 @@ class Log(NamedTuple):
 def read_log(path: Path, vehicle: VehicleFile) -> Log:
     """Read a log as the vehicle's file describes it.
 
-    A sample is the row nearest to it within half a `SAMPLE_TIME`: a faster log is thinned, a slower one has gaps, and
-    no reading is interpolated. `InputError` if a column is missing, if a unit cannot be right, or if less than 10 s are
-    left; a log whose readings are wrong but possible passes, as it should: to tell is the diagnosers' task.
+    A sample is the row nearest to it within half a `SAMPLE_TIME`: a faster log is thinned, a slower
+    one has gaps, and no reading is interpolated. `InputError` if a column is missing, if a unit
+    cannot be right, or if less than 10 s are left; a log whose readings are wrong but possible
+    passes, as it should: to tell is the diagnosers' task.
     """
     path = Path(path)
     table = read_table(path)
     repairs = list(table.repairs)
-    columns = {channel: _values(table, channel, column) for channel, column in vehicle.columns.items()}
+    columns = {
+        channel: _values(table, channel, column) for channel, column in vehicle.columns.items()
+    }
     heard = _heard(columns)
     clock = clock_of(_stamps(table, vehicle)[heard], vehicle.sample_rate, repairs)
     in_order = heard[clock.rows]
-    values = plausible({name: column[in_order] for name, column in columns.items()}, vehicle, repairs)
+    values = plausible(
+        {name: column[in_order] for name, column in columns.items()}, vehicle, repairs
+    )
     stretches = _long_enough(clock, path.name, repairs)
     _say_if_thinned(clock, repairs)
     rows = channels_of(values)
     grids = [_on_grid(clock.time[stretch], rows[stretch]) for stretch in stretches]
     ends = np.cumsum([len(grid) for _, grid in grids])
-    segments = tuple(slice(int(end) - len(grid), int(end)) for end, (_, grid) in zip(ends, grids, strict=True))
+    segments = tuple(
+        slice(int(end) - len(grid), int(end)) for end, (_, grid) in zip(ends, grids, strict=True)
+    )
     time, observation = (np.concatenate(parts) for parts in zip(*grids, strict=True))
     return Log(path.name, time - time[0], observation, segments, tuple(repairs))
 
@@ -71,7 +80,8 @@ def read_log(path: Path, vehicle: VehicleFile) -> Log:
 def channels_of(values: Mapping[str, np.ndarray]) -> np.ndarray:
     """Rows of all channels, (n_rows, n_channels), from the values by channel (n_rows,); NaN for a channel without.
 
-    A vehicle that logs one of mission speed and speed command has that for both; a fin that is not logged is amidships.
+    A vehicle that logs one of mission speed and speed command has that for both; a fin that is not
+    logged is amidships.
     """
     size = len(next(iter(values.values())))
     rows = np.full((size, len(CHANNELS)), np.nan)
@@ -107,19 +117,25 @@ def _long_enough(clock: Clock, name: str, repairs: list[str]) -> list[slice]:
     kept = np.flatnonzero(length > SHORTEST - 0.5 * SAMPLE_TIME)
     if not kept.size:
         allowed = f"at least {SHORTEST:g} s without a break"
-        raise refusal("log", f"{name}: {length.max():.3g} s", allowed, "give a longer one, or correct [time]")
+        raise refusal(
+            "log", f"{name}: {length.max():.3g} s", allowed, "give a longer one, or correct [time]"
+        )
     if length[kept].sum() > LONGEST * SAMPLE_TIME:
         got = f"{name}: {length[kept].sum() / SAMPLE_TIME:.3g} samples"
         raise refusal("log", got, f"at most {LONGEST}", "split it")
     if kept.size < length.size:
-        repairs.append(f"time: stretches shorter than {SHORTEST:g} s left out ({length.size - kept.size})")
+        repairs.append(
+            f"time: stretches shorter than {SHORTEST:g} s left out ({length.size - kept.size})"
+        )
     return [slice(int(clock.starts[k]), int(ends[k])) for k in kept]
 
 
 def _say_if_thinned(clock: Clock, repairs: list[str]) -> None:
     step = float(np.median(np.diff(clock.time)))
     if step < 0.7 * SAMPLE_TIME:
-        repairs.append(f"time: rows come every {step:.3g} s; the nearest to each {SAMPLE_TIME:g} s is kept")
+        repairs.append(
+            f"time: rows come every {step:.3g} s; the nearest to each {SAMPLE_TIME:g} s is kept"
+        )
 
 
 def _on_grid(time: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -6,9 +6,13 @@ from auv_fault_env.channels import CHANNELS, READINGS
 from training.field.logs.log import Log
 from training.field.vehicle_file import VehicleFile
 
-COARSE = 0.5  # standard deviations; a sensor of coarser steps repeats itself so often that it may as well be stuck
-FARTHEST = 10.0  # standard deviations; values further apart are levels of a command, not steps of a sensor
-STAYING = 2.5  # standard deviations; step of what never changes, with which a repetition tells nothing
+# standard deviations; a sensor of coarser steps repeats itself so often that it may as well be
+# stuck
+COARSE = 0.5
+# standard deviations; values further apart are levels of a command, not steps of a sensor
+FARTHEST = 10.0
+# standard deviations; step of what never changes, with which a repetition tells nothing
+STAYING = 2.5
 ROUNDING = 0.6  # of a step, what a reading may be off, again and again while the vehicle is steady
 EVEN = 0.01  # of a step, how far values may be from a common grid
 
@@ -16,7 +20,10 @@ EVEN = 0.01  # of a step, how far values may be from a common grid
 def resolutions(log: Log, vehicle: VehicleFile) -> dict[str, float]:
     """Step between neighbouring values of every reading of the vehicle [channel's unit]; 0 where there is no grid."""
     columns = {name: list(CHANNELS).index(name) for name in READINGS if name in vehicle.columns}
-    return {name: resolution(log.observation[:, column], noise_of(name, vehicle)) for name, column in columns.items()}
+    return {
+        name: resolution(log.observation[:, column], noise_of(name, vehicle))
+        for name, column in columns.items()
+    }
 
 
 def noise_of(reading: str, vehicle: VehicleFile) -> float:
@@ -42,9 +49,13 @@ def limited(step: float, noise: float) -> float:
 def resolution(values: np.ndarray, noise: float) -> float:
     """Step of the grid on which the values (n,) lie, NaN for none, as `limited`; 0 without a grid.
 
-    A constant column is taken for a command that stays: whether it is stuck, repetition does not tell.
+    A constant column is taken for a command that stays: whether it is stuck, repetition does not
+    tell.
 
-    >>> resolution(np.array([0.5, 0.75, 0.5, 1.25]), noise=1.0), resolution(np.array([0.1, 0.2371, 0.33]), noise=1.0)
+    >>> (
+    ...     resolution(np.array([0.5, 0.75, 0.5, 1.25]), noise=1.0),
+    ...     resolution(np.array([0.1, 0.2371, 0.33]), noise=1.0),
+    ... )
     (0.25, 0.0)
     """
     heard = values[~np.isnan(values)]

@@ -27,7 +27,8 @@ HEAD = 200  # lines from which the layout is read
 class Table(NamedTuple):
     """Columns of numbers by name (n_rows,), NaN where unreadable; what was repaired; units of a row under the header.
 
-    A column of text is NaN throughout. Time stamps are seconds since 1970, or since midnight where they have no date.
+    A column of text is NaN throughout. Time stamps are seconds since 1970, or since midnight where
+    they have no date.
     """
 
     columns: dict[str, np.ndarray]
@@ -45,13 +46,20 @@ def read_table(path: Path) -> Table:
         return read_bag(path)
     content, repairs = _unpacked(content, path.name)
     if not content.strip(b"\0 \t\r\n"):
-        raise refusal("log", path.name, "a table with a header and rows of numbers", "the file is empty")
+        raise refusal(
+            "log", path.name, "a table with a header and rows of numbers", "the file is empty"
+        )
     if content.startswith(b"PAR1"):
         table = _parquet(content, path.name)
     else:
         table = _text(content, path.name)
     if not any(np.isfinite(values).any() for values in table.columns.values()):
-        raise refusal("log", path.name, "a table with at least one column of numbers", "check what was exported")
+        raise refusal(
+            "log",
+            path.name,
+            "a table with at least one column of numbers",
+            "check what was exported",
+        )
     return table._replace(repairs=(*repairs, *table.repairs))
 
 
@@ -79,7 +87,9 @@ def _unpacked(content: bytes, name: str) -> tuple[bytes, list[str]]:
     """The content itself, or what can be read of a gzip file."""
     if not content.startswith(b"\x1f\x8b"):
         return content, []
-    stream, parts, size = gzip.GzipFile(fileobj=io.BytesIO(content)), [], 0
+    stream = gzip.GzipFile(fileobj=io.BytesIO(content))
+    parts = []
+    size = 0
     try:
         while part := stream.read1(1 << 20):
             parts.append(part)
@@ -103,7 +113,9 @@ def _text(content: bytes, name: str) -> Table:
         columns[label], unreadable = _numbers(column, dialect.decimal_comma)
         repairs += [f"{label}: {unreadable}"] if unreadable else []
     units = dict(zip(labels, dialect.units, strict=False))
-    return Table(_named(columns), tuple(repairs), {label: unit for label, unit in units.items() if unit})
+    return Table(
+        _named(columns), tuple(repairs), {label: unit for label, unit in units.items() if unit}
+    )
 
 
 def _said(dialect: Dialect) -> list[str]:
@@ -123,8 +135,12 @@ def _labels(names: Sequence[str], log: str, repairs: list[str]) -> list[str]:
     for k, name in enumerate(names):
         label = name or f" {k}"
         if label in labels:
-            label = next(new for n in range(2, len(names) + 2) if (new := f"{name} ({n})") not in taken)
-            repairs.append(f"header: {name!r} is there more than once; one of them is called {label!r}")
+            label = next(
+                new for n in range(2, len(names) + 2) if (new := f"{name} ({n})") not in taken
+            )
+            repairs.append(
+                f"header: {name!r} is there more than once; one of them is called {label!r}"
+            )
             taken.add(label)
         labels.append(label)
     return labels
@@ -143,12 +159,15 @@ def _balanced(lines: list[str], repairs: list[str]) -> list[str]:
     return lines
 
 
-def _cells(lines: Sequence[str], dialect: Dialect, name: str, repairs: list[str]) -> list[pa.ChunkedArray]:
+def _cells(
+    lines: Sequence[str], dialect: Dialect, name: str, repairs: list[str]
+) -> list[pa.ChunkedArray]:
     """The cells of the rows as text, by column; rows with more or fewer cells than the header are left out."""
     skipped: list[str] = []
     mark = dialect.separator
     if mark == " ":
-        mark, lines = "\t", ["\t".join(line.split()) for line in lines]
+        mark = "\t"
+        lines = ["\t".join(line.split()) for line in lines]
     labels = [str(k) for k in range(len(dialect.names))]
     try:
         table = pyarrow.csv.read_csv(
@@ -161,10 +180,14 @@ def _cells(lines: Sequence[str], dialect: Dialect, name: str, repairs: list[str]
         )
     except pa.ArrowException as error:
         remedy = f"mend it ({_one_line(error)})"
-        raise refusal("log", name, "a table with the same number of cells in each row", remedy) from None
+        raise refusal(
+            "log", name, "a table with the same number of cells in each row", remedy
+        ) from None
     if skipped:
         shown = skipped[0][:40]
-        repairs.append(f"rows: those without {len(labels)} cells, such as {shown!r}, left out ({len(skipped)})")
+        repairs.append(
+            f"rows: those without {len(labels)} cells, such as {shown!r}, left out ({len(skipped)})"
+        )
     return table.columns
 
 
@@ -183,9 +206,17 @@ def _one_by_one(cells: Sequence[str]) -> tuple[np.ndarray, str]:
     values = [number(cell) for cell in cells]
     if not any(map(_finite, values)):
         values = [seconds(cell) for cell in cells]
-    odd = [cell for value, cell in zip(values, cells, strict=True) if value is None and cell.lower() not in WORDS]
+    odd = [
+        cell
+        for value, cell in zip(values, cells, strict=True)
+        if value is None and cell.lower() not in WORDS
+    ]
     some = odd and any(map(_finite, values))
-    said = f"cells that are no numbers, such as {odd[0][:40]!r}, taken as missing ({len(odd)})" if some else ""
+    said = (
+        f"cells that are no numbers, such as {odd[0][:40]!r}, taken as missing ({len(odd)})"
+        if some
+        else ""
+    )
     return np.array([np.nan if value is None else value for value in values]), said
 
 
@@ -201,10 +232,14 @@ def _parquet(content: bytes, name: str) -> Table:
     try:
         table = pyarrow.parquet.read_table(pa.BufferReader(content))
     except (pa.ArrowException, OSError) as error:
-        raise refusal("log", name, "a whole Parquet file", f"write it again ({_one_line(error)})") from None
+        raise refusal(
+            "log", name, "a whole Parquet file", f"write it again ({_one_line(error)})"
+        ) from None
     repairs: list[str] = []
     labels = _labels(table.column_names, name, repairs)
-    columns = {label: _parquet_column(column) for label, column in zip(labels, table.columns, strict=True)}
+    columns = {
+        label: _parquet_column(column) for label, column in zip(labels, table.columns, strict=True)
+    }
     return Table(_named(columns), tuple(repairs))
 
 

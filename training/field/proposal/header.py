@@ -7,7 +7,10 @@ from training.field.units import is_unit, spelt
 
 # By quantity: the kind of its unit (the unit of the channel), and words that name it.
 QUANTITIES: dict[str, tuple[str, frozenset[str]]] = {
-    "time": ("s", frozenset("time t timestamp stamp datetime date clock epoch utc sec secs seconds".split())),
+    "time": (
+        "s",
+        frozenset("time t timestamp stamp datetime date clock epoch utc sec secs seconds".split()),
+    ),
     "speed": ("m/s", frozenset("speed velocity velo vel u surge spd stw".split())),
     "acceleration": ("m/s^2", frozenset("acceleration accel acc ax udot".split())),
     "voltage": ("V", frozenset("voltage volt volts v".split())),
@@ -17,7 +20,9 @@ QUANTITIES: dict[str, tuple[str, frozenset[str]]] = {
     "stern_plane": ("rad", frozenset("stern plane planes sternplane elevator".split())),
     "motor_command": ("", frozenset("pwm throttle duty".split())),
 }
-COMMANDED = frozenset("cmd command commanded setpoint set sp desired des ref reference demand target goal".split())
+COMMANDED = frozenset(
+    "cmd command commanded setpoint set sp desired des ref reference demand target goal".split()
+)
 SHAFT = frozenset("motor shaft prop propeller thruster engine screw".split())
 SIDED = ("voltage", "current", "rpm", "motor_command")
 SIDES = {
@@ -49,16 +54,22 @@ def meaning(name: str, unit: str = "") -> Meaning | None:
     """
     label = re.search(r"[\[(]([^\])]*)[\])]", name)
     if label and is_unit(label[1]):
-        name, unit = name.replace(label[0], " "), label[1]
+        name = name.replace(label[0], " ")
+        unit = label[1]
     words = _words(name)
-    found = [_as(quantity, words, unit) for quantity in QUANTITIES] if not FOREIGN & set(words) else []
+    found = (
+        [_as(quantity, words, unit) for quantity in QUANTITIES] if not FOREIGN & set(words) else []
+    )
     return max(filter(None, found), key=lambda one: one.score, default=None)
 
 
 def _words(name: str) -> list[str]:
     """The words of a name in small letters, cut at marks, digits and capitals, but a unit whole."""
     parts = re.findall(r"[A-Za-z]+|\d+", name)
-    cut = (re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", part) if not is_unit(part) else [part] for part in parts)
+    cut = (
+        re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", part) if not is_unit(part) else [part]
+        for part in parts
+    )
     return [word.lower() for words in cut for word in words]
 
 

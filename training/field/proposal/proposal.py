@@ -14,11 +14,20 @@ from training.field.proposal.header import SIDED, Meaning, meaning
 from training.field.units import UNITS
 from training.field.vehicle_file import Column, VehicleFile
 
-UNNAMED = {"m/s": ("m/s", "cm/s", "mm/s"), "rad": ("rad", "deg"), "V": ("V", "mV"), "A": ("A", "mA")}  # by size
-SLOWEST_RPM = 60.0  # a shaft that never turns faster is taken to be logged in revolutions per second
+# by size
+UNNAMED = {
+    "m/s": ("m/s", "cm/s", "mm/s"),
+    "rad": ("rad", "deg"),
+    "V": ("V", "mV"),
+    "A": ("A", "mA"),
+}
+# a shaft that never turns faster is taken to be logged in revolutions per second
+SLOWEST_RPM = 60.0
 PULSES = (800.0, 2500.0)  # us, in which the pulses lie that command a motor driver
-EPOCHS = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}  # from which a stamp counts from 1970, in this unit
-STEPS = {"ns": 5e6, "us": 5e3, "ms": 3.0, "s": 0.0}  # from which a step between two rows is in this unit
+# from which a stamp counts from 1970, in this unit
+EPOCHS = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}
+# from which a step between two rows is in this unit
+STEPS = {"ns": 5e6, "us": 5e3, "ms": 3.0, "s": 0.0}
 COMMENTS = {
     "vehicle.preset": "a guess for a start: calibrate fits the constants to healthy logs",
     "vehicle.hotel_load": "in no log: the power of all but propulsion",
@@ -45,22 +54,34 @@ class Guess(NamedTuple):
 def propose(table: Table, name: str) -> Proposal:
     """A vehicle file for logs like this one; `InputError` if no column looks like a reading of a vehicle.
 
-    Names decide first, then numbers: the unit by their size where no unit is named, the sign by that of the speed. A
-    log does not hold the vehicle's constants, hotel load and battery: they stay those of the preset, and unknown.
+    Names decide first, then numbers: the unit by their size where no unit is named, the sign by
+    that of the speed. A log does not hold the vehicle's constants, hotel load and battery: they
+    stay those of the preset, and unknown.
     """
-    meanings = {label: what for label in table.columns if (what := meaning(label, table.units.get(label, "")))}
+    meanings = {
+        label: what
+        for label in table.columns
+        if (what := meaning(label, table.units.get(label, "")))
+    }
     time = _time(table, meanings)
     labels, left = _labels(table, meanings)
     guesses = _guesses(table, meanings, labels, Vehicle(name))
     if not set(guesses) & set(READINGS):
         allowed = "one with a column for at least one of " + ", ".join(READINGS)
-        raise refusal("log", ", ".join(table.columns), allowed, "write the vehicle file by hand: see docs/vehicle.md")
+        raise refusal(
+            "log",
+            ", ".join(table.columns),
+            allowed,
+            "write the vehicle file by hand: see docs/vehicle.md",
+        )
     rate, why = _sample_rate(table, time)
     shafts = 1 + any(channel.startswith("starboard") for channel in guesses)
     columns = {channel: guesses[channel].column for channel in CHANNELS if channel in guesses}
     vehicle = VehicleFile(Vehicle(name), columns, time.column if time else None, rate, shafts)
     comments = {f"channels.{channel}.column": guess.why for channel, guess in guesses.items()}
-    comments |= COMMENTS | ({"time.column": time.why} if time else {}) | {"vehicle.sample_rate": why}
+    comments |= (
+        COMMENTS | ({"time.column": time.why} if time else {}) | {"vehicle.sample_rate": why}
+    )
     comments["vehicle.shafts"] = "by the columns that are there"
     return Proposal(vehicle, comments, tuple(_absent(guesses, time, shafts)), tuple(left))
 
@@ -78,7 +99,8 @@ def _labels(table: Table, meanings: Mapping[str, Meaning]) -> tuple[dict[str, st
     best: dict[str, str] = {}
     left = []
     for label in sorted(meanings, key=lambda label: -meanings[label].score):
-        quantity, side = meanings[label].quantity, meanings[label].side
+        quantity = meanings[label].quantity
+        side = meanings[label].side
         channel = f"{side}_{quantity}" if quantity in SIDED else quantity
         if quantity == "time":
             continue
@@ -108,7 +130,9 @@ def _guesses(
     """Columns with unit and sign. What turns with the speed has its sign; without a speed all go ahead mostly."""
     limits = largest(vehicle)
     guesses = {
-        channel: _scaled(channel, table.columns[label], label, meanings[label], limits[channel], vehicle)
+        channel: _scaled(
+            channel, table.columns[label], label, meanings[label], limits[channel], vehicle
+        )
         for channel, label in labels.items()
     }
     ahead = np.ones(len(next(iter(table.columns.values()))))
@@ -121,7 +145,9 @@ def _guesses(
     return guesses
 
 
-def _scaled(channel: str, values: np.ndarray, label: str, what: Meaning, limit: float, vehicle: Vehicle) -> Guess:
+def _scaled(
+    channel: str, values: np.ndarray, label: str, what: Meaning, limit: float, vehicle: Vehicle
+) -> Guess:
     kind = CHANNELS[channel].unit
     known = abs(values[np.isfinite(values)])
     size = float(np.percentile(known, 95)) if known.size else 0.0
@@ -129,9 +155,13 @@ def _scaled(channel: str, values: np.ndarray, label: str, what: Meaning, limit: 
         return _stand_in(label, known, vehicle)
     if what.unit:
         return Guess(Column(label, UNITS[kind][what.unit]), "by its name")
-    fitting = (unit for unit in UNNAMED.get(kind, ()) if UNITS[kind][unit] * size < IMPOSSIBLE * limit)
+    fitting = (
+        unit for unit in UNNAMED.get(kind, ()) if UNITS[kind][unit] * size < IMPOSSIBLE * limit
+    )
     unit = "rev/s" if kind == "rpm" and size < SLOWEST_RPM else next(fitting, kind)
-    return Guess(Column(label, UNITS[kind][unit]), f"its name has no unit; {unit} by its size, {size:.3g}")
+    return Guess(
+        Column(label, UNITS[kind][unit]), f"its name has no unit; {unit} by its size, {size:.3g}"
+    )
 
 
 def _stand_in(label: str, known: np.ndarray, vehicle: Vehicle) -> Guess:
@@ -139,9 +169,7 @@ def _stand_in(label: str, known: np.ndarray, vehicle: Vehicle) -> Guess:
     low, full = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
     rest = low if PULSES[0] <= low < full <= PULSES[1] else 0.0
     scale = vehicle.maximum_rpm / ((full - rest) or 1.0)
-    words = (
-        f"the motor command stands in for the shaft speed: {rest:g} as rest, {full:g} as {vehicle.maximum_rpm:g} rpm"
-    )
+    words = f"the motor command stands in for the shaft speed: {rest:g} as rest, {full:g} as {vehicle.maximum_rpm:g} rpm"
     return Guess(Column(label, scale, -rest * scale), f"{words}; correct it")
 
 
@@ -162,12 +190,21 @@ def _time(table: Table, meanings: Mapping[str, Meaning]) -> Guess | None:
         if what.quantity == "time" and known.size > 1 and known[-1] > known[0]:
             if what.unit:
                 return Guess(Column(label, UNITS["s"][what.unit]), "by its name")
-            size, steps = float(np.median(known)), np.diff(known)
+            size = float(np.median(known))
+            steps = np.diff(known)
             step = float(np.median(steps[steps > 0]))
-            since = (unit for unit, least in EPOCHS.items() if size > least and step * UNITS["s"][unit] < 10)
+            since = (
+                unit
+                for unit, least in EPOCHS.items()
+                if size > least and step * UNITS["s"][unit] < 10
+            )
             epoch = next(since, None)
             unit = epoch or next(unit for unit, least in STEPS.items() if step > least)
-            why = f"counts from 1970 in {unit}, by its size" if epoch else f"in {unit}, by the step of {step:.3g}"
+            why = (
+                f"counts from 1970 in {unit}, by its size"
+                if epoch
+                else f"in {unit}, by the step of {step:.3g}"
+            )
             return Guess(Column(label, UNITS["s"][unit]), why)
     return None
 

@@ -11,11 +11,20 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from training.report.figures.scores import Series, heat_map, line_styles
-from training.report.figures.style import COMMAND, PORT, SPEED, STARBOARD, STYLE, TRUTH, legend_above
+from training.report.figures.style import (
+    COMMAND,
+    PORT,
+    SPEED,
+    STARBOARD,
+    STYLE,
+    TRUTH,
+    legend_above,
+)
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 DEEPEST = -1000.0  # ln p(normal) that is drawn
-BANDS = {  # colour by whether the most probable fault is the right one, and whether the alarm stands
+# colour by whether the most probable fault is the right one, and whether the alarm stands
+BANDS = {
     "no alarm, another fault on top": "#f6d5d1",
     "no alarm, right fault on top": "#cfe8d6",
     "alarm, another fault on top": PORT,
@@ -34,7 +43,8 @@ def curves(
 ) -> Figure:
     """Lines {x, y} by name, a panel for each of the names above; x logarithmic or not, y from 0 to `top`.
 
-    `labels` of x and y; `marks` are vertical lines; `bounds` are lines {x, y} by panel that no other should cross.
+    `labels` of x and y; `marks` are vertical lines; `bounds` are lines {x, y} by panel that no
+    other should cross.
     """
     names = dict.fromkeys(name for lines in panels.values() for name in lines)
     columns = min(2, len(panels))
@@ -49,7 +59,14 @@ def curves(
                 if name in lines:
                     axis.plot(lines[name]["x"], lines[name]["y"], label=name, **style)
             if bounds and title in bounds:
-                axis.plot(bounds[title]["x"], bounds[title]["y"], color=TRUTH, lw=2.2, ls=(0, (1, 1)), label="bound")
+                axis.plot(
+                    bounds[title]["x"],
+                    bounds[title]["y"],
+                    color=TRUTH,
+                    lw=2.2,
+                    ls=(0, (1, 1)),
+                    label="bound",
+                )
             for mark in marks:
                 axis.axvline(mark, color=COMMAND, lw=0.8, ls=":")
             axis.set(title=title, xlabel=labels[0], ylim=(-0.02 * top, 1.02 * top))
@@ -63,11 +80,14 @@ def curves(
 
 
 def cost_delay(
-    points: Mapping[str, Mapping[str, Mapping[str, float]]], references: Collection[str], costs: Mapping[str, str]
+    points: Mapping[str, Mapping[str, Mapping[str, float]]],
+    references: Collection[str],
+    costs: Mapping[str, str],
 ) -> Figure:
     """Isolation time against what the stimulus costs, a panel per cost (key and label of its axis).
 
-    `points` by diagnoser (colour) and stimulus (marker) hold the costs and `delay` [s]; a line joins a diagnoser's.
+    `points` by diagnoser (colour) and stimulus (marker) hold the costs and `delay` [s]; a line
+    joins a diagnoser's.
     """
     stimuli = dict.fromkeys(stimulus for by_stimulus in points.values() for stimulus in by_stimulus)
     markers = dict(zip(stimuli, MARKERS * len(stimuli), strict=False))
@@ -76,7 +96,8 @@ def cost_delay(
         axes = figure.subplots(1, len(costs), sharey=True, squeeze=False)[0]
         for axis, (cost, label) in zip(axes, costs.items(), strict=True):
             for name, style in line_styles(points, references).items():
-                by_stimulus, style = points[name], style | {"lw": 0.8}
+                by_stimulus = points[name]
+                style = style | {"lw": 0.8}
                 places = [(point[cost], point["delay"]) for point in by_stimulus.values()]
                 axis.plot(*np.transpose(places), label=name, **style)
                 for stimulus, place in zip(by_stimulus, places, strict=True):
@@ -86,7 +107,9 @@ def cost_delay(
             axis.locator_params(axis="x", nbins=6)
         axes[0].set_ylabel("isolation, restricted mean [s]")
         handles = [Line2D([], [], marker=marker, color=TRUTH, ls="") for marker in markers.values()]
-        figure.legend(handles, markers, title="stimulus", loc="outside lower center", ncols=6, frameon=False)
+        figure.legend(
+            handles, markers, title="stimulus", loc="outside lower center", ncols=6, frameon=False
+        )
         legend_above(figure, axes, columns=6)
     return figure
 
@@ -104,13 +127,15 @@ def class_delays(classes: Sequence[str], delays: Mapping[str, Series], horizon: 
 def episodes(drawn: Sequence[Mapping[str, Any]]) -> Figure:
     """Episodes side by side: readings, log p(normal) with its threshold, and what fault is on top.
 
-    An episode holds title, onset [s], time [s], readings by channel, log_normal, threshold, alarm (bools) and right
-    (whether the most probable fault is the true one, bools).
+    An episode holds title, onset [s], time [s], readings by channel, log_normal, threshold, alarm
+    (bools) and right (whether the most probable fault is the true one, bools).
     """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 6.6), layout="constrained")
         heights = [1.0, 1.0, 1.0, 1.2, 0.18]
-        grid = figure.subplots(5, len(drawn), sharex="col", sharey="row", squeeze=False, height_ratios=heights)
+        grid = figure.subplots(
+            5, len(drawn), sharex="col", sharey="row", squeeze=False, height_ratios=heights
+        )
         for axes, episode in zip(grid.T, drawn, strict=True):
             _readings(axes[:3], episode)
             _belief(axes[3], episode)
@@ -130,16 +155,25 @@ def episodes(drawn: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def _readings(axes: Sequence[Axes], episode: Mapping[str, Any]) -> None:
-    time, readings = episode["time"], episode["readings"]
+    time = episode["time"]
+    readings = episode["readings"]
     axes[0].plot(time, readings["speed"], color=SPEED, lw=1.0, label="speed")
     axes[0].plot(time, readings["speed_command"], color=COMMAND, lw=1.0, ls="--", label="command")
     for axis, kind in zip(axes[1:], ("rpm", "current"), strict=True):
         axis.plot(time, readings[f"port_{kind}"], color=PORT, lw=1.0, label="port")
-        axis.plot(time, readings[f"starboard_{kind}"], color=STARBOARD, lw=1.0, ls="--", label="starboard")
+        axis.plot(
+            time, readings[f"starboard_{kind}"], color=STARBOARD, lw=1.0, ls="--", label="starboard"
+        )
 
 
 def _belief(axis: Axes, episode: Mapping[str, Any]) -> None:
-    axis.plot(episode["time"], np.maximum(episode["log_normal"], DEEPEST), color=TRUTH, lw=1.2, label="ln p(normal)")
+    axis.plot(
+        episode["time"],
+        np.maximum(episode["log_normal"], DEEPEST),
+        color=TRUTH,
+        lw=1.2,
+        label="ln p(normal)",
+    )
     if episode["threshold"] is not None:
         axis.axhline(episode["threshold"], color=PORT, lw=1.0, ls="--", label="threshold")
     axis.set_yscale("symlog", linthresh=1.0)
@@ -152,7 +186,11 @@ def _band(axis: Axes, episode: Mapping[str, Any]) -> None:
     kind = 2 * np.array(episode["alarm"], int) + np.array(episode["right"], int)
     step = episode["time"][1] - episode["time"][0]
     for k, colour in enumerate(colours):
-        spans = [(time, step) for time, of_kind in zip(episode["time"], kind, strict=True) if of_kind == k]
+        spans = [
+            (time, step)
+            for time, of_kind in zip(episode["time"], kind, strict=True)
+            if of_kind == k
+        ]
         axis.broken_barh(spans, (0, 1), color=colour, lw=0)
     axis.set(yticks=[], ylim=(0, 1))
     axis.grid(False)

@@ -11,12 +11,15 @@ from training.report.figures.style import COMMAND, PORT, SPEED, STYLE, TRUTH, le
 
 Series = Sequence[float]
 Matrix = Sequence[Series]
-LEAST, MOST = 1e-2, 1e3  # nat/s, ends of the colour scale
+# nat/s, ends of the colour scale
+LEAST = 1e-2
+MOST = 1e3
 
 
 def isolability_maps(classes: Sequence[str], rates: Mapping[str, Matrix]) -> Figure:
     """Rate of evidence for each class (row) against each other (column), a map per condition, logarithmic colours."""
-    columns, rows = 2, -(-len(rates) // 2)
+    columns = 2
+    rows = -(-len(rates) // 2)
     with matplotlib.rc_context(STYLE | {"axes.grid": False}):
         figure = Figure(figsize=(9.6, 3.5 * rows + 1.8), layout="constrained")
         axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
@@ -27,10 +30,14 @@ def isolability_maps(classes: Sequence[str], rates: Mapping[str, Matrix]) -> Fig
             shown = np.ma.masked_array(np.maximum(matrix, LEAST), np.eye(len(classes), dtype=bool))
             image = axis.imshow(shown, cmap="viridis", norm=LogNorm(LEAST, MOST), aspect="auto")
             axis.set_title(name)
-            axis.set_xticks(places, classes, rotation=60, ha="right", rotation_mode="anchor", fontsize=7)
+            axis.set_xticks(
+                places, classes, rotation=60, ha="right", rotation_mode="anchor", fontsize=7
+            )
             axis.set_yticks(places, classes, fontsize=7)
             axis.tick_params(labelbottom=k >= len(rates) - columns)
-        bar = figure.colorbar(image, ax=figure.axes, location="bottom", shrink=0.6, aspect=40, extend="both")
+        bar = figure.colorbar(
+            image, ax=figure.axes, location="bottom", shrink=0.6, aspect=40, extend="both"
+        )
         bar.set_label("evidence for the row's class against the column's [nat/s]")
     return figure
 
@@ -45,8 +52,12 @@ def sensor_removal(classes: Sequence[str], channels: Sequence[str], shares: Matr
         for (row, column), value in np.ndenumerate(percent):
             if np.isfinite(value):
                 colour = TRUTH if value > 55 else "white"
-                axis.text(column, row, f"{value:.0f}", ha="center", va="center", color=colour, fontsize=8)
-        axis.set_xticks(np.arange(len(channels)), channels, rotation=40, ha="right", rotation_mode="anchor")
+                axis.text(
+                    column, row, f"{value:.0f}", ha="center", va="center", color=colour, fontsize=8
+                )
+        axis.set_xticks(
+            np.arange(len(channels)), channels, rotation=40, ha="right", rotation_mode="anchor"
+        )
         axis.set_yticks(np.arange(len(classes)), classes)
         axis.set(xlabel="sensor that is missing", ylabel="class")
         figure.colorbar(image, ax=axis, label="evidence left [%]", pad=0.01)
@@ -59,9 +70,16 @@ def cramer_rao(time: Series, lines: Mapping[str, Mapping[str, Series]]) -> Figur
         figure = Figure(figsize=(9.6, 3.6), layout="constrained")
         axes = figure.subplots(1, 2)
         for axis, parameter in zip(axes, ("alpha", "beta"), strict=True):
-            for (name, values), colour in zip(lines.items(), (COMMAND, TRUTH, SPEED, PORT), strict=False):
+            for (name, values), colour in zip(
+                lines.items(), (COMMAND, TRUTH, SPEED, PORT), strict=False
+            ):
                 dash = "--" if name.startswith("bound") else "-"
                 axis.plot(time, values[parameter], color=colour, ls=dash, lw=1.3, label=name)
-            axis.set(xlabel="time [s]", ylabel=f"error of {parameter} [%]", xlim=(0, time[-1]), ylim=(0, None))
+            axis.set(
+                xlabel="time [s]",
+                ylabel=f"error of {parameter} [%]",
+                xlim=(0, time[-1]),
+                ylim=(0, None),
+            )
         legend_above(figure, axes)
     return figure

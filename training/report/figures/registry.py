@@ -7,9 +7,26 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from training.report.figures import advisory, benchmark, bounds, calibration, log, scores, stimuli, thesis
+from training.report.figures import (
+    advisory,
+    benchmark,
+    bounds,
+    calibration,
+    log,
+    scores,
+    stimuli,
+    thesis,
+)
 from training.report.figures import datasets as dataset_plots
-from training.report.figures.style import COMMAND, PORT, SPEED, STARBOARD, STYLE, TRUTH, legend_above
+from training.report.figures.style import (
+    COMMAND,
+    PORT,
+    SPEED,
+    STARBOARD,
+    STYLE,
+    TRUTH,
+    legend_above,
+)
 
 Series = Sequence[float]
 Lines = Mapping[str, Series]  # clean, mean and std over time
@@ -29,8 +46,11 @@ def filter_response(
         figure = Figure(figsize=(9.6, 3.6), layout="constrained")
         axes = figure.subplots(1, len(truth))
         for axis, name in zip(axes, truth, strict=True):
-            mean, std = np.array(noisy_mean[name]), np.array(noisy_std[name])
-            axis.fill_between(time, mean - std, mean + std, color=SPEED, alpha=0.18, lw=0, label="noisy, ±1 std")
+            mean = np.array(noisy_mean[name])
+            std = np.array(noisy_std[name])
+            axis.fill_between(
+                time, mean - std, mean + std, color=SPEED, alpha=0.18, lw=0, label="noisy, ±1 std"
+            )
             axis.plot(time, mean, color=SPEED, lw=1, label="noisy, mean")
             axis.plot(time, clean[name], color=PORT, lw=1.4, label="noise-free")
             axis.plot(time, truth[name], color=TRUTH, lw=1, ls="--", label="true")
@@ -42,19 +62,24 @@ def filter_response(
 
 
 def _line(axis: Axes, time: Series, line: Mapping[str, Series], **style) -> None:
-    mean, std = np.array(line["mean"]), np.array(line["std"])
+    mean = np.array(line["mean"])
+    std = np.array(line["std"])
     axis.fill_between(time, mean - std, mean + std, color=style["color"], alpha=0.18, lw=0)
     axis.plot(time, line["clean"], lw=1.2, **style)
 
 
-def transients(time: Series, panels: Mapping[str, Mapping[str, Lines]], onset: float | None = None) -> Figure:
+def transients(
+    time: Series, panels: Mapping[str, Mapping[str, Lines]], onset: float | None = None
+) -> Figure:
     """Readings over time: panels by axis label, each with lines by name; a fault's onset as a vertical line."""
     named = {"port": PORT, "starboard": STARBOARD, "speed": SPEED, "commanded": COMMAND}
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 5.0), layout="constrained")
         axes = figure.subplots(2, 2, sharex=True)
         for axis, (label, lines) in zip(axes.flat, panels.items(), strict=True):
-            for (name, line), other in zip(lines.items(), (TRUTH, PORT, STARBOARD, SPEED), strict=False):
+            for (name, line), other in zip(
+                lines.items(), (TRUTH, PORT, STARBOARD, SPEED), strict=False
+            ):
                 _line(axis, time, line, color=named.get(name, other), label=name, ls=_dash(name))
             if onset is not None:
                 axis.axvline(onset, color=TRUTH, lw=0.8, ls=":", label="onset of the fault")
@@ -77,10 +102,15 @@ def consistency(time: Series, summaries: Sequence[Mapping]) -> Figure:
         for axes, summary in zip(grid, summaries, strict=True):
             for axis, key in zip(axes, ("NEES", "NIS"), strict=True):
                 part = summary[key]
-                axis.axhspan(part["low"], part["high"], color=STARBOARD, alpha=0.15, lw=0, label="95 % band")
+                axis.axhspan(
+                    part["low"], part["high"], color=STARBOARD, alpha=0.15, lw=0, label="95 % band"
+                )
                 axis.plot(time, part["series"], lw=0.8, color=SPEED, label="mean over seeds")
                 reach = 2.5 * (part["high"] - part["low"])
-                axis.set(xlim=(0, time[-1]), ylim=(part["freedom"] - reach / 2, part["freedom"] + reach / 2))
+                axis.set(
+                    xlim=(0, time[-1]),
+                    ylim=(part["freedom"] - reach / 2, part["freedom"] + reach / 2),
+                )
                 axis.set_ylabel(f"{key}, {summary['name']}")
         for axis in grid[-1]:
             axis.set_xlabel("time [s]")
@@ -96,7 +126,16 @@ def learning_curve(train: Series, validation: Series, best: int) -> Figure:
         epochs = np.arange(1, len(train) + 1)
         axis.plot(epochs, train, color=SPEED, lw=1.2, marker=".", label="training")
         axis.plot(epochs, validation, color=PORT, lw=1.2, marker=".", label="validation")
-        axis.plot(best, validation[best - 1], "o", color=TRUTH, fillstyle="none", ms=9, ls="", label="weights kept")
+        axis.plot(
+            best,
+            validation[best - 1],
+            "o",
+            color=TRUTH,
+            fillstyle="none",
+            ms=9,
+            ls="",
+            label="weights kept",
+        )
         axis.set(xlabel="epoch", ylabel="loss")
         axis.xaxis.get_major_locator().set_params(integer=True)
         legend_above(figure, [axis])

@@ -11,14 +11,24 @@ from matplotlib.lines import Line2D
 
 from training.report.figures.benchmark import MARKERS
 from training.report.figures.scores import Series
-from training.report.figures.style import COMMAND, PORT, SPEED, STARBOARD, STYLE, TRUTH, legend_above
+from training.report.figures.style import (
+    COMMAND,
+    PORT,
+    SPEED,
+    STARBOARD,
+    STYLE,
+    TRUTH,
+    legend_above,
+)
 
 Colours = Mapping[str, str]
 SPREAD = 0.7  # of a class' row, over which its stimuli are spread
 LABELS = ("speed [m/s]", "offset [m/s]", "probability")  # of an episode's panels
 
 
-def speed_ups(classes: Sequence[str], panels: Mapping[str, Mapping[str, Sequence[Series]]], colours: Colours) -> Figure:
+def speed_ups(
+    classes: Sequence[str], panels: Mapping[str, Mapping[str, Sequence[Series]]], colours: Colours
+) -> Figure:
     """How many times sooner each class (row) is isolated than under a reference, a panel each: dots with intervals.
 
     `panels` by reference and stimulus hold (value, low, high) of each class.
@@ -53,8 +63,8 @@ def delay_cost_plane(
 ) -> Figure:
     """Isolation time against what it costs, a panel per cost (key and label of its axis), with the best trade-offs.
 
-    A point holds stimulus (colour), budget (marker), delay (value, low, high) [s] and the costs; `fronts` by cost are
-    the places (cost, delay) of those that no other beats in both.
+    A point holds stimulus (colour), budget (marker), delay (value, low, high) [s] and the costs;
+    `fronts` by cost are the places (cost, delay) of those that no other beats in both.
     """
     budgets = dict.fromkeys(point["budget"] for point in points)
     markers = dict(zip(budgets, MARKERS * len(budgets), strict=False))
@@ -62,23 +72,43 @@ def delay_cost_plane(
         figure = Figure(figsize=(9.6, 5.0), layout="constrained")
         axes = figure.subplots(1, len(costs), sharey=True, squeeze=False)[0]
         for axis, (cost, label) in zip(axes, costs.items(), strict=True):
-            axis.plot(*np.transpose(fronts[cost]), color=TRUTH, lw=1.0, ls=":", label="best trade-offs", zorder=1)
+            axis.plot(
+                *np.transpose(fronts[cost]),
+                color=TRUTH,
+                lw=1.0,
+                ls=":",
+                label="best trade-offs",
+                zorder=1,
+            )
             for point in points:
-                (value, low, high), colour = point["delay"], colours[point["stimulus"]]
+                (value, low, high) = point["delay"]
+                colour = colours[point["stimulus"]]
                 axis.vlines(point[cost], low, high, color=colour, lw=0.9, alpha=0.7)
-                axis.plot(point[cost], value, markers[point["budget"]], color=colour, ms=6, label=point["stimulus"])
+                axis.plot(
+                    point[cost],
+                    value,
+                    markers[point["budget"]],
+                    color=colour,
+                    ms=6,
+                    label=point["stimulus"],
+                )
             axis.set(xlabel=label)
             axis.margins(0.08)
         axes[0].set_ylabel("isolation, restricted mean [s]")
         handles = [Line2D([], [], marker=marker, color=TRUTH, ls="") for marker in markers.values()]
-        figure.legend(handles, markers, title="budget", loc="outside lower center", ncols=6, frameon=False)
+        figure.legend(
+            handles, markers, title="budget", loc="outside lower center", ncols=6, frameon=False
+        )
         legend_above(figure, axes, columns=5)
     return figure
 
 
-def around_onset(time: Series, panels: Mapping[str, Mapping[str, Series]], label: str, colours: Colours) -> Figure:
+def around_onset(
+    time: Series, panels: Mapping[str, Mapping[str, Series]], label: str, colours: Colours
+) -> Figure:
     """Lines over the time since onset, a panel per class, a line per stimulus."""
-    columns, rows = 4, -(-len(panels) // 4)
+    columns = 4
+    rows = -(-len(panels) // 4)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 0.8 + 1.75 * rows), layout="constrained")
         axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
@@ -100,13 +130,16 @@ def around_onset(time: Series, panels: Mapping[str, Mapping[str, Series]], label
 def active_episodes(drawn: Sequence[Mapping[str, Any]]) -> Figure:
     """Episodes three abreast: speeds, offset from the mission's, and probabilities; onset and isolation marked.
 
-    An episode holds title, onset and isolation [s] (from the start, None if never), time [s], mission, command, speed
-    and offset [m/s], normal and true (probabilities).
+    An episode holds title, onset and isolation [s] (from the start, None if never), time [s],
+    mission, command, speed and offset [m/s], normal and true (probabilities).
     """
-    columns, rows = 3, -(-len(drawn) // 3)
+    columns = 3
+    rows = -(-len(drawn) // 3)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 0.6 + 4.3 * rows), layout="constrained")
-        grid = figure.subplots(3 * rows, columns, sharex=True, sharey="row", height_ratios=[1.3, 0.8, 1.0] * rows)
+        grid = figure.subplots(
+            3 * rows, columns, sharex=True, sharey="row", height_ratios=[1.3, 0.8, 1.0] * rows
+        )
         for k, episode in enumerate(drawn):
             row, column = divmod(k, columns)
             _episode(grid[3 * row : 3 * row + 3, column], episode)
@@ -134,4 +167,6 @@ def _episode(axes: Sequence[Axes], episode: Mapping[str, Any]) -> None:
     for axis in axes:
         axis.axvline(episode["onset"], color=TRUTH, lw=1.0, ls=":", label="onset")
         if episode["isolation"] is not None:
-            axis.axvline(episode["isolation"], color=PORT, lw=1.0, ls="--", label="isolated for good")
+            axis.axvline(
+                episode["isolation"], color=PORT, lw=1.0, ls="--", label="isolated for good"
+            )

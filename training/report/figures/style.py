@@ -5,7 +5,11 @@ from collections.abc import Iterable
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-PORT, STARBOARD, SPEED, COMMAND, TRUTH = "#c0392b", "#1e8449", "#1f4e79", "#8a949e", "#111111"
+PORT = "#c0392b"
+STARBOARD = "#1e8449"
+SPEED = "#1f4e79"
+COMMAND = "#8a949e"
+TRUTH = "#111111"
 STYLE = {
     "font.size": 9,
     "axes.grid": True,
@@ -25,4 +29,6 @@ def legend_above(figure: Figure, axes: Iterable[Axes], columns: int | None = Non
         handles, names = axis.get_legend_handles_labels()
         entries |= dict(zip(names, handles, strict=True))
     columns = columns or len(entries)
-    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=columns, frameon=False)
+    figure.legend(
+        entries.values(), entries.keys(), loc="outside upper center", ncols=columns, frameon=False
+    )

@@ -10,7 +10,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 
-from training.report.figures.style import COMMAND, PORT, SPEED, STARBOARD, STYLE, TRUTH, legend_above
+from training.report.figures.style import (
+    COMMAND,
+    PORT,
+    SPEED,
+    STARBOARD,
+    STYLE,
+    TRUTH,
+    legend_above,
+)
 
 Series = Sequence[float]
 Rows = Sequence[Series]
@@ -19,7 +27,11 @@ HEIGHT = {"cmap": "YlOrRd", "vmin": 0.0, "vmax": 1.0}
 
 
 def recall(
-    point: Series, modes: Sequence[str], presentations: Sequence[int], mean: Sequence[Rows], std: Sequence[Rows]
+    point: Series,
+    modes: Sequence[str],
+    presentations: Sequence[int],
+    mean: Sequence[Rows],
+    std: Sequence[Rows],
 ) -> Figure:
     """Outputs over the points of the training set, (n_checkpoints, n_modes, n_points), a panel per checkpoint."""
     with matplotlib.rc_context(STYLE):
@@ -34,7 +46,9 @@ def recall(
             axis.set(ylabel="output", xlim=(0, len(modes) * length), ylim=(-0.05, 1.1))
             axis.set_title(f"after {count:,} presentations", loc="left", fontsize=9)
         for k, mode in enumerate(modes):
-            axes[0].text((k + 0.5) * length, 1.14, f"true: {mode}", ha="center", fontsize=8, color=COLOURS[k])
+            axes[0].text(
+                (k + 0.5) * length, 1.14, f"true: {mode}", ha="center", fontsize=8, color=COLOURS[k]
+            )
         axes[0].set_title(f"after {presentations[0]:,} presentations\n", loc="left", fontsize=9)
         axes[-1].set_xlabel("point of the training set")
         legend_above(figure, axes)
@@ -43,7 +57,9 @@ def recall(
 
 def _outputs(axis: Axes, x: Series, modes: Sequence[str], means: Rows, stds: Rows) -> None:
     """A line with a band per output."""
-    for mode, colour, mean, std in zip(modes, COLOURS, np.array(means), np.array(stds), strict=False):
+    for mode, colour, mean, std in zip(
+        modes, COLOURS, np.array(means), np.array(stds), strict=False
+    ):
         axis.fill_between(x, mean - std, mean + std, color=colour, alpha=0.18, lw=0)
         axis.plot(x, mean, color=colour, lw=1.1, label=mode)
 
@@ -55,10 +71,14 @@ def confusion_by_size(
     with matplotlib.rc_context(STYLE | {"axes.grid": False}):
         figure = Figure(figsize=(9.6, 3.6), layout="constrained")
         axis = figure.subplots()
-        image = axis.imshow(np.array(count), aspect="auto", cmap="YlOrRd", vmin=0.0, vmax=100.0, origin="lower")
+        image = axis.imshow(
+            np.array(count), aspect="auto", cmap="YlOrRd", vmin=0.0, vmax=100.0, origin="lower"
+        )
         for (row, column), value in np.ndenumerate(np.array(count)):
             colour = "w" if value > 60 else TRUTH
-            axis.text(column, row, text[row][column], ha="center", va="center", color=colour, fontsize=8)
+            axis.text(
+                column, row, text[row][column], ha="center", va="center", color=colour, fontsize=8
+            )
         axis.set_xticks(range(len(propellers)), [fill(name, 16) for name in propellers], fontsize=8)
         axis.set_yticks(range(len(drags)), drags)
         axis.set(xlabel="propeller fault", ylabel="drag fault")
@@ -66,7 +86,9 @@ def confusion_by_size(
     return figure
 
 
-def decision_surfaces(axis: Series, surfaces: Mapping[str, Rows], windows: Mapping[str, Series]) -> Figure:
+def decision_surfaces(
+    axis: Series, surfaces: Mapping[str, Rows], windows: Mapping[str, Series]
+) -> Figure:
     """Heights over the map of alpha (across) and beta, (n_alpha, n_beta), a panel each; the normal window as a box."""
     with matplotlib.rc_context(STYLE | {"axes.grid": False}):
         figure = Figure(figsize=(9.6, 3.5), layout="constrained")
@@ -79,17 +101,28 @@ def decision_surfaces(axis: Series, surfaces: Mapping[str, Rows], windows: Mappi
     return figure
 
 
-def _surface(panel: Axes, axis: Series, surface: Rows, windows: Mapping[str, Series]) -> matplotlib.image.AxesImage:
+def _surface(
+    panel: Axes, axis: Series, surface: Rows, windows: Mapping[str, Series]
+) -> matplotlib.image.AxesImage:
     half = 0.5 * (axis[1] - axis[0])
     extent = (axis[0] - half, axis[-1] + half) * 2
-    image = panel.imshow(np.array(surface).T, origin="lower", extent=extent, aspect="auto", **HEIGHT)
-    (left, right), (low, high) = windows["alpha"], windows["beta"]
-    panel.add_patch(Rectangle((left, low), right - left, high - low, fill=False, ec=TRUTH, lw=1.0, ls="--"))
+    image = panel.imshow(
+        np.array(surface).T, origin="lower", extent=extent, aspect="auto", **HEIGHT
+    )
+    (left, right) = windows["alpha"]
+    (low, high) = windows["beta"]
+    panel.add_patch(
+        Rectangle((left, low), right - left, high - low, fill=False, ec=TRUTH, lw=1.0, ls="--")
+    )
     return image
 
 
 def network_response(
-    time: Series, modes: Sequence[str], panels: Mapping[str, Mapping[str, Rows]], onset: float, speed_changes: Series
+    time: Series,
+    modes: Sequence[str],
+    panels: Mapping[str, Mapping[str, Rows]],
+    onset: float,
+    speed_changes: Series,
 ) -> Figure:
     """Outputs and severity over time, a panel per kind of data: mean and std (n_modes + 1, n_samples) over networks."""
     with matplotlib.rc_context(STYLE):

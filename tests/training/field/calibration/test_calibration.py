@@ -35,7 +35,8 @@ def test_vehicles_of_a_strangers_csv_are_found_within_their_intervals():
     results = study(CalibrationStudy(vehicles=6, seed=1000))
     for name in DRAWN:
         row = results["summary"][name]
-        assert row["inside"] >= 4, name  # fewer of 6 has probability 0.002 for one parameter if intervals are honest
+        # fewer of 6 has probability 0.002 for one parameter if intervals are honest
+        assert row["inside"] >= 4, name
         assert row["half_width"] < 0.06 and row["error"] < 0.03 < 0.08 < row["error_before"]
     assert sum(results["summary"][name]["inside"] for name in DRAWN) >= 26  # of 30
 
@@ -55,7 +56,9 @@ def test_noise_and_disturbance_are_those_of_the_plant(calibration):
     for name, std in FILE.noise.items():
         doubt = 0.25 if name.endswith("rpm") else 0.1
         assert calibration.vehicle.noise[name] == pytest.approx(std, rel=doubt), name
-    assert calibration.vehicle.vehicle.disturbance_std == pytest.approx(PRESET.disturbance_std, rel=0.35)
+    assert calibration.vehicle.vehicle.disturbance_std == pytest.approx(
+        PRESET.disturbance_std, rel=0.35
+    )
 
 
 def test_model_without_noise_predicts_the_plant_itself():
@@ -114,22 +117,33 @@ def test_without_speed_nothing_of_the_hull_is_invented(logs):
 
 def test_one_shaft_at_one_hertz_without_rpm(logs):
     """The thrust rests on shaft speeds that the motors' fit makes of the voltage, and its interval knows of it."""
-    truth = replace(PRESET, coulomb_friction=1.3 * PRESET.coulomb_friction, alpha=1.2 * PRESET.alpha)
+    truth = replace(
+        PRESET, coulomb_friction=1.3 * PRESET.coulomb_friction, alpha=1.2 * PRESET.alpha
+    )
     poor = kept(healthy_logs(truth, n=12), ("speed", "port_voltage", "port_current"), every=10)
     columns = {name: FILE.columns[name] for name in ("speed", "port_voltage", "port_current")}
     found = calibrated(poor, VehicleFile(PRESET, columns, sample_rate=1.0, shafts=1))
     assert not was_fitted(found, "viscous_friction")
     friction = found.estimate("coulomb_friction")
-    assert abs(friction.value - truth.coulomb_friction) < 4 * friction.std < 0.3 * truth.coulomb_friction
+    assert (
+        abs(friction.value - truth.coulomb_friction)
+        < 4 * friction.std
+        < 0.3 * truth.coulomb_friction
+    )
     for name in SURGE:
         estimate = found.estimate(name)
-        assert abs(estimate.value - getattr(truth, name)) < 4 * estimate.std < 0.5 * abs(getattr(truth, name))
+        assert (
+            abs(estimate.value - getattr(truth, name))
+            < 4 * estimate.std
+            < 0.5 * abs(getattr(truth, name))
+        )
     assert found.vehicle.shafts == 1
 
 
 def test_band_is_the_files_after_one_mission_and_that_of_the_missions_after_many():
     few = calibrated(healthy_logs(n=1, n_samples=1500), FILE)
-    many = calibrated(healthy_logs(n=16, n_samples=600, band=3.0), FILE)  # three times as wide as the file says
+    # three times as wide as the file says
+    many = calibrated(healthy_logs(n=16, n_samples=600, band=3.0), FILE)
     for name in MOTOR[:3]:
         assert few.vehicle.band[name] > 0.85 * BAND[name]  # both shafts together tell a little
         assert 1.5 * BAND[name] < many.vehicle.band[name] < 6.0 * BAND[name], name
@@ -143,14 +157,18 @@ def test_sides_that_are_alike_differ_by_no_more_than_their_errors(calibration):
 
 def test_side_that_is_not_alike_is_told():
     logs = healthy_logs()
-    for log in logs:  # a port current sensor that reads 10 % more looks like more friction and less resistance
+    # a port current sensor that reads 10 % more looks like more friction and less resistance
+    for log in logs:
         log.observation[:, list(FILE.columns).index("port_current")] *= 1.1
     difference, std = side_differences(calibrated(logs, FILE))["coulomb_friction"]
     assert difference > 4 * std
 
 
 def test_mission_unlike_the_others_is_seen_by_the_fit_without_it():
-    logs = [*healthy_logs(n=4), *healthy_logs(replace(OFF, alpha=1.5 * OFF.alpha), n=2, seed=50)[1:]]
+    logs = [
+        *healthy_logs(n=4),
+        *healthy_logs(replace(OFF, alpha=1.5 * OFF.alpha), n=2, seed=50)[1:],
+    ]
     samples = samples_of(logs)
     rows = leave_one_out(samples, calibrated(logs, FILE), [log.name for log in logs])
     assert len(rows) == 5
@@ -168,5 +186,6 @@ def test_every_parameter_is_either_fitted_or_explained(calibration):
 def test_file_of_another_preset_finds_the_same_vehicle(logs, calibration):
     other = calibrated(logs, replace(FILE, vehicle=PRESETS["thesis1992"]))
     for name in (*SURGE, *MOTOR[:3]):
-        one, two = other.estimate(name), calibration.estimate(name)
+        one = other.estimate(name)
+        two = calibration.estimate(name)
         assert one.value == pytest.approx(two.value, abs=0.1 * two.std), name

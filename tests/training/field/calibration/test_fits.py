@@ -8,9 +8,12 @@ from training.field.calibration.robust_fit import LARGEST_STD, Problem, fitted, 
 from training.field.calibration.samples import noise_levels, samples_of
 from training.field.logs.log import Log
 
-N, BLOCKS = 4000, 40
+N = 4000
+BLOCKS = 40
 RANDOM = np.random.default_rng(3)
-DESIGN = np.column_stack([RANDOM.uniform(1.0, 2.0, N), RANDOM.uniform(-1.0, 1.0, N), np.full(N, 1e-9)])
+DESIGN = np.column_stack(
+    [RANDOM.uniform(1.0, 2.0, N), RANDOM.uniform(-1.0, 1.0, N), np.full(N, 1e-9)]
+)
 TRUTH = np.array([1.5, 0.7, 1.0])
 
 
@@ -23,7 +26,15 @@ def problem(noise, design=DESIGN, block=None, unit=None):
 
     bounds = dict.fromkeys(names, (-10.0, 10.0))
     start = dict.fromkeys(names, 1.0)
-    return Problem(residuals, start, bounds, ("ghost", "tilt", "slope"), (), block, block if unit is None else unit)
+    return Problem(
+        residuals,
+        start,
+        bounds,
+        ("ghost", "tilt", "slope"),
+        (),
+        block,
+        block if unit is None else unit,
+    )
 
 
 def test_linear_problem_has_the_estimates_and_errors_of_ordinary_least_squares():
@@ -34,14 +45,18 @@ def test_linear_problem_has_the_estimates_and_errors_of_ordinary_least_squares()
     expected = TRUTH[:2] + covariance @ known.T @ noise
     assert fit.names == ("tilt", "slope")
     assert (abs(fit.estimate[::-1] - expected) < 0.3 * np.sqrt(np.diagonal(covariance))).all()
-    np.testing.assert_allclose(fit.std[::-1], np.sqrt(np.diagonal(covariance)), rtol=0.35)  # of 40 blocks: 11 % by luck
-    assert fit.held == {"ghost": pytest.approx(fit.held["ghost"])} and fit.held["ghost"] > LARGEST_STD
+    # of 40 blocks: 11 % by luck
+    np.testing.assert_allclose(fit.std[::-1], np.sqrt(np.diagonal(covariance)), rtol=0.35)
+    assert (
+        fit.held == {"ghost": pytest.approx(fit.held["ghost"])} and fit.held["ghost"] > LARGEST_STD
+    )
     assert fit.quantile == pytest.approx(2.0227, abs=1e-3)  # Student's t, 39 degrees of freedom
 
 
 def test_errors_that_go_together_within_a_block_widen_the_interval():
     shared = np.repeat(RANDOM.standard_normal(BLOCKS), N // BLOCKS)
-    alone, together = fitted(problem(RANDOM.standard_normal(N)), ("slope",)), fitted(problem(shared), ("slope",))
+    alone = fitted(problem(RANDOM.standard_normal(N)), ("slope",))
+    together = fitted(problem(shared), ("slope",))
     assert together.std[0] > 5.0 * alone.std[0]  # sqrt(100) = 10 if the regressor were constant
 
 
@@ -49,7 +64,8 @@ def test_outliers_hardly_move_the_estimate():
     noise = RANDOM.standard_normal(N)
     wild = noise + np.where(RANDOM.uniform(size=N) < 0.02, 100.0, 0.0)
     assert fitted(problem(wild), ("slope",)).estimate[0] == pytest.approx(1.5, abs=0.2)
-    assert (DESIGN[:, 0] @ (DESIGN[:, 0] * 1.5 + wild)) / (DESIGN[:, 0] @ DESIGN[:, 0]) > 2.5  # least squares
+    # least squares
+    assert (DESIGN[:, 0] @ (DESIGN[:, 0] * 1.5 + wild)) / (DESIGN[:, 0] @ DESIGN[:, 0]) > 2.5
 
 
 def test_own_estimates_are_those_of_the_unit_alone():
@@ -57,7 +73,8 @@ def test_own_estimates_are_those_of_the_unit_alone():
     unit = np.arange(N) % 3
     fit = fitted(problem(noise, unit=unit), ("slope",))
     for number, own, variance in zip(fit.units, fit.own[:, 0], fit.own_variance[:, 0], strict=True):
-        x, y = DESIGN[unit == number, 0], (DESIGN[:, 0] * 1.5 + DESIGN[:, 1] * -0.3 + noise)[unit == number]
+        x = DESIGN[unit == number, 0]
+        y = (DESIGN[:, 0] * 1.5 + DESIGN[:, 1] * -0.3 + noise)[unit == number]
         assert own == pytest.approx(x @ y / (x @ x), abs=2e-3)
         assert variance == pytest.approx(1.0 / (x @ x), rel=0.05)
 
@@ -75,7 +92,8 @@ def test_between_variance_by_hand():
 
 def test_band_by_hand_one_unit_and_many():
     assert healthy_band(np.array([0.9]), np.array([0.01]), 0.0, 0.06) == pytest.approx(0.06)
-    n, spread = 10_000, 0.1
+    n = 10_000
+    spread = 0.1
     own = 1.0 + np.random.default_rng(0).uniform(-spread, spread, n)
     assert healthy_band(own, np.full(n, 1e-8), 0.0, 0.06) == pytest.approx(spread, rel=0.02)
     alike = healthy_band(np.ones(13), np.full(13, 1e-8), 0.0, 0.06)
@@ -84,8 +102,11 @@ def test_band_by_hand_one_unit_and_many():
 
 
 def test_units_that_tell_nothing_do_not_count():
-    own, variance = np.array([1.0, 1.01, 50.0]), np.array([1e-4, 1e-4, 1e300])
-    assert healthy_band(own, variance, 0.0, 0.05) == pytest.approx(healthy_band(own[:2], variance[:2], 0.0, 0.05))
+    own = np.array([1.0, 1.01, 50.0])
+    variance = np.array([1e-4, 1e-4, 1e300])
+    assert healthy_band(own, variance, 0.0, 0.05) == pytest.approx(
+        healthy_band(own[:2], variance[:2], 0.0, 0.05)
+    )
 
 
 def log(observation, segments=None):
@@ -95,13 +116,18 @@ def log(observation, segments=None):
 
 def test_samples_are_bridged_within_stretches_and_never_across():
     observation = np.full((60, 12), np.nan)
-    observation[:20:10, 4], observation[30:60:10, 4] = [1.0, 2.0], [5.0, 6.0, 7.0]
+    observation[:20:10, 4] = [1.0, 2.0]
+    observation[30:60:10, 4] = [5.0, 6.0, 7.0]
     samples = samples_of([log(observation, (slice(0, 20), slice(30, 60))), log(observation[:20])])
-    np.testing.assert_allclose(samples.channel("speed", held=True)[[0, 5, 10, 15, 20, 25]], [1, 1.5, 2, 2, 5, 5.5])
+    np.testing.assert_allclose(
+        samples.channel("speed", held=True)[[0, 5, 10, 15, 20, 25]], [1, 1.5, 2, 2, 5, 5.5]
+    )
     assert np.isnan(samples.channel("speed")).sum() == 70 - 7
     assert np.flatnonzero(samples.starts).tolist() == [0, 20, 50]
     assert samples.since_start[[0, 19, 20, 49, 50]].tolist() == [0, 19, 0, 29, 0]
-    assert np.unique(samples.block).tolist() == [0, 1, 2] and np.bincount(samples.mission).tolist() == [50, 20]
+    assert np.unique(samples.block).tolist() == [0, 1, 2] and np.bincount(
+        samples.mission
+    ).tolist() == [50, 20]
     assert not samples.exists("port_rpm") and samples.measured_spins is None
 
 
@@ -115,9 +141,12 @@ def test_shaft_without_a_counter_turns_as_the_other():
 def test_noise_is_told_from_signal(every):
     time = 0.1 * np.arange(6000)
     observation = np.full((time.size, 12), np.nan)
-    observation[::every, 4] = (0.3 + 0.1 * np.sin(0.05 * time) + RANDOM.normal(0.0, 0.01, time.size))[::every]
+    observation[::every, 4] = (
+        0.3 + 0.1 * np.sin(0.05 * time) + RANDOM.normal(0.0, 0.01, time.size)
+    )[::every]
     observation[::every, 6] = 4.0  # a voltage that never changes
-    observation[::every, 7] = np.where(RANDOM.uniform(size=time.size) < 0.1, 1.0, 0.0)[::every]  # hardly ever
+    # hardly ever
+    observation[::every, 7] = np.where(RANDOM.uniform(size=time.size) < 0.1, 1.0, 0.0)[::every]
     levels = noise_levels(samples_of([log(observation)]))
     assert levels["speed"] == pytest.approx(0.01, rel=0.12)
     assert "port_voltage" not in levels

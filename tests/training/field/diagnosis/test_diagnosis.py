@@ -26,13 +26,22 @@ ONE_SHAFT = replace(
     VEHICLE,
     shafts=1,
     sample_rate=1.0,
-    columns={name: VEHICLE.columns[name] for name in ("speed_command", "speed", "port_voltage", "port_current")},
+    columns={
+        name: VEHICLE.columns[name]
+        for name in ("speed_command", "speed", "port_voltage", "port_current")
+    },
 )
 
 
 def judged(log, vehicle=VEHICLE, name="filter_bank"):
     belief = beliefs(log, name, vehicle)
-    return verdict("log.csv", log, belief, alarm_along(log, belief, THRESHOLDS[name], persistence(vehicle)), vehicle)
+    return verdict(
+        "log.csv",
+        log,
+        belief,
+        alarm_along(log, belief, THRESHOLDS[name], persistence(vehicle)),
+        vehicle,
+    )
 
 
 def of_vehicle(observations, vehicle):
@@ -98,19 +107,27 @@ def test_an_alarm_does_not_reach_from_one_segment_into_the_next():
     belief = beliefs(log, "filter_bank", VEHICLE)
     belief.log_probability[:, 0] = [0, 0, -99, -99, -99, 0, 0, 0]
     assert not alarm_along(log, belief, THRESHOLD, 3).any()
-    assert alarm_along(log, belief, THRESHOLD, 2).tolist() == [False, False, False, True] + 4 * [False]
+    assert alarm_along(log, belief, THRESHOLD, 2).tolist() == [False, False, False, True] + 4 * [
+        False
+    ]
 
 
 def test_the_own_parameters_count():
     """What is healthy for one vehicle is a fault of another, whose seals bind less."""
     friction = VEHICLE.vehicle.coulomb_friction / 2.5
-    one = judged(log_of(episode()), replace(VEHICLE, vehicle=replace(VEHICLE.vehicle, coulomb_friction=friction)))
+    one = judged(
+        log_of(episode()),
+        replace(VEHICLE, vehicle=replace(VEHICLE.vehicle, coulomb_friction=friction)),
+    )
     assert one.verdict == FAULT and one.alarm_time < 10.0
     assert one.load["port"] > 0.1 and one.load["starboard"] > 0.1
 
 
 def test_one_shaft_at_one_hertz_without_rpm():
-    healthy, faulty = (of_vehicle(episode(fault, n_samples=600), ONE_SHAFT) for fault in (None, "seal_friction:port"))
+    healthy, faulty = (
+        of_vehicle(episode(fault, n_samples=600), ONE_SHAFT)
+        for fault in (None, "seal_friction:port")
+    )
     assert judged(log_of(healthy), ONE_SHAFT).verdict == HEALTHY
     one = judged(log_of(faulty), ONE_SHAFT)
     assert one.verdict == FAULT and one.side == "port" and one.alarm_time > 5.0
@@ -120,19 +137,25 @@ def test_one_shaft_at_one_hertz_without_rpm():
 def test_what_does_not_exist_cannot_fail():
     belief = beliefs(log_of(of_vehicle(episode(), ONE_SHAFT)), "filter_bank", ONE_SHAFT)
     absent = [name for name in READINGS if name not in ONE_SHAFT.columns]
-    impossible = [k for k, name in enumerate(classes()) if "starboard" in name or name[7:] in absent]
+    impossible = [
+        k for k, name in enumerate(classes()) if "starboard" in name or name[7:] in absent
+    ]
     assert len(impossible) == 9
     assert not np.exp(belief.log_probability[:, impossible]).any()
 
 
-@pytest.mark.parametrize("vehicle", [ONE_SHAFT, replace(VEHICLE, sample_rate=5.0)], ids=["channels", "rate"])
+@pytest.mark.parametrize(
+    "vehicle", [ONE_SHAFT, replace(VEHICLE, sample_rate=5.0)], ids=["channels", "rate"]
+)
 def test_the_others_refuse_a_silence_that_they_would_take_for_a_fault(vehicle):
     with pytest.raises(InputError, match="filter_bank for a vehicle without"):
         diagnoser_for("limits", vehicle, {})
 
 
 def test_a_shaft_of_which_nothing_is_logged_is_refused():
-    columns = {name: column for name, column in VEHICLE.columns.items() if not name.startswith("port")}
+    columns = {
+        name: column for name, column in VEHICLE.columns.items() if not name.startswith("port")
+    }
     with pytest.raises(InputError, match="port_voltage or port_rpm"):
         diagnoser_for("filter_bank", replace(VEHICLE, columns=columns), {})
 
@@ -147,7 +170,9 @@ def test_a_coarse_log_is_no_stuck_sensor(voltage):
     places = {"m/s": 2, "m/s^2": 3, "V": voltage, "A": 2, "rpm": 0}
     coarse = episode(n_samples=600).copy()
     for name in READINGS:
-        coarse[:, NAMES.index(name)] = coarse[:, NAMES.index(name)].round(places[CHANNELS[name].unit])
+        coarse[:, NAMES.index(name)] = coarse[:, NAMES.index(name)].round(
+            places[CHANNELS[name].unit]
+        )
     assert judged(log_of(coarse)).verdict == HEALTHY
     unaware = diagnoser_for("filter_bank", VEHICLE, {})
     unaware.reset(1)
@@ -160,6 +185,8 @@ def test_resolution_is_the_step_of_a_grid_that_the_values_lie_on():
     values = random.normal(1.0, 0.1, 400)
     assert resolution(values, noise=1.0) == 0.0
     assert resolution(values.round(3) * 0.3048, noise=1.0) == pytest.approx(3.048e-4)
-    assert resolution(np.where(random.random(400) < 0.9, np.nan, values.round(2)), noise=1.0) == pytest.approx(0.01)
+    assert resolution(
+        np.where(random.random(400) < 0.9, np.nan, values.round(2)), noise=1.0
+    ) == pytest.approx(0.01)
     assert resolution(np.full(9, 3.0), noise=0.1) == pytest.approx(0.25)
     assert resolution(values.round(1), noise=0.001) == pytest.approx(0.0025)

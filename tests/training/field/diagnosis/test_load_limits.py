@@ -1,7 +1,13 @@
 import numpy as np
 import pytest
 
-from training.field.diagnosis.load_limits import LEAST, WINDOW, load_limits, overloaded, running_loads
+from training.field.diagnosis.load_limits import (
+    LEAST,
+    WINDOW,
+    load_limits,
+    overloaded,
+    running_loads,
+)
 
 from ..fleet_logs import NAMES, VEHICLE, episode, log_of
 

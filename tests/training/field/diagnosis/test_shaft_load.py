@@ -45,7 +45,9 @@ def test_readings_are_held_while_there_are_none():
     voltage, _, speed = readings()
     sparse = [np.where(np.arange(300) % 10 == 0, values, np.nan) for values in (voltage, speed)]
     held = [values[np.arange(300) // 10 * 10] for values in (voltage, speed)]
-    np.testing.assert_array_equal(healthy_current(*sparse, VEHICLE), healthy_current(*held, VEHICLE))
+    np.testing.assert_array_equal(
+        healthy_current(*sparse, VEHICLE), healthy_current(*held, VEHICLE)
+    )
 
 
 def test_without_a_current_or_a_voltage_there_is_no_load():

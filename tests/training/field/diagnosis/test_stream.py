@@ -21,14 +21,20 @@ SHORT = 80
 
 
 def answers(source, vehicle=VEHICLE, name="filter_bank"):
-    sink, errors = io.StringIO(), io.StringIO()
+    sink = io.StringIO()
+    errors = io.StringIO()
     alarmed = follow(io.BytesIO(source), sink, vehicle, name, THRESHOLDS[name], errors)
-    return [json.loads(line) for line in sink.getvalue().splitlines()], errors.getvalue().splitlines(), alarmed
+    return (
+        [json.loads(line) for line in sink.getvalue().splitlines()],
+        errors.getvalue().splitlines(),
+        alarmed,
+    )
 
 
 def json_lines(observations):
     rows = [
-        {"time": 100.0 + 0.1 * k, **dict(zip(NAMES, row, strict=True))} for k, row in enumerate(observations.tolist())
+        {"time": 100.0 + 0.1 * k, **dict(zip(NAMES, row, strict=True))}
+        for k, row in enumerate(observations.tolist())
     ]
     return "\n".join(map(json.dumps, rows)).encode()
 
@@ -46,7 +52,9 @@ def test_every_line_is_answered_as_the_log_is_diagnosed(faulty):
     rows, errors, alarmed = faulty
     belief = beliefs(log_of(episode(FAULT)), "filter_bank", VEHICLE)
     assert alarmed and not errors
-    np.testing.assert_allclose([row["p_normal"] for row in rows], p_normal(belief), rtol=1e-3, atol=1e-30)
+    np.testing.assert_allclose(
+        [row["p_normal"] for row in rows], p_normal(belief), rtol=1e-3, atol=1e-30
+    )
     np.testing.assert_allclose([row["time"] for row in rows], 100.0 + 0.1 * np.arange(200))
 
 
@@ -83,10 +91,16 @@ def test_a_bad_line_is_told_in_one_line_and_left(faulty, line, words):
     good = csv_lines(episode(FAULT)[:SHORT]).splitlines()
     rows, errors, _ = answers(b"\n".join([*good[:40], line, *good[40:]]))
     assert rows == faulty[0][:SHORT]
-    assert words in errors[0] and errors[0].startswith("line 41: ") and errors[0].endswith("; left out")
+    assert (
+        words in errors[0]
+        and errors[0].startswith("line 41: ")
+        and errors[0].endswith("; left out")
+    )
 
 
-@pytest.mark.parametrize("line", [b"{", b"[1]", b"17", b'{"time": {}}', b'{"time": 1e999}', b"{" * 5000])
+@pytest.mark.parametrize(
+    "line", [b"{", b"[1]", b"17", b'{"time": {}}', b'{"time": 1e999}', b"{" * 5000]
+)
 def test_a_bad_json_line_is_left(line):
     good = json_lines(episode()[:20]).splitlines()
     rows, errors, _ = answers(b"\n".join([*good[:9], line, *good[9:]]))
@@ -102,12 +116,15 @@ def test_units_are_those_of_the_vehicle_file(faulty):
 
 
 def test_slow_lines_are_diagnosed_as_a_log_with_silences():
-    slow, log = replace(VEHICLE, sample_rate=2.0), np.full((196, len(NAMES)), np.nan)
+    slow = replace(VEHICLE, sample_rate=2.0)
+    log = np.full((196, len(NAMES)), np.nan)
     log[::5] = episode(FAULT)[:196:5]
     source = csv_lines(episode(FAULT)).splitlines()
     rows, _, _ = answers(b"\n".join([source[0], *source[1::5]]), slow)
     belief = beliefs(log_of(log), "filter_bank", slow)
-    np.testing.assert_allclose([row["p_normal"] for row in rows], p_normal(belief)[::5], rtol=1e-3, atol=1e-30)
+    np.testing.assert_allclose(
+        [row["p_normal"] for row in rows], p_normal(belief)[::5], rtol=1e-3, atol=1e-30
+    )
 
 
 def test_a_gap_begins_anew():
@@ -122,7 +139,9 @@ def test_without_a_time_the_rows_are_a_sample_apart():
     np.testing.assert_allclose([row["time"] for row in rows], 0.1 * np.arange(20))
 
 
-@pytest.mark.parametrize("source", [b"", b"\n\n", csv_lines(episode()[:0]), b"time;speed\n", b"{}\n{}\n"])
+@pytest.mark.parametrize(
+    "source", [b"", b"\n\n", csv_lines(episode()[:0]), b"time;speed\n", b"{}\n{}\n"]
+)
 def test_a_stream_without_a_sample_is_refused(source):
     with pytest.raises(InputError):
         answers(source)
@@ -147,7 +166,9 @@ class Broken(io.StringIO):
 def test_it_ends_quietly_when_the_reader_leaves_or_a_person_stops_it(reason):
     sink = Broken()
     sink.reason = reason
-    assert follow(io.BytesIO(csv_lines(episode()[:20])), sink, VEHICLE, "filter_bank", -10.0) is False
+    assert (
+        follow(io.BytesIO(csv_lines(episode()[:20])), sink, VEHICLE, "filter_bank", -10.0) is False
+    )
     assert len(sink.getvalue().splitlines()) == 3
 
 
@@ -166,7 +187,8 @@ def test_decimal_commas_are_read_where_another_separator_stands(faulty):
 def test_what_cannot_have_been_read_is_told_and_taken_as_missing(cell, words):
     good = csv_lines(episode()[:SHORT]).splitlines()
     place = good[0].split(b",").index(NAMES[4].encode())
-    bad, empty = list(good), list(good)
+    bad = list(good)
+    empty = list(good)
     for row, value in ((bad, cell), (empty, b"")):
         cells = row[30].split(b",")
         cells[place] = value
@@ -188,7 +210,8 @@ class Endless:
 
     def __init__(self, count):
         self.header, *self.rows = csv_lines(episode()).splitlines(keepends=True)
-        self.count, self.sent = count, -1
+        self.count = count
+        self.sent = -1
 
     def readline(self, limit):
         self.sent += 1
@@ -203,7 +226,9 @@ class Counting(io.StringIO):
 
     def __init__(self, *marks):
         super().__init__()
-        self.lines, self.marks, self.used = 0, marks, []
+        self.lines = 0
+        self.marks = marks
+        self.used = []
 
     def write(self, text):
         self.lines += text.count("\n")
@@ -219,17 +244,29 @@ def test_memory_does_not_grow_with_the_stream():
     follow(Endless(4000), sink, VEHICLE, "filter_bank", THRESHOLDS["filter_bank"])
     tracemalloc.stop()
     assert sink.lines == 4000
-    assert sink.used[1] - sink.used[0] < 300_000  # bytes; an array of each line kept would be 600,000
+    # bytes; an array of each line kept would be 600,000
+    assert sink.used[1] - sink.used[0] < 300_000
 
 
 def test_the_command_follows_a_pipe_until_the_reader_leaves(tmp_path):
     write_vehicle(tmp_path / "v.toml", VEHICLE)
-    command = [sys.executable, "-m", "training.cli", "diagnose", "--vehicle", str(tmp_path / "v.toml"), "--follow"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+    command = [
+        sys.executable,
+        "-m",
+        "training.cli",
+        "diagnose",
+        "--vehicle",
+        str(tmp_path / "v.toml"),
+        "--follow",
+    ]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
         header, *rows = csv_lines(episode()).splitlines(keepends=True)
         process.stdin.write(header + rows[0])
         process.stdin.flush()
-        assert json.loads(process.stdout.readline())["time"] == 100.0  # answered while the stream is open
+        # answered while the stream is open
+        assert json.loads(process.stdout.readline())["time"] == 100.0
         process.stdout.close()
         try:
             process.stdin.write(b"".join(rows[1:]))

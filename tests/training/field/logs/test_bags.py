@@ -34,12 +34,17 @@ def store():
 
 def write(path, messages, plugin="mcap"):
     """A bag of messages (time [s], topic, type, fields)."""
-    types, connections = store(), {}
+    types = store()
+    connections = {}
     with Writer(path, version=9, storage_plugin=PLUGINS[plugin]) as writer:
         for time, topic, kind, fields in messages:
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=types)
-            data = types.serialize_cdr(types.types[kind](**fields), kind) if isinstance(fields, dict) else fields
+            data = (
+                types.serialize_cdr(types.types[kind](**fields), kind)
+                if isinstance(fields, dict)
+                else fields
+            )
             writer.write(connections[topic], START + round(1e9 * time), data)
     return path
 
@@ -95,7 +100,12 @@ def test_topics_become_columns_on_one_axis(tmp_path, place):
 
 
 def test_what_is_heard_together_shares_a_row_each_topic_once(tmp_path):
-    messages = [number(0.0, "/a", 1.0), number(0.019, "/b", 2.0), number(0.021, "/c", 3.0), number(0.022, "/c", 4.0)]
+    messages = [
+        number(0.0, "/a", 1.0),
+        number(0.019, "/b", 2.0),
+        number(0.021, "/c", 3.0),
+        number(0.022, "/c", 4.0),
+    ]
     columns = read_bag(write(tmp_path / "bag", messages)).columns
     np.testing.assert_allclose(columns["time"], [0.0, 0.021, 0.022])
     np.testing.assert_array_equal(columns["/a/data"], [1.0, np.nan, np.nan])
@@ -127,13 +137,17 @@ def test_an_array_that_grows_fills_its_columns_when_it_can(tmp_path):
 
 
 def test_a_long_array_is_no_reading(tmp_path):
-    columns = read_bag(write(tmp_path / "bag", [motor(0.0, (1.0, 2.0), np.zeros(LONGEST + 1))])).columns
+    columns = read_bag(
+        write(tmp_path / "bag", [motor(0.0, (1.0, 2.0), np.zeros(LONGEST + 1))])
+    ).columns
     assert not [name for name in columns if "temperatures" in name]
 
 
 def test_messages_that_cannot_be_decoded_are_left_out_and_counted(tmp_path):
     broken = (0.5, "/speed", "std_msgs/msg/Float64", b"\x00\x01")
-    table = read_bag(write(tmp_path / "bag", [number(0.0, "/speed", 1.0), broken, number(1.0, "/speed", 2.0)]))
+    table = read_bag(
+        write(tmp_path / "bag", [number(0.0, "/speed", 1.0), broken, number(1.0, "/speed", 2.0)])
+    )
     np.testing.assert_array_equal(table.columns["/speed/data"], [1.0, 2.0])
     assert table.repairs == ("/speed: 1 messages that cannot be decoded left out",)
 
@@ -174,10 +188,14 @@ def nowhere(folder):
     return folder / "nowhere.mcap"
 
 
-@pytest.mark.parametrize("spoil", [cut, garbage, empty, no_metadata, broken_metadata, text, nowhere])
+@pytest.mark.parametrize(
+    "spoil", [cut, garbage, empty, no_metadata, broken_metadata, text, nowhere]
+)
 def test_what_is_no_whole_bag_is_refused_in_one_line(tmp_path, spoil):
     path = spoil(write(tmp_path / "bag", [number(0.0, "/speed", 1.0)]))
-    with pytest.raises(InputError, match=r"^bag: got .*allowed is a whole MCAP file or rosbag2 folder") as caught:
+    with pytest.raises(
+        InputError, match=r"^bag: got .*allowed is a whole MCAP file or rosbag2 folder"
+    ) as caught:
         read_bag(path)
     assert "\n" not in str(caught.value) and path.name in str(caught.value)
 

@@ -10,7 +10,9 @@ from training.field.logs.log import Log, channels_of, read_log
 from training.field.vehicle_file import Column, VehicleFile
 
 INDEX = {name: k for k, name in enumerate(CHANNELS)}
-SPEED, RPM = 0.4 + 0.001 * np.arange(7), 350.0 + np.arange(7)  # the thesis' vehicle at 0.4 m/s
+# the thesis' vehicle at 0.4 m/s
+SPEED = 0.4 + 0.001 * np.arange(7)
+RPM = 350.0 + np.arange(7)
 
 
 def vehicle(rate=10.0, time="t", **columns):
@@ -55,7 +57,13 @@ def test_channels_that_do_not_exist_are_missing_and_fins_amidships(tmp_path):
 
 def test_units_scale_and_offset(tmp_path):
     settings = vehicle(speed=Column("u", -0.5, 0.25), port_rpm=Column("n", 60.0))
-    log = read(tmp_path, 0.1 * np.arange(150), settings, u=np.resize(-2 * SPEED, 150), n=np.resize(RPM / 60, 150))
+    log = read(
+        tmp_path,
+        0.1 * np.arange(150),
+        settings,
+        u=np.resize(-2 * SPEED, 150),
+        n=np.resize(RPM / 60, 150),
+    )
     np.testing.assert_allclose(channel(log, "speed"), np.resize(SPEED, 150) + 0.25)
     np.testing.assert_allclose(channel(log, "port_rpm"), np.resize(RPM, 150))
 
@@ -87,7 +95,9 @@ def test_fast_log_keeps_the_nearest_row(tmp_path):
 
 
 def test_jitter_neither_invents_nor_shifts_readings(tmp_path):
-    time = np.append(0.0, 0.1 * np.arange(1, 300) + np.random.default_rng(1).uniform(-0.04, 0.04, 299))
+    time = np.append(
+        0.0, 0.1 * np.arange(1, 300) + np.random.default_rng(1).uniform(-0.04, 0.04, 299)
+    )
     u = 0.3 + time / 1000
     log = read(tmp_path, time, u=u)
     assert set(channel(log, "speed")) == set(u)
@@ -96,8 +106,10 @@ def test_jitter_neither_invents_nor_shifts_readings(tmp_path):
 
 def test_channels_that_come_at_different_times(tmp_path):
     time = np.sort(np.concatenate([0.1 * np.arange(150), 0.1 * np.arange(150) + 0.03]))
-    u, n = np.resize(SPEED, 300), np.resize(RPM, 300)
-    u[1::2], n[::2] = np.nan, np.nan
+    u = np.resize(SPEED, 300)
+    n = np.resize(RPM, 300)
+    u[1::2] = np.nan
+    n[::2] = np.nan
     log = read(tmp_path, time, vehicle(20.0), u=u, n=n)
     np.testing.assert_array_equal(channel(log, "speed"), u[::2])
     np.testing.assert_array_equal(channel(log, "port_rpm"), n[1::2])
@@ -105,8 +117,10 @@ def test_channels_that_come_at_different_times(tmp_path):
 
 def test_rows_of_other_instruments_are_passed_over(tmp_path):
     time = 0.001 * np.arange(15_000)
-    u, n = np.full(15_000, np.nan), np.full(15_000, np.nan)
-    u[::100], n[::100] = np.resize(SPEED, 150), np.resize(RPM, 150)
+    u = np.full(15_000, np.nan)
+    n = np.full(15_000, np.nan)
+    u[::100] = np.resize(SPEED, 150)
+    n[::100] = np.resize(RPM, 150)
     log = read(tmp_path, time, u=u, n=n, depth=time)
     np.testing.assert_array_equal(channel(log, "speed"), u[::100])
     assert log.repairs == ()
@@ -115,7 +129,9 @@ def test_rows_of_other_instruments_are_passed_over(tmp_path):
 def test_no_fault_makes_a_log_unusable(tmp_path):
     faults = list(CATALOGUE)
     fleet = Fleet(len(faults), healthy_band=0.0)
-    fleet.reset(list(range(len(faults))), schedules=[(FaultEvent(name, 2.0, 1.0),) for name in faults])
+    fleet.reset(
+        list(range(len(faults))), schedules=[(FaultEvent(name, 2.0, 1.0),) for name in faults]
+    )
     samples = np.stack([fleet.step(np.full((len(faults), 3), [0.4, 0.0, 0.0])) for _ in range(120)])
     settings = VehicleFile(PRESETS["thesis1992"], {name: Column(name) for name in CHANNELS})
     for lane in range(len(faults)):
@@ -166,7 +182,9 @@ def test_coarse_clock_is_spread(tmp_path):
     log = read(tmp_path, np.repeat(np.arange(20), 10))
     assert len(log.time) == 200
     assert np.isfinite(channel(log, "speed")).all()
-    assert log.repairs == ("time: the clock ticks every 1 s only; the rows between are spread evenly",)
+    assert log.repairs == (
+        "time: the clock ticks every 1 s only; the rows between are spread evenly",
+    )
 
 
 def test_rows_logged_twice_are_not_taken_for_a_coarse_clock(tmp_path):
@@ -179,7 +197,11 @@ def test_rows_logged_twice_are_not_taken_for_a_coarse_clock(tmp_path):
 
 @pytest.mark.parametrize("order", ["reversed", "shuffled"])
 def test_rows_in_no_order_are_sorted(tmp_path, order):
-    time = 0.1 * np.arange(150)[::-1] if order == "reversed" else 0.1 * np.random.default_rng(2).permutation(150)
+    time = (
+        0.1 * np.arange(150)[::-1]
+        if order == "reversed"
+        else 0.1 * np.random.default_rng(2).permutation(150)
+    )
     log = read(tmp_path, time, u=0.3 + time / 100)
     np.testing.assert_allclose(channel(log, "speed"), 0.3 + log.time / 100)
     assert log.repairs == ("time: the rows are in no order; sorted by their stamps",)
@@ -212,7 +234,11 @@ def test_readings_that_are_wrong_but_possible_pass(tmp_path):
     ids=["rev/s", "km/h", "neither"],
 )
 def test_units_that_disagree_are_said_with_the_one_that_would_explain_it(tmp_path, columns, words):
-    log = read(tmp_path, 0.1 * np.arange(150), **{name: np.resize(values, 150) for name, values in columns.items()})
+    log = read(
+        tmp_path,
+        0.1 * np.arange(150),
+        **{name: np.resize(values, 150) for name, values in columns.items()},
+    )
     assert len(log.repairs) == 1
     assert re.match(words, log.repairs[0])
 
@@ -224,20 +250,33 @@ def test_vehicle_without_thrust_is_not_compared(tmp_path):
 
 def test_missing_column_is_refused_with_the_nearest(tmp_path):
     settings = vehicle(speed=Column("nn"))
-    with pytest.raises(InputError, match="column of speed: got 'nn'; allowed is one of t, u, n; did you mean 'n'"):
+    with pytest.raises(
+        InputError, match="column of speed: got 'nn'; allowed is one of t, u, n; did you mean 'n'"
+    ):
         read(tmp_path, 0.1 * np.arange(150), settings)
 
 
 def test_bag_whose_topics_speak_at_different_instants(tmp_path):
     rosbag2 = pytest.importorskip("rosbags.rosbag2")
     typesys = pytest.importorskip("rosbags.typesys")
-    types, kind = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE), "std_msgs/msg/Float64"
-    with rosbag2.Writer(tmp_path / "bag", version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as bag:
-        topics = {name: bag.add_connection(name, kind, typestore=types) for name in ("/u", "/n", "/depth")}
+    types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    kind = "std_msgs/msg/Float64"
+    with rosbag2.Writer(
+        tmp_path / "bag", version=9, storage_plugin=rosbag2.StoragePlugin.MCAP
+    ) as bag:
+        topics = {
+            name: bag.add_connection(name, kind, typestore=types) for name in ("/u", "/n", "/depth")
+        }
         for k in range(150):
-            for late, (name, value) in enumerate({"/u": SPEED[k % 7], "/n": RPM[k % 7], "/depth": 3.0}.items()):
+            for late, (name, value) in enumerate(
+                {"/u": SPEED[k % 7], "/n": RPM[k % 7], "/depth": 3.0}.items()
+            ):
                 message = types.serialize_cdr(types.types[kind](data=value), kind)
-                bag.write(topics[name], 1_700_000_000_000_000_000 + 100_000_000 * k + 20_000_000 * late, message)
+                bag.write(
+                    topics[name],
+                    1_700_000_000_000_000_000 + 100_000_000 * k + 20_000_000 * late,
+                    message,
+                )
     settings = vehicle(time="time", speed=Column("/u/data"), port_rpm=Column("/n/data"))
     log = read_log(tmp_path / "bag", settings)
     assert len(log.time) == 150

@@ -20,11 +20,20 @@ from training.field.vehicle_file import Column, VehicleFile
 NAMES = ["t", "u", "V", "I", "n"]
 CHANNEL = dict(zip(["speed", "port_voltage", "port_current", "port_rpm"], NAMES[1:], strict=True))
 VEHICLE = VehicleFile(
-    PRESETS["thesis1992"], {channel: Column(name) for channel, name in CHANNEL.items()}, Column("t"), shafts=1
+    PRESETS["thesis1992"],
+    {channel: Column(name) for channel, name in CHANNEL.items()},
+    Column("t"),
+    shafts=1,
 )
 # 20 s of the thesis' vehicle at 0.4 m/s
 ROWS = [
-    [f"{k / 10:.1f}", f"{0.4 + k % 7 / 1000:.3f}", f"2.{60 + k % 5}", f"0.{34 + k % 3}", f"{350 + k % 9}.0"]
+    [
+        f"{k / 10:.1f}",
+        f"{0.4 + k % 7 / 1000:.3f}",
+        f"2.{60 + k % 5}",
+        f"0.{34 + k % 3}",
+        f"{350 + k % 9}.0",
+    ]
     for k in range(200)
 ]
 
@@ -35,7 +44,8 @@ def text(rows=ROWS, names=NAMES, mark=",", end="\n"):
 
 def changed(column, cell, rows=slice(None)):
     """The table with a column's cells replaced in some rows; `cell` is a text or a function of the number."""
-    k, new = NAMES.index(column), [list(row) for row in ROWS]
+    k = NAMES.index(column)
+    new = [list(row) for row in ROWS]
     for number in range(200)[rows]:
         new[number][k] = cell(float(new[number][k])) if callable(cell) else cell
     return text(new)
@@ -53,7 +63,10 @@ REPAIRED = {
     "semicolons": (text(mark=";"), ["cells: separated by semicolons"]),
     "tabs": (text(mark="\t"), ["cells: separated by tabs"]),
     "blanks": (text(mark="   "), ["cells: separated by blanks"]),
-    "decimal comma": (text(mark=";").replace(".", ","), ["cells: separated by semicolons", "read with decimal commas"]),
+    "decimal comma": (
+        text(mark=";").replace(".", ","),
+        ["cells: separated by semicolons", "read with decimal commas"],
+    ),
     "decimal comma in quotes": (
         text([['"' + cell.replace(".", ",") + '"' for cell in row] for row in ROWS]),
         ["numbers: read with decimal commas"],
@@ -63,41 +76,98 @@ REPAIRED = {
     "Latin-1": (text().encode() + b"# \xfcber\n", ["LATIN-1", "such as '# über'"]),
     "gzip broken off": (gzip.compress(text().encode())[:-300], ["gzip: breaks off; the"]),
     "preamble": ("Otter\nmission 12\n" + text(), ["header: lines before it left out (2)"]),
-    "units below the header": (text([["s", "m/s", "V", "A", "rpm"], *ROWS]), ["units: read from the row under"]),
-    "a name twice": (text([[*row, "0"] for row in ROWS], [*NAMES, "I"]), ["'I' is there more than once", "'I (2)'"]),
+    "units below the header": (
+        text([["s", "m/s", "V", "A", "rpm"], *ROWS]),
+        ["units: read from the row under"],
+    ),
+    "a name twice": (
+        text([[*row, "0"] for row in ROWS], [*NAMES, "I"]),
+        ["'I' is there more than once", "'I (2)'"],
+    ),
     "last row cut": (text()[:-9], ["rows: those without 5 cells, such as"]),
-    "comments between": (text().replace("\n5.0,", "\n# turn\n5.0,"), ["such as '# turn', left out (1)"]),
-    "header again": (text() + text().replace("\n", "\n2", 1), ["t: cells that are no numbers, such as 't'"]),
-    "stray quotation mark": (text().replace("0.402", '"0.402', 1), ["stray quotation marks removed (1)"]),
+    "comments between": (
+        text().replace("\n5.0,", "\n# turn\n5.0,"),
+        ["such as '# turn', left out (1)"],
+    ),
+    "header again": (
+        text() + text().replace("\n", "\n2", 1),
+        ["t: cells that are no numbers, such as 't'"],
+    ),
+    "stray quotation mark": (
+        text().replace("0.402", '"0.402', 1),
+        ["stray quotation marks removed (1)"],
+    ),
     "zeros at the end": (text() + "\0" * 512, ["end: zero bytes left out", "(512)"]),
     "run of NaN": (changed("n", "nan", slice(50, 150)), ["port_rpm: missing in 100 of 200 rows"]),
     "run of nothing": (changed("n", "", slice(50, 150)), ["port_rpm: missing in 100 of 200 rows"]),
-    "infinite": (changed("u", "inf", slice(10, 12)), ["speed: infinite values taken as missing (2)"]),
-    "beyond any number": (changed("u", "1e999", slice(10, 12)), ["speed: infinite values taken as missing (2)"]),
-    "words for numbers": (changed("u", "ERR", slice(10, 12)), ["u: cells that are no numbers, such as 'ERR'", "(2)"]),
+    "infinite": (
+        changed("u", "inf", slice(10, 12)),
+        ["speed: infinite values taken as missing (2)"],
+    ),
+    "beyond any number": (
+        changed("u", "1e999", slice(10, 12)),
+        ["speed: infinite values taken as missing (2)"],
+    ),
+    "words for numbers": (
+        changed("u", "ERR", slice(10, 12)),
+        ["u: cells that are no numbers, such as 'ERR'", "(2)"],
+    ),
     "never read": (changed("V", "-"), ["port_voltage: never read"]),
     "constant": (changed("u", "0.4"), ["speed: constant at 0.4 m/s throughout"]),
-    "number for missing": (changed("u", "-9999", slice(0, 80)), ["such as -9999 m/s, taken as missing (80)"]),
-    "single wild value": (changed("n", "1e7", slice(7, 8)), ["such as 1e+07 rpm, taken as missing (1)"]),
-    "beyond full scale": (changed("u", "6", slice(7, 9)), ["speed: values beyond 5 m/s, up to 6, kept (2)"]),
+    "number for missing": (
+        changed("u", "-9999", slice(0, 80)),
+        ["such as -9999 m/s, taken as missing (80)"],
+    ),
+    "single wild value": (
+        changed("n", "1e7", slice(7, 8)),
+        ["such as 1e+07 rpm, taken as missing (1)"],
+    ),
+    "beyond full scale": (
+        changed("u", "6", slice(7, 9)),
+        ["speed: values beyond 5 m/s, up to 6, kept (2)"],
+    ),
     "rev/s for rpm": (scaled("n", 1 / 60), ["speed is 6", "as if with shaft speed in rev/s"]),
-    "stamps twice": (reordered(np.repeat(range(200), 2)), ["whose stamp comes again left out, the last kept (200)"]),
-    "one row out of order": (reordered([*range(50), 51, 50, *range(52, 200)]), ["rows out of order sorted in (1)"]),
+    "stamps twice": (
+        reordered(np.repeat(range(200), 2)),
+        ["whose stamp comes again left out, the last kept (200)"],
+    ),
+    "one row out of order": (
+        reordered([*range(50), 51, 50, *range(52, 200)]),
+        ["rows out of order sorted in (1)"],
+    ),
     "backwards": (reordered(range(199, -1, -1)), ["the rows are in no order; sorted"]),
-    "clock set back": (text([*ROWS, *ROWS]), ["time: the clock is set back and a new stretch begins (1)"]),
+    "clock set back": (
+        text([*ROWS, *ROWS]),
+        ["time: the clock is set back and a new stretch begins (1)"],
+    ),
     "clock set to the date": (
         changed("t", lambda value: f"{value + 1.8e9:.1f}", slice(100, 200)),
         ["time: the clock jumps by more than a day"],
     ),
-    "one wild stamp": (changed("t", "4e6", slice(77, 78)), ["a stamp far from those around it left out (1)"]),
-    "stamps missing": (changed("t", "", slice(77, 80)), ["time: rows without a stamp left out (3)"]),
-    "clock of whole seconds": (changed("t", lambda value: f"{int(value)}"), ["the clock ticks every 1 s only"]),
+    "one wild stamp": (
+        changed("t", "4e6", slice(77, 78)),
+        ["a stamp far from those around it left out (1)"],
+    ),
+    "stamps missing": (
+        changed("t", "", slice(77, 80)),
+        ["time: rows without a stamp left out (3)"],
+    ),
+    "clock of whole seconds": (
+        changed("t", lambda value: f"{int(value)}"),
+        ["the clock ticks every 1 s only"],
+    ),
     "gap": (
         changed("t", lambda value: f"{value + 60:.1f}", slice(100, 200)),
         ["gaps of more than 5 s, after which a new stretch begins (1)"],
     ),
-    "stretch too short": (text([*ROWS[:150], ["99", *ROWS[0][1:]]]), ["stretches shorter than 10 s left out (1)"]),
-    "slower than it should be": (changed("t", lambda value: f"{2 * value}"), ["rows are 0.2 s apart, not 0.1 s"]),
+    "stretch too short": (
+        text([*ROWS[:150], ["99", *ROWS[0][1:]]]),
+        ["stretches shorter than 10 s left out (1)"],
+    ),
+    "slower than it should be": (
+        changed("t", lambda value: f"{2 * value}"),
+        ["rows are 0.2 s apart, not 0.1 s"],
+    ),
     "faster than it should be": (
         text([[f"{k / 50}", *ROWS[k % 200][1:]] for k in range(600)]),
         ["rows are 0.02 s apart, not 0.1 s", "the nearest to each 0.1 s is kept"],
@@ -123,13 +193,22 @@ REFUSED = {
     "one row": (text(ROWS[:1]), "at least 10 s without a break"),
     "rows only": (text().split("\n", 1)[1], "a header of 0 names above rows of 5 cells"),
     "text only": ("a,b\nred,green\n" * 20, "a header with rows of numbers below"),
-    "prose": ("To be or not to be, that is the question.\n" * 20, "a header with rows of numbers below"),
-    "binary": (random.Random(1).randbytes(5000), "a table as text, Parquet, MCAP or a rosbag2 folder"),
+    "prose": (
+        "To be or not to be, that is the question.\n" * 20,
+        "a header with rows of numbers below",
+    ),
+    "binary": (
+        random.Random(1).randbytes(5000),
+        "a table as text, Parquet, MCAP or a rosbag2 folder",
+    ),
     "picture": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + bytes(range(256)), "a table as text"),
     "zeros within": (text().replace("\n5.0,", "\n\0\0\0\0\n5.0,"), "a table as text"),
     "broken Parquet": (b"PAR1" + b"x" * 100, "a whole Parquet file"),
     "gzip of noise": (b"\x1f\x8b" + b"\xff" * 100, "the file is empty"),
-    "decimal comma between commas": (text().replace(".", ","), "a header of 5 names above rows of 10 cells"),
+    "decimal comma between commas": (
+        text().replace(".", ","),
+        "a header of 5 names above rows of 10 cells",
+    ),
     "wrong separator": (text(mark=":"), "at least one column of numbers"),
     "one line of everything": (text(end=","), "a header"),
     "line of a million": ("t,u\n" + "1" * 1_000_000, "lines of at most 100000 characters"),
@@ -142,10 +221,16 @@ REFUSED = {
     "no stamp": (changed("t", "nan"), "time: got 'no stamp'"),
     "too short": (text(ROWS[:50]), "log.csv: 5 s'; allowed is at least 10 s without a break"),
     "time in milliseconds": (scaled("t", 1000), "correct the unit or sample_rate"),
-    "millivolt for volt": (scaled("V", 1000), r"correct unit or scale of [channels.port_voltage] (mV?)"),
+    "millivolt for volt": (
+        scaled("V", 1000),
+        r"correct unit or scale of [channels.port_voltage] (mV?)",
+    ),
     "millimetres per second": (scaled("u", 1000), "[channels.speed] (cm/s or mm/s?)"),
     "nothing read": (text([[row[0], "", "-", "nan", "inf"] for row in ROWS]), "no reading"),
-    "no number at all": (text([["", "", "", "", "NaN"] for row in ROWS]), "at least one column of numbers"),
+    "no number at all": (
+        text([["", "", "", "", "NaN"] for row in ROWS]),
+        "at least one column of numbers",
+    ),
 }
 
 

@@ -37,17 +37,35 @@ DIALECTS = {
         PLAIN.replace(",", ";").replace(".", ","),
         ("cells: separated by semicolons", "numbers: read with decimal commas"),
     ),
-    "decimal commas in quotes": ('t,u\n"0","0,25"\n"0,5","-1,5"\n"1","2"\n', ("numbers: read with decimal commas",)),
-    "preamble": ("Otter, mission 12\nsoftware 1.2\n\n" + PLAIN, ("header: lines before it left out (2)",)),
-    "preamble of a spreadsheet": ("Otter,12\ndate,\n" + PLAIN, ("header: lines before it left out (2)",)),
+    "decimal commas in quotes": (
+        't,u\n"0","0,25"\n"0,5","-1,5"\n"1","2"\n',
+        ("numbers: read with decimal commas",),
+    ),
+    "preamble": (
+        "Otter, mission 12\nsoftware 1.2\n\n" + PLAIN,
+        ("header: lines before it left out (2)",),
+    ),
+    "preamble of a spreadsheet": (
+        "Otter,12\ndate,\n" + PLAIN,
+        ("header: lines before it left out (2)",),
+    ),
     "line of a spreadsheet": (
         "sep=;\n" + PLAIN.replace(",", ";"),
         ("cells: separated by semicolons", "header: lines before it left out (1)"),
     ),
-    "units below": (PLAIN.replace("u\n", "u\n[s],[m/s]\n"), ("units: read from the row under the header",)),
-    "comment between": (PLAIN + "# event\n", ("rows: those without 2 cells, such as '# event', left out (1)",)),
+    "units below": (
+        PLAIN.replace("u\n", "u\n[s],[m/s]\n"),
+        ("units: read from the row under the header",),
+    ),
+    "comment between": (
+        PLAIN + "# event\n",
+        ("rows: those without 2 cells, such as '# event', left out (1)",),
+    ),
     "last row cut": (PLAIN + "1.5", ("rows: those without 2 cells, such as '1.5', left out (1)",)),
-    "zeros at the end": (PLAIN + "\0" * 5, ("end: zero bytes left out, the log was cut while it was written (5)",)),
+    "zeros at the end": (
+        PLAIN + "\0" * 5,
+        ("end: zero bytes left out, the log was cut while it was written (5)",),
+    ),
     "stray quotation mark": (
         PLAIN.replace("0.25", '0.25"'),
         ("rows: stray quotation marks removed (1)",),
@@ -95,8 +113,12 @@ def test_units_below_the_header(tmp_path):
 
 def test_words_for_missing_true_and_infinite(tmp_path):
     cells = ["", "-", "nan", "NULL", "n/a", "true", "False", "inf", "-Infinity", "1e999", "bad"]
-    table = read_table(write(tmp_path, "t,u\n" + "".join(f"{k},{cell}\n" for k, cell in enumerate(cells))))
-    np.testing.assert_equal(table.columns["u"], [np.nan] * 5 + [1, 0, np.inf, -np.inf, np.inf, np.nan])
+    table = read_table(
+        write(tmp_path, "t,u\n" + "".join(f"{k},{cell}\n" for k, cell in enumerate(cells)))
+    )
+    np.testing.assert_equal(
+        table.columns["u"], [np.nan] * 5 + [1, 0, np.inf, -np.inf, np.inf, np.nan]
+    )
     assert table.repairs == ("u: cells that are no numbers, such as 'bad', taken as missing (1)",)
 
 
@@ -115,7 +137,10 @@ def test_names_that_come_twice(tmp_path):
 STAMPS = {
     "ISO": (["2026-03-01T12:00:00Z", "2026-03-01T12:00:00.5Z"], 1772366400.0),
     "a blank between": (["2026-03-01 12:00:00", "2026-03-01 12:00:00.5"], 1772366400.0),
-    "with a zone": (["2026-03-01T13:00:00+01:00", "2026-03-01T13:00:00.500000+01:00"], 1772366400.0),
+    "with a zone": (
+        ["2026-03-01T13:00:00+01:00", "2026-03-01T13:00:00.500000+01:00"],
+        1772366400.0,
+    ),
     "slashes": (["2026/03/01 12:00:00", "2026/03/01 12:00:00.5"], 1772366400.0),
     "day first": (["01.03.2026 12:00:00", "01.03.2026 12:00:00.5"], 1772366400.0),
     "clock": (["12:00:00", "12:00:00.5"], 43200.0),
@@ -153,7 +178,13 @@ def test_parquet_of_any_type(tmp_path):
     pyarrow.parquet.write_table(pa.table(columns), path)
     table = read_table(path)
     nan = np.nan
-    expected = {"t": [0, 0.5, nan], "u": [1, 2, nan], "on": [1, 0, nan], "text": [1.5, nan, nan], "list": [nan] * 3}
+    expected = {
+        "t": [0, 0.5, nan],
+        "u": [1, 2, nan],
+        "on": [1, 0, nan],
+        "text": [1.5, nan, nan],
+        "list": [nan] * 3,
+    }
     assert_is(table, expected)
     assert set(table.columns) == set(expected)
 

@@ -190,7 +190,9 @@ def test_setpoint_is_mission_speed_and_speed_command():
 
 def test_motor_command_stands_in_for_a_missing_shaft_speed_only():
     vehicle, comments, _, _ = proposal(throttle=100 * SPEED)
-    assert vehicle.columns["port_rpm"] == Column("throttle", pytest.approx(1500 / (100 * SPEED.max())), 0.0)
+    assert vehicle.columns["port_rpm"] == Column(
+        "throttle", pytest.approx(1500 / (100 * SPEED.max())), 0.0
+    )
     assert "stands in" in comments["channels.port_rpm.column"]
     vehicle, _, _, left = proposal(throttle=100 * SPEED, rpm=RPM)
     assert vehicle.columns["port_rpm"].name == "rpm"
@@ -204,5 +206,7 @@ def test_pulse_widths_are_at_rest_where_they_are_least():
 
 
 def test_log_of_something_else_is_refused():
-    with pytest.raises(InputError, match="got 't, depth'; allowed is one with a column for at least one of speed"):
+    with pytest.raises(
+        InputError, match="got 't, depth'; allowed is one with a column for at least one of speed"
+    ):
         propose(Table({"t": TIME, "depth": TIME}, ()), "otter")
