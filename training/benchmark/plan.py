@@ -8,9 +8,9 @@ from typing import NamedTuple
 from auv_fault_env.errors import refusal
 from training.benchmark.suites import Conditions, Episode, Suite
 from training.benchmark.trials import AT_ONCE, COUNTING, FAULTY, PARTS, THRESHOLD, Entrant, Trial
-from training.stimuli import STIMULI, Stimulus
+from training.stimuli import Stimulus
 
-APART = 100_000  # healthy lanes, from one stimulus to the next: each has vehicles of its own
+SEED_BLOCK = 100_000  # seeds of healthy lanes that each stimulus has for itself
 MOST_HOURS = 1000.0  # of healthy operation, for which the seeds between two stimuli are enough
 
 
@@ -49,7 +49,7 @@ class Plan(NamedTuple):
 
     def seeds(self, part: str, stimulus: Stimulus) -> range:
         """Seeds of the healthy lanes of a part under a stimulus."""
-        first = self.suite.healthy[part] + APART * list(STIMULI).index(stimulus.name)
+        first = self.suite.healthy[part] + SEED_BLOCK * stimulus.seed_block
         seconds = 3600.0 * self.hours[part] / len(self.stimuli)
         return range(first, first + math.ceil(seconds / self.conditions(part).duration))
 

@@ -9,7 +9,6 @@ from training.stimuli.triggered import TriggeredDOptimal, TriggeredPrbs, Trigger
 
 __all__ = ["BUDGET", "EPISODE", "STIMULI", "Cruise", "Stimulus", "Thesis"]
 
-# Benchmarks count the seeds of healthy lanes from a stimulus' place: new ones come last.
 STIMULI: dict[str, type[Stimulus]] = {
     "cruise": Cruise,
     "thesis": Thesis,

@@ -32,11 +32,15 @@ class Stimulus(ABC):
 
     Attributes
     ----------
+    seed_block
+        Number of the block of seeds that healthy lanes of a benchmark have under this stimulus;
+        each stimulus has one of its own.
     budget
         Greatest root mean square of the offsets of a lane over an episode of `EPISODE` [m/s].
     """
 
     name: ClassVar[str]
+    seed_block: ClassVar[int]
     budget: float = BUDGET
 
     def __post_init__(self):

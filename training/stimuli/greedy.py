@@ -87,6 +87,7 @@ class Greedy(ClosedLoop):
     """
 
     name = "greedy"
+    seed_block = 8
 
     def begun(self, n_lanes: int) -> Plan:
         """No speed yet, no offset."""

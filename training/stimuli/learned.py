@@ -42,6 +42,7 @@ class Learned(ClosedLoop):
     """
 
     name = "learned"
+    seed_block = 10
     seed: ClassVar[int] = 0  # of the training
     every: ClassVar[int] = 1  # samples for which an action is held
 
@@ -91,6 +92,7 @@ class Learned1(Learned):
     """The same from another seed of the training: how much of what is learnt is luck."""
 
     name = "learned_1"
+    seed_block = 11
     seed = 1
 
 
@@ -98,6 +100,7 @@ class Learned2(Learned):
     """As `Learned1`."""
 
     name = "learned_2"
+    seed_block = 12
     seed = 2
 
 
@@ -105,6 +108,7 @@ class Learned3(Learned):
     """As `Learned1`."""
 
     name = "learned_3"
+    seed_block = 13
     seed = 3
 
 
@@ -112,6 +116,7 @@ class Learned4(Learned):
     """As `Learned1`."""
 
     name = "learned_4"
+    seed_block = 14
     seed = 4
 
 
@@ -119,4 +124,5 @@ class LearnedHeld(Learned):
     """`Learned` with a decision per second, as in its training: what it brings to be asked more often."""
 
     name = "learned_held"
+    seed_block = 15
     every = round(SAMPLE_RATE)

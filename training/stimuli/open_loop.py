@@ -16,6 +16,7 @@ class Cruise(Stimulus):
     """No stimulus: what any other is measured against. At constant speed some faults look alike."""
 
     name = "cruise"
+    seed_block = 0
 
     def offset(self, sample: int, observation: np.ndarray, belief: Belief) -> np.ndarray:
         """Nothing."""
@@ -47,6 +48,7 @@ class Thesis(OpenLoop):
     """
 
     name = "thesis"
+    seed_block = 1
     wave = staticmethod(square)
 
 
@@ -54,6 +56,7 @@ class Prbs(OpenLoop):
     """A pseudo-random binary sequence: all frequencies up to a quarter of a hertz, never off duty."""
 
     name = "prbs"
+    seed_block = 2
     wave = staticmethod(prbs)
 
 
@@ -61,6 +64,7 @@ class Multisine(OpenLoop):
     """Eight harmonics of equal size: smoother for the vehicle than steps, and its peaks are 1.7 times the budget."""
 
     name = "multisine"
+    seed_block = 3
     wave = staticmethod(multisine)
 
 
@@ -72,4 +76,5 @@ class DOptimal(OpenLoop):
     """
 
     name = "d_optimal"
+    seed_block = 4
     wave = staticmethod(partial(d_optimal, EPISODE))

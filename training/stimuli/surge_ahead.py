@@ -50,6 +50,7 @@ class TriggeredSurge(ClosedLoop):
     """
 
     name = "triggered_surge"
+    seed_block = 9
 
     def begun(self, n_lanes: int) -> None:
         """It remembers nothing."""

@@ -62,6 +62,7 @@ class TriggeredThesis(Triggered):
     """The thesis' square wave once a fault is suspected, slower first."""
 
     name = "triggered_thesis"
+    seed_block = 5
     wave = staticmethod(square)
 
 
@@ -69,6 +70,7 @@ class TriggeredPrbs(Triggered):
     """The pseudo-random binary sequence once a fault is suspected."""
 
     name = "triggered_prbs"
+    seed_block = 6
     wave = staticmethod(prbs)
 
 
@@ -76,4 +78,5 @@ class TriggeredDOptimal(Triggered):
     """Once a fault is suspected, the profile that tells most of drag and thrust within a spell."""
 
     name = "triggered_d_optimal"
+    seed_block = 7
     wave = staticmethod(partial(d_optimal, SPELL))

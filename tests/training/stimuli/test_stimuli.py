@@ -254,3 +254,10 @@ def test_greedy_holds_an_offset_for_a_second():
     assert first != 0.0
     np.testing.assert_array_equal(found[:20], np.repeat([first, 0.0], 10))
     assert found[20] != 0.0
+
+
+def test_every_stimulus_has_a_block_of_seeds_of_its_own():
+    blocks = [stimulus.seed_block for stimulus in STIMULI.values()]
+    assert len(set(blocks)) == len(blocks) and min(blocks) >= 0
+    # frozen: results that are published rest on these vehicles
+    assert blocks == list(range(len(blocks)))
