@@ -1,15 +1,13 @@
 """What it saves to follow the advice of `diagnosers.advisory`: ``python -m training.studies.advisory``."""
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 
-from auv_fault_env.errors import InputError, finite_in_range, whole_number
+from auv_fault_env.errors import finite_in_range, whole_number
 from auv_fault_env.faults import CATALOGUE, classes
 from auv_fault_env.parameters import PRESETS
 from auv_fault_env.schedules import Schedule
@@ -17,8 +15,6 @@ from diagnosers import make
 from diagnosers.advisory import SENSOR, Situation, advise
 from training.benchmark.validation import FAULTS
 from training.metrics.intervals import interval, paired_bootstrap
-from training.report.page import print_tables, write_report
-from training.report.run_folder import run_folder, write_json
 from training.seeds import seeds
 from training.studies.advisory_page import page
 from training.studies.mission_runs import (
@@ -34,6 +30,7 @@ from training.studies.mission_runs import (
     normal,
     sail,
 )
+from training.studies.run import command_line, run_study
 
 VEHICLE = PRESETS["thesis1992"]  # the diagnosers' own
 FIRST_SEED = 900_000_000  # within those of tests
@@ -69,14 +66,13 @@ def main(arguments: AdvisoryStudy) -> None:
     finite_in_range("hotel load", arguments.hotel_load, 0.5, 1000.0)
     finite_in_range("seed", arguments.seed, 0, 10_000_000)
     diagnoser = make(arguments.diagnoser)
-    with run_folder(arguments.output, "advisory-study", arguments) as folder:
+
+    def study(_folder: Path) -> dict[str, Any]:
         plan = planned(arguments)
-        results = study(arguments, plan, {arm: sail(plan, VEHICLE, arm, diagnoser) for arm in ARMS})
-        report = page(results)
-        write_json(folder / "results.json", results)
-        write_report(report, folder)
-    print_tables(report["sections"])
-    print(f"\nreport: {arguments.output / 'index.html'}")
+        runs = {arm: sail(plan, VEHICLE, arm, diagnoser) for arm in ARMS}
+        return summary(arguments, plan, runs)
+
+    run_study("advisory-study", arguments, study, page)
 
 
 def planned(arguments: AdvisoryStudy) -> Plan:
@@ -105,7 +101,7 @@ def drawn(part: str, chosen: Sequence[int]) -> list[Schedule]:
     return [sampler.sample(seed) for seed in chosen]
 
 
-def study(arguments: AdvisoryStudy, plan: Plan, sailed: Mapping[str, Voyages]) -> dict[str, Any]:
+def summary(arguments: AdvisoryStudy, plan: Plan, sailed: Mapping[str, Voyages]) -> dict[str, Any]:
     """All results as plain data."""
     given = ("missions", "diagnoser", "hotel_load", "seed")
     options = (f"--{name.replace('_', '-')} {getattr(arguments, name)}" for name in given)
@@ -198,8 +194,4 @@ def difference(
 
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(AdvisoryStudy))
-    except InputError as error:
-        print(f"advisory_study: {error}", file=sys.stderr)
-        sys.exit(2)
+    command_line(main)

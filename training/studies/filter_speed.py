@@ -24,6 +24,7 @@ from diagnosers.bank.sensors import N_READINGS, look, seen_by
 from diagnosers.filter_bank import Constants, FilterBank
 from diagnosers.kalman import BETWEEN_STD
 from training.rollouts import roll_out
+from training.studies.run import command_line
 
 N_LANES = 4096
 CHANNEL_OF_RPM = (8, 11)
@@ -231,4 +232,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    command_line(main)

@@ -12,7 +12,6 @@ from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
-import tyro
 from numba import njit
 from scipy.integrate import solve_ivp
 from tqdm import tqdm
@@ -22,6 +21,7 @@ from auv_fault_env.compiling import OPTIONS, scalar
 from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import PARAMETERS, PRESETS, SAMPLE_TIME, SIDES, Vehicle, nominal
 from auv_fault_env.physics import Constants, Motion, Motor, Shaft
+from training.studies.run import command_line
 
 PLANT_FAULTS = [
     name for name, fault in CATALOGUE.items() if not fault.component.startswith("sensor")
@@ -321,4 +321,4 @@ def main(args: Args) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Args))
+    command_line(main)

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 from tqdm import tqdm
 
 from auv_fault_env.channels import CHANNELS, READINGS
@@ -18,11 +17,10 @@ from training.bounds import active_ceiling, cramer_rao
 from training.bounds.delays import late_rate
 from training.bounds.information import Lanes, run, untold
 from training.bounds.structural_isolability import isolable
-from training.report.page import print_tables, write_report
-from training.report.run_folder import run_folder, write_json
 from training.seeds import seeds
 from training.stimuli import Cruise
 from training.studies.isolability_page import page
+from training.studies.run import command_line, run_study
 
 SEVERITY = 0.6
 ONSET = 5.0
@@ -51,12 +49,11 @@ def main(arguments: Isolability) -> None:
     """Measure, and write report, figures and results."""
     finite_in_range("vehicles", arguments.vehicles, 1, 10_000)
     finite_in_range("seed", arguments.seed, 0, 50_000_000)
-    with run_folder(arguments.output, "isolability", arguments) as folder:
-        results = isolability(arguments.vehicles, arguments.seed)
-        write_json(folder / "results.json", results)
-        write_report(results, folder)
-    print_tables(results["sections"])
-    print(f"\nreport: {arguments.output / 'index.html'}")
+
+    def study(_folder: Path) -> dict[str, Any]:
+        return isolability(arguments.vehicles, arguments.seed)
+
+    run_study("isolability", arguments, study)
 
 
 def isolability(vehicles: int, seed: int) -> dict[str, Any]:
@@ -140,4 +137,4 @@ def _plain(matrix: np.ndarray) -> list[list[float]]:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Isolability))
+    command_line(main)

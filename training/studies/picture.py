@@ -1,19 +1,21 @@
 """The picture of the README: ``python -m training.studies.picture docs/propulsion.png``. A propeller is lost."""
 
-import sys
 from pathlib import Path
+from typing import Annotated
 
 import gymnasium as gym
 import matplotlib.image
+from tyro.conf import Positional, arg
 
 import auv_fault_env  # noqa: F401  (registers the environment)
+from training.studies.run import command_line
 
 SEED = 3
 SECONDS = 34.0
 FAULT = {"fault": "propeller_loss:port", "onset": 12.0, "severity": 1.0}
 
 
-def main(path: Path) -> None:
+def main(path: Annotated[Positional[Path], arg(metavar="PATH")]) -> None:
     """Run one episode up to `SECONDS` and write the last frame."""
     env = gym.make("auv_fault_env/Propulsion-v0", render_mode="rgb_array")
     observation, _ = env.reset(seed=SEED, options={"schedule": [FAULT], "mission": "thesis"})
@@ -25,4 +27,4 @@ def main(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    command_line(main)

@@ -26,7 +26,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import tyro
 from joblib import Parallel, delayed
 from tqdm import tqdm
 from tyro.conf import Positional, arg
@@ -34,16 +33,15 @@ from tyro.conf import Positional, arg
 from auv_fault_env.errors import finite_in_range, known_name, refusal, whole_number
 from training.benchmark.scores import RANKED_AT
 from training.bounds import active_ceiling
-from training.report.page import print_tables, write_report
 from training.report.run_folder import (
     earlier_run,
     free_place,
-    run_folder,
     write_json,
     write_manifest,
 )
 from training.stimuli import STIMULI
 from training.studies import stimulus_behaviour
+from training.studies.run import command_line, run_study
 from training.studies.stimuli_page import page
 from training.studies.stimulus_behaviour import behaviour
 from training.studies.stimulus_comparisons import LEARNED, REFERENCES, compared, costs, rivals
@@ -91,16 +89,13 @@ def main(arguments: StimulusStudy) -> None:
         output.mkdir(parents=True, exist_ok=True)
         write_manifest(output, NAME, arguments)
     found = ceilings(output / CEILINGS, list(benchmarks), workers, arguments.seed)
-    with run_folder(output, NAME, arguments, keeps=[CEILINGS]) as folder:
-        results = study(benchmarks, found, workers, arguments.seed)
+
+    def study(_folder: Path) -> dict[str, Any]:
+        results = comparison(benchmarks, found, workers, arguments.seed)
         words = ["python", "-m", "training.studies.stimuli", *map(str, arguments.results)]
-        results["command"] = shlex.join([*words, "--seed", str(arguments.seed)])
-        write_json(folder / "results.json", results)
-        report = page(results)
-        write_report(report, folder)
-    # what was compared, the targets, the cross-plays
-    print_tables(report["sections"][: 2 + len(benchmarks)])
-    print(f"\nreport: {arguments.output / 'index.html'}")
+        return results | {"command": shlex.join([*words, "--seed", str(arguments.seed)])}
+
+    run_study(NAME, arguments, study, page, files_to_keep=[CEILINGS])
 
 
 def read_all(paths: Sequence[Path]) -> dict[float, dict[str, Any]]:
@@ -154,7 +149,7 @@ def read(path: Path) -> tuple[float, dict[str, Any]]:
     return next(iter(budgets.values())), results
 
 
-def study(
+def comparison(
     benchmarks: Mapping[float, Mapping[str, Any]], found: Mapping[str, Any], workers: int, seed: int
 ) -> dict[str, Any]:
     """All results, from those of benchmarks by budget, and the ceilings found."""
@@ -229,4 +224,4 @@ def _known(path: Path, settings: Mapping[str, Any]) -> dict[str, dict[str, Any]]
 
 
 if __name__ == "__main__":
-    main(tyro.cli(StimulusStudy))
+    command_line(main)

@@ -23,6 +23,8 @@ def page(results: Results) -> dict[str, Any]:
         compared(results),
         targets(results),
         *(cross_play(results, budget) for budget in budgets),
+    ]
+    details = [
         *(
             table(results, budget, diagnoser, subset)
             for budget in budgets
@@ -41,7 +43,7 @@ def page(results: Results) -> dict[str, Any]:
         "title": "What the stimuli bring",
         "intro": intro(results),
         "command": results["command"],
-        "sections": sections,
+        "sections": [*sections, *(section | {"printed": False} for section in details)],
     }
 
 

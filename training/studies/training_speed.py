@@ -15,6 +15,7 @@ from training.learning import stimulus
 from training.learning.agent import Agent
 from training.learning.stimulus import SETTINGS, StimulusTrainer
 from training.stimuli.light_bank import lighter_bank
+from training.studies.run import command_line
 
 PROCESSES = 2
 STEPS = 128  # decisions of each single environment between two updates
@@ -61,4 +62,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    command_line(main)

@@ -1,0 +1,75 @@
+"""The frame of every study: its command line, and its run folder with results and page."""
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+import tyro
+
+from auv_fault_env.errors import InputError
+from training.report.page import print_tables, write_report
+from training.report.run_folder import run_folder, write_json
+
+Report = Mapping[str, Any]
+
+
+def command_line(main: Callable[..., None]) -> NoReturn:
+    """Run a study with the arguments of the process, and exit as ``auv-fault`` does.
+
+    The exit code is 0 on success, 2 on bad input with one line on the error stream, and 130 after
+    an interrupt.
+
+    Parameters
+    ----------
+    main
+        Takes one dataclass of options, or plain options, or nothing.
+    """
+    program = f"python -m training.studies.{Path(sys.argv[0]).stem}"
+    try:
+        tyro.cli(main, prog=program, config=(tyro.conf.OmitArgPrefixes,))
+    except InputError as error:
+        print(f"{program}: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print(f"{program}: stopped", file=sys.stderr)
+        sys.exit(130)
+    sys.exit(0)
+
+
+def run_study(
+    name: str,
+    arguments: Any,
+    study: Callable[[Path], dict[str, Any]],
+    page: Callable[[dict[str, Any]], Report] | None = None,
+    files_to_keep: Sequence[str] = (),
+) -> Report:
+    """Run a study in its run folder, write results and page there, and print the tables.
+
+    Parameters
+    ----------
+    name
+        Name of the study in the manifest.
+    arguments
+        Dataclass of its options; `output` is the run folder.
+    study
+        Computes the results, plain data, from the folder into which it may write files.
+    page
+        Makes the page from the results; without it the results hold the page's sections. The table
+        of a section with ``printed=False`` is on the page only.
+    files_to_keep
+        Files of an earlier run at `output` that remain.
+
+    Returns
+    -------
+    report
+        Title, introduction and sections of the page.
+    """
+    with run_folder(arguments.output, name, arguments, keeps=files_to_keep) as folder:
+        results = study(folder)
+        write_json(folder / "results.json", results)
+        report = page(results) if page else results
+        write_report(report, folder)
+    print_tables(section for section in report["sections"] if section.get("printed", True))
+    print(f"\nreport: {arguments.output / 'index.html'}")
+    return report
