@@ -25,7 +25,7 @@ from auv_fault_env.channels import MAXIMUM_COMMAND
 from auv_fault_env.errors import refusal
 from auv_fault_env.faults import classes
 from auv_fault_env.parameters import Vehicle
-from diagnosers.capability import capability, drawn
+from diagnosers.capability import capability, sample_parameters
 from diagnosers.diagnoser import Belief
 
 ACTIONS = ("continue", "derate", "return", "abort")
@@ -42,12 +42,12 @@ NAMED = 0.5  # probability from which a reading is named as false
 # of the stall current: what brushed motors of this size stand for long; an estimate, no source
 # gives it
 RATED = 0.2
-HOLD = 5  # advices in a row that must agree to change the action
+N_AGREEING = 5  # advices in a row that must agree to change the action
 LEAST_POWER = 1e-9  # W, against division by zero
 STEPS = np.arange(1, 21) / 10  # speeds that are weighed, of the mission's
 MISSION = 9  # the step that is the mission's own speed
-SENSOR = "sensor:"
-SPEED = SENSOR + "speed"
+SENSOR_PREFIX = "sensor:"
+SPEED_SENSOR = SENSOR_PREFIX + "speed"
 
 
 class Situation(NamedTuple):
@@ -85,11 +85,11 @@ LIMITS = {
 }
 
 
-class Spread(NamedTuple):
+class Quantiles(NamedTuple):
     """Median and 95 % interval over what is possible, (n_lanes,) each."""
 
     low: np.ndarray
-    middle: np.ndarray
+    median: np.ndarray
     high: np.ndarray
 
 
@@ -117,20 +117,20 @@ class Advice(NamedTuple):
     range_home
         The range on the way home, at the best speed for that [m].
     proposals
-        Levels of the last `HOLD` judgements, (n_lanes, HOLD), the newest last.
+        Levels of the last `N_AGREEING` judgements, (n_lanes, N_AGREEING), the newest last.
     """
 
     level: np.ndarray
     why: tuple[str, ...]
     speed: np.ndarray
     distrusted: np.ndarray
-    reachable_speed: Spread
-    energy_per_metre: Spread
-    range: Spread
+    reachable_speed: Quantiles
+    energy_per_metre: Quantiles
+    range: Quantiles
     best_speed: np.ndarray
-    best_energy_per_metre: Spread
-    best_range: Spread
-    range_home: Spread
+    best_energy_per_metre: Quantiles
+    best_range: Quantiles
+    range_home: Quantiles
     proposals: np.ndarray
 
     @property
@@ -161,7 +161,7 @@ def advise(
         propulsion.
     before
         The last advice, about a second ago. With it the action does not flicker: it moves only as
-        far as each of the last `HOLD` judgements would have it.
+        far as each of the last `N_AGREEING` judgements would have it.
 
     Misleads where the diagnoser does: a fault that is none of the catalogue, or two at once, and
     the ranges are those of another vehicle. It knows nothing of obstacles, tides to come and the
@@ -171,7 +171,7 @@ def advise(
         raise refusal("shafts", shafts, "1 or 2", "say how many the vehicle has")
     view = _view(belief, checked(situation, len(belief.log_probability)), vehicle, shafts)
     level = _judged(view)
-    proposals = np.repeat(level[:, None], HOLD, axis=1)
+    proposals = np.repeat(level[:, None], N_AGREEING, axis=1)
     if before is not None:
         proposals[:, :-1] = before.proposals[:, 1:]
         level = np.clip(before.level, proposals.min(axis=1), proposals.max(axis=1))
@@ -202,7 +202,7 @@ def checked(situation: Situation, n_lanes: int) -> Situation:
     return Situation(**values)
 
 
-class View(NamedTuple):
+class Assessment(NamedTuple):
     """What an advice is made from.
 
     situation; speeds (n_lanes, n_speeds) [m/s]; reachable_speed; lost (n_lanes,), whether to fear
@@ -215,7 +215,7 @@ class View(NamedTuple):
 
     situation: Situation
     speeds: np.ndarray
-    reachable_speed: Spread
+    reachable_speed: Quantiles
     lost: np.ndarray
     cool: np.ndarray
     onward: np.ndarray
@@ -233,9 +233,9 @@ class View(NamedTuple):
         return (self.to_go >= MARGIN * self.situation.distance_to_go[:, None])[:, : MISSION + 1]
 
 
-def _view(belief: Belief, situation: Situation, vehicle: Vehicle, shafts: int) -> View:
+def _view(belief: Belief, situation: Situation, vehicle: Vehicle, shafts: int) -> Assessment:
     speeds = np.minimum(situation.speed[:, None] * STEPS, MAXIMUM_COMMAND)
-    able = capability(drawn(belief, vehicle, shafts), speeds, vehicle)
+    able = capability(sample_parameters(belief, vehicle, shafts), speeds, vehicle)
     lost = (able.reachable_speed < np.abs(situation.current)[:, None] + STEERAGE).mean(
         axis=1
     ) > LOST
@@ -249,7 +249,7 @@ def _view(belief: Belief, situation: Situation, vehicle: Vehicle, shafts: int) -
         for by_energy in (onward[SURE], homeward[PROBABLE])
     )
     reachable = _spread(np.quantile(able.reachable_speed, QUANTILES, axis=1))
-    return View(
+    return Assessment(
         situation, speeds, reachable, lost, cool, onward, homeward, to_go, home, *_suspect(belief)
     )
 
@@ -264,32 +264,32 @@ def _metres_per_joule(
 
 
 def _suspect(belief: Belief) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The last four of a `View`."""
+    """The last four of a `Assessment`."""
     suspect = 1 + belief.log_probability[:, 1:].argmax(axis=1)
     lanes = np.arange(suspect.size)
     probability = np.exp(belief.log_probability[lanes, suspect])
-    sensors = np.array([name if name.startswith(SENSOR) else "" for name in classes()])
+    sensors = np.array([name if name.startswith(SENSOR_PREFIX) else "" for name in classes()])
     distrusted = np.where(probability >= NAMED, sensors[suspect], "")
     return suspect, probability, belief.severity_mean[lanes, suspect], distrusted
 
 
-def _judged(view: View) -> np.ndarray:
+def _judged(view: Assessment) -> np.ndarray:
     """The level of each lane by the rules alone, (n_lanes,)."""
     fits_home = (view.home >= MARGIN * view.situation.distance_home[:, None]).any(axis=1)
-    at_speed = view.fits[:, MISSION] & (view.distrusted != SPEED)
+    at_speed = view.fits[:, MISSION] & (view.distrusted != SPEED_SENSOR)
     rules = {ABORT: view.lost, CONTINUE: at_speed, DERATE: view.fits.any(axis=1), RETURN: fits_home}
     return np.select(list(rules.values()), list(rules), ABORT)
 
 
-def _derated(view: View) -> np.ndarray:
+def _derated(view: Assessment) -> np.ndarray:
     """The step of the speed to derate to: the fastest that will do, or the cheapest where the speed is uncertain."""
     slower = view.fits[:, :MISSION]
     fastest = MISSION - 1 - slower[:, ::-1].argmax(axis=1)
     cheapest = view.to_go[:, : MISSION + 1].argmax(axis=1)
-    return np.where(slower.any(axis=1) & (view.distrusted != SPEED), fastest, cheapest)
+    return np.where(slower.any(axis=1) & (view.distrusted != SPEED_SENSOR), fastest, cheapest)
 
 
-def _advice(view: View, level: np.ndarray, proposals: np.ndarray) -> Advice:
+def _advice(view: Assessment, level: np.ndarray, proposals: np.ndarray) -> Advice:
     lanes = np.arange(level.size)
     energy = view.situation.energy_left
     best = view.to_go.argmax(axis=1)
@@ -313,16 +313,16 @@ def _advice(view: View, level: np.ndarray, proposals: np.ndarray) -> Advice:
     )
 
 
-def _spread(quantiles: np.ndarray) -> Spread:
-    return Spread(*quantiles[:PROBABLE])
+def _spread(quantiles: np.ndarray) -> Quantiles:
+    return Quantiles(*quantiles[:PROBABLE])
 
 
-def _per_metre(by_energy: np.ndarray) -> Spread:
+def _per_metre(by_energy: np.ndarray) -> Quantiles:
     with np.errstate(divide="ignore"):  # where no way is made
-        return Spread(*(1.0 / by_energy[HIGH::-1]))
+        return Quantiles(*(1.0 / by_energy[HIGH::-1]))
 
 
-def _why(view: View, lane: int, level: int, step: int) -> str:
+def _why(view: Assessment, lane: int, level: int, step: int) -> str:
     """The figures that speak for the action, and what else a planner should know of this lane."""
     so = Situation(*(value[lane] for value in view.situation))
     to_go = view.to_go[lane]
@@ -349,11 +349,11 @@ def _why(view: View, lane: int, level: int, step: int) -> str:
     return "; ".join(reasons)
 
 
-def _named(view: View, lane: int) -> str:
+def _named(view: Assessment, lane: int) -> str:
     name = classes()[view.suspect[lane]]
     likely = f"{name} is likely ({100 * view.probability[lane]:.0f} %"
-    if name == SPEED:
+    if name == SPEED_SENSOR:
         return f"{likely}): that reading misleads, and at the cheapest speed its error costs least"
-    if name.startswith(SENSOR):
+    if name.startswith(SENSOR_PREFIX):
         return f"{likely}): do not use that reading"
     return f"{likely}, severity {view.severity[lane]:.2f})"

@@ -118,7 +118,7 @@ def capability(parameters: np.ndarray, speeds: np.ndarray, vehicle: Vehicle) -> 
     Parameters
     ----------
     parameters
-        Of the possible vehicles of each lane, (n_lanes, n_draws, PLANT), as `drawn` gives them.
+        Of the possible vehicles of each lane, (n_lanes, n_draws, PLANT), as `sample_parameters` gives them.
     speeds
         Speeds (n_lanes, n_speeds).
     vehicle
@@ -136,7 +136,7 @@ def capability(parameters: np.ndarray, speeds: np.ndarray, vehicle: Vehicle) -> 
     return able
 
 
-def drawn(belief: Belief, vehicle: Vehicle, shafts: int = 2) -> np.ndarray:
+def sample_parameters(belief: Belief, vehicle: Vehicle, shafts: int = 2) -> np.ndarray:
     """Plant parameters of the possible vehicles of each lane, (n_lanes, n_draws, PLANT), all equally likely.
 
     Class and severity are drawn from the belief (severity as a normal distribution within 0 and 1),

@@ -28,7 +28,7 @@ from auv_fault_env.parameters import (
 )
 from auv_fault_env.physics import Constants as Plant
 from diagnosers.bank.algebra import N_PACKED, N_STATES, SEVERITY, SPREAD, entry
-from diagnosers.bank.hypotheses import OWN, SURGE, Table, table
+from diagnosers.bank.hypotheses import OWN, SURGE, HypothesisTable, hypothesis_table
 from diagnosers.bank.kernel import BankState, step_lanes
 from diagnosers.bank.motor import DEVIATIONS
 from diagnosers.bank.pack import pack_size, workspace
@@ -41,7 +41,7 @@ PARALLEL_LANES = 64  # below, waking the threads costs more than they save
 LEAST_SEVERITY = 0.1
 
 
-class Constants(NamedTuple):
+class BankConstants(NamedTuple):
     """What the compiled code gets of a bank besides its table; sensors (8, 4): full scale, noise and resolution."""
 
     water: Plant
@@ -155,7 +155,7 @@ class FilterBank(Recursive):
         return np.array(list((nominal(vehicle) | thrust | noise).values()))
 
     @cached_property
-    def constants(self) -> Constants:
+    def constants(self) -> BankConstants:
         """What the compiled code gets: water, noise and disturbance of the nominal vehicle."""
         vehicle = vehicle_of(self.vehicle)
         water = Plant(*(getattr(vehicle, name) for name in Plant._fields[:-1]), ENERGY_WEIGHT)
@@ -167,7 +167,7 @@ class FilterBank(Recursive):
         ]
         sensors = np.hstack([scales, fine])
         walk = SAMPLE_TIME * self.walk_std**2
-        return Constants(
+        return BankConstants(
             water, opening_share(vehicle), vehicle.disturbance_std**2, memory, walk, sensors
         )
 
@@ -204,7 +204,7 @@ class FilterBank(Recursive):
         )
         return BankState(log_weight, severity, filters, *unknown, healthy, prior, np.zeros(n_lanes))
 
-    def at_onset(self, state: BankState, lanes: np.ndarray) -> BankState:
+    def state_at_onset(self, state: BankState, lanes: np.ndarray) -> BankState:
         """The state if on these lanes (indices) a fault began with the next sample, or none did, all classes as likely.
 
         Every fault's filters go on from those of the normal vehicle, with the severities of the
@@ -248,13 +248,13 @@ class FilterBank(Recursive):
             thrust,
         ]
 
-    def hypotheses(self, n_grades: int | None = None) -> Table:
+    def hypotheses(self, n_grades: int | None = None) -> HypothesisTable:
         """The hypotheses of the catalogue as it is; made anew when it has changed."""
         n_grades = len(self.grades) if n_grades is None else n_grades
         key = n_grades, *CATALOGUE.values()
         if self.__dict__.get("_tables", (None,))[0] != key:
             faults = tuple(CATALOGUE) if self.faults is None else self.faults
-            self.__dict__["_tables"] = key, table(n_grades, self.hazard, faults)
+            self.__dict__["_tables"] = key, hypothesis_table(n_grades, self.hazard, faults)
         return self.__dict__["_tables"][1]
 
     def step(self, state: BankState, observation: np.ndarray) -> tuple[BankState, Belief]:

@@ -59,7 +59,7 @@ class Estimate(NamedTuple):
     memory: np.ndarray
 
 
-class Constants(NamedTuple):
+class FilterConstants(NamedTuple):
     """What the compiled code gets of a configuration: SI units and rpm, variances per sample, ``walk`` relative."""
 
     step: float
@@ -296,7 +296,7 @@ class _Filter:
                 finite_in_range(f"{name} of {parameter}", value, low, 100.0)
 
     @cached_property
-    def constants(self) -> Constants:
+    def constants(self) -> FilterConstants:
         """What the compiled code gets: the nominal vehicle, noise variances, random walk and its ceiling."""
         vehicle = self.vehicle
         noise = max(self.sensor_noise, NOISE_FLOOR)
@@ -308,7 +308,7 @@ class _Filter:
         walk = tuple(SAMPLE_TIME * std**2 for std in self.walk_std)
         ceiling = tuple(std**2 for std in self.prior_std)
         model = (SAMPLE_TIME, opening_share(vehicle), vehicle.alpha, vehicle.beta, vehicle.gamma)
-        return Constants(*model, *variances, disturbance**2, memory, walk, ceiling)
+        return FilterConstants(*model, *variances, disturbance**2, memory, walk, ceiling)
 
     def initial(self, n_lanes: int) -> Estimate:
         """Start n_lanes lanes before any observation: nominal parameters with ``prior_std``, speed unknown."""

@@ -25,7 +25,7 @@ class Oracle(FilterBank):
 
     name = "oracle"
 
-    def tell(self, healthy: np.ndarray, severity: np.ndarray | None = None) -> None:
+    def set_truth(self, healthy: np.ndarray, severity: np.ndarray | None = None) -> None:
         """Tell the truth of every lane after a `reset`, whose state it replaces; the next reset forgets it.
 
         Parameters
@@ -37,7 +37,10 @@ class Oracle(FilterBank):
         """
         if "_state" not in self.__dict__:
             raise refusal(
-                "tell", "no reset before", "a tell after a reset", "call reset(n_lanes) first"
+                "set_truth",
+                "no reset before",
+                "set_truth after a reset",
+                "call reset(n_lanes) first",
             )
         state, held = self.__dict__["_state"]
         healthy = _checked("healthy parameters", healthy, (len(held), len(PARAMETERS)))

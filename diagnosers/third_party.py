@@ -12,7 +12,7 @@ An installed package that declares an entry point in its pyproject.toml; it then
 
 A file that imports its neighbours needs their folder in PYTHONPATH. A benchmark that is run again takes over what the
 same file has given before: give it another --output after a change in what the file imports or reads. The class needs
-no arguments. One with a method `tell` is told the truth about the vehicles, as the oracle is, and is not ranked. It is
+no arguments. One with a method `set_truth` receives the truth about the vehicles, as the oracle does, and is not ranked. It is
 a `Diagnoser`, most easily a subclass of `Recursive`::
 
     class MyDiagnoser(Recursive):

@@ -40,7 +40,7 @@ SEEN: dict[int, tuple[str, ...]] = {
 N_ROWS = max(map(len, OWN.values()))
 
 
-class Table(NamedTuple):
+class HypothesisTable(NamedTuple):
     """The hypotheses as the kernel reads them.
 
     Hypothesis 0 is the normal vehicle, as is the first filter of each subsystem.
@@ -80,7 +80,7 @@ def _touched(faults: Sequence[str], names: tuple[str, ...]) -> np.ndarray:
     return np.array([not parameters.isdisjoint(names) for parameters in changed])
 
 
-def table(n_grades: int, hazard: float, faults: Sequence[str]) -> Table:
+def hypothesis_table(n_grades: int, hazard: float, faults: Sequence[str]) -> HypothesisTable:
     """The hypotheses of these faults, ``1 + n_faults * n_grades``; hazard is that of all of them per sample."""
     order = list(PARAMETERS)
     diagnoses = [CATALOGUE[name].diagnosis for name in faults]
@@ -117,7 +117,7 @@ def table(n_grades: int, hazard: float, faults: Sequence[str]) -> Table:
         hypothesis.append(owners)
         first.append(first[-1] + owners.size)
     names = list(classes())
-    return Table(
+    return HypothesisTable(
         _log_hazard(diagnoses, n_grades, hazard),
         np.concatenate([[0], np.array([names.index(name) for name in diagnoses])[fault]]),
         np.concatenate([[0], np.tile(np.arange(n_grades), len(faults))]),

@@ -14,7 +14,7 @@ import numpy as np
 
 from auv_fault_env.compiling import inlined, scalar
 from diagnosers.bank.algebra import N_PACKED, N_STATES
-from diagnosers.bank.hypotheses import N_ROWS, Table
+from diagnosers.bank.hypotheses import N_ROWS, HypothesisTable
 
 # of a pack, about: enough to hide what starting a loop costs, few enough for the cache
 COLUMNS = 512
@@ -44,7 +44,7 @@ KEPT = threading.local()
 Work = namedtuple("Work", (*PLACES, *EFFECTS, "newcomers"))
 
 
-def workspace(table: Table, n_lanes: int) -> Work:
+def workspace(table: HypothesisTable, n_lanes: int) -> Work:
     """Room for a pack, the thread's own until it asks for another: to make it anew costs more than a single lane."""
     kept = getattr(KEPT, "work", None)
     if kept is None or kept[0] is not table.slope or kept[1] != n_lanes:
@@ -52,7 +52,7 @@ def workspace(table: Table, n_lanes: int) -> Work:
     return kept[2]
 
 
-def new_workspace(table: Table, n_lanes: int) -> Work:
+def new_workspace(table: HypothesisTable, n_lanes: int) -> Work:
     """The table's effects of severity are already there, newcomers are (n_lanes, n_hypotheses), all else is zero."""
     memory = np.zeros((LAST[-1] + len(ROWS) + len(BELIEVED), table.hypothesis.size * n_lanes))
     effects = [np.repeat(getattr(table, name), n_lanes, axis=1) for name in EFFECTS]

@@ -11,7 +11,7 @@ from auv_fault_env.faults import classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import PRESETS
 from diagnosers import Belief
-from diagnosers.advisory import ACTIONS, HOLD, LIMITS, MARGIN, Situation, Spread, advise
+from diagnosers.advisory import ACTIONS, LIMITS, MARGIN, N_AGREEING, Quantiles, Situation, advise
 from diagnosers.capability import PLANT, capability
 
 VEHICLE = PRESETS["thesis1992"]
@@ -59,7 +59,7 @@ def test_a_healthy_vehicle_with_energy_to_spare_continues():
         advice.best_range,
         advice.range_home,
     ):
-        assert isinstance(spread, Spread) and spread.low[0] < spread.middle[0] < spread.high[0]
+        assert isinstance(spread, Quantiles) and spread.low[0] < spread.median[0] < spread.high[0]
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def test_what_to_do_follows_from_the_range(tight, to_go, home, expected):
     situation, at_speed, best, homeward = tight
     share, base = to_go.split(" of the ")
     distance = float(share) * {"range": at_speed, "best": best}[base] / MARGIN
-    back = {"near": homeward.low[0], "far": homeward.middle[0]}[home] / MARGIN
+    back = {"near": homeward.low[0], "far": homeward.median[0]}[home] / MARGIN
     asked = situation._replace(distance_to_go=distance, distance_home=back)
     assert action(belief_of("increased_drag", 1.0), asked) == expected
 
@@ -111,8 +111,8 @@ def test_a_head_current_shortens_the_way_to_go_and_lengthens_the_way_home():
     against, still = (
         advise(belief_of(), EASY._replace(current=current), VEHICLE) for current in (0.2, 0.0)
     )
-    assert against.range.middle[0] == pytest.approx(still.range.middle[0] * 0.6 / 0.8)
-    assert against.range_home.middle[0] > still.range_home.middle[0]
+    assert against.range.median[0] == pytest.approx(still.range.median[0] * 0.6 / 0.8)
+    assert against.range_home.median[0] > still.range_home.median[0]
 
 
 @pytest.mark.parametrize(
@@ -162,12 +162,17 @@ def test_with_memory_the_action_changes_only_when_every_recent_judgement_asks_fo
     seen = []
     advice = None
     for belief in (
-        [fine] + [bad] * (HOLD - 1) + [fine] + [bad] * HOLD + [fine, bad] * 3 + [fine] * HOLD
+        [fine]
+        + [bad] * (N_AGREEING - 1)
+        + [fine]
+        + [bad] * N_AGREEING
+        + [fine, bad] * 3
+        + [fine] * N_AGREEING
     ):
         advice = advise(belief, EASY._replace(speed=0.3), VEHICLE, shafts=1, before=advice)
         seen.append(str(advice.action[0]))
-    quiet = HOLD + HOLD
-    alarmed = 6 + HOLD
+    quiet = N_AGREEING + N_AGREEING
+    alarmed = 6 + N_AGREEING
     assert seen == ["continue"] * quiet + ["abort"] * alarmed + ["continue"]
 
 
@@ -202,7 +207,7 @@ def test_the_interval_holds_the_true_energy_of_healthy_vehicles():
     per_metre = advise(belief_of(), EASY, VEHICLE).energy_per_metre
     truly = (true + EASY.hotel_load) / EASY.speed
     assert 0.90 <= ((truly >= per_metre.low) & (truly <= per_metre.high)).mean() <= 0.99
-    assert np.median(truly) == pytest.approx(per_metre.middle[0], rel=0.005)
+    assert np.median(truly) == pytest.approx(per_metre.median[0], rel=0.005)
 
 
 def test_no_action_is_left_out_of_the_rules():

@@ -13,7 +13,7 @@ from auv_fault_env.parameters import PARAMETERS, PRESETS, SAMPLE_TIME, nominal
 from auv_fault_env.schedules import FaultEvent
 from auv_fault_env.truth import FleetTruth
 from diagnosers import Belief
-from diagnosers.capability import N_DRAWS, PLANT, capability, drawn
+from diagnosers.capability import N_DRAWS, PLANT, capability, sample_parameters
 
 NAMES = list(PARAMETERS)[:PLANT]
 PLANT_FAULTS = [
@@ -85,12 +85,14 @@ def test_a_class_has_its_share_of_the_possible_vehicles(share):
     belief = belief_of(
         {"normal": 1.0 - share + 1e-40, "propeller_loss:starboard": share}, severity=1.0
     )
-    thrust = drawn(belief, VEHICLE)[0, :, NAMES.index("starboard_beta")]
+    thrust = sample_parameters(belief, VEHICLE)[0, :, NAMES.index("starboard_beta")]
     assert (thrust == 0.0).sum() == share * N_DRAWS
 
 
 def test_severity_and_healthy_band_spread():
-    parameters = drawn(belief_of({"increased_drag": 1.0}, severity=0.5, std=0.1), VEHICLE)[0]
+    parameters = sample_parameters(
+        belief_of({"increased_drag": 1.0}, severity=0.5, std=0.1), VEHICLE
+    )[0]
     drag, thrust = (parameters[:, NAMES.index(name)] for name in ("alpha", "port_beta"))
     relative = drag / VEHICLE.alpha
     assert relative.mean() == pytest.approx(1.5, abs=0.01)
@@ -100,7 +102,9 @@ def test_severity_and_healthy_band_spread():
 
 
 def test_severities_beyond_the_end_are_cut():
-    lost = drawn(belief_of({"propeller_loss:port": 1.0}, severity=0.9, std=0.5), VEHICLE)[0]
+    lost = sample_parameters(
+        belief_of({"propeller_loss:port": 1.0}, severity=0.9, std=0.5), VEHICLE
+    )[0]
     assert (lost[:, NAMES.index("port_beta")] >= 0.0).all()
     # of a normal above 1
     assert (lost[:, NAMES.index("port_beta")] == 0.0).mean() == pytest.approx(0.42, abs=0.05)
@@ -109,17 +113,19 @@ def test_severities_beyond_the_end_are_cut():
 @pytest.mark.parametrize("channel", list(CHANNELS)[4:])
 def test_sensor_faults_leave_the_plant_as_it_is(channel):
     failing, healthy = (
-        drawn(belief_of({name: 1.0}, severity=1.0), VEHICLE)
+        sample_parameters(belief_of({name: 1.0}, severity=1.0), VEHICLE)
         for name in (f"sensor:{channel}", "normal")
     )
     np.testing.assert_array_equal(failing, healthy)
 
 
 def test_with_one_shaft_a_fault_of_port_is_one_of_both_sides():
-    lost = drawn(belief_of({"propeller_loss:port": 1.0}, severity=1.0), VEHICLE, shafts=1)[0]
+    lost = sample_parameters(
+        belief_of({"propeller_loss:port": 1.0}, severity=1.0), VEHICLE, shafts=1
+    )[0]
     assert (lost[:, [NAMES.index("port_beta"), NAMES.index("starboard_beta")]] == 0.0).all()
 
 
 def test_a_belief_over_other_classes_is_refused():
     with pytest.raises(InputError, match="classes of the belief: got 3; allowed is 19"):
-        drawn(Belief(*np.zeros((3, 1, 3))), VEHICLE)
+        sample_parameters(Belief(*np.zeros((3, 1, 3))), VEHICLE)

@@ -15,7 +15,7 @@ from auv_fault_env.missions import MISSIONS
 from auv_fault_env.schedules import FaultEvent, ScheduleSampler
 from diagnosers import filter_bank, make
 from diagnosers.bank import algebra, kernel, motor, pack, sensors, surge
-from diagnosers.bank.hypotheses import PORT, STARBOARD, SURGE, table
+from diagnosers.bank.hypotheses import PORT, STARBOARD, SURGE, hypothesis_table
 from diagnosers.filter_bank import FilterBank
 from diagnosers.oracle import Oracle
 from training.rollouts import Rollout, manoeuvres, roll_out
@@ -217,7 +217,7 @@ def test_a_new_catalogue_entry_gets_its_hypotheses(monkeypatch):
 
 
 def test_classes_share_the_hazard_evenly():
-    hypotheses = table(3, 1e-3, list(CATALOGUE))
+    hypotheses = hypothesis_table(3, 1e-3, list(CATALOGUE))
     share = np.bincount(hypotheses.diagnosis, weights=np.exp(hypotheses.log_hazard))
     np.testing.assert_allclose(share[1:], 1e-3 / (len(CLASSES) - 1))
 
@@ -252,7 +252,7 @@ def test_told_is_better_than_untold(fault, severity, told_severity, sample, gain
     rolled = episodes(n_lanes, sample + 1, FaultEvent(fault, 5.0, severity))
     told = Oracle()
     told.reset(n_lanes)
-    told.tell(rolled.healthy, np.full(n_lanes, severity) if told_severity else None)
+    told.set_truth(rolled.healthy, np.full(n_lanes, severity) if told_severity else None)
     told_probability = np.exp(
         [told.update(seen).log_probability for seen in rolled.observations][-1]
     )
@@ -265,12 +265,12 @@ def test_the_oracle_refuses_what_is_no_truth():
     oracle = Oracle()
     healthy = episodes(2, 1).healthy
     with pytest.raises(InputError, match="reset"):
-        oracle.tell(healthy)
+        oracle.set_truth(healthy)
     oracle.reset(2)
     with pytest.raises(InputError, match="shape"):
-        oracle.tell(healthy[:1])
+        oracle.set_truth(healthy[:1])
     with pytest.raises(InputError, match="0 to 1"):
-        oracle.tell(healthy, np.array([0.5, 1.5]))
+        oracle.set_truth(healthy, np.array([0.5, 1.5]))
 
 
 def test_settings_survive_storage(tmp_path):

@@ -66,7 +66,7 @@ def contestants(names: Sequence[str]) -> tuple[dict[str, Contestant], dict[str, 
     for name in names:
         try:
             made[name] = Contestant(make(name))
-            if hasattr(made[name].diagnoser, "tell"):
+            if hasattr(made[name].diagnoser, "set_truth"):
                 made[name + UNTOLD] = Contestant(make(name), severities=False)
         except Exception as error:  # whatever ails one diagnoser, the others are compared
             left_out(failures, name, error)
@@ -175,8 +175,8 @@ def started(contestant: Contestant, healthy: np.ndarray, full_severity: np.ndarr
     """
     diagnoser = contestant.diagnoser
     diagnoser.reset(len(healthy))
-    if hasattr(diagnoser, "tell"):
-        diagnoser.tell(healthy, full_severity if contestant.severities else None)
+    if hasattr(diagnoser, "set_truth"):
+        diagnoser.set_truth(healthy, full_severity if contestant.severities else None)
     return diagnoser
 
 

@@ -21,7 +21,7 @@ from auv_fault_env.noise import episode_keys
 from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import make
-from diagnosers.bank.hypotheses import Table
+from diagnosers.bank.hypotheses import HypothesisTable
 from diagnosers.oracle import Oracle
 from training.metrics.records import HORIZON
 from training.rollouts import manoeuvres
@@ -61,7 +61,7 @@ class KnownOnset(Oracle):
     """The filter bank that is told when a fault begins, if one does: nothing switches, and severities do not walk.
 
     Told the healthy vehicle and the severity as well, its beliefs are the likelihoods of classes
-    that leave nothing else unknown; without `tell` it knows the healthy band, and the severity by
+    that leave nothing else unknown; without `set_truth` it knows the healthy band, and the severity by
     grades. Call `begin` after these.
     """
 
@@ -69,7 +69,7 @@ class KnownOnset(Oracle):
     hazard: float = 1e-12
     walk_std: float = 0.0
 
-    def hypotheses(self, n_grades: int | None = None) -> Table:
+    def hypotheses(self, n_grades: int | None = None) -> HypothesisTable:
         """The hypotheses of the catalogue, none of which turns into another."""
         table = super().hypotheses(n_grades)
         never = np.full_like(table.log_hazard, -np.inf)
@@ -83,7 +83,7 @@ class KnownOnset(Oracle):
                 "begin", "no reset before", "a begin after a reset", "call reset(n_lanes) first"
             )
         state, held = self.__dict__["_state"]
-        self.__dict__["_state"] = self.at_onset(state, lanes), held
+        self.__dict__["_state"] = self.state_at_onset(state, lanes), held
 
 
 def log_likelihoods(bank: KnownOnset, lanes: Lanes, n_samples: int) -> np.ndarray:
@@ -108,7 +108,7 @@ def log_likelihoods(bank: KnownOnset, lanes: Lanes, n_samples: int) -> np.ndarra
 def told(lanes: Lanes) -> np.ndarray:
     """`log_likelihoods` over `HORIZON` of a bank told everything: healthy vehicle and severity."""
     bank = _reset(lanes)
-    bank.tell(lanes.healthy, lanes.severity)
+    bank.set_truth(lanes.healthy, lanes.severity)
     return log_likelihoods(bank, lanes, round(HORIZON * SAMPLE_RATE))
 
 
@@ -116,7 +116,7 @@ def untold(lanes: Lanes, knows_vehicle: bool = True) -> np.ndarray:
     """`log_likelihoods` over `HORIZON` of a bank that does not know severities, and the vehicle only if it is told."""
     bank = _reset(lanes)
     if knows_vehicle:
-        bank.tell(lanes.healthy)
+        bank.set_truth(lanes.healthy)
     return log_likelihoods(bank, lanes, round(HORIZON * SAMPLE_RATE))
 
 

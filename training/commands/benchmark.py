@@ -148,7 +148,9 @@ def _made(entrants: Mapping[str, Entrant]) -> tuple[dict[str, Made], dict[str, s
             compute["numbers"] = sum(tensor.size for tensor in tensors.values())
             fingerprint = trial_store.fingerprint(entrant, diagnoser)
             weights = trial_store.weights_digest(diagnoser)
-            made[name] = Made(entrant, fingerprint, weights, compute, hasattr(diagnoser, "tell"))
+            made[name] = Made(
+                entrant, fingerprint, weights, compute, hasattr(diagnoser, "set_truth")
+            )
         # whatever ails one diagnoser, the others are scored
         except (Exception, SystemExit) as error:
             left_out(failures, name, error)

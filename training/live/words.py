@@ -2,7 +2,7 @@
 
 from auv_fault_env.faults import NORMAL, classes
 from auv_fault_env.parameters import PARAMETERS
-from diagnosers.advisory import Advice, Spread
+from diagnosers.advisory import Advice, Quantiles
 from training.live.history import History
 from training.live.session import Truth
 
@@ -40,7 +40,7 @@ def advised(advice: Advice) -> str:
     )
 
 
-def _spread(spread: Spread, unit: str, decimals: int) -> str:
+def _spread(spread: Quantiles, unit: str, decimals: int) -> str:
     low, middle, high = (f"{float(values[0]):.{decimals}f}" for values in spread)
     return f"{middle} {unit} ({low}–{high})"
 

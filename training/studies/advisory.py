@@ -12,7 +12,7 @@ from auv_fault_env.faults import CATALOGUE, classes
 from auv_fault_env.parameters import PRESETS
 from auv_fault_env.schedules import Schedule
 from diagnosers import make
-from diagnosers.advisory import SENSOR, Situation, advise
+from diagnosers.advisory import SENSOR_PREFIX, Situation, advise
 from training.benchmark.validation import FAULTS
 from training.metrics.intervals import interval, paired_bootstrap
 from training.seeds import seeds
@@ -86,7 +86,7 @@ def planned(arguments: AdvisoryStudy) -> Plan:
     to_go = (1.0 - gone) * length
     hotel_load = np.full(n_lanes, arguments.hotel_load)
     situation = Situation(speed, to_go, gone * length, np.zeros(n_lanes), hotel_load, current)
-    need = advise(normal(n_lanes), situation, VEHICLE).energy_per_metre.middle * to_go
+    need = advise(normal(n_lanes), situation, VEHICLE).energy_per_metre.median * to_go
     lots = zip(PARTS, np.array_split(chosen, len(PARTS)), strict=True)
     schedules = [schedule for part, lot in lots for schedule in drawn(part, lot.tolist())]
     return Plan(chosen, schedules, situation._replace(energy_left=reserve * need))
@@ -96,7 +96,9 @@ def drawn(part: str, chosen: Sequence[int]) -> list[Schedule]:
     """One lasting fault of a class that belongs to the part for each seed, all classes equally likely; or none."""
     if part == HEALTHY:
         return [()] * len(chosen)
-    weights = {name: float(name.startswith(SENSOR) == (part == SENSORS)) for name in classes()[1:]}
+    weights = {
+        name: float(name.startswith(SENSOR_PREFIX) == (part == SENSORS)) for name in classes()[1:]
+    }
     sampler = replace(FAULTS, prior=weights)
     return [sampler.sample(seed) for seed in chosen]
 

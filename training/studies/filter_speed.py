@@ -21,7 +21,7 @@ from diagnosers.bank.algebra import N_STATES, entry
 from diagnosers.bank.hypotheses import OWN, SURGE
 from diagnosers.bank.pack import new_workspace
 from diagnosers.bank.sensors import N_READINGS, look, seen_by
-from diagnosers.filter_bank import Constants, FilterBank
+from diagnosers.filter_bank import BankConstants, FilterBank
 from diagnosers.kalman import BETWEEN_STD
 from training.rollouts import roll_out
 from training.studies.run import command_line
@@ -54,7 +54,7 @@ class Surge:
     base: np.ndarray
     slope: np.ndarray
     offset: np.ndarray
-    constants: Constants
+    constants: BankConstants
     deflection: float = 0.0
     now: tuple[float, float] = (0.0, 0.0)
     before: tuple[float, float] = (0.0, 0.0)

@@ -14,7 +14,7 @@ from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME, Vehicle
 from auv_fault_env.schedules import Schedule
 from auv_fault_env.truth import FleetTruth
 from diagnosers import Belief, Diagnoser
-from diagnosers.advisory import ABORT, RETURN, SPEED, Advice, Situation, advise
+from diagnosers.advisory import ABORT, RETURN, SPEED_SENSOR, Advice, Situation, advise
 from training.benchmark.validation import FAULTS
 
 UNDERWAY, GOAL, HOME, ABORTED, STRANDED = range(-1, 4)
@@ -82,7 +82,7 @@ class Voyages:
         self.outcome[self.underway & (advice.level == ABORT)] = ABORTED
         self._heading = np.where(advice.level == RETURN, -1.0, 1.0)
         self._asked = advice.speed
-        self._blind = advice.distrusted == SPEED
+        self._blind = advice.distrusted == SPEED_SENSOR
         self.advice = advice
 
     def command(self, reading: np.ndarray) -> np.ndarray:

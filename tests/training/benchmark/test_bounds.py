@@ -74,7 +74,7 @@ def log_normal(name, lanes):
     diagnoser = make(name)
     diagnoser.reset(len(lanes.first))
     if hasattr(diagnoser, "tell"):
-        diagnoser.tell(lanes.healthy, lanes.severity)
+        diagnoser.set_truth(lanes.healthy, lanes.severity)
     return np.array(
         [diagnoser.update(observation).log_probability[:, 0] for observation in lanes.observations]
     )

@@ -193,7 +193,7 @@ class Told(Recursive):
     def initial(self, n_lanes):
         return ()
 
-    def tell(self, healthy, severity):
+    def set_truth(self, healthy, severity):
         self.heard.append((healthy, severity))
 
     def step(self, state, observation):

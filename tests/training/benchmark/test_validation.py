@@ -77,7 +77,7 @@ class Told(Perfect):
     name = "oracle"
     heard = []
 
-    def tell(self, healthy, severity):
+    def set_truth(self, healthy, severity):
         self.heard.append((healthy, severity))
 
 

@@ -81,7 +81,7 @@ def test_nothing_switches_so_only_the_samples_after_the_beginning_count():
     bank = [KnownOnset() for _ in range(2)]
     for one in bank:
         one.reset(2)
-        one.tell(lanes.healthy, lanes.severity)
+        one.set_truth(lanes.healthy, lanes.severity)
     whole, short = (
         log_likelihoods(one, some, n_samples) for one, some in zip(bank, (lanes, late), strict=True)
     )

@@ -98,7 +98,7 @@ class Certain(Even):
 
 
 class Told(Even):
-    def tell(self, healthy, severity):
+    def set_truth(self, healthy, severity):
         pass
 
 

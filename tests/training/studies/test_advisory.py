@@ -132,7 +132,7 @@ def test_on_the_plant_a_healthy_mission_uses_what_the_advice_foretells():
     sailed = sail(plan, VEHICLE, IGNORED, make("null"))
     assert (sailed.outcome == GOAL).all() and sailed.advice is None
     used = sailed.spent / 120.0
-    assert used.mean() == pytest.approx(foretold.middle[0], rel=0.02)
+    assert used.mean() == pytest.approx(foretold.median[0], rel=0.02)
     assert (used > 0.98 * foretold.low).all() and (used < 1.02 * foretold.high).all()
 
 
