@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from auv_fault_env.schedules import Schedule
+from training.report.lines import line_without_band
 
 SHOWN = 100  # vehicles in the page's table; all are in schedules.json
 PANELS = {
@@ -74,12 +75,6 @@ def faults(schedule: Schedule) -> str:
 def panels(columns: Mapping[str, np.ndarray]) -> dict[str, dict[str, dict[str, list[float]]]]:
     """Lines of the figure by panel; one run has no scatter."""
     return {
-        label: {name: line(columns[channel]) for name, channel in lines}
+        label: {name: line_without_band(columns[channel]) for name, channel in lines}
         for label, lines in PANELS.items()
     }
-
-
-def line(values: np.ndarray) -> dict[str, list[float]]:
-    """A line without a band."""
-    series = np.round(values.astype(float), 6).tolist()
-    return {"clean": series, "mean": series, "std": [0.0] * len(series)}

@@ -7,9 +7,9 @@ import numpy as np
 
 from auv_fault_env.parameters import SAMPLE_TIME, Vehicle
 from diagnosers.networks.fault_map import ALPHA_WINDOW, BETA_WINDOW, NOMINAL
-from training.commands.simulate_page import line
 from training.datasets.esso_osaka_runs import SOURCE
 from training.datasets.surge_fit import UNITS
+from training.report.lines import line_without_band
 
 TARGET = 0.011  # m/s rms over ten seconds
 PARAMETERS = ("alpha", "beta")
@@ -208,7 +208,7 @@ def prediction(example: Mapping[str, Any]) -> dict[str, Any]:
         "rudder [rad]": {"rudder": "rudder"},
     }
     lines = {
-        label: {name: line(np.array(example[key])) for name, key in names.items()}
+        label: {name: line_without_band(np.array(example[key])) for name, key in names.items()}
         for label, names in panels.items()
     }
     figure = {

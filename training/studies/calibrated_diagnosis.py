@@ -28,7 +28,7 @@ from training.metrics.records import Record, Truth, calm, joined
 from training.report.page import print_tables
 from training.report.run_folder import run_folder, write_json
 from training.seeds import seeds
-from training.studies.calibration import drawn, logged
+from training.studies.calibration import sampled_vehicle, simulated_logs
 
 NAME = "filter_bank"
 FIRST_SEED = 720_000_000  # within those of tests
@@ -88,8 +88,8 @@ def study(arguments: DiagnosisStudy) -> dict[str, Any]:
 
 def cases(preset: Vehicle, number: int) -> dict[str, tuple[Vehicle, Diagnoser]]:
     """By what the bank knows: the vehicle that is simulated, and the bank that diagnoses it."""
-    vehicle = drawn(preset, number)
-    file = calibrated(*logged(vehicle, number)).vehicle
+    vehicle = sampled_vehicle(preset, number)
+    file = calibrated(*simulated_logs(vehicle, number)).vehicle
     return {
         REFERENCE: (preset, make(NAME, vehicle=preset)),
         CALIBRATED: (vehicle, diagnoser_for(NAME, file, {})),

@@ -1,12 +1,9 @@
 """Does a calibration find vehicles far from the preset? ``python -m training.studies.calibration``.
 
-Vehicles are drawn around a preset and simulated by `training.commands.simulate`; its CSV is
-rewritten as a stranger would log it (other names, units and separator) and read back by a vehicle
-file that knows the preset only.
+Vehicles are sampled around a preset and simulated. Their logs are written with other column names,
+units and separator than this project's, and read back with a vehicle file of the preset.
 """
 
-import contextlib
-import io
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,31 +12,30 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute
 import pyarrow.csv
 import tyro
 from tqdm import tqdm
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import finite_in_range
+from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
 from auv_fault_env.parameters import PRESETS, SAMPLE_RATE, Vehicle
-from training.arguments import Simulate
-from training.commands.simulate import write_tables
 from training.field.calibration.calibration import Calibration, calibrated
 from training.field.logs.log import Log, read_log
 from training.field.units import UNITS
 from training.field.vehicle_file import Column, VehicleFile, read_vehicle, write_vehicle
 from training.report.page import print_tables, write_report
 from training.report.run_folder import run_folder, write_json
+from training.rollouts import roll_out
 from training.seeds import seeds
 
-DRAWN = ("alpha", "beta", "torque_constant", "resistance", "coulomb_friction")
-SPREAD = 0.3  # of the drawn parameters around the preset, relative
+SAMPLED = ("alpha", "beta", "torque_constant", "resistance", "coulomb_friction")
+HALF_WIDTH = 0.3  # of the range of the sampled parameters around the preset, relative
 DURATION = 120.0  # s, of a log
 LOGS = 3  # with the thesis' speed steps, and as many with random missions
 FIRST_SEED = 600_000_000  # within those of tests
-STRANGE = {  # of the stranger's log: column and unit by channel
+FOREIGN_COLUMNS = {  # column and unit by channel
     "speed_command": ("u_soll", "kn"),
     "rudder": ("ruder", "deg"),
     "stern_plane": ("tiefenruder", "deg"),
@@ -56,14 +52,14 @@ STRANGE = {  # of the stranger's log: column and unit by channel
 
 @dataclass(frozen=True)
 class CalibrationStudy:
-    """Calibrate vehicles drawn around a preset and count how often their parameters are within the 95 % intervals."""
+    """Calibrate vehicles around a preset and count the parameters inside their 95 % intervals."""
 
     output: Path = Path("runs/calibration-study")
     """Folder of the report; an earlier run there is replaced."""
     vehicles: int = 100
     """Number of vehicles, six logs of 120 s each."""
     preset: str = "npsnet1995"
-    """Preset that the vehicles are drawn around, and the one that the calibration starts from."""
+    """Preset around which vehicles are sampled, and from which the calibration starts."""
     seed: int = 0
     """Offset of the vehicles, and within the seeds of tests."""
 
@@ -83,148 +79,145 @@ def main(arguments: CalibrationStudy) -> None:
 def study(arguments: CalibrationStudy) -> dict[str, Any]:
     """Counts, widths and errors, as plain data and as a page."""
     numbers = range(arguments.seed, arguments.seed + arguments.vehicles)
-    found = []
+    vehicles = []
     for number in tqdm(numbers, unit="vehicle"):
-        vehicle = drawn(PRESETS[arguments.preset], number)
-        found.append(judged(calibrated(*logged(vehicle, number)), vehicle))
-    command = f"python -m training.studies.calibration --vehicles {arguments.vehicles} --seed {arguments.seed}"
-    return page(summary(found), found) | {
-        "command": command,
-        "summary": summary(found),
-        "vehicles": found,
+        truth = sampled_vehicle(PRESETS[arguments.preset], number)
+        calibration = calibrated(*simulated_logs(truth, number))
+        vehicles.append(compared_with_truth(calibration, truth))
+    module = "python -m training.studies.calibration"
+    rows = summary(vehicles)
+    return page(rows, len(vehicles)) | {
+        "command": f"{module} --vehicles {arguments.vehicles} --seed {arguments.seed}",
+        "summary": rows,
+        "vehicles": vehicles,
     }
 
 
-def drawn(preset: Vehicle, seed: int) -> Vehicle:
-    """A vehicle whose `DRAWN` parameters are anywhere within `SPREAD` of the preset's."""
-    factors = 1.0 + SPREAD * np.random.default_rng(seed).uniform(-1.0, 1.0, len(DRAWN))
+def sampled_vehicle(preset: Vehicle, seed: int) -> Vehicle:
+    """A vehicle whose `SAMPLED` parameters are uniform within `HALF_WIDTH` of the preset's."""
+    offsets = np.random.default_rng(seed).uniform(-1.0, 1.0, len(SAMPLED))
+    factors = 1.0 + HALF_WIDTH * offsets
     values = {
         name: getattr(preset, name) * float(factor)
-        for name, factor in zip(DRAWN, factors, strict=True)
+        for name, factor in zip(SAMPLED, factors, strict=True)
     }
     return replace(preset, **values)
 
 
-def logged(vehicle: Vehicle, seed: int) -> tuple[list[Log], VehicleFile]:
-    """Healthy logs of the vehicle, simulated, rewritten and read back; and the file of its preset that reads them."""
-    first = seeds("test", 2 * LOGS, FIRST_SEED + 2 * LOGS * seed)[0]
+def simulated_logs(vehicle: Vehicle, seed: int) -> tuple[list[Log], VehicleFile]:
+    """Healthy logs of a vehicle, read back from files, and its preset's vehicle file."""
+    n_samples = 1 + round(DURATION * SAMPLE_RATE)
+    log_seeds = seeds("test", 2 * LOGS, FIRST_SEED + 2 * LOGS * seed)
+    logs = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        write_vehicle(folder / "vehicle.toml", stranger(PRESETS[vehicle.name]))
+        write_vehicle(folder / "vehicle.toml", foreign_file(PRESETS[vehicle.name]))
         file = read_vehicle(folder / "vehicle.toml")
-        paths = []
-        for k, mission in enumerate((MISSIONS["thesis"], None)):
-            given = dict(
-                vehicles=LOGS,
-                duration=DURATION,
-                seed=first + k * LOGS,
-                preset=vehicle,
-                formats=("csv",),
-            )
-            arguments = Simulate(output=folder, healthy_band=0.0, **given)
-            with contextlib.redirect_stderr(io.StringIO()):  # its progress bar
-                write_tables(folder, arguments, round(DURATION * SAMPLE_RATE), (), mission)
-            paths += rewritten(folder / "episodes.csv", folder / f"{k}")
-        return [read_log(path, file) for path in paths], file
+        halves = (log_seeds[:LOGS], [MISSIONS["thesis"]] * LOGS), (log_seeds[LOGS:], None)
+        for lanes, missions in halves:
+            fleet = Fleet(LOGS, vehicle, healthy_band=0.0)
+            rollout = roll_out(fleet, lanes, n_samples, schedules=[()] * LOGS, missions=missions)
+            for lane in range(LOGS):
+                path = folder / f"{lanes[lane]}.csv"
+                write_foreign_log(path, rollout.observations[1:, lane])
+                logs.append(read_log(path, file))
+    return logs, file
 
 
-def stranger(vehicle: Vehicle) -> VehicleFile:
-    """The file of a vehicle that logs as `STRANGE` says."""
-    columns = {name: Column(*strange(name)) for name in STRANGE}
+def foreign_file(vehicle: Vehicle) -> VehicleFile:
+    """The file of a vehicle that logs the `FOREIGN_COLUMNS`."""
+    columns = {
+        channel: Column(name, UNITS[CHANNELS[channel].unit][unit])
+        for channel, (name, unit) in FOREIGN_COLUMNS.items()
+    }
     return VehicleFile(vehicle, columns, Column("zeit", 1e-3))
 
 
-def strange(channel: str) -> tuple[str, float]:
-    """The stranger's column for a channel, and the factor from its unit to the channel's."""
-    name, unit = STRANGE[channel]
-    return name, UNITS[CHANNELS[channel].unit][unit]
+def write_foreign_log(path: Path, observations: np.ndarray) -> None:
+    """Write observations (n_samples, n_channels) float32 as CSV in the `FOREIGN_COLUMNS`."""
+    time = np.arange(1, 1 + len(observations)) / SAMPLE_RATE
+    table = {"zeit": 1000.0 * time}
+    for channel, (name, unit) in FOREIGN_COLUMNS.items():
+        # the shortest decimal numbers that stand for the float32 readings
+        readings = observations[:, list(CHANNELS).index(channel)].astype(str).astype(float)
+        table[name] = readings / UNITS[CHANNELS[channel].unit][unit]
+    options = pyarrow.csv.WriteOptions(delimiter=";")
+    pyarrow.csv.write_csv(pa.table(table), path, options)
 
 
-def rewritten(episodes: Path, folder: Path) -> list[Path]:
-    """The episodes of a simulated CSV as a stranger's, one file each."""
-    folder.mkdir()
-    table = pyarrow.csv.read_csv(episodes)
-    paths = []
-    for vehicle in table["vehicle"].unique().to_pylist():
-        rows = table.filter(pyarrow.compute.equal(table["vehicle"], vehicle))
-        columns = {"zeit": 1000.0 * rows["time"].to_numpy()}
-        columns |= {
-            strange(channel)[0]: rows[channel].to_numpy() / strange(channel)[1]
-            for channel in STRANGE
-        }
-        paths.append(folder / f"fahrt-{vehicle}.csv")
-        pyarrow.csv.write_csv(pa.table(columns), paths[-1], pyarrow.csv.WriteOptions(delimiter=";"))
-    return paths
+def compared_with_truth(calibration: Calibration, truth: Vehicle) -> dict[str, dict[str, Any]]:
+    """By sampled parameter: value, interval, and whether it contains the truth.
 
-
-def judged(calibration: Calibration, truth: Vehicle) -> dict[str, dict[str, Any]]:
-    """By drawn parameter: value, interval, and whether the truth is inside; a parameter not identified is outside."""
-    found = {}
-    for name in DRAWN:
+    A parameter that was not identified counts as outside.
+    """
+    comparison = {}
+    for name in SAMPLED:
         estimate = calibration.estimate(name)
         true = getattr(truth, name)
-        known = name in calibration.part(name).fit.names
-        found[name] = {
+        is_fitted = name in calibration.part(name).fit.names
+        comparison[name] = {
             "true": true,
             "value": estimate.value,
-            "interval": [estimate.low, estimate.high] if known else None,
-            "inside": bool(known and estimate.low <= true <= estimate.high),
+            "interval": [estimate.low, estimate.high] if is_fitted else None,
+            "inside": bool(is_fitted and estimate.low <= true <= estimate.high),
             "before": estimate.before,
         }
-    return found
+    return comparison
 
 
-def summary(found: Sequence[Mapping[str, Mapping[str, Any]]]) -> dict[str, Any]:
-    """Counts inside, median half-widths of the intervals and median errors, relative; and how often all are inside."""
-    rows = {}
-    for name in DRAWN:
-        ones = [one[name] for one in found]
-        known = [one for one in ones if one["interval"]]
-        rows[name] = {
-            "inside": sum(one["inside"] for one in ones),
-            "half_width": float(
-                np.median([np.ptp(one["interval"]) / 2 / abs(one["true"]) for one in known])
-            ),
-            "error": float(np.median([abs(one["value"] / one["true"] - 1.0) for one in ones])),
-            "error_before": float(
-                np.median([abs(one["before"] / one["true"] - 1.0) for one in ones])
-            ),
-        }
-    return rows | {
-        "all": {"inside": sum(all(one[name]["inside"] for name in DRAWN) for one in found)}
+def summary(vehicles: Sequence[Mapping[str, Mapping[str, Any]]]) -> dict[str, Any]:
+    """Counts inside, median half-widths of the intervals, median errors (relative), and `all`.
+
+    `all` counts the vehicles whose parameters are all inside.
+    """
+    rows = {name: _summary_row([vehicle[name] for vehicle in vehicles]) for name in SAMPLED}
+    all_inside = [all(vehicle[name]["inside"] for name in SAMPLED) for vehicle in vehicles]
+    return rows | {"all": {"inside": sum(all_inside)}}
+
+
+def _summary_row(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The summary of one parameter over all vehicles."""
+    fitted = [result for result in results if result["interval"]]
+    half_widths = [np.ptp(result["interval"]) / 2 / abs(result["true"]) for result in fitted]
+    errors = [abs(result["value"] / result["true"] - 1.0) for result in results]
+    errors_before = [abs(result["before"] / result["true"] - 1.0) for result in results]
+    return {
+        "inside": sum(result["inside"] for result in results),
+        "half_width": float(np.median(half_widths)),
+        "error": float(np.median(errors)),
+        "error_before": float(np.median(errors_before)),
     }
 
 
-def page(rows: Mapping[str, Mapping[str, Any]], found: Sequence[Any]) -> dict[str, Any]:
+def page(rows: Mapping[str, Mapping[str, Any]], n_vehicles: int) -> dict[str, Any]:
     """The report's sections."""
+    shares = ("half_width", "error", "error_before")
     cells = [
         [
             name,
             str(row["inside"]),
-            *(
-                f"{100 * row[key]:.2f} %" if key in row else ""
-                for key in ("half_width", "error", "error_before")
-            ),
+            *(f"{100 * row[key]:.2f} %" if key in row else "" for key in shares),
         ]
         for name, row in rows.items()
     ]
     columns = [
         "parameter",
-        f"inside, of {len(found)}",
+        f"inside, of {n_vehicles}",
         "median half-width",
         "median error",
         "error of the preset",
     ]
+    intro = (
+        f"{n_vehicles} vehicles with {', '.join(SAMPLED)} within {100 * HALF_WIDTH:.0f} % of the "
+        f"preset. Each is calibrated on {2 * LOGS} logs of {DURATION:g} s with default noise and "
+        "disturbance; half of the logs follow the thesis' speed steps. Inside: the true value "
+        "lies in the 95 % interval."
+    )
+    table = {"columns": columns, "rows": cells}
     return {
         "title": "Does a calibration find vehicles far from the preset?",
-        "intro": [
-            f"{len(found)} vehicles with {', '.join(DRAWN)} within {100 * SPREAD:.0f} % of the preset, each calibrated "
-            f"on {2 * LOGS} logs of {DURATION:g} s, half of them the thesis' speed steps, with default noise and "
-            "disturbance. Inside: the true value lies in the 95 % interval."
-        ],
-        "sections": [
-            {"heading": "Intervals", "text": [], "table": {"columns": columns, "rows": cells}}
-        ],
+        "intro": [intro],
+        "sections": [{"heading": "Intervals", "text": [], "table": table}],
     }
 
 

@@ -9,7 +9,7 @@ from training.field.calibration.checks import errors, leave_one_out
 from training.field.calibration.robust_fit import LARGEST_STD
 from training.field.calibration.samples import samples_of
 from training.field.vehicle_file import BAND, VehicleFile
-from training.studies.calibration import DRAWN, CalibrationStudy, study
+from training.studies.calibration import SAMPLED, CalibrationStudy, study
 
 from ..healthy_missions import FILE, OFF, PRESET, healthy_logs, kept
 
@@ -31,14 +31,14 @@ def was_fitted(calibration, name):
     return name in calibration.part(name).fit.names
 
 
-def test_vehicles_of_a_strangers_csv_are_found_within_their_intervals():
+def test_vehicles_of_foreign_logs_are_found_within_their_intervals():
     results = study(CalibrationStudy(vehicles=6, seed=1000))
-    for name in DRAWN:
+    for name in SAMPLED:
         row = results["summary"][name]
         # fewer of 6 has probability 0.002 for one parameter if intervals are honest
         assert row["inside"] >= 4, name
         assert row["half_width"] < 0.06 and row["error"] < 0.03 < 0.08 < row["error_before"]
-    assert sum(results["summary"][name]["inside"] for name in DRAWN) >= 26  # of 30
+    assert sum(results["summary"][name]["inside"] for name in SAMPLED) >= 26  # of 30
 
 
 @pytest.mark.parametrize("name", (*SURGE, *MOTOR))
