@@ -19,11 +19,13 @@ SOURCES = dict(
 )
 
 
-class Bounded(ActorCriticPolicy):
-    """A policy of stable-baselines3 whose mean action goes through tanh, so that it has bounds, with constant noise."""
+class Agent(ActorCriticPolicy):
+    """Actor and critic of two hidden layers each; tanh bounds the mean action, the noise is constant."""
 
     def __init__(self, *arguments: Any, **settings: Any):
-        super().__init__(*arguments, log_std_init=LOG_STD, **settings)
+        super().__init__(
+            *arguments, net_arch=[HIDDEN, HIDDEN], log_std_init=LOG_STD, **settings
+        )
         self.action_net = nn.Sequential(self.action_net, nn.Tanh())
         self.log_std.requires_grad_(False)  # the price of moving would end all exploration
 
@@ -33,12 +35,6 @@ class Bounded(ActorCriticPolicy):
             name: parameter.detach().numpy().copy() for name, parameter in self.named_parameters()
         }
 
-
-class Agent(Bounded):
-    """Actor and critic of two hidden layers each."""
-
-    def __init__(self, *arguments: Any, **settings: Any):
-        super().__init__(*arguments, net_arch=[HIDDEN, HIDDEN], **settings)
 
     def meant(self, rollout: RolloutBuffer) -> np.ndarray:
         """The actions (n_steps, n_lanes) without noise where the rollout was."""

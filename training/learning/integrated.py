@@ -74,11 +74,11 @@ class IntegratedTrainer:
         f"{TRIED * LANES} such episodes each, with seeds of their own"
     )
 
-    def __init__(self, seed: int, memory: type[nn.Module] = nn.GRU) -> None:
+    def __init__(self, seed: int) -> None:
         self.seed = seed
         with torch.random.fork_rng():
             torch.manual_seed(seed)
-            self.learner = Learner(Network(memory))
+            self.learner = Learner(Network())
         self.network = self.learner.network
         self.validation: list[Lesson] = []
         self.kept: deque[Lesson] = deque(maxlen=KEPT * LESSONS)

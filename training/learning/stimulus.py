@@ -1,7 +1,7 @@
 """Trains the stimulus policy: PPO of stable-baselines3 on the active environment, the budget as a constraint."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -19,7 +19,7 @@ from training.learning.agent import Agent
 from training.learning.constraint import ConstrainedVecEnv, DualAscent
 from training.learning.imitation import imitate, watched
 from training.learning.integrated import one_thread
-from training.learning.outcomes import Outcome, figures
+from training.learning.outcomes import figures
 from training.metrics.records import HORIZON
 from training.seeds import SPAN, seeds
 from training.stimuli.light_bank import PRIOR, lighter_bank
@@ -87,13 +87,12 @@ class StimulusTrainer:
             self._environment(TRIED, VALIDATED, 1.0),
         )
         with seeded(seed % GLOBAL_SEEDS):
-            self.model = self._made()
+            self.model = PPO(
+                Agent, self.env, RATE, n_steps=ROLLOUT, device="cpu", **SETTINGS
+            )
         self.model.set_logger(Logger(None, []))
         self.learner = Learner(self.model.policy)
         self.model.policy.optimizer = self.learner.optimiser
-
-    def _made(self) -> PPO:
-        return PPO(Agent, self.env, RATE, n_steps=ROLLOUT, device="cpu", **SETTINGS)
 
     def _environment(self, n_lanes: int, limit: int, least: float) -> ConstrainedVecEnv:
         diagnoser = lighter_bank() if self.diagnoser == FilterBank.name else self.diagnoser
@@ -132,21 +131,15 @@ class StimulusTrainer:
             imitate(self.model.policy, self.learner, watched(self.env, LIMIT, DISCOUNT))
 
     def validate(self) -> dict[str, float]:
-        """Figures of the policy without noise on one episode of each of the validation seeds."""
-        return figures(self.outcomes(), self.budget)
-
-    def outcomes(self, first: int = 0) -> list[Outcome]:
-        """How `TRIED` episodes end with the policy without noise, of the validation seeds from the first-th on."""
-        self.trial.seed(seeds("validation", TRIED, first)[0])
-        act = self._actor()
+        """Figures of the policy without noise on the first episode of each of the validation seeds."""
+        self.trial.seed(seeds("validation", TRIED)[0])
+        policy = self.policy()
         observation = self.trial.reset()
         with one_thread():
             for _ in range(VALIDATED):
-                observation, *_ = self.trial.step(act(observation))
-        return list({one.lane: one for one in reversed(self.trial.outcomes.ended)}.values())
-
-    def _actor(self) -> Callable[[np.ndarray], np.ndarray]:
-        return self.policy().action
+                observation, *_ = self.trial.step(policy.action(observation))
+        first_episodes = {one.lane: one for one in reversed(self.trial.outcomes.ended)}
+        return figures(list(first_episodes.values()), self.budget)
 
     def policy(self) -> LearnedPolicy:
         """What has been learnt so far."""
