@@ -23,9 +23,7 @@ class Agent(ActorCriticPolicy):
     """Actor and critic of two hidden layers each; tanh bounds the mean action, the noise is constant."""
 
     def __init__(self, *arguments: Any, **settings: Any):
-        super().__init__(
-            *arguments, net_arch=[HIDDEN, HIDDEN], log_std_init=LOG_STD, **settings
-        )
+        super().__init__(*arguments, net_arch=[HIDDEN, HIDDEN], log_std_init=LOG_STD, **settings)
         self.action_net = nn.Sequential(self.action_net, nn.Tanh())
         self.log_std.requires_grad_(False)  # the price of moving would end all exploration
 
@@ -34,7 +32,6 @@ class Agent(ActorCriticPolicy):
         return {
             name: parameter.detach().numpy().copy() for name, parameter in self.named_parameters()
         }
-
 
     def meant(self, rollout: RolloutBuffer) -> np.ndarray:
         """The actions (n_steps, n_lanes) without noise where the rollout was."""

@@ -87,9 +87,7 @@ class StimulusTrainer:
             self._environment(TRIED, VALIDATED, 1.0),
         )
         with seeded(seed % GLOBAL_SEEDS):
-            self.model = PPO(
-                Agent, self.env, RATE, n_steps=ROLLOUT, device="cpu", **SETTINGS
-            )
+            self.model = PPO(Agent, self.env, RATE, n_steps=ROLLOUT, device="cpu", **SETTINGS)
         self.model.set_logger(Logger(None, []))
         self.learner = Learner(self.model.policy)
         self.model.policy.optimizer = self.learner.optimiser
