@@ -29,9 +29,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _end(number: int, frame: Any) -> None:
     """End at once on a signal: an exception could be lost in compiled code that has called back."""
-    from training.report.run_folder import abandon
+    from training.report.run_folder import remove_unfinished_runs
 
-    abandon()
+    remove_unfinished_runs()
     os._exit(128 + number)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 from training.benchmark.scoring import DECIDED_AT
 from training.benchmark.validation import SEVERITY_AT
 from training.benchmark.verdicts import ORACLE
+from training.metrics.records import HORIZON
 from training.report.cells import number, percent, row_name, seconds, with_interval
 
 Scores = Mapping[str, Mapping[str, Any]]
@@ -67,7 +68,7 @@ def _row(scores: Scores, name: str) -> list[str]:
     return [
         with_interval(score["isolation"]["restricted_mean"], score["isolation"]["interval"], 2),
         percent(score["isolation"]["probability"]),
-        seconds(score["isolation"]["median"]),
+        seconds(score["isolation"]["median"], HORIZON),
         f"{score['detection']['restricted_mean']:.2f}",
         with_interval(score["macro_f1"], score["macro_f1_interval"], 2),
         with_interval(score["severity_mae"], score["severity_mae_interval"], 3),

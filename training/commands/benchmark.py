@@ -22,8 +22,8 @@ from training.benchmark.validation import Contestant, left_out
 from training.benchmark.workers import check_backend, run_missing
 from training.report.page import print_tables, write_report
 from training.report.run_folder import (
-    earlier_run,
-    free_place,
+    checked_output,
+    read_manifest,
     run_folder,
     write_json,
     write_manifest,
@@ -50,7 +50,7 @@ def main(arguments: Benchmark) -> None:
     try:
         results = _results(arguments, plan, entrants, folder, workers)
         report = page(results)
-        with run_folder(output, "benchmark", arguments, suite, keeps=[TRIALS]) as aside:
+        with run_folder(output, "benchmark", arguments, suite, files_to_keep=[TRIALS]) as aside:
             write_json(aside / "results.json", results)
             write_csv(aside / "results.csv", results)
             write_report(report, aside)
@@ -118,8 +118,8 @@ def _entrants(arguments: Benchmark) -> dict[str, Entrant]:
 
 def opened(output: Path, arguments: Benchmark, suite: Mapping[str, str]) -> Path:
     """The folder of the trials; an output that holds anything but a benchmark of this suite is refused."""
-    output = free_place(output)
-    manifest = earlier_run(output)
+    output = checked_output(output)
+    manifest = read_manifest(output)
     if manifest is not None and {name: manifest.get(name) for name in suite} != suite:
         got = f"{output}, {manifest['command']}, suite {manifest.get('suite')} with hash {manifest.get('hash')}"
         wanted = f"a new folder or a benchmark of suite {suite['suite']} with hash {suite['hash']}"

@@ -25,7 +25,13 @@ from training.learning.loop import train
 from training.learning.page import page
 from training.learning.trainer import Trainer, trainer_of
 from training.report.page import write_report
-from training.report.run_folder import earlier_run, free_place, provenance, run_folder, write_json
+from training.report.run_folder import (
+    checked_output,
+    provenance,
+    read_manifest,
+    run_folder,
+    write_json,
+)
 
 SETTINGS = ("name", "seed", "epochs")
 
@@ -36,7 +42,7 @@ def main(arguments: Train) -> None:
     trainer = trainer_of(arguments.name, arguments.seed)
     if arguments.epochs is not None and whole_number("epochs", arguments.epochs) > trainer.epochs:
         raise refusal("epochs", arguments.epochs, f"1 to {trainer.epochs}", "leave it out for all")
-    output = free_place(arguments.output or Path("runs") / f"train-{arguments.name}")
+    output = checked_output(arguments.output or Path("runs") / f"train-{arguments.name}")
     unfinished = unfinished_folder(output)
     if arguments.restart:
         shutil.rmtree(unfinished, ignore_errors=True)
@@ -58,7 +64,7 @@ def is_finished(output: Path, name: str, arguments: Any, settings: Sequence[str]
 
     `name` is that of the command, `settings` the arguments that make a training what it is.
     """
-    manifest = earlier_run(output)
+    manifest = read_manifest(output)
     if manifest is None or manifest["command"] != f"auv-fault {name}":
         return False
     got = {setting: manifest["arguments"][setting] for setting in settings}

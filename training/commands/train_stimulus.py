@@ -21,7 +21,7 @@ from training.learning.loop import train
 from training.learning.page import page
 from training.learning.stimulus import StimulusTrainer
 from training.report.page import write_report
-from training.report.run_folder import free_place, provenance, run_folder, write_json
+from training.report.run_folder import checked_output, provenance, run_folder, write_json
 from training.stimuli.policy import LearnedPolicy
 from training.stimuli.policy_inputs import FEATURES
 
@@ -32,7 +32,7 @@ def main(arguments: TrainStimulus) -> None:
     """Train, or go on with a training that was broken off; a finished one is left as it is."""
     trainer = trainer_of(arguments)
     name = name_of(arguments.diagnoser, arguments.seed)
-    output = free_place(arguments.output or Path("runs") / f"train-{name}")
+    output = checked_output(arguments.output or Path("runs") / f"train-{name}")
     unfinished = unfinished_folder(output)
     if arguments.restart:
         shutil.rmtree(unfinished, ignore_errors=True)

@@ -1,4 +1,4 @@
-"""A report from results alone: sections of text, tables and figures as one ``index.html``, and tables as text."""
+"""Reports made from results alone: one ``index.html`` with its figures, and tables as text."""
 
 import base64
 import io
@@ -11,50 +11,51 @@ from jinja2 import Template
 
 from training.report.figures.registry import PLOTS
 
-PRINTED = 6  # columns of a table on the screen
+N_PRINTED_COLUMNS = 6
 
 
 def write_report(results: dict[str, Any], folder: Path) -> None:
-    """Draw the figures of `results` into ``figures/`` and write ``index.html`` with all of them inside.
+    """Write the figures of `results` into ``figures/`` and ``index.html``, which contains them.
 
     Parameters
     ----------
     results
-        title, intro and sections; a section has heading, text (list of paragraphs) and optionally
-        table (columns, rows) and figures (plot: name in `PLOTS`, data, name, caption).
+        title, intro, command and sections. A section has a heading, text (list of paragraphs) and
+        optionally a table (columns, rows) and figures (plot: name in `PLOTS`, data, name, caption).
     folder
-        Where to write.
+        Folder to write into; it must not have a ``figures/`` yet.
     """
-    (folder / "figures").mkdir()
-    images = {
-        figure["name"]: _draw(figure, folder / "figures")
-        for section in results["sections"]
-        for figure in section.get("figures", ())
-    }
-    template = Template(
-        files("training").joinpath("report.html.j2").read_text(encoding="utf-8"), autoescape=True
-    )
-    (folder / "index.html").write_text(
-        template.render(results=results, images=images), encoding="utf-8"
-    )
+    figure_folder = folder / "figures"
+    figure_folder.mkdir()
+    images = {}
+    for section in results["sections"]:
+        for figure in section.get("figures", ()):
+            images[figure["name"]] = _write_figure(figure, figure_folder)
+    source = files("training.report").joinpath("report.html.j2").read_text(encoding="utf-8")
+    page = Template(source, autoescape=True).render(results=results, images=images)
+    (folder / "index.html").write_text(page, encoding="utf-8")
 
 
-def _draw(figure: dict[str, Any], folder: Path) -> str:
-    drawn = PLOTS[figure["plot"]](**figure["data"])
-    drawn.savefig(folder / f"{figure['name']}.png", dpi=110)
+def _write_figure(figure: dict[str, Any], folder: Path) -> str:
+    """Write the figure as PNG; returns it as SVG in base64."""
+    plot = PLOTS[figure["plot"]](**figure["data"])
+    plot.savefig(folder / f"{figure['name']}.png", dpi=110)
     buffer = io.BytesIO()
-    drawn.savefig(buffer, format="svg")
+    plot.savefig(buffer, format="svg")
     return base64.b64encode(buffer.getvalue()).decode()
 
 
 def print_tables(sections: Iterable[dict[str, Any]]) -> None:
-    """Print the sections' tables as plain text, the first six columns of each: the wordy ones come last."""
+    """Print the tables of the sections as text, the first six columns of each."""
     for section in sections:
-        if "table" not in section:
-            continue
-        rows = [row[:PRINTED] for row in (section["table"]["columns"], *section["table"]["rows"])]
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        print(f"\n{section['heading']}")
-        for row in rows:
-            cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-            print("  " + "  ".join(cells).rstrip())
+        if "table" in section:
+            print(f"\n{section['heading']}")
+            _print_table(section["table"])
+
+
+def _print_table(table: dict[str, Any]) -> None:
+    rows = [row[:N_PRINTED_COLUMNS] for row in (table["columns"], *table["rows"])]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]
+        print("  " + "  ".join(cells).rstrip())

@@ -1,4 +1,4 @@
-"""The folder of a run: written aside and moved into place when complete, so that nothing half-written stays."""
+"""The folder of a run: written beside its place and moved there when it is complete."""
 
 import json
 import os
@@ -31,14 +31,22 @@ PACKAGES = (
 MANIFEST = "manifest.json"
 
 
-class Unfinished(NamedTuple):
-    """A run in progress: its folder, once it is made, and the parents it has to make, innermost first."""
+class UnfinishedRun(NamedTuple):
+    """What a run in progress has created.
+
+    Attributes
+    ----------
+    folder
+        The hidden folder that it writes into; empty until that exists.
+    parents
+        Parents of the output that did not exist before, innermost first.
+    """
 
     folder: list[Path]
     parents: list[Path]
 
 
-unfinished: list[Unfinished] = []
+unfinished_runs: list[UnfinishedRun] = []
 
 
 @contextmanager
@@ -47,72 +55,81 @@ def run_folder(
     name: str,
     arguments: Any,
     notes: Mapping[str, Any] | None = None,
-    keeps: Sequence[str] = (),
+    files_to_keep: Sequence[str] = (),
 ) -> Iterator[Path]:
-    """A folder to write into; on success it becomes `output` with a manifest, on any failure it disappears.
+    """Yield a folder to write into, which becomes `output` on success and disappears on failure.
 
-    An earlier run at `output` is replaced; anything else there, and a place that cannot be written,
-    is refused. Only a killed process (SIGKILL) can leave something: a hidden folder beside
-    `output`.
+    An earlier run at `output` is replaced. Only a killed process (SIGKILL) can leave something
+    behind: a hidden folder beside `output`.
 
     Parameters
     ----------
     output
-        Where the run is to be.
+        Folder of the complete run.
     name, arguments
-        Of the command.
+        Name and arguments of the command, for the manifest.
     notes
-        What the manifest says besides.
-    keeps
-        What is taken over of an earlier run.
+        Further entries of the manifest.
+    files_to_keep
+        Files and folders of an earlier run that move into the new one, by name.
+
+    Raises
+    ------
+    InputError
+        If `output` holds anything but an earlier run, or cannot be written.
     """
-    output = free_place(output)
-    run = Unfinished([], _missing_parents(output))
-    unfinished.append(run)
+    output = checked_output(output)
+    run = UnfinishedRun([], _missing_parents(output))
+    unfinished_runs.append(run)
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
-        aside = Path(tempfile.mkdtemp(prefix=f".{output.name}-", dir=output.parent))
-        run.folder.append(aside)
-        yield aside
-        write_manifest(aside, name, arguments, notes)
-        aside.chmod(0o755)
-        _replace(output, aside, keeps)
+        folder = Path(tempfile.mkdtemp(prefix=f".{output.name}-", dir=output.parent))
+        run.folder.append(folder)
+        yield folder
+        write_manifest(folder, name, arguments, notes)
+        folder.chmod(0o755)
+        _replace(output, folder, files_to_keep)
     except BaseException as error:
-        abandon()
+        remove_unfinished_runs()
         if isinstance(error, OSError):
             allowed = f"a place that can be written ({error.strerror or error})"
             raise refusal("output", str(output), allowed, "choose another --output") from None
         raise
     finally:
-        unfinished.remove(run)
+        unfinished_runs.remove(run)
 
 
-def free_place(output: Path) -> Path:
-    """The resolved path if a run may be put there: where nothing is, or an earlier run; else a refusal."""
+def checked_output(output: Path) -> Path:
+    """The resolved path, if a run may be written there.
+
+    Raises
+    ------
+    InputError
+        If there is anything but an empty folder or an earlier run.
+    """
     output = Path(output).resolve()
-    if os.path.lexists(output) and earlier_run(output) is None and not _is_empty_folder(output):
-        raise refusal(
-            "output",
-            str(output),
-            "a new folder or that of an earlier run",
-            "choose another --output",
-        )
+    is_occupied = os.path.lexists(output) and not _is_empty_folder(output)
+    if is_occupied and read_manifest(output) is None:
+        allowed = "a new folder or that of an earlier run"
+        raise refusal("output", str(output), allowed, "choose another --output")
     return output
 
 
-def earlier_run(path: Path) -> dict[str, Any] | None:
+def read_manifest(path: Path) -> dict[str, Any] | None:
     """The manifest of the run at `path`; None if there is no run."""
     try:
         manifest = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    ours = isinstance(manifest, dict) and str(manifest.get("command", "")).startswith("auv-fault ")
-    return manifest if ours else None
+    if not isinstance(manifest, dict):
+        return None
+    is_run = str(manifest.get("command", "")).startswith("auv-fault ")
+    return manifest if is_run else None
 
 
-def abandon() -> None:
-    """Remove what unfinished runs have written, for a run that has failed or a process that is about to end."""
-    for run in unfinished:
+def remove_unfinished_runs() -> None:
+    """Remove what unfinished runs have written, after a failure or before the process ends."""
+    for run in unfinished_runs:
         for folder in run.folder:
             shutil.rmtree(folder, ignore_errors=True)
         for parent in filter(_is_empty_folder, run.parents):
@@ -135,7 +152,7 @@ def _missing_parents(path: Path) -> list[Path]:
 def write_manifest(
     folder: Path, name: str, arguments: Any, notes: Mapping[str, Any] | None = None
 ) -> None:
-    """Write what was asked for, and what made it: by this file a folder is known as that of a run."""
+    """Write command, arguments, versions and revision: the file by which a run folder is known."""
     manifest = {
         "command": f"auv-fault {name}",
         "arguments": asdict(arguments),
@@ -146,27 +163,28 @@ def write_manifest(
     (folder / MANIFEST).write_text(json.dumps(manifest, indent=2, default=str), encoding="utf-8")
 
 
-def _replace(output: Path, aside: Path, keeps: Sequence[str]) -> None:
-    old = aside.with_name(aside.name + "-old")
+def _replace(output: Path, folder: Path, files_to_keep: Sequence[str]) -> None:
+    """Move the folder to the output; an earlier run stays if that fails."""
+    earlier = folder.with_name(folder.name + "-old")
     if output.exists():
-        output.rename(old)
+        output.rename(earlier)
     try:
-        aside.rename(output)
+        folder.rename(output)
     except OSError:
-        if old.exists():
-            old.rename(output)
+        if earlier.exists():
+            earlier.rename(output)
         raise
-    for kept in filter(Path.exists, (old / name for name in keeps)):
-        kept.rename(output / kept.name)
-    shutil.rmtree(old, ignore_errors=True)
+    for name in files_to_keep:
+        if (earlier / name).exists():
+            (earlier / name).rename(output / name)
+    shutil.rmtree(earlier, ignore_errors=True)
 
 
 def provenance() -> dict[str, Any]:
-    """Versions of Python and the packages, and the git revision: what made a result, besides its command."""
-    versions = {"python": platform.python_version()} | {
-        package: _version(package) for package in PACKAGES
-    }
-    return {"versions": versions, "revision": _revision()}
+    """Versions of Python and the packages, and the git revision."""
+    versions = {package: _version(package) for package in PACKAGES}
+    python = {"python": platform.python_version()}
+    return {"versions": python | versions, "revision": _revision()}
 
 
 def _version(package: str) -> str | None:
@@ -177,15 +195,15 @@ def _version(package: str) -> str | None:
 
 
 def _revision() -> str | None:
-    """Git revision of the code, `+` behind it if files were changed; None outside a checkout."""
-    git = ["git", "-C", str(Path(__file__).parent)]
+    """Git revision of the code, with a `+` if files were changed; None outside a checkout."""
     try:
-        head = subprocess.run(
-            [*git, "rev-parse", "HEAD"], capture_output=True, text=True, check=True
-        ).stdout.strip()
-        changed = subprocess.run(
-            [*git, "status", "--porcelain"], capture_output=True, text=True, check=True
-        ).stdout
+        head = _git("rev-parse", "HEAD").strip()
+        changes = _git("status", "--porcelain")
     except (OSError, subprocess.CalledProcessError):
         return None
-    return head + ("+" if changed else "")
+    return head + ("+" if changes else "")
+
+
+def _git(*arguments: str) -> str:
+    command = ["git", "-C", str(Path(__file__).parent), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout

@@ -65,7 +65,7 @@ def run_study(
     report
         Title, introduction and sections of the page.
     """
-    with run_folder(arguments.output, name, arguments, keeps=files_to_keep) as folder:
+    with run_folder(arguments.output, name, arguments, files_to_keep=files_to_keep) as folder:
         results = study(folder)
         write_json(folder / "results.json", results)
         report = page(results) if page else results

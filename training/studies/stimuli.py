@@ -34,8 +34,8 @@ from auv_fault_env.errors import finite_in_range, known_name, refusal, whole_num
 from training.benchmark.scores import RANKED_AT
 from training.bounds import active_ceiling
 from training.report.run_folder import (
-    earlier_run,
-    free_place,
+    checked_output,
+    read_manifest,
     write_json,
     write_manifest,
 )
@@ -84,8 +84,8 @@ def main(arguments: StimulusStudy) -> None:
     workers = ALL_CORES if arguments.workers is None else whole_number("workers", arguments.workers)
     finite_in_range("seed", arguments.seed, 0, LAST_SEED)
     benchmarks = read_all(arguments.results)
-    output = free_place(arguments.output)
-    if earlier_run(output) is None:
+    output = checked_output(arguments.output)
+    if read_manifest(output) is None:
         output.mkdir(parents=True, exist_ok=True)
         write_manifest(output, NAME, arguments)
     found = ceilings(output / CEILINGS, list(benchmarks), workers, arguments.seed)

@@ -205,7 +205,7 @@ def recall_figure(outputs: np.ndarray, name: str, caption: str) -> dict[str, Any
     std = thinned.std(axis=1, ddof=1)
     lines = lambda values: np.round(values.swapaxes(1, 2).astype(float), 3).tolist()  # noqa: E731
     return {
-        "plot": "recall",
+        "plot": "network_outputs",
         "name": name,
         "caption": f"{caption} Mean ± standard deviation over {outputs.shape[1]} networks.",
         "data": {

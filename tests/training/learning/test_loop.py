@@ -15,7 +15,7 @@ from training import cli
 from training.learning import checkpoint, trainer
 from training.learning.checkpoint import FILE, LOG, Progress
 from training.learning.loop import train
-from training.report.figures.registry import learning_curve
+from training.report.figures.learning import learning_curve
 
 HERE = str(Path(__file__).parent)
 NAME = "integrated"

@@ -131,7 +131,7 @@ def figure(
         f", {one.fault} from {one.alarm_time:.1f} s." if one.alarms else "."
     )
     data = {"panels": panels, "alarms": [list(alarm) for alarm in one.alarms]}
-    return {"plot": "stacked", "name": f"log-{number}", "caption": caption, "data": data}
+    return {"plot": "diagnosed_log", "name": f"log-{number}", "caption": caption, "data": data}
 
 
 def measured(log: Log, channels: dict[str, str]) -> dict[str, Any]:

@@ -26,7 +26,7 @@ COLOURS = (STARBOARD, "#b9770e", SPEED, PORT, "#7d3c98")  # by output node, norm
 HEIGHT = {"cmap": "YlOrRd", "vmin": 0.0, "vmax": 1.0}
 
 
-def recall(
+def network_outputs(
     point: Series,
     modes: Sequence[str],
     presentations: Sequence[int],
