@@ -16,7 +16,7 @@ from auv_fault_env.fleet import Fleet, checked_actions
 from auv_fault_env.missions import Mission, mission_of
 from auv_fault_env.parameters import SAMPLE_RATE, Vehicle
 from auv_fault_env.schedules import Schedule, schedule_of
-from auv_fault_env.truth import FleetTruth, LaneTruth
+from auv_fault_env.truth import FleetTruth, SingleLaneTruth
 
 ACTIONS = COMMANDS[1:]
 
@@ -156,7 +156,7 @@ class PropulsionEnv(gym.Env):
         self.fleet = Fleet(1, preset, sensor_noise, disturbance, healthy_band)
         self.action_space = _box(ACTIONS)
         self.observation_space = _box(tuple(CHANNELS))
-        self._truth = LaneTruth(self.fleet)
+        self._truth = SingleLaneTruth(self.fleet)
         self._observation: np.ndarray | None = None
         self._renderer = None
 

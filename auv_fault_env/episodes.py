@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from auv_fault_env.compiling import kernel, scalar
-from auv_fault_env.lanes import draw_normals, prepare, publish, sense_all, shaft_of
+from auv_fault_env.lanes import sample_normals, prepare_step, copy_results, read_sensors, shaft_of
 from auv_fault_env.layout import (
     ALPHA,
     DISTURBANCE,
@@ -21,16 +21,16 @@ from auv_fault_env.layout import (
     PORT_STATE,
     SPEED,
     SPEED_COMMAND,
-    SPIN,
+    SHAFT_SPEED,
     STARBOARD_SHAFT,
     STARBOARD_STATE,
     VOLTAGE,
 )
 from auv_fault_env.parameters import SAMPLE_RATE
-from auv_fault_env.physics import constants_of, holding_voltage, limited, steady_spin
+from auv_fault_env.physics import constants_from_array, equilibrium_voltage, clipped, equilibrium_shaft_speed
 
 NEVER = np.int64(1 << 60)
-STALE = -1  # due step of a lane whose parameters must be written anew, whatever its severities
+UPDATE_NOW = -1  # due step of a lane whose parameters must be written anew, whatever its severities
 FAR = 1e15  # steps: an instant so late that it never comes
 
 
@@ -63,7 +63,7 @@ def next_change(step, time, onset, ramp, end, period):
 
 
 @scalar
-def renew_severities(lane, step, plan):
+def update_severities(lane, step, plan):
     """Write the lane's severities in force; returns whether one has changed, and the step of the next change."""
     time = step / SAMPLE_RATE
     due = NEVER
@@ -83,7 +83,7 @@ def renew_severities(lane, step, plan):
 
 
 @scalar
-def renew_parameters(memory, lane, plan, catalogue):
+def update_parameters(memory, lane, plan, catalogue):
     """Write the lane's parameters: healthy * prod(1 + s (scale - 1)) + sum(s offset), within their physical limits."""
     b = lane // LANES
     k = lane % LANES
@@ -97,11 +97,11 @@ def renew_parameters(memory, lane, plan, catalogue):
                 factor *= 1.0 + severity * (catalogue.scale[fault, p] - 1.0)
                 shift += severity * catalogue.offset[fault, p]
         value = plan.healthy[lane, p] * factor + shift
-        memory[b, (PARAMETER + p) * LANES + k] = limited(value, catalogue.low[p], catalogue.high[p])
+        memory[b, (PARAMETER + p) * LANES + k] = clipped(value, catalogue.low[p], catalogue.high[p])
 
 
 @scalar
-def renew_mission(memory, lane, step, legs):
+def update_mission_speed(memory, lane, step, legs):
     """Write the lane's mission speed; returns the step of the next leg."""
     time = step / SAMPLE_RATE
     due = NEVER
@@ -114,41 +114,41 @@ def renew_mission(memory, lane, step, legs):
 
 
 @scalar
-def refresh_lane(lanes, lane, plan, catalogue):
+def update_lane(lanes, lane, plan, catalogue):
     """Bring severities, parameters and mission speed of one lane to the sample ahead."""
     step = lanes.step[lane]
-    stale = lanes.due[lane] == STALE
-    changed, due = renew_severities(lane, step, plan)
+    stale = lanes.next_update[lane] == UPDATE_NOW
+    changed, next_update = update_severities(lane, step, plan)
     if stale or changed:
-        renew_parameters(lanes.memory, lane, plan, catalogue)
-    lanes.due[lane] = min(due, renew_mission(lanes.memory, lane, step, plan.legs))
+        update_parameters(lanes.memory, lane, plan, catalogue)
+    lanes.next_update[lane] = min(due, update_mission_speed(lanes.memory, lane, step, plan.legs))
 
 
 @kernel
-def refresh(lanes, plan, catalogue):
+def update_due_lanes(lanes, plan, catalogue):
     """Refresh every lane that is due."""
     for lane in range(lanes.key.size):
-        if lanes.step[lane] >= lanes.due[lane]:
-            refresh_lane(lanes, lane, plan, catalogue)
+        if lanes.step[lane] >= lanes.next_update[lane]:
+            update_lane(lanes, lane, plan, catalogue)
 
 
 @scalar
-def settle_side(block, k, shaft, state, spin, speed, constants):
+def start_shaft(block, k, shaft, state, shaft_speed, speed, constants):
     """Put one shaft at a steady speed, its voltage held by the controller's integral."""
-    voltage = holding_voltage(shaft_of(block, shaft, k), spin, speed, constants)
-    block[(state + SPIN) * LANES + k] = spin
+    voltage = equilibrium_voltage(shaft_of(block, shaft, k), shaft_speed, speed, constants)
+    block[(state + SHAFT_SPEED) * LANES + k] = shaft_speed
     block[(state + INTEGRAL) * LANES + k] = voltage
     block[(state + VOLTAGE) * LANES + k] = voltage
 
 
 @kernel
-def begin(lanes, chosen, start_speed, plan, catalogue, limits, constants, observations, outcomes):
+def start_episodes(lanes, chosen, start_speed, plan, catalogue, limits, constants, observations, outcomes):
     """Start an episode on the chosen lanes (m,), at rest or steady at start_speed (m,), and read the sensors once.
 
     constants is a `Constants` as an array, as for `lanes.step_blocks`.
     """
     scratch = np.empty(N_SCRATCH * LANES)
-    shared = constants_of(constants)
+    shared = constants_from_array(constants)
     for i in range(chosen.size):
         lane = chosen[i]
         speed = start_speed[i]
@@ -157,20 +157,20 @@ def begin(lanes, chosen, start_speed, plan, catalogue, limits, constants, observ
         for row in range(PARAMETER):
             block[row * LANES + k] = 0.0
         lanes.step[lane] = 0
-        lanes.due[lane] = STALE
-        refresh_lane(lanes, lane, plan, catalogue)
+        lanes.next_update[lane] = UPDATE_NOW
+        update_lane(lanes, lane, plan, catalogue)
         beta = block[PORT_SHAFT * LANES + k] + block[STARBOARD_SHAFT * LANES + k]
-        spin = steady_spin(block[ALPHA * LANES + k], beta, speed, shared)
-        settle_side(block, k, PORT_SHAFT, PORT_STATE, spin, speed, shared)
-        settle_side(block, k, STARBOARD_SHAFT, STARBOARD_STATE, spin, speed, shared)
+        shaft_speed = equilibrium_shaft_speed(block[ALPHA * LANES + k], beta, speed, shared)
+        start_shaft(block, k, PORT_SHAFT, PORT_STATE, shaft_speed, speed, shared)
+        start_shaft(block, k, STARBOARD_SHAFT, STARBOARD_STATE, shaft_speed, speed, shared)
         block[SPEED * LANES + k] = speed
         block[FILTERED_SPEED * LANES + k] = speed
         block[SPEED_COMMAND * LANES + k] = block[MISSION_SPEED * LANES + k]
         one = block[k:]
-        draw_normals(scratch, 1, lanes.key[lane:], lanes.step[lane:])
-        prepare(one, scratch, 1, shared)
+        sample_normals(scratch, 1, lanes.key[lane:], lanes.step[lane:])
+        prepare_step(one, scratch, 1, shared)
         block[DISTURBANCE * LANES + k] = (
             shared.disturbance_std * scratch[DISTURBANCE_NORMAL * LANES]
         )
-        sense_all(one, scratch, 1, lanes.key[lane:], lanes.step[lane:], limits)
-        publish(one, 1, lane, observations, outcomes)
+        read_sensors(one, scratch, 1, lanes.key[lane:], lanes.step[lane:], limits)
+        copy_results(one, 1, lane, observations, outcomes)

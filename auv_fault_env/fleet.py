@@ -23,7 +23,7 @@ from auv_fault_env.parameters import (
     nominal,
     vehicle_of,
 )
-from auv_fault_env.physics import Constants
+from auv_fault_env.physics import PlantConstants
 from auv_fault_env.schedules import (
     Events,
     Schedule,
@@ -67,7 +67,7 @@ class Fleet:
     ----------
     arrays, limits, constants, catalogue
         What the kernels read and write: `layout.Lanes`; full scale of the channels (n_channels, 2);
-        `Constants` as an array; `layout.Catalogue`.
+        `PlantConstants` as an array; `layout.Catalogue`.
     diagnoses
         Diagnosis class of every fault of the catalogue, (n_faults,).
     outcomes
@@ -114,13 +114,13 @@ class Fleet:
     def _allocate(self, n_events: int, n_legs: int):
         n = self.n_lanes
         blocks = -(-self.n_lanes // layout.LANES)
-        self.arrays = layout.Lanes(
+        self.state = layout.FleetState(
             np.zeros((blocks, layout.N_ROWS * layout.LANES)),
             np.zeros(n, np.uint64),
             np.zeros(n, np.int64),
-            np.full(n, episodes.STALE, np.int64),
+            np.full(n, episodes.UPDATE_NOW, np.int64),
         )
-        self._plan = layout.Plan(
+        self._plan = layout.EpisodePlan(
             np.tile(self._nominal, (n, 1)),
             *no_events(n, n_events),
             np.zeros((n, n_events)),
@@ -170,8 +170,8 @@ class Fleet:
         key = self._next_episode(chosen, seeds)
         spread = 2.0 * uniforms(key, 0, len(PARAMETERS)) - 1.0
         self._plan.healthy[chosen] = self._nominal * (1.0 + self._band * spread)
-        self._set_events(chosen, self.schedules.draw(key) if events is None else events)
-        legs, speeds = self.missions.draw(key) if legs is None else legs
+        self._set_events(chosen, self.schedules.sample_events(key) if events is None else events)
+        legs, speeds = self.missions.sample_legs(key) if legs is None else legs
         self._set_legs(chosen, legs)
         self.outcomes = self.outcomes.copy()
         arrays = (
@@ -182,7 +182,7 @@ class Fleet:
             observations,
             self.outcomes,
         )
-        episodes.begin(self.arrays, chosen, speeds, *arrays)
+        episodes.start_episodes(self.state, chosen, speeds, *arrays)
         self.changes += 1
         return observations
 
@@ -192,8 +192,8 @@ class Fleet:
         else:
             self._seed[chosen] = np.array([seed % 2**64 for seed in seeds], np.uint64)
             self._episode[chosen] = 0
-        self.arrays.key[chosen] = episode_keys(self._seed[chosen], self._episode[chosen])
-        return self.arrays.key[chosen]
+        self.state.key[chosen] = episode_keys(self._seed[chosen], self._episode[chosen])
+        return self.state.key[chosen]
 
     def _checked_observations(self, observations: np.ndarray | None) -> np.ndarray:
         shape = (self.n_lanes, len(CHANNELS))
@@ -266,11 +266,11 @@ class Fleet:
                 "step", "no reset before", "a step after a reset of all lanes", "call reset() first"
             )
         if self._due:
-            episodes.refresh(self.arrays, self._plan, self.catalogue)
+            episodes.update_due_lanes(self.state, self._plan, self.catalogue)
             self.changes += 1
         observations = np.empty((self.n_lanes, len(CHANNELS)), np.float32)
         self.outcomes = np.empty((4, self.n_lanes))
-        arrays = (*self.arrays, actions, self.limits, self.constants, observations, self.outcomes)
+        arrays = (*self.state, actions, self.limits, self.constants, observations, self.outcomes)
         self._due = self._step_blocks(arrays)
         return observations
 
@@ -325,23 +325,23 @@ class Fleet:
         self._refresh_all()
 
     def _refresh_all(self):
-        self.arrays.due[:] = episodes.STALE
+        self.state.next_update[:] = episodes.UPDATE_NOW
         self._due = self.n_lanes
 
     @property
     def table(self) -> np.ndarray:
         """The memory as a view, (n_blocks, N_ROWS, LANES); see `layout`."""
-        return self.arrays.memory.reshape(-1, layout.N_ROWS, layout.LANES)
+        return self.state.memory.reshape(-1, layout.N_ROWS, layout.LANES)
 
     @property
-    def plan(self) -> layout.Plan:
+    def plan(self) -> layout.EpisodePlan:
         """Healthy parameters, fault events, severities in force and mission legs of every lane."""
         return self._plan
 
     @property
     def time(self) -> np.ndarray:
         """Time since the episode's start [s], (n_lanes,)."""
-        return self.arrays.step / SAMPLE_RATE
+        return self.state.step / SAMPLE_RATE
 
 
 def checked_actions(actions, shape: tuple[int, ...]) -> np.ndarray:
@@ -379,10 +379,10 @@ def _shares(n_lanes: int, parallel: bool) -> list[tuple[int, int]]:
     return list(itertools.pairwise(edges))
 
 
-def _constants(vehicle: Vehicle, disturbance: float) -> Constants:
-    values = {name: getattr(vehicle, name) for name in Constants._fields if hasattr(vehicle, name)}
+def _constants(vehicle: Vehicle, disturbance: float) -> PlantConstants:
+    values = {name: getattr(vehicle, name) for name in PlantConstants._fields if hasattr(vehicle, name)}
     values["disturbance_std"] *= disturbance
-    return Constants(**values, energy_weight=ENERGY_WEIGHT)
+    return PlantConstants(**values, energy_weight=ENERGY_WEIGHT)
 
 
 def _widened(values: np.ndarray, blank: np.ndarray) -> np.ndarray:

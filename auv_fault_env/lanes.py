@@ -38,7 +38,7 @@ from auv_fault_env.layout import (
     SPEED,
     SPEED_COMMAND,
     SPEED_READING,
-    SPIN,
+    SHAFT_SPEED,
     STARBOARD_CURRENT_READING,
     STARBOARD_MOTOR,
     STARBOARD_RPM_READING,
@@ -48,7 +48,7 @@ from auv_fault_env.layout import (
     STERN_PLANE,
     VOLTAGE,
 )
-from auv_fault_env.noise import GATE, draw, gate, normal_pair
+from auv_fault_env.noise import DROPOUT_WORD, random_bits, channel_uniform, normal_pair
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import (
     RPM,
@@ -58,11 +58,11 @@ from auv_fault_env.physics import (
     Motor,
     Shaft,
     armature_current,
-    constants_of,
+    constants_from_array,
     disturbance_memory,
     electrical_energy,
-    filtered,
-    limited,
+    low_pass,
+    clipped,
     mission_reward,
     motor,
     reading,
@@ -91,7 +91,7 @@ def shaft_of(block, side, k):
 
 @scalar
 def motor_of(scratch, side, k):
-    """The `Motor` of lane k, as `prepare` left it in the scratch rows."""
+    """The `Motor` of lane k, as `prepare_step` left it in the scratch rows."""
     at = side * LANES + k
     return Motor(
         scratch[at],
@@ -111,18 +111,18 @@ def delta_squared(block, k):
 
 
 @kernel
-def take_actions(block, width, actions, limits):
+def write_commands(block, width, actions, limits):
     """Clip the actions (n_lanes, 3) into the command rows."""
     for k in range(width):
         for c in range(3):
             command = SPEED_COMMAND + c
-            block[command * LANES + k] = limited(
+            block[command * LANES + k] = clipped(
                 actions[k, c], limits[command, 0], limits[command, 1]
             )
 
 
 @scalar
-def control_side(block, k, constants, command, rpm_row, state):
+def run_shaft_controller(block, k, constants, command, rpm_row, state):
     """Let one shaft's controller set its voltage."""
     voltage, integral = voltage_command(
         constants, command - block[rpm_row * LANES + k], block[(state + INTEGRAL) * LANES + k]
@@ -132,32 +132,32 @@ def control_side(block, k, constants, command, rpm_row, state):
 
 
 @kernel
-def control(block, width, constants):
+def run_controllers(block, width, constants):
     """Let the controllers set both voltages, from the commands and the latest readings."""
     share = 1.0 - math.exp(-SAMPLE_TIME / constants.speed_filter_time)
     for k in range(width):
-        speed = filtered(block[FILTERED_SPEED * LANES + k], block[SPEED_READING * LANES + k], share)
+        speed = low_pass(block[FILTERED_SPEED * LANES + k], block[SPEED_READING * LANES + k], share)
         block[FILTERED_SPEED * LANES + k] = speed
         command = rpm_command(
             constants, block[SPEED_COMMAND * LANES + k], speed, delta_squared(block, k)
         )
-        control_side(block, k, constants, command, PORT_RPM_READING, PORT_STATE)
-        control_side(block, k, constants, command, STARBOARD_RPM_READING, STARBOARD_STATE)
+        run_shaft_controller(block, k, constants, command, PORT_RPM_READING, PORT_STATE)
+        run_shaft_controller(block, k, constants, command, STARBOARD_RPM_READING, STARBOARD_STATE)
 
 
 @kernel
-def draw_normals(scratch, width, key, step):
+def sample_normals(scratch, width, key, step):
     """Ten standard normals per lane, for the readings and the disturbance of this step."""
     for pair in range(5):
         row = (NORMAL + 2 * pair) * LANES
         for k in range(width):
-            one, two = normal_pair(draw(key[k], step[k], np.uint64(pair)))
+            one, two = normal_pair(random_bits(key[k], step[k], np.uint64(pair)))
             scratch[row + k] = one
             scratch[row + LANES + k] = two
 
 
 @scalar
-def lane_motor(block, shaft, state, k, constants):
+def motor_of_lane(block, shaft, state, k, constants):
     """Coefficients of one of lane k's shafts at its present voltage."""
     return motor(shaft_of(block, shaft, k), constants, block[(state + VOLTAGE) * LANES + k])
 
@@ -174,16 +174,16 @@ def store_motor(scratch, side, k, values):
 
 
 @kernel
-def prepare(block, scratch, width, constants):
+def prepare_step(block, scratch, width, constants):
     """Coefficients of the sample ahead, and the disturbance's next value (exact Ornstein-Uhlenbeck step)."""
     memory, kick = disturbance_memory(constants)
     for k in range(width):
-        store_motor(scratch, PORT_MOTOR, k, lane_motor(block, PORT_SHAFT, PORT_STATE, k, constants))
+        store_motor(scratch, PORT_MOTOR, k, motor_of_lane(block, PORT_SHAFT, PORT_STATE, k, constants))
         store_motor(
             scratch,
             STARBOARD_MOTOR,
             k,
-            lane_motor(block, STARBOARD_SHAFT, STARBOARD_STATE, k, constants),
+            motor_of_lane(block, STARBOARD_SHAFT, STARBOARD_STATE, k, constants),
         )
         scratch[DRAG * LANES + k] = block[ALPHA * LANES + k] + block[
             GAMMA * LANES + k
@@ -197,7 +197,7 @@ def prepare(block, scratch, width, constants):
 
 
 @kernel
-def move(block, scratch, width):
+def advance_motion(block, scratch, width):
     """Advance all lanes by one sample, substep after substep."""
     for s in range(SUBSTEPS):
         time = SUBSTEP[s]
@@ -205,8 +205,8 @@ def move(block, scratch, width):
             motion = substep(
                 Motion(
                     block[SPEED * LANES + k],
-                    block[(PORT_STATE + SPIN) * LANES + k],
-                    block[(STARBOARD_STATE + SPIN) * LANES + k],
+                    block[(PORT_STATE + SHAFT_SPEED) * LANES + k],
+                    block[(STARBOARD_STATE + SHAFT_SPEED) * LANES + k],
                     block[(PORT_STATE + ANGLE) * LANES + k],
                     block[(STARBOARD_STATE + ANGLE) * LANES + k],
                 ),
@@ -217,41 +217,41 @@ def move(block, scratch, width):
                 time,
             )
             block[SPEED * LANES + k] = motion.speed
-            block[(PORT_STATE + SPIN) * LANES + k] = motion.port_spin
-            block[(STARBOARD_STATE + SPIN) * LANES + k] = motion.starboard_spin
+            block[(PORT_STATE + SHAFT_SPEED) * LANES + k] = motion.port_shaft_speed
+            block[(STARBOARD_STATE + SHAFT_SPEED) * LANES + k] = motion.starboard_shaft_speed
             block[(PORT_STATE + ANGLE) * LANES + k] = motion.port_angle
             block[(STARBOARD_STATE + ANGLE) * LANES + k] = motion.starboard_angle
 
 
 @scalar
-def lane_current(block, shaft, state, k):
+def current_of_lane(block, shaft, state, k):
     """Armature current of one of lane k's motors [A]."""
-    spin = block[(state + SPIN) * LANES + k]
+    shaft_speed = block[(state + SHAFT_SPEED) * LANES + k]
     voltage = block[(state + VOLTAGE) * LANES + k]
-    return armature_current(shaft_of(block, shaft, k), spin, voltage)
+    return armature_current(shaft_of(block, shaft, k), shaft_speed, voltage)
 
 
 @kernel
-def derive(block, scratch, width):
+def write_true_values(block, scratch, width):
     """The true values that follow from the state: surge acceleration and both currents."""
     for k in range(width):
         block[ACCELERATION * LANES + k] = surge_acceleration(
             block[SPEED * LANES + k],
-            block[(PORT_STATE + SPIN) * LANES + k],
-            block[(STARBOARD_STATE + SPIN) * LANES + k],
+            block[(PORT_STATE + SHAFT_SPEED) * LANES + k],
+            block[(STARBOARD_STATE + SHAFT_SPEED) * LANES + k],
             scratch[DRAG * LANES + k],
             block[DISTURBANCE * LANES + k],
             motor_of(scratch, PORT_MOTOR, k),
             motor_of(scratch, STARBOARD_MOTOR, k),
         )
-        block[(PORT_STATE + CURRENT) * LANES + k] = lane_current(block, PORT_SHAFT, PORT_STATE, k)
-        block[(STARBOARD_STATE + CURRENT) * LANES + k] = lane_current(
+        block[(PORT_STATE + CURRENT) * LANES + k] = current_of_lane(block, PORT_SHAFT, PORT_STATE, k)
+        block[(STARBOARD_STATE + CURRENT) * LANES + k] = current_of_lane(
             block, STARBOARD_SHAFT, STARBOARD_STATE, k
         )
 
 
 @scalar
-def sense(block, scratch, width, gates, held, truth, factor, limits):
+def read_sensor(block, scratch, width, gates, held, truth, factor, limits):
     """Read one channel on all lanes: `factor` times the true value, through the sensor, into the row `held`."""
     channel = held - READING
     sensor = (SENSORS + N_SENSOR_PARAMETERS * channel) * LANES
@@ -267,28 +267,28 @@ def sense(block, scratch, width, gates, held, truth, factor, limits):
             block[sensor + 3 * LANES + k],
             block[sensor + 4 * LANES + k],
             scratch[normal + k],
-            gate(gates[k], channel),
+            channel_uniform(gates[k], channel),
             block[held * LANES + k],
         )
-        block[held * LANES + k] = limited(got, low, high)
+        block[held * LANES + k] = clipped(got, low, high)
 
 
 @kernel
-def sense_all(block, scratch, width, key, step, limits):
+def read_sensors(block, scratch, width, key, step, limits):
     """Read every sensor of every lane."""
-    derive(block, scratch, width)
+    write_true_values(block, scratch, width)
     gates = np.empty((2, LANES), np.uint64)
     for k in range(width):
-        gates[0, k] = draw(key[k], step[k], GATE)
-        gates[1, k] = draw(key[k], step[k], GATE + np.uint64(1))
+        gates[0, k] = random_bits(key[k], step[k], DROPOUT_WORD)
+        gates[1, k] = random_bits(key[k], step[k], DROPOUT_WORD + np.uint64(1))
     one = gates[0]
     two = gates[1]
-    sense(block, scratch, width, one, SPEED_READING, SPEED, 1.0, limits)
-    sense(block, scratch, width, one, ACCELERATION_READING, ACCELERATION, 1.0, limits)
-    sense(block, scratch, width, one, PORT_VOLTAGE_READING, PORT_STATE + VOLTAGE, 1.0, limits)
-    sense(block, scratch, width, one, PORT_CURRENT_READING, PORT_STATE + CURRENT, 1.0, limits)
-    sense(block, scratch, width, two, PORT_RPM_READING, PORT_STATE + SPIN, RPM, limits)
-    sense(
+    read_sensor(block, scratch, width, one, SPEED_READING, SPEED, 1.0, limits)
+    read_sensor(block, scratch, width, one, ACCELERATION_READING, ACCELERATION, 1.0, limits)
+    read_sensor(block, scratch, width, one, PORT_VOLTAGE_READING, PORT_STATE + VOLTAGE, 1.0, limits)
+    read_sensor(block, scratch, width, one, PORT_CURRENT_READING, PORT_STATE + CURRENT, 1.0, limits)
+    read_sensor(block, scratch, width, two, PORT_RPM_READING, PORT_STATE + SHAFT_SPEED, RPM, limits)
+    read_sensor(
         block,
         scratch,
         width,
@@ -298,7 +298,7 @@ def sense_all(block, scratch, width, key, step, limits):
         1.0,
         limits,
     )
-    sense(
+    read_sensor(
         block,
         scratch,
         width,
@@ -308,11 +308,11 @@ def sense_all(block, scratch, width, key, step, limits):
         1.0,
         limits,
     )
-    sense(block, scratch, width, two, STARBOARD_RPM_READING, STARBOARD_STATE + SPIN, RPM, limits)
+    read_sensor(block, scratch, width, two, STARBOARD_RPM_READING, STARBOARD_STATE + SHAFT_SPEED, RPM, limits)
 
 
 @scalar
-def lane_energy(block, shaft, state, k):
+def energy_of_lane(block, shaft, state, k):
     """Electrical energy of one of lane k's motors in the sample [J]."""
     angle = block[(state + ANGLE) * LANES + k]
     voltage = block[(state + VOLTAGE) * LANES + k]
@@ -320,11 +320,11 @@ def lane_energy(block, shaft, state, k):
 
 
 @kernel
-def account(block, width, constants):
+def write_outcomes(block, width, constants):
     """The step's electrical energy [J], cost (squared speed deviation) [m^2/s^2] and reward."""
     for k in range(width):
-        energy = lane_energy(block, PORT_SHAFT, PORT_STATE, k)
-        energy += lane_energy(block, STARBOARD_SHAFT, STARBOARD_STATE, k)
+        energy = energy_of_lane(block, PORT_SHAFT, PORT_STATE, k)
+        energy += energy_of_lane(block, STARBOARD_SHAFT, STARBOARD_STATE, k)
         deviation = block[SPEED * LANES + k] - block[MISSION_SPEED * LANES + k]
         block[ENERGY * LANES + k] = energy
         block[COST * LANES + k] = deviation * deviation
@@ -332,51 +332,51 @@ def account(block, width, constants):
 
 
 @scalar
-def publish_row(block, width, row, values):
+def copy_row(block, width, row, values):
     """Copy one row of the block."""
     for k in range(width):
         values[k] = block[row * LANES + k]
 
 
 @kernel
-def publish(block, width, first, observations, outcomes):
+def copy_results(block, width, first, observations, outcomes):
     """Copy, from lane `first` on, the channels to (n_lanes, N_CHANNELS), reward ... mission speed to (4, n_lanes)."""
     rows = observations[first:]
     for k in range(width):
         for channel in range(N_CHANNELS):
             rows[k, channel] = block[channel * LANES + k]
-    publish_row(block, width, REWARD, outcomes[0][first:])
-    publish_row(block, width, ENERGY, outcomes[1][first:])
-    publish_row(block, width, COST, outcomes[2][first:])
-    publish_row(block, width, MISSION_SPEED, outcomes[3][first:])
+    copy_row(block, width, REWARD, outcomes[0][first:])
+    copy_row(block, width, ENERGY, outcomes[1][first:])
+    copy_row(block, width, COST, outcomes[2][first:])
+    copy_row(block, width, MISSION_SPEED, outcomes[3][first:])
 
 
 @kernel
-def step_block(block, first, key, step, due, actions, limits, constants, observations, outcomes):
+def step_block(block, first, key, step, next_update, actions, limits, constants, observations, outcomes):
     """One sample of the block that begins with lane `first`; returns how many lanes are due for a refresh after it."""
     width = min(LANES, key.size - first)
     key = key[first:]
     step = step[first:]
-    due = due[first:]
+    next_update = next_update[first:]
     scratch = np.empty(N_SCRATCH * LANES)
     count = 0
     for k in range(width):
         step[k] += 1
-        count += step[k] >= due[k]
-    take_actions(block, width, actions[first:], limits)
-    control(block, width, constants)
-    draw_normals(scratch, width, key, step)
-    prepare(block, scratch, width, constants)
-    move(block, scratch, width)
-    sense_all(block, scratch, width, key, step, limits)
-    account(block, width, constants)
-    publish(block, width, first, observations, outcomes)
+        count += step[k] >= next_update[k]
+    write_commands(block, width, actions[first:], limits)
+    run_controllers(block, width, constants)
+    sample_normals(scratch, width, key, step)
+    prepare_step(block, scratch, width, constants)
+    advance_motion(block, scratch, width)
+    read_sensors(block, scratch, width, key, step, limits)
+    write_outcomes(block, width, constants)
+    copy_results(block, width, first, observations, outcomes)
     return count
 
 
 @kernel
 def step_blocks(
-    first, last, memory, key, step, due, actions, limits, constants, observations, outcomes
+    first, last, memory, key, step, next_update, actions, limits, constants, observations, outcomes
 ):
     """One sample of the blocks from `first` to before `last`; returns the number of lanes due for a refresh.
 
@@ -384,10 +384,10 @@ def step_blocks(
     lane's step; constants is a `Constants` as an array. It releases the interpreter's lock, so
     threads may share the blocks.
     """
-    shared = constants_of(constants)
+    shared = constants_from_array(constants)
     count = 0
     for b in range(first, last):
         count += step_block(
-            memory[b], b * LANES, key, step, due, actions, limits, shared, observations, outcomes
+            memory[b], b * LANES, key, step, next_update, actions, limits, shared, observations, outcomes
         )
     return count

@@ -35,7 +35,7 @@ READING = len(COMMANDS)
 )
 PORT_STATE = COST + 1
 STARBOARD_STATE = COST + 6
-SPIN, ANGLE, INTEGRAL, VOLTAGE, CURRENT = range(5)  # rows of each side's state
+SHAFT_SPEED, ANGLE, INTEGRAL, VOLTAGE, CURRENT = range(5)  # rows of each side's state
 PARAMETER = STARBOARD_STATE + 5
 ALPHA = PARAMETER
 GAMMA = PARAMETER + 1
@@ -54,16 +54,16 @@ N_SCRATCH = 21
 DISTURBANCE_NORMAL = NORMAL + len(READINGS)
 
 
-class Lanes(NamedTuple):
+class FleetState(NamedTuple):
     """State of a fleet: block memory (n_blocks, N_ROWS * LANES), noise key, step and next due step, each (n_lanes,)."""
 
     memory: np.ndarray
     key: np.ndarray
     step: np.ndarray
-    due: np.ndarray
+    next_update: np.ndarray
 
 
-class Plan(NamedTuple):
+class EpisodePlan(NamedTuple):
     """What is to happen to each lane: healthy parameters, fault events, mission legs; and the severities in force."""
 
     healthy: np.ndarray  # (n_lanes, N_PARAMETERS)

@@ -110,7 +110,7 @@ class MissionSampler:
         whole_number("number of legs", self.n_legs)
         finite_in_range("from_rest", self.from_rest, 0.0, 1.0)
 
-    def draw(self, key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def sample_legs(self, key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Legs (n_lanes, n_legs, 2) and start speeds (n_lanes,) for lanes with the given noise keys (n_lanes,)."""
         u = uniforms(key, 3, 2 * self.n_legs + 1)
         legs = np.empty((key.size, self.n_legs, 2))

@@ -10,8 +10,8 @@ import numpy as np
 
 from auv_fault_env.compiling import kernel, scalar
 
-STREAM = np.uint64(16)  # draws per step: ten normals in five pairs, two words of gates
-GATE = np.uint64(8)
+WORDS_PER_STEP = np.uint64(16)  # draws per step: ten normals in five pairs, two words of gates
+DROPOUT_WORD = np.uint64(8)
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 MIX_2 = np.uint64(0x94D049BB133111EB)
@@ -23,7 +23,7 @@ BITS_OF_TWO_52 = np.uint64(0x4330000000000000)
 
 
 @scalar
-def mixed(word):
+def mix_bits(word):
     """SplitMix64's finaliser (Steele, Lea & Flood 2014, doi:10.1145/2714064.2660195)."""
     word = (word ^ (word >> U30)) * MIX_1
     word = (word ^ (word >> U27)) * MIX_2
@@ -31,13 +31,13 @@ def mixed(word):
 
 
 @scalar
-def draw(key, step, channel):
+def random_bits(key, step, channel):
     """64 random bits that depend on nothing but (key, step, channel): SplitMix64's output at that place."""
-    return mixed(key + (np.uint64(step) * STREAM + channel) * GOLDEN)
+    return mix_bits(key + (np.uint64(step) * WORDS_PER_STEP + channel) * GOLDEN)
 
 
 @scalar
-def small(word):
+def float_of_integer(word):
     """An integer below 2^52 as a float, by its bits: the conversion that vectorises everywhere."""
     return np.uint64(word | BITS_OF_TWO_52).view(np.float64) - TWO_52
 
@@ -46,7 +46,7 @@ def small(word):
 def logarithm(x):
     """Natural logarithm of a normal positive number, to 1e-9: atanh series on the mantissa."""
     bits = np.float64(x).view(np.uint64)
-    exponent = small(bits >> U52) - 1023.0
+    exponent = float_of_integer(bits >> U52) - 1023.0
     mantissa = np.uint64((bits & LOW_52) | BITS_OF_ONE).view(np.float64)
     high = mantissa > 1.4142135623730951
     mantissa = 0.5 * mantissa if high else mantissa
@@ -72,8 +72,8 @@ def sine_of_turns(x):
 @scalar
 def normal_pair(word):
     """Two independent standard normals from 64 random bits (Box & Muller 1958), bounded by 6.8."""
-    radius = math.sqrt(-2.0 * logarithm((small(word >> U32) + 0.5) * 2.0**-32))
-    turn = small(word & LOW_32) * 2.0**-32
+    radius = math.sqrt(-2.0 * logarithm((float_of_integer(word >> U32) + 0.5) * 2.0**-32))
+    turn = float_of_integer(word & LOW_32) * 2.0**-32
     cosine = sine_of_turns(abs(turn - 0.5) - 0.25)
     shifted = turn - 0.25 if turn >= 0.25 else turn + 0.75
     sine = sine_of_turns(abs(shifted - 0.5) - 0.25)
@@ -81,9 +81,9 @@ def normal_pair(word):
 
 
 @scalar
-def gate(words, channel):
+def channel_uniform(words, channel):
     """A uniform number in [0, 1) from the channel's 16 bits of a word: decides about lost and repeated samples."""
-    return small((words >> np.uint64(16 * (channel % 4))) & LOW_16) * 2.0**-16
+    return float_of_integer((words >> np.uint64(16 * (channel % 4))) & LOW_16) * 2.0**-16
 
 
 @kernel
@@ -91,7 +91,7 @@ def episode_keys(seed, episode):
     """Noise keys (n_lanes,) of the given episodes of the given seeds, both uint64 (n_lanes,)."""
     keys = np.empty_like(seed)
     for k in range(seed.size):
-        keys[k] = mixed(mixed(seed[k] + GOLDEN) ^ (episode[k] * MIX_1))
+        keys[k] = mix_bits(mix_bits(seed[k] + GOLDEN) ^ (episode[k] * MIX_1))
     return keys
 
 
@@ -100,9 +100,9 @@ def uniforms(key, purpose, count):
     """Uniform numbers in (0, 1), (n_lanes, count), from a stream of the lane's key kept for one purpose."""
     out = np.empty((key.size, count))
     for k in range(key.size):
-        stream = mixed(key[k] ^ ((np.uint64(purpose) + np.uint64(1)) * MIX_2))
+        stream = mix_bits(key[k] ^ ((np.uint64(purpose) + np.uint64(1)) * MIX_2))
         for c in range(count):
             out[k, c] = (
-                small(mixed(stream + np.uint64(c + 1) * GOLDEN) >> np.uint64(12)) + 0.5
+                float_of_integer(mix_bits(stream + np.uint64(c + 1) * GOLDEN) >> np.uint64(12)) + 0.5
             ) * 2.0**-52
     return out

@@ -11,7 +11,7 @@ Equations (u surge speed, w shaft speed in rad/s, n the same in rpm, V motor vol
     Q       = rho D^5 (w/2 pi)^2 (C1 - C2 J_a),                 J_a = u (1 - wake) / ((w/2 pi) D)
 
 With the surge speed known, the shaft equation is a Riccati equation, solved in closed form by
-`spin`; see `advance`.
+`shaft_speed_after`; see `advance`.
 """
 
 import math
@@ -36,7 +36,7 @@ INNER_WEIGHT = 5.0 / 12.0
 THIRD = 1.0 / 3.0
 
 
-class Constants(NamedTuple):
+class PlantConstants(NamedTuple):
     """What all lanes of a fleet share: water, nominal hull and gains of the controllers, disturbance, reward."""
 
     density: float
@@ -58,9 +58,9 @@ class Constants(NamedTuple):
 
 
 @scalar
-def constants_of(values):
-    """The `Constants` whose fields stand in an array, in their order."""
-    return Constants(
+def constants_from_array(values):
+    """The `PlantConstants` whose fields stand in an array, in their order."""
+    return PlantConstants(
         values[0],
         values[1],
         values[2],
@@ -107,8 +107,8 @@ class Motion(NamedTuple):
     """Surge speed [m/s], shaft speeds [rad/s] and the angles [rad] that the shafts have turned."""
 
     speed: float
-    port_spin: float
-    starboard_spin: float
+    port_shaft_speed: float
+    starboard_shaft_speed: float
     port_angle: float
     starboard_angle: float
 
@@ -129,19 +129,19 @@ def motor(shaft, constants, voltage):
 
 
 @scalar
-def surge_acceleration(speed, port_spin, starboard_spin, drag, disturbance, port, starboard):
+def surge_acceleration(speed, port_shaft_speed, starboard_shaft_speed, drag, disturbance, port, starboard):
     """du/dt [m/s^2]; drag is alpha + gamma delta^2 [1/m]."""
     thrust = (
-        port.thrust * port_spin * port_spin + starboard.thrust * starboard_spin * starboard_spin
+        port.thrust * port_shaft_speed * port_shaft_speed + starboard.thrust * starboard_shaft_speed * starboard_shaft_speed
     )
     return drag * speed * abs(speed) + thrust + disturbance
 
 
 @scalar
-def spin_rate(spin, speed, side):
+def shaft_acceleration(shaft_speed_after, speed, side):
     """dw/dt [rad/s^2]; at standstill the Coulomb friction holds the shaft until the drive exceeds it."""
-    rate = side.drive - (side.damping - side.coupling * speed) * spin - side.load * spin * spin
-    return max(rate, 0.0) if spin <= 0.0 else rate
+    rate = side.drive - (side.damping - side.coupling * speed) * shaft_speed_after - side.load * shaft_speed_after * shaft_speed_after
+    return max(rate, 0.0) if shaft_speed_after <= 0.0 else rate
 
 
 @scalar
@@ -152,9 +152,9 @@ def disturbance_memory(constants):
 
 
 @scalar
-def armature_current(shaft, spin, voltage):
+def armature_current(shaft, shaft_speed_after, voltage):
     """Current [A], inductance neglected as in the thesis."""
-    return (voltage - shaft.torque_constant * spin) / shaft.resistance
+    return (voltage - shaft.torque_constant * shaft_speed_after) / shaft.resistance
 
 
 @scalar
@@ -164,20 +164,20 @@ def electrical_energy(shaft, angle, voltage):
 
 
 @scalar
-def steady_spin(alpha, beta, speed, constants):
+def equilibrium_shaft_speed(alpha, beta, speed, constants):
     """Shaft speed [rad/s] at which thrust and drag balance, at most the largest command; zero without thrust."""
     rpm = math.sqrt(-alpha / beta) * speed if beta > 0.0 else 0.0
     return min(rpm, constants.maximum_rpm) / RPM
 
 
 @scalar
-def holding_voltage(shaft, spin, speed, constants):
+def equilibrium_voltage(shaft, shaft_speed_after, speed, constants):
     """Voltage [V] that balances friction and propeller at a steady shaft speed, within the supply; zero at rest."""
     still = motor(shaft, constants, 0.0)
     torque = shaft.inertia * (
-        (still.damping - still.coupling * speed + still.load * spin) * spin - still.drive
+        (still.damping - still.coupling * speed + still.load * shaft_speed_after) * shaft_speed_after - still.drive
     )
-    voltage = torque * shaft.resistance / shaft.torque_constant if spin > 0.0 else 0.0
+    voltage = torque * shaft.resistance / shaft.torque_constant if shaft_speed_after > 0.0 else 0.0
     return min(voltage, constants.maximum_voltage)
 
 
@@ -191,19 +191,19 @@ def mission_reward(deviation, energy, constants):
 def rates(motion, drag, disturbance, port, starboard):
     """Time derivative of a `Motion`."""
     u = motion.speed
-    port_spin = motion.port_spin
-    starboard_spin = motion.starboard_spin
+    port_shaft_speed = motion.port_shaft_speed
+    starboard_shaft_speed = motion.starboard_shaft_speed
     return Motion(
-        surge_acceleration(u, port_spin, starboard_spin, drag, disturbance, port, starboard),
-        spin_rate(port_spin, u, port),
-        spin_rate(starboard_spin, u, starboard),
-        port_spin,
-        starboard_spin,
+        surge_acceleration(u, port_shaft_speed, starboard_shaft_speed, drag, disturbance, port, starboard),
+        shaft_acceleration(port_shaft_speed, u, port),
+        shaft_acceleration(starboard_shaft_speed, u, starboard),
+        port_shaft_speed,
+        starboard_shaft_speed,
     )
 
 
 @scalar
-def spin(start, side, mean_speed, slope, time):
+def shaft_speed_after(start, side, mean_speed, slope, time):
     """Shaft speed [rad/s] after `time` [s] under a surge speed of given mean and constant slope.
 
     The Riccati equation is the projection of a linear system of order two with generator M =
@@ -229,7 +229,7 @@ def spin(start, side, mean_speed, slope, time):
 
 
 @scalar
-def node(motion, start, jerk, bend, twist, drag, disturbance, port, starboard, time):
+def shafts_and_acceleration(motion, start, jerk, bend, twist, drag, disturbance, port, starboard, time):
     """Shaft speeds, acceleration and its remainder at `time`, under u' = start + jerk t + bend t^2 + twist t^3."""
     speed = motion.speed + time * (
         start + time * (0.5 * jerk + time * (THIRD * bend + time * (0.25 * twist)))
@@ -237,32 +237,32 @@ def node(motion, start, jerk, bend, twist, drag, disturbance, port, starboard, t
     inner = 0.5 * THIRD * jerk + time * (0.25 * THIRD * bend + time * (0.05 * twist))
     mean = motion.speed + time * (0.5 * start + time * inner)
     slope = start + time * (0.5 * jerk + time * (0.3 * bend + time * (0.2 * twist)))
-    port_spin = spin(motion.port_spin, port, mean, slope, time)
-    starboard_spin = spin(motion.starboard_spin, starboard, mean, slope, time)
-    force = surge_acceleration(speed, port_spin, starboard_spin, drag, disturbance, port, starboard)
-    return port_spin, starboard_spin, force, (force - start - jerk * time) * (1.0 / (time * time))
+    port_shaft_speed = shaft_speed_after(motion.port_shaft_speed, port, mean, slope, time)
+    starboard_shaft_speed = shaft_speed_after(motion.starboard_shaft_speed, starboard, mean, slope, time)
+    force = surge_acceleration(speed, port_shaft_speed, starboard_shaft_speed, drag, disturbance, port, starboard)
+    return port_shaft_speed, starboard_shaft_speed, force, (force - start - jerk * time) * (1.0 / (time * time))
 
 
 @scalar
 def substep(motion, drag, disturbance, port, starboard, time):
     """The motion after `time`: closed-form shafts at the Lobatto points, quadrature of order 6 for speed and angles."""
     u = motion.speed
-    port_0 = motion.port_spin
-    starboard_0 = motion.starboard_spin
+    port_0 = motion.port_shaft_speed
+    starboard_0 = motion.starboard_shaft_speed
     first = surge_acceleration(u, port_0, starboard_0, drag, disturbance, port, starboard)
     jerk = 2.0 * drag * abs(u) * first
-    jerk += 2.0 * port.thrust * port_0 * spin_rate(port_0, u, port)
-    jerk += 2.0 * starboard.thrust * starboard_0 * spin_rate(starboard_0, u, starboard)
+    jerk += 2.0 * port.thrust * port_0 * shaft_acceleration(port_0, u, port)
+    jerk += 2.0 * starboard.thrust * starboard_0 * shaft_acceleration(starboard_0, u, starboard)
     t_1 = NODE_1 * time
     t_2 = NODE_2 * time
-    port_1, starboard_1, second, bend_1 = node(
+    port_1, starboard_1, second, bend_1 = shafts_and_acceleration(
         motion, first, jerk, 0.0, 0.0, drag, disturbance, port, starboard, t_1
     )
-    port_2, starboard_2, third, bend_2 = node(
+    port_2, starboard_2, third, bend_2 = shafts_and_acceleration(
         motion, first, jerk, bend_1, 0.0, drag, disturbance, port, starboard, t_2
     )
     twist = (bend_2 - bend_1) * (1.0 / (t_2 - t_1))
-    port_3, starboard_3, last, _ = node(
+    port_3, starboard_3, last, _ = shafts_and_acceleration(
         motion, first, jerk, bend_1 - twist * t_1, twist, drag, disturbance, port, starboard, time
     )
     end = END_WEIGHT * time
@@ -295,7 +295,7 @@ def advance(motion, drag, disturbance, port, starboard):
 
 
 @scalar
-def limited(value, low, high):
+def clipped(value, low, high):
     """The value, kept within [low, high]."""
     return min(max(value, low), high)
 
@@ -310,7 +310,7 @@ def rpm_command(constants, speed_command, speed, delta_squared):
     """
     ahead = min(speed, speed_command + constants.boundary_layer)
     drag = (constants.alpha + constants.gamma * delta_squared) * ahead * abs(ahead)
-    reach = constants.reaching_rate * limited(
+    reach = constants.reaching_rate * clipped(
         (speed - speed_command) / constants.boundary_layer, -1.0, 1.0
     )
     return min(math.sqrt(max(-(drag + reach) / constants.beta, 0.0)), constants.maximum_rpm)
@@ -321,12 +321,12 @@ def voltage_command(constants, error, integral):
     """PI control of the shaft speed: voltage [V] and the new integral, which stops where the voltage saturates."""
     proportional = constants.proportional_gain * error
     wanted = proportional + integral + constants.integral_gain * SAMPLE_TIME * error
-    voltage = limited(wanted, 0.0, constants.maximum_voltage)
+    voltage = clipped(wanted, 0.0, constants.maximum_voltage)
     return voltage, voltage - proportional
 
 
 @scalar
-def filtered(kept, reading, share):
+def low_pass(kept, reading, share):
     """First-order low-pass: the kept value moves by `share` of the way to the reading."""
     return kept + share * (reading - kept)
 

@@ -40,7 +40,7 @@ from auv_fault_env.charts import (
 )
 from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import SAMPLE_RATE, SIDES
-from auv_fault_env.silhouette import VIEWS, draw_ruler, draw_vehicle, vehicle_parts
+from auv_fault_env.silhouette import PROJECTIONS, draw_ruler, draw_vehicle, vehicle_parts
 
 # propellers turn on the screen this much slower, or ten frames a second would show them stand still
 SLOW_MOTION = 20.0
@@ -184,7 +184,7 @@ class Renderer:
         parts = vehicle_parts(row["rudder"], row["stern_plane"], self._angles, shares)
         faults = [(name, severity, self._onsets[name]) for name, severity in self._severity.items()]
         with canvas.fresh():
-            for view in VIEWS:
+            for view in PROJECTIONS:
                 draw_vehicle(canvas, view, parts, faulty)
             draw_ruler(canvas, self._travelled)
             _draw_gauge(canvas, row)

@@ -264,7 +264,7 @@ class ScheduleSampler:
         rest = (edges[first] + chance[:, 1] * (1.0 - weights[first])) % 1.0
         return np.stack([first, np.searchsorted(edges[:-1], rest, side="right")], axis=1)
 
-    def draw(self, key: np.ndarray) -> Events:
+    def sample_events(self, key: np.ndarray) -> Events:
         """Schedules for lanes with the given noise keys (n_lanes,)."""
         u = uniforms(key, 1, self.EVENTS * self.DRAWS).reshape(-1, self.EVENTS, self.DRAWS)
         within = lambda column, limits: limits[0] + (limits[1] - limits[0]) * u[:, :, column]  # noqa: E731
@@ -299,4 +299,4 @@ class ScheduleSampler:
         """The schedule that the first episode of an environment with this seed draws."""
         whole_number("seed", seed, 0)
         key = episode_keys(np.array([seed % 2**64], np.uint64), np.zeros(1, np.uint64))
-        return schedules_of(self.draw(key))[0]
+        return schedules_of(self.sample_events(key))[0]

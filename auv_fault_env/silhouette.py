@@ -35,7 +35,7 @@ class Part(NamedTuple):
     colour: Colour
 
 
-class View(NamedTuple):
+class Projection(NamedTuple):
     """A projection: title and its place, middle [px], scale [px/m], body axes that run right and down the screen."""
 
     title: str
@@ -49,10 +49,10 @@ class View(NamedTuple):
         return corners[:, self.axes] * self.scale + self.middle
 
 
-VIEWS = (
-    View("from above", (100, 16), (218.0, 68.0), 160.0, (0, 1)),
-    View("from starboard", (100, 134), (218.0, 170.0), 160.0, (0, 2)),
-    View("from astern", (440, 16), (546.0, 112.0), 300.0, (1, 2)),
+PROJECTIONS = (
+    Projection("from above", (100, 16), (218.0, 68.0), 160.0, (0, 1)),
+    Projection("from starboard", (100, 134), (218.0, 170.0), 160.0, (0, 2)),
+    Projection("from astern", (440, 16), (546.0, 112.0), 300.0, (1, 2)),
 )
 
 SHAFT_OFFSET = dict(zip(SIDES, (-0.11, 0.11), strict=True))  # m, to starboard
@@ -176,7 +176,7 @@ def _outline(points: np.ndarray) -> list[Point]:
     return ring
 
 
-def draw_vehicle(canvas: Canvas, view: View, parts: Sequence[Part], faulty: set[str]):
+def draw_vehicle(canvas: Canvas, view: Projection, parts: Sequence[Part], faulty: set[str]):
     """The parts in one view, the hull first, those of faulty components last and in the warning colour."""
     canvas.text(view.title, view.label, FAINT)
     for part in (parts[0], *sorted(parts[1:], key=lambda part: part.component in faulty)):
@@ -194,8 +194,8 @@ def draw_vehicle(canvas: Canvas, view: View, parts: Sequence[Part], faulty: set[
 
 def draw_ruler(canvas: Canvas, travelled: float):
     """Metres through the water, which pass below the vehicle as it moves."""
-    (middle, _) = VIEWS[0].middle
-    scale = VIEWS[0].scale
+    (middle, _) = PROJECTIONS[0].middle
+    scale = PROJECTIONS[0].scale
     top = 216
     canvas.line([(16, top), (420, top)], FAINT)
     for half in range(math.ceil(2 * travelled - 2.4), math.floor(2 * travelled + 2.4) + 1):

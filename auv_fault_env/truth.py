@@ -19,10 +19,10 @@ STATE: dict[str, tuple[int, float]] = {
     "disturbance": (layout.DISTURBANCE, 1.0),
     "port_voltage": (layout.PORT_STATE + layout.VOLTAGE, 1.0),
     "port_current": (layout.PORT_STATE + layout.CURRENT, 1.0),
-    "port_rpm": (layout.PORT_STATE + layout.SPIN, RPM),
+    "port_rpm": (layout.PORT_STATE + layout.SHAFT_SPEED, RPM),
     "starboard_voltage": (layout.STARBOARD_STATE + layout.VOLTAGE, 1.0),
     "starboard_current": (layout.STARBOARD_STATE + layout.CURRENT, 1.0),
-    "starboard_rpm": (layout.STARBOARD_STATE + layout.SPIN, RPM),
+    "starboard_rpm": (layout.STARBOARD_STATE + layout.SHAFT_SPEED, RPM),
 }
 
 
@@ -89,7 +89,7 @@ class FleetTruth(Mapping):
         return np.where(active, self._fleet.diagnoses[plan.fault[lanes, worst]], NORMAL)
 
 
-class LaneTruth:
+class SingleLaneTruth:
     """The truth of one lane in plain numbers; what changes only with the faults is read anew only then."""
 
     def __init__(self, fleet: Fleet, lane: int = 0):
@@ -104,7 +104,7 @@ class LaneTruth:
         """A fresh dictionary: label, severity by class, onset [s], parameters and noise-free state by name."""
         if self._seen != self._fleet.changes:
             self._read_faults()
-        state = (self._fleet.arrays.memory.take(self._state_at) * self._state_factors).tolist()
+        state = (self._fleet.state.memory.take(self._state_at) * self._state_factors).tolist()
         return {
             "label": self._label,
             "severity": self._severity.copy(),

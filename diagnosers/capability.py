@@ -18,13 +18,13 @@ from auv_fault_env.errors import refusal
 from auv_fault_env.faults import CATALOGUE, classes, matrices
 from auv_fault_env.parameters import ENERGY_WEIGHT, HULL, PARAMETERS, SHAFT, SIDES, Vehicle, nominal
 from auv_fault_env.physics import (
-    Constants,
+    PlantConstants,
     Shaft,
     armature_current,
-    holding_voltage,
+    equilibrium_voltage,
     motor,
-    spin_rate,
-    steady_spin,
+    shaft_acceleration,
+    equilibrium_shaft_speed,
     surge_acceleration,
 )
 from diagnosers.diagnoser import Belief
@@ -71,16 +71,16 @@ def _shaft(parameters, first):
 @scalar
 def _turned(shaft, spin, speed, constants):
     """Power [W], current [A] and `Motor` of a shaft held at a speed, and whether the supply suffices for it."""
-    voltage = holding_voltage(shaft, spin, speed, constants)
+    voltage = equilibrium_voltage(shaft, spin, speed, constants)
     current = armature_current(shaft, spin, voltage)
     side = motor(shaft, constants, voltage)
-    return voltage * current, current, side, spin_rate(spin, speed, side) > -SPIN_BALANCE
+    return voltage * current, current, side, shaft_acceleration(spin, speed, side) > -SPIN_BALANCE
 
 
 @scalar
 def _steady(speed, alpha, port, starboard, constants):
     """Power [W] and larger current [A] at a held speed, both shafts at the same speed as the controllers have them."""
-    spin = steady_spin(alpha, port.beta + starboard.beta, speed, constants)
+    spin = equilibrium_shaft_speed(alpha, port.beta + starboard.beta, speed, constants)
     left, left_current, left_side, left_turns = _turned(port, spin, speed, constants)
     right, right_current, right_side, right_turns = _turned(starboard, spin, speed, constants)
     force = surge_acceleration(speed, spin, spin, alpha, 0.0, left_side, right_side)
@@ -127,8 +127,8 @@ def capability(parameters: np.ndarray, speeds: np.ndarray, vehicle: Vehicle) -> 
     n_lanes, n_draws, _ = parameters.shape
     shape = n_lanes, n_draws, speeds.shape[1]
     able = Capability(np.empty(shape[:2]), np.empty(shape), np.empty(shape))
-    constants = Constants(
-        *(getattr(vehicle, name) for name in Constants._fields[:-1]), ENERGY_WEIGHT
+    constants = PlantConstants(
+        *(getattr(vehicle, name) for name in PlantConstants._fields[:-1]), ENERGY_WEIGHT
     )
     _fill(
         np.ascontiguousarray(parameters), np.ascontiguousarray(speeds, np.float64), constants, *able

@@ -26,7 +26,7 @@ from auv_fault_env.parameters import (
     nominal,
     vehicle_of,
 )
-from auv_fault_env.physics import Constants as Plant
+from auv_fault_env.physics import PlantConstants as Plant
 from diagnosers.bank.algebra import N_PACKED, N_STATES, SEVERITY, SPREAD, entry
 from diagnosers.bank.hypotheses import OWN, SURGE, HypothesisTable, hypothesis_table
 from diagnosers.bank.kernel import BankState, step_lanes

@@ -6,7 +6,7 @@ import numpy as np
 
 from auv_fault_env.compiling import kernel
 from auv_fault_env.errors import whole_number
-from auv_fault_env.noise import GOLDEN, LOW_32, MIX_2, mixed, small
+from auv_fault_env.noise import GOLDEN, LOW_32, MIX_2, mix_bits, float_of_integer
 from auv_fault_env.schedules import ScheduleSampler
 from diagnosers.diagnoser import Belief, Recursive, same_severity
 
@@ -45,11 +45,11 @@ def _uniforms(bits, seed, count):
     """Uniform numbers (n_lanes, count) in (0, 1) from the bits of each row (n_lanes, n_channels) and the seed."""
     out = np.empty((len(bits), count))
     for lane in range(len(bits)):
-        key = mixed(seed + GOLDEN)
+        key = mix_bits(seed + GOLDEN)
         for channel in range(bits.shape[1]):
-            key = mixed(key ^ (bits[lane, channel] * MIX_2) + GOLDEN)
+            key = mix_bits(key ^ (bits[lane, channel] * MIX_2) + GOLDEN)
         for c in range(count):
-            out[lane, c] = (small(mixed(key + np.uint64(c + 1) * GOLDEN) & LOW_32) + 0.5) * 2.0**-32
+            out[lane, c] = (float_of_integer(mix_bits(key + np.uint64(c + 1) * GOLDEN) & LOW_32) + 0.5) * 2.0**-32
     return out
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.faults import CATALOGUE, classes
 from auv_fault_env.fleet import Fleet
-from auv_fault_env.layout import Plan
+from auv_fault_env.layout import EpisodePlan
 from auv_fault_env.missions import Mission
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.schedules import PROFILE, Events, Schedule
@@ -68,7 +68,7 @@ def roll_out(
     return Rollout(observations, label, severity, onset, fleet.plan.healthy.copy())
 
 
-def targets(plan: Plan | Events, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
+def targets(plan: EpisodePlan | Events, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
     """Label and severity over time, each (n_samples, n_lanes), of the worst fault that has begun and not ended.
 
     An intermittent fault counts as present between its bursts: a vehicle with a loose contact is

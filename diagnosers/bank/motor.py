@@ -9,7 +9,7 @@ import numpy as np
 
 from auv_fault_env.compiling import fused, inlined, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
-from auv_fault_env.physics import RPM, Shaft, armature_current, motor, spin
+from auv_fault_env.physics import RPM, Shaft, armature_current, motor, shaft_speed_after
 from diagnosers.bank.algebra import N_STATES, SEVERITY, condition
 from diagnosers.bank.pack import spread
 from diagnosers.bank.sensors import BIAS, GAIN, LEAST_GAIN, NOISE, deliver, meant, shown
@@ -75,7 +75,7 @@ def expected(values, f, readings, heard_voltage, heard_rpm, start, speed, shift,
     read = meant(values, VOLTAGE, f, readings[0, f])
     balanced = fused(resistance, meant(values, CURRENT, f, readings[1, f]), flux * turning)
     voltage = shift + (read if heard_voltage > 0.0 else balanced)
-    predicted = spin(start, motor(shaft, water, voltage), speed, 0.0, SAMPLE_TIME)
+    predicted = shaft_speed_after(start, motor(shaft, water, voltage), speed, 0.0, SAMPLE_TIME)
     current = armature_current(shaft, turning if heard_rpm > 0.0 else predicted, voltage)
     return predicted, shown(values, SPEED, f, RPM * predicted), shown(values, CURRENT, f, current)
 

@@ -16,7 +16,7 @@ from auv_fault_env.channels import CHANNELS, COMMANDS, READINGS
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.faults import classes
 from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle
-from auv_fault_env.physics import limited
+from auv_fault_env.physics import clipped
 from diagnosers import kalman, motor_filter
 from diagnosers.diagnoser import Belief
 from diagnosers.filter_bank import FilterBank
@@ -211,7 +211,7 @@ def _squashed(value):
 def _fold_signals(signals, means, squares, age, shares, features, at):
     """Signals, their running means and mean squares."""
     for k in range(N_SIGNALS):
-        now = limited(signals[k], -LIMIT, LIMIT)
+        now = clipped(signals[k], -LIMIT, LIMIT)
         rest = now - means[k, 0]
         squares[k] += SAMPLE_TIME / BURST * (rest * rest - squares[k])
         features[at] = _squashed(now)

@@ -20,9 +20,9 @@ from auv_fault_env.physics import (
     RPM,
     Shaft,
     armature_current,
-    limited,
+    clipped,
     motor,
-    spin_rate,
+    shaft_acceleration,
     surge_acceleration,
 )
 
@@ -95,9 +95,9 @@ def _torque(current, spin, speed, change, side, shaft, plant):
     flux = shaft.torque_constant
     inertia = shaft.inertia
     drive = flux * current
-    held = drive - limited(drive, -shaft.coulomb_friction, shaft.coulomb_friction)
+    held = drive - clipped(drive, -shaft.coulomb_friction, shaft.coulomb_friction)
     stands = abs(spin) < STANDSTILL * plant.spin_variance**0.5
-    moving = inertia * (spin_rate(spin, speed, side) - plant.settling * change)
+    moving = inertia * (shaft_acceleration(spin, speed, side) - plant.settling * change)
     by_previous = inertia * plant.settling
     by_spin = (
         inertia * (side.damping - side.coupling * speed + 2.0 * side.load * spin)

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from auv_fault_env import layout, noise
-from auv_fault_env.lanes import draw_normals
+from auv_fault_env.lanes import sample_normals
 
 N_STEPS = 1600
 N_NORMALS = 10
@@ -20,7 +20,7 @@ def draws():
     key = np.arange(1, layout.LANES + 1, dtype=np.uint64)
     out = []
     for step in range(N_STEPS):
-        draw_normals(scratch, layout.LANES, key, np.full(layout.LANES, step))
+        sample_normals(scratch, layout.LANES, key, np.full(layout.LANES, step))
         out.append(scratch.reshape(-1, layout.LANES)[layout.NORMAL :].copy())
     return np.array(out)
 
@@ -98,7 +98,7 @@ def test_normal_pair_lies_on_the_circle_of_its_radius():
 def test_gates_are_uniform_and_independent_of_each_other():
     words = np.random.default_rng(2).integers(0, 2**64, 5000, dtype=np.uint64)
     gates = np.array(
-        [[noise.gate(word, np.uint64(channel)) for channel in range(4)] for word in words]
+        [[noise.channel_uniform(word, np.uint64(channel)) for channel in range(4)] for word in words]
     )
     assert 0.0 <= gates.min() and gates.max() < 1.0
     assert stats.kstest(gates.ravel(), "uniform").pvalue > 1e-3

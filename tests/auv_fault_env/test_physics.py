@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from auv_fault_env import Fleet, Mission, lanes, layout, physics
 from auv_fault_env.parameters import FOOT, PRESETS, SIDES, Vehicle, nominal
-from auv_fault_env.physics import RPM, Constants, Motion, Motor, Shaft
+from auv_fault_env.physics import RPM, PlantConstants, Motion, Motor, Shaft
 
 from . import reference
 from .reference import PLANT_FAULTS, Inputs
@@ -22,7 +22,7 @@ EACH_PRESET = pytest.mark.parametrize("preset", PRESETS)
 
 
 def constants_of(vehicle):
-    return Constants(*(getattr(vehicle, name, 0.0) for name in Constants._fields))
+    return PlantConstants(*(getattr(vehicle, name, 0.0) for name in PlantConstants._fields))
 
 
 def shafts_of(parameters):
@@ -127,7 +127,7 @@ def test_shaft_stays_until_the_motor_overcomes_coulomb_friction():
     for factor, moves in ((0.0, False), (1 - 1e-9, False), (1 + 1e-6, True)):
         motors = motors_of(THESIS, nominal(THESIS), *[factor * breakaway] * 2)
         motion = physics.advance(REST._replace(speed=1.0), THESIS.alpha, 0.0, *motors)
-        assert [motion.port_spin > 0, motion.starboard_spin > 0] == [moves] * 2
+        assert [motion.port_shaft_speed > 0, motion.starboard_shaft_speed > 0] == [moves] * 2
 
 
 def test_free_shaft_reaches_the_no_load_speed():
@@ -136,7 +136,7 @@ def test_free_shaft_reaches_the_no_load_speed():
         flux = THESIS.torque_constant
         friction = THESIS.coulomb_friction
         expected = (voltage - THESIS.resistance * friction / flux) / flux
-        assert settle(THESIS, parameters, voltage, 100).port_spin == pytest.approx(
+        assert settle(THESIS, parameters, voltage, 100).port_shaft_speed == pytest.approx(
             expected, rel=1e-12
         )
 
@@ -152,8 +152,8 @@ def test_stall_and_no_load_current_are_those_of_appendix_a():
         0.0,
         (24.0 - 1.01 * THESIS.coulomb_friction / THESIS.torque_constant) / THESIS.torque_constant,
     ):
-        block[layout.PORT_STATE + layout.SPIN, 0] = spin
-        lanes.derive(block.ravel(), scratch, 1)
+        block[layout.PORT_STATE + layout.SHAFT_SPEED, 0] = spin
+        lanes.write_true_values(block.ravel(), scratch, 1)
         current.append(block[layout.PORT_STATE + layout.CURRENT, 0])
     assert current[0] == pytest.approx(24 / 1.01, rel=1e-12)
     assert current[0] == pytest.approx(23.8, abs=0.05)  # as printed
@@ -165,10 +165,10 @@ def test_terminal_speed_at_a_held_shaft_speed(preset):
     vehicle = PRESETS[preset]
     spin = 40.0
     held = Motor(0.0, 0.0, 0.0, 0.0, 0.5 * vehicle.beta * RPM**2)
-    motion = REST._replace(port_spin=spin, starboard_spin=spin)
+    motion = REST._replace(port_shaft_speed=spin, starboard_shaft_speed=spin)
     for _ in range(6000):
         motion = physics.advance(motion, vehicle.alpha, 0.0, held, held)
-    assert motion.port_spin == spin
+    assert motion.port_shaft_speed == spin
     assert motion.speed == pytest.approx(
         sqrt(vehicle.beta / -vehicle.alpha) * spin * RPM, rel=1e-10
     )
@@ -190,15 +190,15 @@ def test_time_constant_at_a_held_shaft_speed(feet, seconds):
 def test_propeller_torque_at_the_steady_advance_ratio():
     motion = settle(THESIS, nominal(THESIS), 6.0)
     parameters = nominal(THESIS)
-    revs = motion.port_spin / (2 * pi)
+    revs = motion.port_shaft_speed / (2 * pi)
     advance_ratio = motion.speed * (1 - THESIS.wake_fraction) / (revs * THESIS.diameter)
     # 3.696e-3 ft/s per rpm
     assert advance_ratio == pytest.approx(3.696e-3 * 60 / (4 / 12) * 0.9, rel=1e-3)
     side = motors_of(THESIS, parameters, 6.0, 6.0)[0]
     torque = (
         THESIS.inertia
-        * (side.load * motion.port_spin - side.coupling * motion.speed)
-        * motion.port_spin
+        * (side.load * motion.port_shaft_speed - side.coupling * motion.speed)
+        * motion.port_shaft_speed
     )
     coefficient = torque / (THESIS.density * THESIS.diameter**5 * revs**2)
     assert coefficient == pytest.approx(THESIS.c1 - THESIS.c2 * advance_ratio, rel=1e-12)
@@ -209,8 +209,8 @@ def test_propeller_torque_at_the_steady_advance_ratio():
 def test_steady_power_balance(preset, voltage):
     vehicle = replace(PRESETS[preset], viscous_friction=1e-4)
     motion = settle(vehicle, nominal(vehicle), voltage)
-    w = motion.port_spin
-    revs = motion.port_spin / (2 * pi)
+    w = motion.port_shaft_speed
+    revs = motion.port_shaft_speed / (2 * pi)
     current = (voltage - vehicle.torque_constant * w) / vehicle.resistance
     ratio = motion.speed * (1 - vehicle.wake_fraction) / (revs * vehicle.diameter)
     propeller = vehicle.density * vehicle.diameter**5 * revs**2 * (vehicle.c1 - vehicle.c2 * ratio)
@@ -272,7 +272,7 @@ def test_spin_is_the_textbook_solution_at_constant_speed(lost):
     for side, start, speed in random_shafts(200, rng, lost):
         expected = textbook_spin(start, side, speed, time)
         if expected > 0.0:
-            assert physics.spin(start, side, speed, 0.0, time) == pytest.approx(
+            assert physics.shaft_speed_after(start, side, speed, 0.0, time) == pytest.approx(
                 expected, rel=1e-12, abs=1e-12
             )
 
@@ -283,13 +283,13 @@ def test_longest_substep_lies_within_the_reach_of_the_approximant():
     assert sum(physics.SUBSTEP) == pytest.approx(0.1, rel=1e-14)
     for side, start, speed in random_shafts(200, rng):
         expected = max(textbook_spin(start, side, speed, time), 0.0)
-        assert physics.spin(start, side, speed, 0.0, time) == pytest.approx(
+        assert physics.shaft_speed_after(start, side, speed, 0.0, time) == pytest.approx(
             expected, rel=1e-9, abs=1e-9
         )
 
 
 def sloped_error(slope, time, used):
-    """Error of `spin` under u = 0.5 + slope t, told the slope `used`."""
+    """Error of `shaft_speed_after` under u = 0.5 + slope t, told the slope `used`."""
     side = motors_of(THESIS, nominal(THESIS), 12.0, 0.0)[0]
 
     def rate(t, w):
@@ -297,7 +297,7 @@ def sloped_error(slope, time, used):
         return side.drive - damping * w - side.load * w * w
 
     exact = solve_ivp(rate, (0.0, time), [60.0], "DOP853", rtol=1e-13, atol=1e-13).y[0, -1]
-    return abs(physics.spin(60.0, side, 0.5 + 0.5 * slope * time, used, time) - exact)
+    return abs(physics.shaft_speed_after(60.0, side, 0.5 + 0.5 * slope * time, used, time) - exact)
 
 
 def test_order_of_the_slope_correction():

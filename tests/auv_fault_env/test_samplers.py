@@ -16,7 +16,7 @@ KEY = episode_keys(np.arange(N_LANES, dtype=np.uint64), np.zeros(N_LANES, np.uin
 
 def drawn(**distribution):
     """Catalogue rows (n_lanes, 2), -1 for none, and the profile's columns by name (n_lanes, 2)."""
-    events = ScheduleSampler(**distribution).draw(KEY)
+    events = ScheduleSampler(**distribution).sample_events(KEY)
     return events.fault, dict(zip(PROFILE, np.moveaxis(events.profile, -1, 0), strict=True))
 
 
@@ -123,7 +123,7 @@ def test_draws_of_a_lane_are_independent():
 
 def test_later_episodes_draw_anew_from_the_same_distribution():
     later = episode_keys(np.zeros(N_LANES, np.uint64), np.arange(N_LANES, dtype=np.uint64))
-    events = ScheduleSampler().draw(later)
+    events = ScheduleSampler().sample_events(later)
     assert_share(events.fault[:, 0] < 0, 0.2)
     assert_uniform(events.profile[events.fault[:, 0] >= 0, 0, 0], 5.0, 30.0)
 
@@ -162,7 +162,7 @@ def test_fleet_takes_a_sampler():
 
 def test_missions_follow_their_declared_distribution():
     sampler = MissionSampler(speed=(0.2, 0.5), duration=(3.0, 4.0), n_legs=4, from_rest=0.3)
-    legs, start_speed = sampler.draw(KEY)
+    legs, start_speed = sampler.sample_legs(KEY)
     assert legs.shape == (N_LANES, 4, 2) and (legs[:, 0, 0] == 0.0).all()
     assert_uniform(legs[:, :, 1].ravel(), 0.2, 0.5)
     assert_uniform(np.diff(legs[:, :, 0], axis=1).ravel(), 3.0, 4.0)

@@ -34,9 +34,9 @@ MODES = {mode.value: mode for mode in (AutoresetMode.SAME_STEP, AutoresetMode.NE
 class Missions(MissionSampler):
     """Half of the missions keep one speed of `STEADY_SPEEDS`, the others change it leg by leg."""
 
-    def draw(self, key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def sample_legs(self, key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Legs (n_lanes, n_legs, 2) and start speeds (n_lanes,) for lanes with the given noise keys (n_lanes,)."""
-        legs, start_speed = super().draw(key)
+        legs, start_speed = super().sample_legs(key)
         chance, place = uniforms(key, STEADY, 2).T
         speed = STEADY_SPEEDS[0] + (STEADY_SPEEDS[1] - STEADY_SPEEDS[0]) * place
         legs[:, :, 1] = np.where(chance[:, None] < 0.5, speed[:, None], legs[:, :, 1])

@@ -112,7 +112,7 @@ class Conditions:
 
     def draw_missions(self, seeds: Sequence[int]) -> list[Mission]:
         """Missions of healthy lanes with these seeds."""
-        drawn = [sampler.draw(keys(seeds)) for sampler in self.missions]
+        drawn = [sampler.sample_legs(keys(seeds)) for sampler in self.missions]
         turns = [(*drawn[seed % len(drawn)], lane) for lane, seed in enumerate(seeds)]
         return [
             Mission(tuple(map(tuple, legs[lane].tolist())), float(starts[lane]))

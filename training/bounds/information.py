@@ -185,7 +185,7 @@ def suite_like(stimulus: Stimulus, seed: int, n_lanes: int, healthy: bool = Fals
     events = [FaultEvent(*one) for one in zip(_faults(n_lanes), onset, present, strict=True)]
     fleet = Fleet(n_lanes)
     keys = episode_keys(np.array(lane_seeds, np.uint64), np.zeros(n_lanes, np.uint64))
-    legs, starts = fleet.missions.draw(keys)
+    legs, starts = fleet.missions.sample_legs(keys)
     steady = random.uniform(*SPEED, n_lanes)
     missions = [
         Mission(((0.0, steady[k]),)) if k % 2 else Mission(tuple(map(tuple, legs[k])), starts[k])

@@ -19,13 +19,13 @@ from auv_fault_env.faults import BIAS
 from auv_fault_env.parameters import ENERGY_WEIGHT, FOOT, SAMPLE_TIME, SHAFT, Vehicle, vehicle_of
 from auv_fault_env.physics import (
     RPM,
-    Constants,
+    PlantConstants,
     Shaft,
     armature_current,
-    holding_voltage,
+    equilibrium_voltage,
     motor,
-    spin_rate,
-    steady_spin,
+    shaft_acceleration,
+    equilibrium_shaft_speed,
 )
 
 MISSING = 'faultdiagnosistoolbox is not installed; its comparison is left out. To have it: pip install -e ".[bench]"'
@@ -105,10 +105,10 @@ def _linearised(vehicle: Vehicle, speed: float) -> tuple[np.ndarray, np.ndarray]
 
     The state is voltage, current, shaft speed [rad/s] and surge speed.
     """
-    water = Constants(*(getattr(vehicle, name) for name in Constants._fields[:-1]), ENERGY_WEIGHT)
+    water = PlantConstants(*(getattr(vehicle, name) for name in PlantConstants._fields[:-1]), ENERGY_WEIGHT)
     healthy = {name: getattr(vehicle, name) for name in SHAFT}
-    spin = steady_spin(vehicle.alpha, vehicle.beta, speed, water)
-    voltage = holding_voltage(Shaft(**healthy), spin, speed, water)
+    spin = equilibrium_shaft_speed(vehicle.alpha, vehicle.beta, speed, water)
+    voltage = equilibrium_voltage(Shaft(**healthy), spin, speed, water)
     point = np.array([voltage, armature_current(Shaft(**healthy), spin, voltage), spin, speed])
 
     def balances(state: np.ndarray, **changed: float) -> np.ndarray:
@@ -117,7 +117,7 @@ def _linearised(vehicle: Vehicle, speed: float) -> tuple[np.ndarray, np.ndarray]
         # the voltage that drives this current
         behind = shaft.resistance * i + shaft.torque_constant * w
         return np.array(
-            [armature_current(shaft, w, v) - i, spin_rate(w, u, motor(shaft, water, behind))]
+            [armature_current(shaft, w, v) - i, shaft_acceleration(w, u, motor(shaft, water, behind))]
         )
 
     by_state = np.array(

@@ -12,7 +12,7 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import Mission
 from auv_fault_env.parameters import FOOT, PARAMETERS, SAMPLE_RATE, SAMPLE_TIME
 from auv_fault_env.schedules import FaultEvent, ScheduleSampler
-from auv_fault_env.truth import LaneTruth
+from auv_fault_env.truth import SingleLaneTruth
 from diagnosers import Belief, make
 from diagnosers.advisory import Advice, Situation, advise
 from training.benchmark.thresholds import ONE_PER_HOUR
@@ -72,7 +72,7 @@ class Session:
     def __init__(self, seed: int = 0):
         self._fleet = Fleet(1)
         self._seed = whole_number("seed", seed, 0)
-        self._truth, self._random = LaneTruth(self._fleet), np.random.default_rng(self._seed)
+        self._truth, self._random = SingleLaneTruth(self._fleet), np.random.default_rng(self._seed)
         self._samples: deque[Sample] = deque(maxlen=round(WINDOW * SAMPLE_RATE) + 1)
         self.mission_speed = FOOT
         self.diagnoser = make("filter_bank")

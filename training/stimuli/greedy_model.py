@@ -17,9 +17,9 @@ from auv_fault_env.physics import (
     RPM,
     Shaft,
     armature_current,
-    constants_of,
-    filtered,
-    holding_voltage,
+    constants_from_array,
+    low_pass,
+    equilibrium_voltage,
     motor,
     rpm_command,
     surge_acceleration,
@@ -103,7 +103,7 @@ def look(parameters, speed, rpm, force, constants, readings):
         (PORT_VOLTAGE, port, port_spin),
         (STARBOARD_VOLTAGE, starboard, starboard_spin),
     ):
-        voltage = holding_voltage(shaft, spin, speed, constants)
+        voltage = equilibrium_voltage(shaft, spin, speed, constants)
         readings[row] = read(parameters, row, voltage)
         readings[row + 1] = read(parameters, row + 1, armature_current(shaft, spin, voltage))
         readings[row + 2] = read(parameters, row + 2, spin * RPM)
@@ -130,7 +130,7 @@ def respond(parameters, now, command, constants, readings, responses):
         for _ in range(STEPS):
             rpm = rpm_command(constants, command, kept, 0.0)
             speed += STEP * look(parameters, speed, rpm, force, constants, readings)
-            kept = filtered(kept, read(parameters, SPEED, speed), share)
+            kept = low_pass(kept, read(parameters, SPEED, speed), share)
         look(
             parameters,
             speed,
@@ -184,7 +184,7 @@ def expected_information(parameters, probability, now, mission, grid, variance, 
         `Constants` of the nominal vehicle as an array.
     """
     n_lanes, n_hypotheses, _ = parameters.shape
-    shared = constants_of(constants)
+    shared = constants_from_array(constants)
     readings = np.empty(N_READINGS)
     responses = np.empty((n_hypotheses, LOOK, N_READINGS))
     out = np.empty((n_lanes, grid.size))

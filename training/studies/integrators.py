@@ -20,7 +20,7 @@ from auv_fault_env import physics
 from auv_fault_env.compiling import OPTIONS, scalar
 from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import PARAMETERS, PRESETS, SAMPLE_TIME, SIDES, Vehicle, nominal
-from auv_fault_env.physics import Constants, Motion, Motor, Shaft
+from auv_fault_env.physics import Motion, Motor, PlantConstants, Shaft
 from training.studies.run import command_line
 
 PLANT_FAULTS = [
@@ -119,7 +119,7 @@ def problem_of(args: Args) -> Problem:
     motors = np.empty((args.samples, 2, 5, n))
     drag = np.empty((args.samples, n))
     for k, (vehicle, values) in enumerate(fleet_of(n, rng)):
-        constants = Constants(*(getattr(vehicle, name, 0.0) for name in Constants._fields))
+        constants = PlantConstants(*(getattr(vehicle, name, 0.0) for name in PlantConstants._fields))
         drag[:, k] = values["alpha"] + values["gamma"] * rng.uniform(0.0, 0.32, args.samples)
         for side, name in enumerate(SIDES):
             shaft = Shaft(*(values[f"{name}_{parameter}"] for parameter in Shaft._fields))
@@ -134,7 +134,7 @@ def derivative(_time, state, drag, disturbance, port, starboard):
     """`physics.rates` on arrays, for scipy."""
     motion = Motion(state[0], state[1], state[2], 0.0, 0.0)
     got = physics.rates(motion, drag, disturbance, port, starboard)
-    return np.array([got.speed, got.port_spin, got.starboard_spin])
+    return np.array([got.speed, got.port_shaft_speed, got.starboard_shaft_speed])
 
 
 def exact(problem: Problem, lane: int) -> np.ndarray:
@@ -156,8 +156,8 @@ def moved(motion, slope, time):
     """The motion after `time` at a constant slope; the shafts do not reverse."""
     return Motion(
         motion.speed + time * slope.speed,
-        max(motion.port_spin + time * slope.port_spin, 0.0),
-        max(motion.starboard_spin + time * slope.starboard_spin, 0.0),
+        max(motion.port_shaft_speed + time * slope.port_shaft_speed, 0.0),
+        max(motion.starboard_shaft_speed + time * slope.starboard_shaft_speed, 0.0),
         motion.port_angle + time * slope.port_angle,
         motion.starboard_angle + time * slope.starboard_angle,
     )
@@ -178,15 +178,15 @@ def runge_kutta(motion, drag, disturbance, port, starboard, time):
 def frozen_speed(motion, drag, disturbance, port, starboard, time):
     """Closed-form shafts at a constant surge speed, its predicted mean; Simpson's rule for the speed and the angles."""
     u = motion.speed
-    port_0 = motion.port_spin
-    starboard_0 = motion.starboard_spin
+    port_0 = motion.port_shaft_speed
+    starboard_0 = motion.starboard_shaft_speed
     first = physics.surge_acceleration(u, port_0, starboard_0, drag, disturbance, port, starboard)
     mean = u + 0.5 * time * first
     half = 0.5 * time
-    port_1 = physics.spin(port_0, port, mean, 0.0, half)
-    port_2 = physics.spin(port_0, port, mean, 0.0, time)
-    starboard_1 = physics.spin(starboard_0, starboard, mean, 0.0, half)
-    starboard_2 = physics.spin(starboard_0, starboard, mean, 0.0, time)
+    port_1 = physics.shaft_speed_after(port_0, port, mean, 0.0, half)
+    port_2 = physics.shaft_speed_after(port_0, port, mean, 0.0, time)
+    starboard_1 = physics.shaft_speed_after(starboard_0, starboard, mean, 0.0, half)
+    starboard_2 = physics.shaft_speed_after(starboard_0, starboard, mean, 0.0, time)
     middle = physics.surge_acceleration(
         mean, port_1, starboard_1, drag, disturbance, port, starboard
     )
@@ -231,8 +231,8 @@ def compiled(step: Callable) -> Callable:
                     motion = Motion(state[0, k], state[1, k], state[2, k], state[3, k], state[4, k])
                     motion = step(motion, drag[k], push[k], port, star, length)
                     state[0, k] = motion.speed
-                    state[1, k] = motion.port_spin
-                    state[2, k] = motion.starboard_spin
+                    state[1, k] = motion.port_shaft_speed
+                    state[2, k] = motion.starboard_shaft_speed
                     state[3, k] = motion.port_angle
                     state[4, k] = motion.starboard_angle
             out[sample] = state[:3]

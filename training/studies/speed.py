@@ -34,8 +34,8 @@ from tqdm import tqdm
 from auv_fault_env import Fleet, episodes, lanes, layout
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import refusal
-from auv_fault_env.physics import Constants
-from auv_fault_env.truth import LaneTruth
+from auv_fault_env.physics import PlantConstants
+from auv_fault_env.truth import SingleLaneTruth
 
 OURS = "auv_fault_env/Propulsion-v0"
 GEM_MISSING = 'gym-electric-motor is not installed; its rows are left out. To have them: pip install -e ".[bench]"'
@@ -227,9 +227,9 @@ def comparison(rates: Rates, size: Size) -> list[dict]:
 def kernel_laps(fleet: Fleet) -> dict[str, Lap]:
     """The kernel called from Python and from a compiled loop; its stages, on one block in the fast caches."""
     n = fleet.n_lanes
-    state = fleet.arrays
+    state = fleet.state
     limits = fleet.limits
-    constants = Constants(*fleet.constants.tolist())
+    constants = PlantConstants(*fleet.constants.tolist())
     actions = np.full((n, 3), 0.2)
     observations = np.empty((n, len(CHANNELS)), np.float32)
     outcomes = np.empty((4, n))
@@ -237,14 +237,14 @@ def kernel_laps(fleet: Fleet) -> dict[str, Lap]:
     width = min(n, layout.LANES)
     scratch = np.zeros(layout.N_SCRATCH * layout.LANES)
     stages = {
-        lanes.take_actions: (block, width, actions, limits),
-        lanes.control: (block, width, constants),
-        lanes.draw_normals: (scratch, width, state.key, state.step),
-        lanes.prepare: (block, scratch, width, constants),
-        lanes.move: (block, scratch, width),
-        lanes.sense_all: (block, scratch, width, state.key, state.step, limits),
-        lanes.account: (block, width, constants),
-        lanes.publish: (block, width, 0, observations, outcomes),
+        lanes.write_commands: (block, width, actions, limits),
+        lanes.run_controllers: (block, width, constants),
+        lanes.sample_normals: (scratch, width, state.key, state.step),
+        lanes.prepare_step: (block, scratch, width, constants),
+        lanes.advance_motion: (block, scratch, width),
+        lanes.read_sensors: (block, scratch, width, state.key, state.step, limits),
+        lanes.write_outcomes: (block, width, constants),
+        lanes.copy_results: (block, width, 0, observations, outcomes),
     }
     whole = (0, len(state.memory), *state, actions, limits, fleet.constants, observations, outcomes)
     times = 1 + 1000 // n
@@ -259,11 +259,11 @@ def kernel_laps(fleet: Fleet) -> dict[str, Lap]:
 
 def refreshes(fleet: Fleet, steps: int):
     """All that `Fleet.step` does in an episode for faults that come and go and for the mission's legs."""
-    fleet.arrays.due[:] = 0
+    fleet.state.next_update[:] = 0
     for step in range(steps):
-        fleet.arrays.step[:] = step
-        if step >= fleet.arrays.due.min():
-            episodes.refresh(fleet.arrays, fleet.plan, fleet.catalogue)
+        fleet.state.step[:] = step
+        if step >= fleet.state.next_update.min():
+            episodes.update_due_lanes(fleet.state, fleet.plan, fleet.catalogue)
 
 
 def costs(laps: dict[str, Lap], repeats: int, seconds: float, about: str) -> dict[str, float]:
@@ -301,7 +301,7 @@ def single_profile(seed: int, repeats: int, size: Size) -> dict[str, float]:
     fleet.reset([seed])
     laps = dict(list(kernel_laps(fleet).items())[:2])
     laps["fleet"] = partial(calls, partial(fleet.step, action[None].astype(float)), 1, 100)
-    laps["truth"] = partial(calls, LaneTruth(fleet).read, 1, 100)
+    laps["truth"] = partial(calls, SingleLaneTruth(fleet).read, 1, 100)
     laps["env"] = partial(calls, partial(env.unwrapped.step, action), 1, 100)
     laps["reset"] = partial(calls, env.reset, size.episode)
     laps["whole"] = partial(single_steps, *prepared(env, seed, size.episode))

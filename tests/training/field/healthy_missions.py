@@ -34,7 +34,7 @@ def healthy_logs(
     """Logs of one vehicle, every second on the thesis' speed steps, or all on the mission given."""
     fleet = Fleet(n, vehicle, noise, noise, healthy_band=band, missions=LEGS)
     fleet.reset(range(seed, seed + n), schedules=[()] * n)
-    drawn = [LEGS.draw(fleet.arrays.key[k : k + 1])[0][0].tolist() for k in range(n)]
+    drawn = [LEGS.sample_legs(fleet.state.key[k : k + 1])[0][0].tolist() for k in range(n)]
     missions = [mission or (MISSIONS["thesis"] if k % 2 else drawn[k]) for k in range(n)]
     waves = np.zeros((n_samples, n, 3))
     waves[:, :, 1] = rudder * (np.sin(0.05 * np.arange(n_samples)) > 0.0)[:, None]

@@ -7,7 +7,7 @@ from auv_fault_env import CATALOGUE, CHANNELS, FaultEvent, Fleet
 from auv_fault_env.channels import READINGS
 from auv_fault_env.faults import matrices
 from auv_fault_env.parameters import PRESETS, nominal
-from auv_fault_env.physics import constants_of
+from auv_fault_env.physics import constants_from_array
 from training.stimuli.greedy_model import LOOK, Now, expected_information, information, respond
 
 SPEED = 0.3
@@ -55,7 +55,7 @@ def test_changes_of_the_readings_are_those_of_the_plant(fault):
         parameters_of(fault, 0.5),
         now,
         SPEED + STEP_UP,
-        constants_of(CONSTANTS),
+        constants_from_array(CONSTANTS),
         np.empty(len(READINGS)),
         found,
     )

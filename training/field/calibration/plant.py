@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.parameters import ENERGY_WEIGHT, SHAFT, Vehicle
-from auv_fault_env.physics import Constants, Shaft
+from auv_fault_env.physics import PlantConstants, Shaft
 from training.field.calibration.robust_fit import LEAST_BLOCKS, NO_FIT, Fit
 from training.field.calibration.samples import BLOCK
 from training.field.vehicle_file import QUANTITIES
@@ -31,10 +31,10 @@ def shaft_of(vehicle: Vehicle) -> Shaft:
     return Shaft(**values | {"beta": vehicle.beta / 2})
 
 
-def constants_of(vehicle: Vehicle) -> Constants:
+def constants_of(vehicle: Vehicle) -> PlantConstants:
     """Water, hull, controllers and disturbance."""
-    return Constants(
-        *(float(getattr(vehicle, name)) for name in Constants._fields[:-1]), ENERGY_WEIGHT
+    return PlantConstants(
+        *(float(getattr(vehicle, name)) for name in PlantConstants._fields[:-1]), ENERGY_WEIGHT
     )
 
 

@@ -14,9 +14,9 @@ from auv_fault_env.physics import (
     RPM,
     armature_current,
     disturbance_memory,
-    limited,
+    clipped,
     motor,
-    spin,
+    shaft_speed_after,
     surge_acceleration,
 )
 from diagnosers.bank.motor import STANDING
@@ -107,7 +107,7 @@ def speed_innovations(
         total = variance + noise * noise
         std[k] = math.sqrt(total)
         if not math.isnan(innovation[k]):
-            bounded = limited(innovation[k], -OUTLIER * std[k], OUTLIER * std[k])
+            bounded = clipped(innovation[k], -OUTLIER * std[k], OUTLIER * std[k])
             speed += variance / total * bounded
             push += crossed / total * bounded
             push_variance -= crossed * crossed / total
@@ -182,9 +182,9 @@ def shaft_residuals(starts, inputs, read, speed, shaft, constants, noise, residu
         if starts[k]:
             turning = 0.0
             for _ in range(SETTLING):
-                turning = spin(turning, side, speed[k], 0.0, SAMPLE_TIME)
-        ahead = spin(turning, side, speed[k], 0.0, SAMPLE_TIME)
-        by_voltage = RPM * (spin(turning, near, speed[k], 0.0, SAMPLE_TIME) - ahead) / STEP
+                turning = shaft_speed_after(turning, side, speed[k], 0.0, SAMPLE_TIME)
+        ahead = shaft_speed_after(turning, side, speed[k], 0.0, SAMPLE_TIME)
+        by_voltage = RPM * (shaft_speed_after(turning, near, speed[k], 0.0, SAMPLE_TIME) - ahead) / STEP
         predicted[k, 0] = RPM * ahead
         predicted[k, 1] = armature_current(shaft, ahead, voltage)
         residual[k, 0] = residual[k, 1] = 0.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from auv_fault_env.compiling import kernel
 from auv_fault_env.parameters import SAMPLE_TIME, Vehicle
-from auv_fault_env.physics import armature_current, motor, spin
+from auv_fault_env.physics import armature_current, motor, shaft_speed_after
 from diagnosers.symptoms.residuals import plant_of
 
 
@@ -22,7 +22,7 @@ def _draw(voltage, speed, shaft, plant, current):
     for k in range(voltage.size):
         applied = applied if math.isnan(voltage[k]) else voltage[k]
         through = through if math.isnan(speed[k]) else speed[k]
-        turning = spin(turning, motor(shaft, plant, applied), through, 0.0, SAMPLE_TIME)
+        turning = shaft_speed_after(turning, motor(shaft, plant, applied), through, 0.0, SAMPLE_TIME)
         current[k] = armature_current(shaft, turning, applied)
 
 
