@@ -27,7 +27,12 @@ from auv_fault_env.layout import (
     VOLTAGE,
 )
 from auv_fault_env.parameters import SAMPLE_RATE
-from auv_fault_env.physics import constants_from_array, equilibrium_voltage, clipped, equilibrium_shaft_speed
+from auv_fault_env.physics import (
+    constants_from_array,
+    equilibrium_voltage,
+    clipped,
+    equilibrium_shaft_speed,
+)
 
 NEVER = np.int64(1 << 60)
 UPDATE_NOW = -1  # due step of a lane whose parameters must be written anew, whatever its severities
@@ -142,7 +147,9 @@ def start_shaft(block, k, shaft, state, shaft_speed, speed, constants):
 
 
 @kernel
-def start_episodes(lanes, chosen, start_speed, plan, catalogue, limits, constants, observations, outcomes):
+def start_episodes(
+    lanes, chosen, start_speed, plan, catalogue, limits, constants, observations, outcomes
+):
     """Start an episode on the chosen lanes (m,), at rest or steady at start_speed (m,), and read the sensors once.
 
     constants is a `Constants` as an array, as for `lanes.step_blocks`.

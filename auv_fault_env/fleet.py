@@ -380,7 +380,9 @@ def _shares(n_lanes: int, parallel: bool) -> list[tuple[int, int]]:
 
 
 def _constants(vehicle: Vehicle, disturbance: float) -> PlantConstants:
-    values = {name: getattr(vehicle, name) for name in PlantConstants._fields if hasattr(vehicle, name)}
+    values = {
+        name: getattr(vehicle, name) for name in PlantConstants._fields if hasattr(vehicle, name)
+    }
     values["disturbance_std"] *= disturbance
     return PlantConstants(**values, energy_weight=ENERGY_WEIGHT)
 

@@ -178,7 +178,9 @@ def prepare_step(block, scratch, width, constants):
     """Coefficients of the sample ahead, and the disturbance's next value (exact Ornstein-Uhlenbeck step)."""
     memory, kick = disturbance_memory(constants)
     for k in range(width):
-        store_motor(scratch, PORT_MOTOR, k, motor_of_lane(block, PORT_SHAFT, PORT_STATE, k, constants))
+        store_motor(
+            scratch, PORT_MOTOR, k, motor_of_lane(block, PORT_SHAFT, PORT_STATE, k, constants)
+        )
         store_motor(
             scratch,
             STARBOARD_MOTOR,
@@ -244,7 +246,9 @@ def write_true_values(block, scratch, width):
             motor_of(scratch, PORT_MOTOR, k),
             motor_of(scratch, STARBOARD_MOTOR, k),
         )
-        block[(PORT_STATE + CURRENT) * LANES + k] = current_of_lane(block, PORT_SHAFT, PORT_STATE, k)
+        block[(PORT_STATE + CURRENT) * LANES + k] = current_of_lane(
+            block, PORT_SHAFT, PORT_STATE, k
+        )
         block[(STARBOARD_STATE + CURRENT) * LANES + k] = current_of_lane(
             block, STARBOARD_SHAFT, STARBOARD_STATE, k
         )
@@ -308,7 +312,16 @@ def read_sensors(block, scratch, width, key, step, limits):
         1.0,
         limits,
     )
-    read_sensor(block, scratch, width, two, STARBOARD_RPM_READING, STARBOARD_STATE + SHAFT_SPEED, RPM, limits)
+    read_sensor(
+        block,
+        scratch,
+        width,
+        two,
+        STARBOARD_RPM_READING,
+        STARBOARD_STATE + SHAFT_SPEED,
+        RPM,
+        limits,
+    )
 
 
 @scalar
@@ -352,7 +365,9 @@ def copy_results(block, width, first, observations, outcomes):
 
 
 @kernel
-def step_block(block, first, key, step, next_update, actions, limits, constants, observations, outcomes):
+def step_block(
+    block, first, key, step, next_update, actions, limits, constants, observations, outcomes
+):
     """One sample of the block that begins with lane `first`; returns how many lanes are due for a refresh after it."""
     width = min(LANES, key.size - first)
     key = key[first:]
@@ -388,6 +403,15 @@ def step_blocks(
     count = 0
     for b in range(first, last):
         count += step_block(
-            memory[b], b * LANES, key, step, next_update, actions, limits, shared, observations, outcomes
+            memory[b],
+            b * LANES,
+            key,
+            step,
+            next_update,
+            actions,
+            limits,
+            shared,
+            observations,
+            outcomes,
         )
     return count

@@ -103,6 +103,7 @@ def uniforms(key, purpose, count):
         stream = mix_bits(key[k] ^ ((np.uint64(purpose) + np.uint64(1)) * MIX_2))
         for c in range(count):
             out[k, c] = (
-                float_of_integer(mix_bits(stream + np.uint64(c + 1) * GOLDEN) >> np.uint64(12)) + 0.5
+                float_of_integer(mix_bits(stream + np.uint64(c + 1) * GOLDEN) >> np.uint64(12))
+                + 0.5
             ) * 2.0**-52
     return out

@@ -129,10 +129,13 @@ def motor(shaft, constants, voltage):
 
 
 @scalar
-def surge_acceleration(speed, port_shaft_speed, starboard_shaft_speed, drag, disturbance, port, starboard):
+def surge_acceleration(
+    speed, port_shaft_speed, starboard_shaft_speed, drag, disturbance, port, starboard
+):
     """du/dt [m/s^2]; drag is alpha + gamma delta^2 [1/m]."""
     thrust = (
-        port.thrust * port_shaft_speed * port_shaft_speed + starboard.thrust * starboard_shaft_speed * starboard_shaft_speed
+        port.thrust * port_shaft_speed * port_shaft_speed
+        + starboard.thrust * starboard_shaft_speed * starboard_shaft_speed
     )
     return drag * speed * abs(speed) + thrust + disturbance
 
@@ -140,7 +143,11 @@ def surge_acceleration(speed, port_shaft_speed, starboard_shaft_speed, drag, dis
 @scalar
 def shaft_acceleration(shaft_speed_after, speed, side):
     """dw/dt [rad/s^2]; at standstill the Coulomb friction holds the shaft until the drive exceeds it."""
-    rate = side.drive - (side.damping - side.coupling * speed) * shaft_speed_after - side.load * shaft_speed_after * shaft_speed_after
+    rate = (
+        side.drive
+        - (side.damping - side.coupling * speed) * shaft_speed_after
+        - side.load * shaft_speed_after * shaft_speed_after
+    )
     return max(rate, 0.0) if shaft_speed_after <= 0.0 else rate
 
 
@@ -175,7 +182,9 @@ def equilibrium_voltage(shaft, shaft_speed_after, speed, constants):
     """Voltage [V] that balances friction and propeller at a steady shaft speed, within the supply; zero at rest."""
     still = motor(shaft, constants, 0.0)
     torque = shaft.inertia * (
-        (still.damping - still.coupling * speed + still.load * shaft_speed_after) * shaft_speed_after - still.drive
+        (still.damping - still.coupling * speed + still.load * shaft_speed_after)
+        * shaft_speed_after
+        - still.drive
     )
     voltage = torque * shaft.resistance / shaft.torque_constant if shaft_speed_after > 0.0 else 0.0
     return min(voltage, constants.maximum_voltage)
@@ -194,7 +203,9 @@ def rates(motion, drag, disturbance, port, starboard):
     port_shaft_speed = motion.port_shaft_speed
     starboard_shaft_speed = motion.starboard_shaft_speed
     return Motion(
-        surge_acceleration(u, port_shaft_speed, starboard_shaft_speed, drag, disturbance, port, starboard),
+        surge_acceleration(
+            u, port_shaft_speed, starboard_shaft_speed, drag, disturbance, port, starboard
+        ),
         shaft_acceleration(port_shaft_speed, u, port),
         shaft_acceleration(starboard_shaft_speed, u, starboard),
         port_shaft_speed,
@@ -229,7 +240,9 @@ def shaft_speed_after(start, side, mean_speed, slope, time):
 
 
 @scalar
-def shafts_and_acceleration(motion, start, jerk, bend, twist, drag, disturbance, port, starboard, time):
+def shafts_and_acceleration(
+    motion, start, jerk, bend, twist, drag, disturbance, port, starboard, time
+):
     """Shaft speeds, acceleration and its remainder at `time`, under u' = start + jerk t + bend t^2 + twist t^3."""
     speed = motion.speed + time * (
         start + time * (0.5 * jerk + time * (THIRD * bend + time * (0.25 * twist)))
@@ -238,9 +251,18 @@ def shafts_and_acceleration(motion, start, jerk, bend, twist, drag, disturbance,
     mean = motion.speed + time * (0.5 * start + time * inner)
     slope = start + time * (0.5 * jerk + time * (0.3 * bend + time * (0.2 * twist)))
     port_shaft_speed = shaft_speed_after(motion.port_shaft_speed, port, mean, slope, time)
-    starboard_shaft_speed = shaft_speed_after(motion.starboard_shaft_speed, starboard, mean, slope, time)
-    force = surge_acceleration(speed, port_shaft_speed, starboard_shaft_speed, drag, disturbance, port, starboard)
-    return port_shaft_speed, starboard_shaft_speed, force, (force - start - jerk * time) * (1.0 / (time * time))
+    starboard_shaft_speed = shaft_speed_after(
+        motion.starboard_shaft_speed, starboard, mean, slope, time
+    )
+    force = surge_acceleration(
+        speed, port_shaft_speed, starboard_shaft_speed, drag, disturbance, port, starboard
+    )
+    return (
+        port_shaft_speed,
+        starboard_shaft_speed,
+        force,
+        (force - start - jerk * time) * (1.0 / (time * time)),
+    )
 
 
 @scalar

@@ -49,7 +49,9 @@ def _uniforms(bits, seed, count):
         for channel in range(bits.shape[1]):
             key = mix_bits(key ^ (bits[lane, channel] * MIX_2) + GOLDEN)
         for c in range(count):
-            out[lane, c] = (float_of_integer(mix_bits(key + np.uint64(c + 1) * GOLDEN) & LOW_32) + 0.5) * 2.0**-32
+            out[lane, c] = (
+                float_of_integer(mix_bits(key + np.uint64(c + 1) * GOLDEN) & LOW_32) + 0.5
+            ) * 2.0**-32
     return out
 
 

@@ -98,7 +98,10 @@ def test_normal_pair_lies_on_the_circle_of_its_radius():
 def test_gates_are_uniform_and_independent_of_each_other():
     words = np.random.default_rng(2).integers(0, 2**64, 5000, dtype=np.uint64)
     gates = np.array(
-        [[noise.channel_uniform(word, np.uint64(channel)) for channel in range(4)] for word in words]
+        [
+            [noise.channel_uniform(word, np.uint64(channel)) for channel in range(4)]
+            for word in words
+        ]
     )
     assert 0.0 <= gates.min() and gates.max() < 1.0
     assert stats.kstest(gates.ravel(), "uniform").pvalue > 1e-3

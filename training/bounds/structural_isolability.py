@@ -105,7 +105,9 @@ def _linearised(vehicle: Vehicle, speed: float) -> tuple[np.ndarray, np.ndarray]
 
     The state is voltage, current, shaft speed [rad/s] and surge speed.
     """
-    water = PlantConstants(*(getattr(vehicle, name) for name in PlantConstants._fields[:-1]), ENERGY_WEIGHT)
+    water = PlantConstants(
+        *(getattr(vehicle, name) for name in PlantConstants._fields[:-1]), ENERGY_WEIGHT
+    )
     healthy = {name: getattr(vehicle, name) for name in SHAFT}
     spin = equilibrium_shaft_speed(vehicle.alpha, vehicle.beta, speed, water)
     voltage = equilibrium_voltage(Shaft(**healthy), spin, speed, water)
@@ -117,7 +119,10 @@ def _linearised(vehicle: Vehicle, speed: float) -> tuple[np.ndarray, np.ndarray]
         # the voltage that drives this current
         behind = shaft.resistance * i + shaft.torque_constant * w
         return np.array(
-            [armature_current(shaft, w, v) - i, shaft_acceleration(w, u, motor(shaft, water, behind))]
+            [
+                armature_current(shaft, w, v) - i,
+                shaft_acceleration(w, u, motor(shaft, water, behind)),
+            ]
         )
 
     by_state = np.array(

@@ -119,7 +119,9 @@ def problem_of(args: Args) -> Problem:
     motors = np.empty((args.samples, 2, 5, n))
     drag = np.empty((args.samples, n))
     for k, (vehicle, values) in enumerate(fleet_of(n, rng)):
-        constants = PlantConstants(*(getattr(vehicle, name, 0.0) for name in PlantConstants._fields))
+        constants = PlantConstants(
+            *(getattr(vehicle, name, 0.0) for name in PlantConstants._fields)
+        )
         drag[:, k] = values["alpha"] + values["gamma"] * rng.uniform(0.0, 0.32, args.samples)
         for side, name in enumerate(SIDES):
             shaft = Shaft(*(values[f"{name}_{parameter}"] for parameter in Shaft._fields))

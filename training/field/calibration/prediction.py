@@ -184,7 +184,9 @@ def shaft_residuals(starts, inputs, read, speed, shaft, constants, noise, residu
             for _ in range(SETTLING):
                 turning = shaft_speed_after(turning, side, speed[k], 0.0, SAMPLE_TIME)
         ahead = shaft_speed_after(turning, side, speed[k], 0.0, SAMPLE_TIME)
-        by_voltage = RPM * (shaft_speed_after(turning, near, speed[k], 0.0, SAMPLE_TIME) - ahead) / STEP
+        by_voltage = (
+            RPM * (shaft_speed_after(turning, near, speed[k], 0.0, SAMPLE_TIME) - ahead) / STEP
+        )
         predicted[k, 0] = RPM * ahead
         predicted[k, 1] = armature_current(shaft, ahead, voltage)
         residual[k, 0] = residual[k, 1] = 0.0

@@ -22,7 +22,9 @@ def _draw(voltage, speed, shaft, plant, current):
     for k in range(voltage.size):
         applied = applied if math.isnan(voltage[k]) else voltage[k]
         through = through if math.isnan(speed[k]) else speed[k]
-        turning = shaft_speed_after(turning, motor(shaft, plant, applied), through, 0.0, SAMPLE_TIME)
+        turning = shaft_speed_after(
+            turning, motor(shaft, plant, applied), through, 0.0, SAMPLE_TIME
+        )
         current[k] = armature_current(shaft, turning, applied)
 
 
