@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from auv_fault_env.compiling import kernel, scalar
-from auv_fault_env.lanes import sample_normals, prepare_step, copy_results, read_sensors, shaft_of
+from auv_fault_env.lanes import copy_results, prepare_step, read_sensors, sample_normals, shaft_of
 from auv_fault_env.layout import (
     ALPHA,
     DISTURBANCE,
@@ -19,23 +19,25 @@ from auv_fault_env.layout import (
     PARAMETER,
     PORT_SHAFT,
     PORT_STATE,
+    SHAFT_SPEED,
     SPEED,
     SPEED_COMMAND,
-    SHAFT_SPEED,
     STARBOARD_SHAFT,
     STARBOARD_STATE,
     VOLTAGE,
 )
 from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.physics import (
-    constants_from_array,
-    equilibrium_voltage,
     clipped,
+    constants_from_array,
     equilibrium_shaft_speed,
+    equilibrium_voltage,
 )
 
 NEVER = np.int64(1 << 60)
-UPDATE_NOW = -1  # due step of a lane whose parameters must be written anew, whatever its severities
+UPDATE_NOW = (
+    -1
+)  # next update of a lane whose parameters must be written anew, whatever its severities
 FAR = 1e15  # steps: an instant so late that it never comes
 
 
@@ -71,7 +73,7 @@ def next_change(step, time, onset, ramp, end, period):
 def update_severities(lane, step, plan):
     """Write the lane's severities in force; returns whether one has changed, and the step of the next change."""
     time = step / SAMPLE_RATE
-    due = NEVER
+    next_update = NEVER
     changed = False
     for e in range(plan.severity.shape[1]):
         onset = plan.profile[lane, e, 0]
@@ -83,8 +85,8 @@ def update_severities(lane, step, plan):
         )
         changed |= now != plan.severity[lane, e]
         plan.severity[lane, e] = now
-        due = min(due, next_change(step, time, onset, ramp, end, period))
-    return changed, due
+        next_update = min(next_update, next_change(step, time, onset, ramp, end, period))
+    return changed, next_update
 
 
 @scalar
@@ -109,13 +111,13 @@ def update_parameters(memory, lane, plan, catalogue):
 def update_mission_speed(memory, lane, step, legs):
     """Write the lane's mission speed; returns the step of the next leg."""
     time = step / SAMPLE_RATE
-    due = NEVER
+    next_update = NEVER
     for g in range(legs.shape[1]):
         if time >= legs[lane, g, 0]:
             memory[lane // LANES, MISSION_SPEED * LANES + lane % LANES] = legs[lane, g, 1]
         else:
-            due = min(due, step_at(legs[lane, g, 0], step))
-    return due
+            next_update = min(next_update, step_at(legs[lane, g, 0], step))
+    return next_update
 
 
 @scalar
@@ -126,12 +128,14 @@ def update_lane(lanes, lane, plan, catalogue):
     changed, next_update = update_severities(lane, step, plan)
     if stale or changed:
         update_parameters(lanes.memory, lane, plan, catalogue)
-    lanes.next_update[lane] = min(due, update_mission_speed(lanes.memory, lane, step, plan.legs))
+    lanes.next_update[lane] = min(
+        next_update, update_mission_speed(lanes.memory, lane, step, plan.legs)
+    )
 
 
 @kernel
 def update_due_lanes(lanes, plan, catalogue):
-    """Refresh every lane that is due."""
+    """Update every lane whose next update is due."""
     for lane in range(lanes.key.size):
         if lanes.step[lane] >= lanes.next_update[lane]:
             update_lane(lanes, lane, plan, catalogue)
@@ -152,7 +156,7 @@ def start_episodes(
 ):
     """Start an episode on the chosen lanes (m,), at rest or steady at start_speed (m,), and read the sensors once.
 
-    constants is a `Constants` as an array, as for `lanes.step_blocks`.
+    constants is a `PlantConstants` as an array, as for `lanes.step_blocks`.
     """
     scratch = np.empty(N_SCRATCH * LANES)
     shared = constants_from_array(constants)

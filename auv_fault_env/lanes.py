@@ -35,10 +35,10 @@ from auv_fault_env.layout import (
     REWARD,
     RUDDER,
     SENSORS,
+    SHAFT_SPEED,
     SPEED,
     SPEED_COMMAND,
     SPEED_READING,
-    SHAFT_SPEED,
     STARBOARD_CURRENT_READING,
     STARBOARD_MOTOR,
     STARBOARD_RPM_READING,
@@ -48,7 +48,7 @@ from auv_fault_env.layout import (
     STERN_PLANE,
     VOLTAGE,
 )
-from auv_fault_env.noise import DROPOUT_WORD, random_bits, channel_uniform, normal_pair
+from auv_fault_env.noise import DROPOUT_WORD, channel_uniform, normal_pair, random_bits
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import (
     RPM,
@@ -58,11 +58,11 @@ from auv_fault_env.physics import (
     Motor,
     Shaft,
     armature_current,
+    clipped,
     constants_from_array,
     disturbance_memory,
     electrical_energy,
     low_pass,
-    clipped,
     mission_reward,
     motor,
     reading,
@@ -396,7 +396,7 @@ def step_blocks(
     """One sample of the blocks from `first` to before `last`; returns the number of lanes due for a refresh.
 
     Plain arrays come in, because unpacking named tuples at the border to Python costs more than a
-    lane's step; constants is a `Constants` as an array. It releases the interpreter's lock, so
+    lane's step; constants is a `PlantConstants` as an array. It releases the interpreter's lock, so
     threads may share the blocks.
     """
     shared = constants_from_array(constants)

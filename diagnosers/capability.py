@@ -21,10 +21,10 @@ from auv_fault_env.physics import (
     PlantConstants,
     Shaft,
     armature_current,
+    equilibrium_shaft_speed,
     equilibrium_voltage,
     motor,
     shaft_acceleration,
-    equilibrium_shaft_speed,
     surge_acceleration,
 )
 from diagnosers.diagnoser import Belief

@@ -6,7 +6,7 @@ import numpy as np
 
 from auv_fault_env.compiling import kernel
 from auv_fault_env.errors import whole_number
-from auv_fault_env.noise import GOLDEN, LOW_32, MIX_2, mix_bits, float_of_integer
+from auv_fault_env.noise import GOLDEN, LOW_32, MIX_2, float_of_integer, mix_bits
 from auv_fault_env.schedules import ScheduleSampler
 from diagnosers.diagnoser import Belief, Recursive, same_severity
 

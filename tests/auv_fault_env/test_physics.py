@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from auv_fault_env import Fleet, Mission, lanes, layout, physics
 from auv_fault_env.parameters import FOOT, PRESETS, SIDES, Vehicle, nominal
-from auv_fault_env.physics import RPM, PlantConstants, Motion, Motor, Shaft
+from auv_fault_env.physics import RPM, Motion, Motor, PlantConstants, Shaft
 
 from . import reference
 from .reference import PLANT_FAULTS, Inputs

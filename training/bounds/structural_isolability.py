@@ -22,10 +22,10 @@ from auv_fault_env.physics import (
     PlantConstants,
     Shaft,
     armature_current,
+    equilibrium_shaft_speed,
     equilibrium_voltage,
     motor,
     shaft_acceleration,
-    equilibrium_shaft_speed,
 )
 
 MISSING = 'faultdiagnosistoolbox is not installed; its comparison is left out. To have it: pip install -e ".[bench]"'

@@ -18,8 +18,8 @@ from auv_fault_env.physics import (
     Shaft,
     armature_current,
     constants_from_array,
-    low_pass,
     equilibrium_voltage,
+    low_pass,
     motor,
     rpm_command,
     surge_acceleration,
@@ -181,7 +181,7 @@ def expected_information(parameters, probability, now, mission, grid, variance, 
     variance
         Of a second's readings, (8,).
     constants
-        `Constants` of the nominal vehicle as an array.
+        `PlantConstants` of the nominal vehicle as an array.
     """
     n_lanes, n_hypotheses, _ = parameters.shape
     shared = constants_from_array(constants)

@@ -13,8 +13,8 @@ from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import (
     RPM,
     armature_current,
-    disturbance_memory,
     clipped,
+    disturbance_memory,
     motor,
     shaft_speed_after,
     surge_acceleration,
