@@ -100,7 +100,7 @@ class Recursive(ABC):
                 "update", "no reset before", "an update after a reset", "call reset(n_lanes) first"
             )
         state, held = self.__dict__["_state"]
-        observation = filled(observation, held, self.held)
+        observation = fill_missing(observation, held, self.held)
         state, belief = self.step(state, observation)
         self.__dict__["_state"] = state, observation
         return belief
@@ -126,7 +126,9 @@ def same_severity(shape: tuple[int, int], mean: float, std: float) -> tuple[np.n
     return severities
 
 
-def filled(observation: np.ndarray, held: np.ndarray, channels: slice = slice(None)) -> np.ndarray:
+def fill_missing(
+    observation: np.ndarray, held: np.ndarray, channels: slice = slice(None)
+) -> np.ndarray:
     """The observation as a float64 copy of its own, with held values where these channels have no reading."""
     try:
         observation = np.array(observation, np.float64, order="C")

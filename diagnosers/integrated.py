@@ -17,8 +17,8 @@ from diagnosers import storage
 from diagnosers.diagnoser import Belief, Recursive
 from diagnosers.networks.features import BANK_ODDS, EVIDENCE, FEATURES, Features, FeatureState
 from diagnosers.networks.modes import log_softmax
-from diagnosers.networks.smoothing import Steady, share_of, unsteadied
-from diagnosers.storage import Shapes, Weights, tensors_of
+from diagnosers.networks.smoothing import SmoothedBelief, initial_smoothing, update_share
+from diagnosers.storage import Shapes, Weights, load_tensors
 
 PACKAGED = storage.WEIGHTS / "integrated.safetensors"
 Array = TypeVar("Array")
@@ -29,13 +29,13 @@ WIDTHS = (256, 128)  # of the encoder's hidden layers
 N_MEMORY = 64  # units of the recurrent layer, and of the encoder's last
 # s, over which the first opinion is averaged: single samples are noisy, and a label must not
 # flicker
-CALM = 0.5
+OPINION_SMOOTHING = 0.5
 LEAST_STD = 0.02  # of a severity: finer than anybody can know it
 
 
-def calmed(opinion: Array, before: Array) -> Array:
-    """The opinion averaged over `CALM`, given the average before; (n_lanes, 3 n_classes), of numpy or torch."""
-    return before + (opinion - before) * share_of(CALM)
+def smooth_opinion(opinion: Array, before: Array) -> Array:
+    """The opinion averaged over `OPINION_SMOOTHING`, given the average before; (n_lanes, 3 n_classes), of numpy or torch."""
+    return before + (opinion - before) * update_share(OPINION_SMOOTHING)
 
 
 def _linear(name: str, n_inputs: int, n_outputs: int) -> Shapes:
@@ -77,7 +77,7 @@ class Layer(NamedTuple):
         return inputs @ self.weight + self.bias
 
 
-class Recall:
+class NumpyNetwork:
     """What `integrated_network.Network` computes, one sample at a time, float32 in numpy."""
 
     def __init__(self, tensors: dict[str, np.ndarray]):
@@ -91,7 +91,7 @@ class Recall:
         self.opinion, self.correction = (
             layer(f"{name}.weight", f"{name}.bias") for name in ("opinion", "correction")
         )
-        self.heard, self.kept = (
+        self.input_gates, self.recurrent_gates = (
             layer(f"memory.weight_{name}_l0", f"memory.bias_{name}_l0") for name in ("ih", "hh")
         )
         self.trust = tensors["trust"]
@@ -99,8 +99,8 @@ class Recall:
         self.sharpness = tensors["sharpness"]
         self.bias = tensors["bias"]
 
-    def look(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As `Network.look`."""
+    def encode(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As `Network.encode`."""
         encoded = features
         for layer in self.encoder:
             weighted = layer(encoded)
@@ -109,22 +109,26 @@ class Recall:
         opinion[:, 1:N_CLASSES] += self.trust * features[:, BANK_ODDS]
         return encoded, opinion
 
-    def recall(
+    def recur(
         self, encoded: np.ndarray, opinion: np.ndarray, units: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """As `Network.recall`, of one sample."""
-        heard = self.heard(np.concatenate([encoded, opinion[:, :N_CLASSES] / EVIDENCE], axis=1))
-        kept = self.kept(units)
+        """As `Network.recur`, of one sample."""
+        input_gates = self.input_gates(
+            np.concatenate([encoded, opinion[:, :N_CLASSES] / EVIDENCE], axis=1)
+        )
+        recurrent_gates = self.recurrent_gates(units)
         gates = 2 * N_MEMORY
-        reset, update = np.split(expit(heard[:, :gates] + kept[:, :gates]), 2, axis=1)
-        fresh = np.tanh(heard[:, gates:] + reset * kept[:, gates:])
+        reset, update = np.split(
+            expit(input_gates[:, :gates] + recurrent_gates[:, :gates]), 2, axis=1
+        )
+        fresh = np.tanh(input_gates[:, gates:] + reset * recurrent_gates[:, gates:])
         units = fresh + update * (units - fresh)
         return opinion + self.correction(units), units
 
-    def read(
+    def decode(
         self, outputs: np.ndarray, features: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As `Network.read`, float64."""
+        """As `Network.decode`, float64."""
         scores, mean, spread = np.split(outputs.astype(np.float64), 3, axis=1)
         scores[:, 1:] += self.lean * features[:, BANK_ODDS]
         return (
@@ -143,7 +147,7 @@ class IntegratedState(NamedTuple):
     features: FeatureState
     units: np.ndarray
     opinion: np.ndarray
-    steady: Steady
+    steady: SmoothedBelief
 
 
 class Integrated(Recursive):
@@ -165,15 +169,18 @@ class Integrated(Recursive):
 
     def __init__(self, vehicle: str | Vehicle = "thesis1992", weights: Weights = PACKAGED):
         self.vehicle = vehicle_of(vehicle)
-        self._tensors = tensors_of(weights, ARCHITECTURE)
-        self._recall, self._features = Recall(self._tensors), Features(self.vehicle)
+        self._tensors = load_tensors(weights, ARCHITECTURE)
+        self._network, self._features = NumpyNetwork(self._tensors), Features(self.vehicle)
 
     def initial(self, n_lanes: int) -> IntegratedState:
         """Filters at their start, an empty memory."""
         units = np.zeros((n_lanes, N_MEMORY), np.float32)
         opinion = np.full((n_lanes, N_OUTPUTS), np.nan, np.float32)
         return IntegratedState(
-            self._features.initial(n_lanes), units, opinion, unsteadied(n_lanes, N_CLASSES - 1)
+            self._features.initial(n_lanes),
+            units,
+            opinion,
+            initial_smoothing(n_lanes, N_CLASSES - 1),
         )
 
     def step(
@@ -181,10 +188,10 @@ class Integrated(Recursive):
     ) -> tuple[IntegratedState, Belief]:
         """The next state and the belief."""
         following, features = self._features.step(state.features, observation)
-        encoded, opinion = self._recall.look(features)
-        opinion = calmed(opinion, np.where(np.isnan(state.opinion), opinion, state.opinion))
-        outputs, units = self._recall.recall(encoded, opinion, state.units)
-        told, *severity = self._recall.read(outputs, features)
+        encoded, opinion = self._network.encode(features)
+        opinion = smooth_opinion(opinion, np.where(np.isnan(state.opinion), opinion, state.opinion))
+        outputs, units = self._network.recur(encoded, opinion, state.units)
+        told, *severity = self._network.decode(outputs, features)
         for moment in severity:
             moment[:, 0] = 0.0
         steady = state.steady.after(told)

@@ -17,12 +17,17 @@ from auv_fault_env.parameters import Vehicle, vehicle_of
 from diagnosers.diagnoser import Belief, Recursive
 from diagnosers.kalman import Estimate, ParameterFilter
 from diagnosers.networks.fault_map import MODES_5_2, normalise, severity
-from diagnosers.networks.feed_forward import FeedForward, shapes
-from diagnosers.networks.modes import PRIOR_SEVERITY, log_softmax, shares, spread
-from diagnosers.storage import WEIGHTS, Shapes, Weights, tensors_of
+from diagnosers.networks.feed_forward import FeedForward, tensor_shapes
+from diagnosers.networks.modes import (
+    PRIOR_SEVERITY,
+    class_log_probability,
+    class_shares,
+    log_softmax,
+)
+from diagnosers.storage import WEIGHTS, Shapes, Weights, load_tensors
 
 PACKAGED = WEIGHTS / "kalman_network.safetensors"
-ARCHITECTURE = shapes(2, 8, 5)
+ARCHITECTURE = tensor_shapes(2, 8, 5)
 CALIBRATION: Shapes = {
     "slope": (5,),  # of a mode's score in its output node's sum
     "offset": (5,),
@@ -53,7 +58,7 @@ class KalmanNetwork(Recursive):
 
     Propulsion modes do not know the side; port and starboard share theirs evenly. What Table 5.2
     does not know gets a constant share of the probability of any fault, see
-    `diagnosers.networks.modes.shares`. Misleads at constant speed, where only beta/alpha can be
+    `diagnosers.networks.modes.class_shares`. Misleads at constant speed, where only beta/alpha can be
     seen; under faults of the speed, acceleration and rpm sensors, which look like drag or thrust;
     and on what stays in the window of normal operation: one damaged propeller takes at most 25 % of
     the thrust, the window 28 %, so it is seen late if at all, and then called a lost one.
@@ -71,9 +76,9 @@ class KalmanNetwork(Recursive):
     def __init__(self, vehicle: str | Vehicle = "thesis1992", weights: Weights = PACKAGED):
         self.vehicle = vehicle_of(vehicle)
         self.filter = ParameterFilter(self.vehicle)
-        self.learnt = tensors_of(weights, ARCHITECTURE | CALIBRATION)
+        self.learnt = load_tensors(weights, ARCHITECTURE | CALIBRATION)
         self.network = FeedForward({name: self.learnt[name] for name in ARCHITECTURE})
-        self.shares = shares(self.labels, MODES_5_2)
+        self.shares = class_shares(self.labels, MODES_5_2)
         modes = [MODES_5_2.index(mode) if mode else -1 for mode in self.labels.values()]
         unknown = PRIOR_SEVERITY[0], 0.0, PRIOR_SEVERITY[1]
         self.severity = np.vstack([self.learnt["severity"], unknown])[modes]
@@ -90,9 +95,9 @@ class KalmanNetwork(Recursive):
     def step(self, state: Estimate, observation: np.ndarray) -> tuple[Estimate, Belief]:
         """The filter's next state, and the belief at the point of the map where it stands."""
         state = self.filter.update(state, observation)
-        sums = self.network.recall(points(state))
+        sums = self.network.evaluate(points(state))
         log_modes = log_softmax(self.learnt["slope"] * sums + self.learnt["offset"])
-        log_probability = spread(log_modes, self.shares)
+        log_probability = class_log_probability(log_modes, self.shares)
         intercept, slope, std = self.severity.T
         mean = np.clip(intercept + slope * severity(outputs(sums))[:, None], 0.0, 1.0)
         return state, Belief(log_probability, mean, np.tile(std, (len(mean), 1)))

@@ -19,7 +19,7 @@ from diagnosers.kalman import Estimate
 from diagnosers.kalman_network import KalmanNetwork
 from diagnosers.networks.modes import log_softmax
 from diagnosers.raw_network import RawNetwork
-from diagnosers.storage import Weights, tensors_of
+from diagnosers.storage import Weights, load_tensors
 
 PRIOR_NORMAL = 0.5  # all faults share the rest evenly
 # before the names of their tensors
@@ -54,7 +54,7 @@ class Parallel(Recursive):
             self.raw = RawNetwork()
             self.kalman = KalmanNetwork(vehicle)
         else:
-            tensors = tensors_of(weights, ARCHITECTURE)
+            tensors = load_tensors(weights, ARCHITECTURE)
             self.raw = RawNetwork(_under(RAW, tensors))
             self.kalman = KalmanNetwork(vehicle, _under(KALMAN, tensors))
         n_faults = len(self.classes) - 1

@@ -16,12 +16,17 @@ from auv_fault_env.faults import labels as tables
 from auv_fault_env.parameters import SIDES
 from diagnosers.diagnoser import Belief, Recursive, same_severity
 from diagnosers.networks.fault_map import MODES_5_1
-from diagnosers.networks.feed_forward import FeedForward, shapes
-from diagnosers.networks.modes import PRIOR_SEVERITY, log_softmax, shares, spread
-from diagnosers.storage import WEIGHTS, Weights, tensors_of
+from diagnosers.networks.feed_forward import FeedForward, tensor_shapes
+from diagnosers.networks.modes import (
+    PRIOR_SEVERITY,
+    class_log_probability,
+    class_shares,
+    log_softmax,
+)
+from diagnosers.storage import WEIGHTS, Weights, load_tensors
 
 PACKAGED = WEIGHTS / "raw_network.safetensors"
-ARCHITECTURE = shapes(4, 6, 4)
+ARCHITECTURE = tensor_shapes(4, 6, 4)
 SCALE = (2.0, 0.5, 300.0, 0.3)  # V, A, rpm, m/s: about those of 0.3 m/s, the middle of the missions
 COLUMNS = tuple(
     [list(CHANNELS).index(f"{side}_{name}") for name in ("voltage", "current", "rpm")]
@@ -66,7 +71,7 @@ class RawNetwork(Recursive):
 
     Severity is that of the prior throughout: the thesis' network does not grade it. The classes
     that Table 5.1 does not know get a constant share of the probability of any fault, see
-    `diagnosers.networks.modes.shares`; a damaged and a lost propeller share theirs evenly. Misleads
+    `diagnosers.networks.modes.class_shares`; a damaged and a lost propeller share theirs evenly. Misleads
     in transients, which look like drag to a network without memory, so that it hardly ever names
     drag; and under faults of the sensors it reads.
 
@@ -79,8 +84,8 @@ class RawNetwork(Recursive):
     name = "raw_network"
 
     def __init__(self, weights: Weights = PACKAGED):
-        self.network = FeedForward(tensors_of(weights, ARCHITECTURE))
-        self.shares = shares(self.labels, tuple(HYPOTHESES))
+        self.network = FeedForward(load_tensors(weights, ARCHITECTURE))
+        self.shares = class_shares(self.labels, tuple(HYPOTHESES))
 
     @property
     def labels(self) -> dict[str, str | None]:
@@ -93,8 +98,8 @@ class RawNetwork(Recursive):
 
     def step(self, state: tuple[()], observation: np.ndarray) -> tuple[tuple[()], Belief]:
         """The belief from this observation (n_lanes, n_channels) alone."""
-        log_modes = log_softmax(scores(self.network.recall(inputs(observation))))
-        log_probability = spread(log_modes, self.shares)
+        log_modes = log_softmax(scores(self.network.evaluate(inputs(observation))))
+        log_probability = class_log_probability(log_modes, self.shares)
         return state, Belief(
             log_probability, *same_severity(log_probability.shape, *PRIOR_SEVERITY)
         )

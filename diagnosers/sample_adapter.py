@@ -9,10 +9,12 @@ from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import known_name, refusal, whole_number
 from auv_fault_env.faults import classes
 from auv_fault_env.parameters import SAMPLE_TIME
-from diagnosers.diagnoser import UNKNOWN, Belief, filled, same_severity
+from diagnosers.diagnoser import UNKNOWN, Belief, fill_missing, same_severity
 from diagnosers.networks.modes import PRIOR_SEVERITY
 
-DOUBT = 1e-9  # left to normal where a fault is detected for certain, and to faults where none is
+LEAST_PROBABILITY = (
+    1e-9  # left to normal where a fault is detected for certain, and to faults where none is
+)
 
 
 class SampleSystem(Protocol):
@@ -69,7 +71,7 @@ class SampleAdapter:
             raise refusal(
                 "update", "no reset before", "an update after a reset", "call reset(n_lanes) first"
             )
-        self._held = filled(observation, self._held)
+        self._held = fill_missing(observation, self._held)
         frames = _frames(self._sample * SAMPLE_TIME, self._held)
         answers = [
             self._answer(system, frame) for system, frame in zip(self._systems, frames, strict=True)
@@ -100,7 +102,7 @@ class SampleAdapter:
             )
         shares = np.append(isolation, float(not isolation.any()))
         return float(
-            np.clip(detection[0], DOUBT, 1.0 - DOUBT)
+            np.clip(detection[0], LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY)
         ), shares / shares.sum() @ self._spread
 
 

@@ -59,7 +59,7 @@ def read(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     return tensors, header
 
 
-def checked(
+def check_tensors(
     path: str | Path, tensors: Mapping[str, np.ndarray], shapes: Mapping[str, tuple[int, ...]]
 ) -> dict[str, np.ndarray]:
     """The tensors if they have these names and shapes and are finite: the architecture that is to take them."""
@@ -79,8 +79,8 @@ def checked(
     return dict(tensors)
 
 
-def tensors_of(weights: Weights, architecture: Shapes) -> dict[str, np.ndarray]:
+def load_tensors(weights: Weights, architecture: Shapes) -> dict[str, np.ndarray]:
     """The tensors themselves or from their file, if they have this architecture; else refused in one line."""
     given = isinstance(weights, Mapping)
     tensors, path = (weights, "the network") if given else (read(weights)[0], weights)
-    return checked(path, tensors, architecture)
+    return check_tensors(path, tensors, architecture)

@@ -49,14 +49,14 @@ from diagnosers.diagnoser import Diagnoser
 from diagnosers.registry import NAMES
 from diagnosers.sample_adapter import SampleAdapter
 
-GROUP = "auv_fault.diagnosers"
+ENTRY_POINT_GROUP = "auv_fault.diagnosers"
 LONGEST_NAME = 60  # it becomes part of the names of files
-FORM = "module:Class or path/to/file.py:Class"
+TARGET_FORM = "module:Class or path/to/file.py:Class"
 
 
 @dataclass(frozen=True)
 class ThirdParty:
-    """Where the class of a diagnoser is, `FORM`; called, it makes one. Plain data, so any process can be told of it."""
+    """Where the class of a diagnoser is, `TARGET_FORM`; called, it makes one. Plain data, so any process can be told of it."""
 
     target: str
 
@@ -81,16 +81,19 @@ class ThirdParty:
         """The class; its module is imported, which runs it."""
         place, _, name = self.target.rpartition(":")
         try:
-            found = getattr(_module(place), name, None)
+            diagnoser_class = getattr(_module(place), name, None)
         except (Exception, SystemExit) as error:  # importing runs foreign code
             raise refusal(
-                f"diagnoser {self.target}", error, f"what can be imported, {FORM}", "mend it"
+                f"diagnoser {self.target}", error, f"what can be imported, {TARGET_FORM}", "mend it"
             ) from error
-        if not isinstance(found, type):
+        if not isinstance(diagnoser_class, type):
             raise refusal(
-                f"diagnoser {self.target}", found, f"a class, {FORM}", "check the name of the class"
+                f"diagnoser {self.target}",
+                diagnoser_class,
+                f"a class, {TARGET_FORM}",
+                "check the name of the class",
             )
-        return found
+        return diagnoser_class
 
     @property
     def source(self) -> Path:
@@ -98,7 +101,7 @@ class ThirdParty:
         return Path(sys.modules[self.kind.__module__].__file__)
 
 
-def found(targets: Sequence[str]) -> dict[str, ThirdParty]:
+def load_third_parties(targets: Sequence[str]) -> dict[str, ThirdParty]:
     """Third parties by name: those at the targets, and those that installed packages declare.
 
     The name is the attribute `name` of the class, else that of the class itself; of a package, that
@@ -108,7 +111,9 @@ def found(targets: Sequence[str]) -> dict[str, ThirdParty]:
     """
     parties = [ThirdParty(_absolute(target)) for target in targets]
     named = [(_name_of(party.kind), party) for party in parties]
-    named += [(point.name, ThirdParty(point.value)) for point in entry_points(group=GROUP)]
+    named += [
+        (point.name, ThirdParty(point.value)) for point in entry_points(group=ENTRY_POINT_GROUP)
+    ]
     by_name: dict[str, ThirdParty] = {}
     for name, party in named:
         if len(name) > LONGEST_NAME:

@@ -8,7 +8,7 @@ import torch
 from diagnosers.storage import Shapes
 
 
-def shapes(n_inputs: int, n_hidden: int, n_outputs: int) -> Shapes:
+def tensor_shapes(n_inputs: int, n_hidden: int, n_outputs: int) -> Shapes:
     """The tensors of a network, by name."""
     return {
         "hidden_weight": (n_hidden, n_inputs),
@@ -18,7 +18,7 @@ def shapes(n_inputs: int, n_hidden: int, n_outputs: int) -> Shapes:
     }
 
 
-def drawn(architecture: Shapes, seed: int) -> dict[str, np.ndarray]:
+def random_tensors(architecture: Shapes, seed: int) -> dict[str, np.ndarray]:
     """Tensors to start a training from: uniform within one over the root of a node's inputs; biases likewise."""
     random = np.random.default_rng(seed)
     bounds = {layer: architecture[f"{layer}_weight"][1] ** -0.5 for layer in ("hidden", "output")}
@@ -45,7 +45,7 @@ class FeedForward(torch.nn.Module):
         )
         return torch.nn.functional.linear(hidden, self.output_weight, self.output_bias)
 
-    def recall(self, inputs: np.ndarray) -> np.ndarray:
+    def evaluate(self, inputs: np.ndarray) -> np.ndarray:
         """As `forward` without a gradient, from and to numpy, (n, n_outputs) float64."""
         with torch.inference_mode():
             return self(torch.from_numpy(inputs.astype(np.float32))).numpy().astype(np.float64)

@@ -35,13 +35,13 @@ class Network(nn.Module):
         self.register_buffer("sharpness", torch.ones(1))
         self.register_buffer("bias", torch.zeros(N_CLASSES))
 
-    def look(self, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def encode(self, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Encoded samples (..., n_memory) and the first opinion of each (..., 3 n_classes)."""
         encoded = self.encoder(features)
         bank = nn.functional.pad(self.trust * features[..., BANK_ODDS], (1, 2 * N_CLASSES))
         return encoded, self.opinion(encoded) + bank
 
-    def recall(
+    def recur(
         self, encoded: torch.Tensor, opinion: torch.Tensor, units: torch.Tensor | None = None
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Outputs (n_samples, n_lanes, 3 n_classes) from encoded samples and averaged opinions; and the units after."""
@@ -50,17 +50,17 @@ class Network(nn.Module):
         )
         return opinion + self.correction(recalled), units
 
-    def pooled(self, outputs: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
+    def pool_scores(self, outputs: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
         """Scores (..., n_classes) before calibration: the network's own, leaning on the bank's log odds."""
         bank = EVIDENCE * features[..., BANK_ODDS]
         return outputs[..., :N_CLASSES] + self.lean * nn.functional.pad(bank, (1, 0))
 
-    def read(
+    def decode(
         self, outputs: torch.Tensor, features: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Log probability, severity mean and standard deviation, each (..., n_classes)."""
         _, mean, spread = outputs.split(N_CLASSES, dim=-1)
-        scores = self.sharpness * self.pooled(outputs, features) + self.bias
+        scores = self.sharpness * self.pool_scores(outputs, features) + self.bias
         return (
             torch.log_softmax(scores, dim=-1),
             torch.sigmoid(mean),

@@ -9,7 +9,7 @@ LEAST = -500.0  # of a mode's log-probability: far from where exp gives zero
 PRIOR_SEVERITY = 0.6, 0.8 / 12**0.5
 
 
-def shares(labels: Mapping[str, str | None], modes: tuple[str, ...]) -> np.ndarray:
+def class_shares(labels: Mapping[str, str | None], modes: tuple[str, ...]) -> np.ndarray:
     """What of each mode's probability goes to each class, (n_modes, n_classes); rows sum to 1.
 
     A mode's probability is shared evenly by the classes of that label. Classes that the table does
@@ -31,6 +31,6 @@ def log_softmax(scores: np.ndarray) -> np.ndarray:
     return scores - np.log(np.exp(scores).sum(axis=-1, keepdims=True))
 
 
-def spread(log_modes: np.ndarray, table: np.ndarray) -> np.ndarray:
-    """Log-probability of every class (n, n_classes) from that of the modes (n, n_modes) and their `shares`."""
+def class_log_probability(log_modes: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """Log-probability of every class (n, n_classes) from that of the modes (n, n_modes) and their `class_shares`."""
     return np.log(np.exp(np.maximum(log_modes, LEAST)) @ table)

@@ -6,17 +6,17 @@ import numpy as np
 
 from auv_fault_env.parameters import SAMPLE_TIME
 
-SETTLING = 1.0  # s, over which the belief is averaged to say which fault it is
-RELEASE = 5.0  # s, in which the odds of any fault fall
+FAULT_SMOOTHING = 1.0  # s, over which the belief is averaged to say which fault it is
+ODDS_SMOOTHING = 5.0  # s, in which the odds of any fault fall
 LEAST = np.finfo(float).tiny  # share of a fault, so that its logarithm is finite
 
 
-def share_of(time: float) -> float:
+def update_share(time: float) -> float:
     """Share by which a sample moves an average over this time [s]."""
     return SAMPLE_TIME / (SAMPLE_TIME + time)
 
 
-class Steady(NamedTuple):
+class SmoothedBelief(NamedTuple):
     """Log odds of any fault (n_lanes,), and averaged fault probabilities (n_lanes, n_faults).
 
     The odds rise at once and fall slowly, so a false alarm lasts too; they are NaN before the first
@@ -26,11 +26,15 @@ class Steady(NamedTuple):
     odds: np.ndarray
     faults: np.ndarray
 
-    def after(self, log_probability: np.ndarray) -> "Steady":
+    def after(self, log_probability: np.ndarray) -> "SmoothedBelief":
         """The same one sample later, given that sample's own belief (n_lanes, n_classes)."""
         odds = np.logaddexp.reduce(log_probability[:, 1:], axis=1) - log_probability[:, 0]
-        faults = self.faults + share_of(SETTLING) * (np.exp(log_probability[:, 1:]) - self.faults)
-        return Steady(np.fmax(odds, self.odds + share_of(RELEASE) * (odds - self.odds)), faults)
+        faults = self.faults + update_share(FAULT_SMOOTHING) * (
+            np.exp(log_probability[:, 1:]) - self.faults
+        )
+        return SmoothedBelief(
+            np.fmax(odds, self.odds + update_share(ODDS_SMOOTHING) * (odds - self.odds)), faults
+        )
 
     def log_probability(self) -> np.ndarray:
         """The steadied belief, (n_lanes, n_classes)."""
@@ -43,6 +47,6 @@ class Steady(NamedTuple):
         return np.concatenate([-np.logaddexp(0.0, self.odds)[:, None], faulty], axis=1)
 
 
-def unsteadied(n_lanes: int, n_faults: int) -> Steady:
+def initial_smoothing(n_lanes: int, n_faults: int) -> SmoothedBelief:
     """The state before any sample."""
-    return Steady(np.full(n_lanes, np.nan), np.zeros((n_lanes, n_faults)))
+    return SmoothedBelief(np.full(n_lanes, np.nan), np.zeros((n_lanes, n_faults)))

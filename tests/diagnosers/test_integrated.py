@@ -16,8 +16,8 @@ from diagnosers.integrated import (
     N_OUTPUTS,
     PACKAGED,
     Integrated,
-    Recall,
-    calmed,
+    NumpyNetwork,
+    smooth_opinion,
 )
 from diagnosers.networks.integrated_network import Network
 from training.rollouts import manoeuvres, roll_out
@@ -70,7 +70,7 @@ def test_an_untrained_network_says_what_the_bank_says():
     odds = torch.randn(5, len(CLASSES) - 1)
     features = torch.zeros(5, network.encoder[0].in_features)
     features[:, -2 * odds.shape[1] : -odds.shape[1]] = odds
-    _, opinion = network.look(features)
+    _, opinion = network.encode(features)
     np.testing.assert_allclose(opinion[:, 1 : len(CLASSES)], 5.0 * odds, rtol=1e-6)
     assert (opinion[:, 0] == 0.0).all()
 
@@ -79,7 +79,7 @@ def test_a_calm_opinion_follows_within_its_time():
     before = np.zeros((1, N_OUTPUTS))
     opinion = np.ones((1, N_OUTPUTS))
     for _ in range(5):  # half a second
-        before = calmed(opinion, before)
+        before = smooth_opinion(opinion, before)
     assert 0.55 < before[0, 0] < 0.7
 
 
@@ -93,16 +93,16 @@ def test_numpy_recalls_what_torch_does():
     network = Network()
     tensors = storage.read(PACKAGED)[0]
     network.load_state_dict({name: torch.from_numpy(tensor) for name, tensor in tensors.items()})
-    recall = Recall(tensors)
+    recall = NumpyNetwork(tensors)
     random = np.random.default_rng(0)
     features = random.normal(size=(40, 3, network.encoder[0].in_features)).astype(np.float32)
     units = np.zeros((3, N_MEMORY), np.float32)
     with torch.inference_mode():
-        outputs, _ = network.recall(*network.look(torch.from_numpy(features)))
-        told = network.read(outputs, torch.from_numpy(features))
+        outputs, _ = network.recur(*network.encode(torch.from_numpy(features)))
+        told = network.decode(outputs, torch.from_numpy(features))
     for k, sample in enumerate(features):
-        ours, units = recall.recall(*recall.look(sample), units)
-        for one, other in zip(recall.read(ours, sample), told, strict=True):
+        ours, units = recall.recur(*recall.encode(sample), units)
+        for one, other in zip(recall.decode(ours, sample), told, strict=True):
             np.testing.assert_allclose(one, other[k], atol=1e-4)
 
 

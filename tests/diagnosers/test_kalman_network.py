@@ -17,7 +17,7 @@ CLASSES = classes()
 )
 def test_the_network_has_learnt_the_map(alpha, beta):
     point = normalise(np.array([alpha]), np.array([beta]))
-    got = outputs(make("kalman_network").network.recall(point))
+    got = outputs(make("kalman_network").network.evaluate(point))
     target = fault_map(point)
     assert got.argmax() == target.argmax()
     np.testing.assert_allclose(got, target, atol=0.2)

@@ -80,7 +80,7 @@ def test_a_healthy_vehicle_is_normal():
 
 def test_both_sides_are_alike():
     observation = np.abs(np.random.default_rng(0).normal(size=(5, len(CHANNELS))))
-    network = RawNetwork(feed_forward.drawn(ARCHITECTURE, 0))
+    network = RawNetwork(feed_forward.random_tensors(ARCHITECTURE, 0))
     straight, swapped = (
         network.step((), one)[1].log_probability
         for one in (observation, observation[:, mirrored(CHANNELS)])

@@ -36,7 +36,7 @@ def test_what_is_written_is_read(path):
     tensors, header = storage.read(path)
     assert header == HEADER
     assert all((tensors[name] == TENSORS[name]).all() for name in TENSORS)
-    assert storage.checked(path, tensors, SHAPES).keys() == TENSORS.keys()
+    assert storage.check_tensors(path, tensors, SHAPES).keys() == TENSORS.keys()
     assert [file.name for file in path.parent.iterdir()] == [path.name]
 
 
@@ -95,7 +95,7 @@ def test_a_missing_file_is_refused(tmp_path):
     ids=["missing", "too many", "shape", "NaN"],
 )
 def test_tensors_of_another_architecture_are_refused(path, tensors):
-    refused(storage.checked, path, tensors, SHAPES)
+    refused(storage.check_tensors, path, tensors, SHAPES)
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(path, monkeypatch):

@@ -11,8 +11,8 @@ from auv_fault_env.errors import InputError
 from auv_fault_env.faults import classes
 from diagnosers import check_diagnoser
 from diagnosers.diagnoser import Diagnoser
-from diagnosers.sample_adapter import DOUBT, SampleAdapter
-from diagnosers.third_party import ThirdParty, found
+from diagnosers.sample_adapter import LEAST_PROBABILITY, SampleAdapter
+from diagnosers.third_party import ThirdParty, load_third_parties
 
 OURS = """
 from diagnosers.references import Null
@@ -70,8 +70,8 @@ def test_a_class_joins_by_module_and_by_file(place, monkeypatch):
     path = written(place, "mine_of_a_test", OURS)
     monkeypatch.chdir(place)
     for target in ("mine_of_a_test:Mine", f"{path}:Mine", "mine_of_a_test.py:Mine"):
-        (party,) = found([target]).values()
-        assert list(found([target])) == ["mine"]
+        (party,) = load_third_parties([target]).values()
+        assert list(load_third_parties([target])) == ["mine"]
         assert type(party()).__name__ == "Mine"
         assert party.source == path
         believe(party())
@@ -80,7 +80,7 @@ def test_a_class_joins_by_module_and_by_file(place, monkeypatch):
 def test_a_party_means_the_same_in_another_process_and_folder(place, monkeypatch):
     written(place, "mine_of_a_test", OURS)
     monkeypatch.chdir(place)
-    party = found(["mine_of_a_test.py:Mine"])["mine"]
+    party = load_third_parties(["mine_of_a_test.py:Mine"])["mine"]
     monkeypatch.chdir("/")
     assert isinstance(pickle.loads(pickle.dumps(party))(), Diagnoser)
 
@@ -94,7 +94,7 @@ def test_an_installed_package_joins_by_its_entry_point(place):
         "[auv_fault.diagnosers]\nas_they_say = mine_of_a_test:Mine\nbroken = nowhere_at_all:Mine\n"
     )
     (info / "entry_points.txt").write_text(points)
-    parties = found([])
+    parties = load_third_parties([])
     assert list(parties) == ["as_they_say", "broken"]
     believe(parties["as_they_say"]())
     with pytest.raises(InputError, match="nowhere_at_all"):
@@ -105,7 +105,7 @@ def test_an_installed_package_joins_by_its_entry_point(place):
 def test_what_is_broken_is_refused_in_one_line(place, name):
     text, word = BROKEN[name]
     with pytest.raises(InputError) as refused:
-        found([f"{written(place, name, text)}:Mine"])["Mine"]()
+        load_third_parties([f"{written(place, name, text)}:Mine"])["Mine"]()
     assert word in str(refused.value) and f"{name}.py:Mine" in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -115,7 +115,7 @@ def test_what_is_broken_is_refused_in_one_line(place, name):
 )
 def test_what_is_not_there_is_refused_in_one_line(target):
     with pytest.raises(InputError, match="what can be imported, module:Class or path/to/file"):
-        found([target])
+        load_third_parties([target])
 
 
 def test_a_name_that_is_taken_is_refused(place):
@@ -125,10 +125,10 @@ def test_a_name_that_is_taken_is_refused(place):
         OURS + "class Limits(Mine):\n    name = 'limits'\nclass Other(Mine): ...",
     )
     with pytest.raises(InputError, match=r"name of .*Limits: got 'limits'; .*rename it"):
-        found([f"{path}:Limits"])
+        load_third_parties([f"{path}:Limits"])
     with pytest.raises(InputError, match=r"name of .*Other: got 'mine'"):
-        found([f"{path}:Mine", f"{path}:Other"])
-    assert list(found([f"{path}:Mine", f"{path}:Mine"])) == ["mine"]
+        load_third_parties([f"{path}:Mine", f"{path}:Other"])
+    assert list(load_third_parties([f"{path}:Mine", f"{path}:Mine"])) == ["mine"]
 
 
 def test_a_name_is_text_that_a_file_can_have(place):
@@ -137,15 +137,15 @@ def test_a_name_is_text_that_a_file_can_have(place):
         + "class Other(Mine):\n    name = property(lambda self: 3)\nclass Long(Mine):\n    name = 61 * 'x'"
     )
     path = written(place, "mine_of_a_test", text)
-    assert list(found([f"{path}:Other"])) == ["Other"]
+    assert list(load_third_parties([f"{path}:Other"])) == ["Other"]
     with pytest.raises(InputError, match="up to 60 characters; shorten it"):
-        found([f"{path}:Long"])
+        load_third_parties([f"{path}:Long"])
 
 
 def test_a_system_of_one_sample_becomes_a_diagnoser_of_lanes(place):
     pytest.importorskip("pandas")
     path = written(place, "theirs_of_a_test", THEIRS)
-    party = found([f"{path}:Theirs"])["Theirs"]
+    party = load_third_parties([f"{path}:Theirs"])["Theirs"]
     check_diagnoser(party())
     diagnoser = party()
     assert isinstance(diagnoser, SampleAdapter)
@@ -156,14 +156,14 @@ def test_a_system_of_one_sample_becomes_a_diagnoser_of_lanes(place):
     names = list(classes())
     quiet = beliefs[0][1]
     sure = beliefs[2][1]
-    assert quiet[0] == pytest.approx(1.0 - DOUBT, abs=1e-15)
-    assert sure[0] == pytest.approx(DOUBT, rel=1e-6)
+    assert quiet[0] == pytest.approx(1.0 - LEAST_PROBABILITY, abs=1e-15)
+    assert sure[0] == pytest.approx(LEAST_PROBABILITY, rel=1e-6)
     assert sure[names.index("increased_drag")] == pytest.approx(0.1)
     assert sure[names.index("propeller_loss:port")] == pytest.approx(0.5)
     # the 16 faults without a column
     assert sure[names.index("sensor:speed")] == pytest.approx(0.4 / 16)
     # nothing isolated is unknown
-    assert quiet[names.index("sensor:speed")] == pytest.approx(DOUBT / 16)
+    assert quiet[names.index("sensor:speed")] == pytest.approx(LEAST_PROBABILITY / 16)
     assert (
         quiet[names.index("increased_drag")] == 0.0 or quiet[names.index("increased_drag")] < 1e-40
     )
@@ -189,7 +189,7 @@ def test_detection_says_whether_and_isolation_which():
     pytest.importorskip("pandas")
     sure = np.eye(18)[4] * 7.0  # scaled to 1
     # sure of a fault, but none detected: normal
-    assert belief((0, sure))[5] == pytest.approx(DOUBT)
+    assert belief((0, sure))[5] == pytest.approx(LEAST_PROBABILITY)
     assert belief((0, sure))[0] == pytest.approx(1.0)
     assert belief((0.25, sure))[[0, 5]] == pytest.approx([0.75, 0.25])
     # detected, and no idea which

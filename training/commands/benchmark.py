@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from auv_fault_env.errors import finite_in_range, known_name, refusal, whole_number
 from diagnosers import NAMES, make
-from diagnosers.third_party import found
+from diagnosers.third_party import load_third_parties
 from training.arguments import Benchmark
 from training.benchmark import timing, trial_store
 from training.benchmark.page import page
@@ -109,7 +109,7 @@ def _plan(arguments: Benchmark) -> Plan:
 
 def _entrants(arguments: Benchmark) -> dict[str, Entrant]:
     """The diagnosers asked for, and all third parties."""
-    foreign = found(arguments.diagnoser)
+    foreign = load_third_parties(arguments.diagnoser)
     makers = {name: functools.partial(make, name) for name in NAMES} | foreign
     asked = arguments.diagnosers or NAMES
     names = dict.fromkeys([*(known_name("diagnoser", name, makers) for name in asked), *foreign])

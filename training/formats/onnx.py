@@ -21,14 +21,14 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import Belief, Diagnoser
 from diagnosers.diagnoser import same_severity
-from diagnosers.integrated import N_CLASSES, N_MEMORY, N_OUTPUTS, Integrated, calmed
+from diagnosers.integrated import N_CLASSES, N_MEMORY, N_OUTPUTS, Integrated, smooth_opinion
 from diagnosers.kalman import PARAMETERS
 from diagnosers.kalman_network import KalmanNetwork
 from diagnosers.networks.fault_map import NOMINAL, SEVERITY_WEIGHTS
 from diagnosers.networks.features import FEATURES, Features
 from diagnosers.networks.integrated_network import Network
 from diagnosers.networks.modes import PRIOR_SEVERITY
-from diagnosers.networks.smoothing import RELEASE, SETTLING, share_of
+from diagnosers.networks.smoothing import FAULT_SMOOTHING, ODDS_SMOOTHING, update_share
 from diagnosers.parallel import Parallel
 from diagnosers.raw_network import COLUMNS, PORT, SCALE, SPEED, STARBOARD, RawNetwork
 from training.active_env.vector import ActiveDiagnosisVectorEnv
@@ -218,10 +218,10 @@ class IntegratedGraph(Watching):
     def forward(self, features: torch.Tensor, state: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """The belief and the next state."""
         units, before, *steady, begun = state.split(self.widths, dim=1)
-        encoded, opinion = self.network.look(features)
-        opinion = torch.where(begun > 0.0, calmed(opinion, before), opinion)
-        outputs, units = self.network.recall(encoded, opinion, units)
-        told, mean, std = self.network.read(outputs, features)
+        encoded, opinion = self.network.encode(features)
+        opinion = torch.where(begun > 0.0, smooth_opinion(opinion, before), opinion)
+        outputs, units = self.network.recur(encoded, opinion, units)
+        told, mean, std = self.network.decode(outputs, features)
         odds, faults = _steadied(told, *steady, begun > 0.0)
         faulty = torch.log_softmax(faults, dim=1) - softplus(-odds)
         following = torch.cat([units, opinion, odds, faults, torch.ones_like(begun)], dim=1)
@@ -314,8 +314,10 @@ def _steadied(
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """`Steady.after`, with the logarithm of the averaged fault probabilities."""
     now = torch.logsumexp(told[:, 1:], dim=1, keepdim=True) - told[:, :1]
-    odds = torch.where(begun, torch.maximum(now, odds + share_of(RELEASE) * (now - odds)), now)
-    share = share_of(SETTLING)
+    odds = torch.where(
+        begun, torch.maximum(now, odds + update_share(ODDS_SMOOTHING) * (now - odds)), now
+    )
+    share = update_share(FAULT_SMOOTHING)
     added = told[:, 1:] + float(np.log(share))
     kept = faults + float(np.log1p(-share))
     averaged = torch.maximum(added, kept) + softplus(-(added - kept).abs())

@@ -16,7 +16,7 @@ from torch import nn
 
 from auv_fault_env.parameters import PRESETS
 from auv_fault_env.schedules import ScheduleSampler
-from diagnosers.integrated import CLASSES, Integrated, calmed
+from diagnosers.integrated import CLASSES, Integrated, smooth_opinion
 from diagnosers.networks.features import FEATURES, Features
 from diagnosers.networks.integrated_network import Network
 from training.learning.adam import Learner
@@ -135,7 +135,7 @@ class IntegratedTrainer:
             )
             features, label, severity = (torch.cat(part) for part in parts)
             seen = mirrored_if(k % 2, Lesson(features.float(), label, severity))
-            losses.append(self._descend(self.network.look(seen.features)[1], seen, rate))
+            losses.append(self._descend(self.network.encode(seen.features)[1], seen, rate))
         return losses
 
     def remember(self, taught: Lesson, rate: float) -> list[float]:
@@ -154,14 +154,14 @@ class IntegratedTrainer:
     def outputs(self, taught: Lesson) -> torch.Tensor:
         """The network's outputs on whole episodes (n_samples, n_lanes, 3 n_classes); the encoder gets no gradient."""
         with torch.no_grad():
-            encoded, opinions = self.network.look(taught.features)
+            encoded, opinions = self.network.encode(taught.features)
             for k in range(1, len(opinions)):
-                opinions[k] = calmed(opinions[k], opinions[k - 1])
-        return self.network.recall(encoded, opinions)[0]
+                opinions[k] = smooth_opinion(opinions[k], opinions[k - 1])
+        return self.network.recur(encoded, opinions)[0]
 
     def losses(self, outputs: torch.Tensor, taught: Lesson) -> tuple[torch.Tensor, torch.Tensor]:
         """Mean negative log-probability of the class, and of the severity where there is a fault."""
-        log_probability, mean, std = self.network.read(outputs, taught.features)
+        log_probability, mean, std = self.network.decode(outputs, taught.features)
         label = taught.label[..., None]
         mean = mean.gather(-1, label)[..., 0]
         std = std.gather(-1, label)[..., 0]
@@ -195,7 +195,7 @@ class IntegratedTrainer:
         with one_thread(), torch.no_grad():
             for taught in simulated("calibration", tried()):
                 for batch in batches(taught):
-                    pooled = network.pooled(self.outputs(batch), batch.features)
+                    pooled = network.pool_scores(self.outputs(batch), batch.features)
                     scores.append(pooled[::CALIBRATED_EVERY].flatten(0, 1))
                     label.append(batch.label[::CALIBRATED_EVERY].flatten())
         before, after = calibrate(network, torch.cat(scores), torch.cat(label))

@@ -10,8 +10,8 @@ from scipy.special import logsumexp
 from diagnosers.kalman import ParameterFilter
 from diagnosers.kalman_network import ARCHITECTURE, KalmanNetwork, labels, outputs, points
 from diagnosers.networks.fault_map import MODES_5_2, fault_map, grid, severity
-from diagnosers.networks.feed_forward import FeedForward, drawn
-from diagnosers.networks.modes import log_softmax, shares
+from diagnosers.networks.feed_forward import FeedForward, random_tensors
+from diagnosers.networks.modes import class_shares, log_softmax
 from training.learning.episodes import lessons
 
 POINTS = 41  # along an axis of the map
@@ -100,7 +100,7 @@ class KalmanNetworkTrainer:
 def started(seed: int) -> dict[str, np.ndarray]:
     """Tensors to start from: the edge of every hidden node, of any direction, goes through the map's square."""
     random = np.random.default_rng(seed)
-    tensors = drawn(ARCHITECTURE, seed)
+    tensors = random_tensors(ARCHITECTURE, seed)
     normals = STEEPNESS * random.normal(size=tensors["hidden_weight"].shape)
     through = random.uniform(size=normals.shape)
     edges = {"hidden_weight": normals, "hidden_bias": -(normals * through).sum(axis=1)}
@@ -116,7 +116,7 @@ def share_right(network: FeedForward) -> float:
     """Share of the map on which the largest output is the right mode."""
     between = grid(VALIDATION_POINTS)
     return float(
-        np.mean(network.recall(between).argmax(axis=1) == fault_map(between).argmax(axis=1))
+        np.mean(network.evaluate(between).argmax(axis=1) == fault_map(between).argmax(axis=1))
     )
 
 
@@ -130,7 +130,7 @@ def _filtered(network: FeedForward) -> tuple[np.ndarray, np.ndarray, np.ndarray]
             estimate = parameters.update(estimate, observation)
             if k % EVERY == 0:
                 parts.append(
-                    (network.recall(points(estimate)), rollout.label[k], rollout.severity[k])
+                    (network.evaluate(points(estimate)), rollout.label[k], rollout.severity[k])
                 )
     sums, label, grown = (np.concatenate(part) for part in zip(*parts, strict=True))
     return sums, label, grown
@@ -139,7 +139,7 @@ def _filtered(network: FeedForward) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 def calibrated(sums: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Slopes and offsets (n_modes,) that give the true classes (n,) the most probability, and the loss they leave."""
     with np.errstate(divide="ignore"):
-        log_share = np.log(shares(labels(), MODES_5_2)).T[label]
+        log_share = np.log(class_shares(labels(), MODES_5_2)).T[label]
     n_samples, n_modes = sums.shape
 
     def loss(parameters: np.ndarray) -> tuple[float, np.ndarray]:

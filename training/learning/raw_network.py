@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from diagnosers.networks.feed_forward import FeedForward, drawn
-from diagnosers.networks.modes import shares
+from diagnosers.networks.feed_forward import FeedForward, random_tensors
+from diagnosers.networks.modes import class_shares
 from diagnosers.raw_network import ARCHITECTURE, HYPOTHESES, RawNetwork, inputs, labels, scores
 from training.learning.adam import Learner
 from training.learning.episodes import lessons
@@ -37,10 +37,12 @@ class RawNetworkTrainer:
 
     def __init__(self, seed: int) -> None:
         self.seed = seed
-        self.learner = Learner(FeedForward(drawn(ARCHITECTURE, seed)))
+        self.learner = Learner(FeedForward(random_tensors(ARCHITECTURE, seed)))
         with np.errstate(divide="ignore"):
             self.log_shares = (
-                torch.from_numpy(np.log(shares(labels(), tuple(HYPOTHESES)))).float().T.contiguous()
+                torch.from_numpy(np.log(class_shares(labels(), tuple(HYPOTHESES))))
+                .float()
+                .T.contiguous()
             )
         self.validation: tuple[np.ndarray, np.ndarray] | None = None
 

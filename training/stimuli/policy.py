@@ -49,7 +49,7 @@ class LearnedPolicy:
     amplitude: float
 
     def __post_init__(self):
-        storage.checked("the policy", self.tensors, SHAPES)
+        storage.check_tensors("the policy", self.tensors, SHAPES)
 
     def action(self, features: np.ndarray) -> np.ndarray:
         """The actions (n_lanes, 1) float32, within -1 to 1, for features (n_lanes, n_features) as in `FEATURES`."""
@@ -99,7 +99,7 @@ class LearnedPolicy:
             )
             for name in ("budget", "amplitude")
         )
-        return cls(storage.checked(path, tensors, SHAPES), diagnoser, *numbers)
+        return cls(storage.check_tensors(path, tensors, SHAPES), diagnoser, *numbers)
 
 
 def _unlike(layout: Any) -> Any:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from diagnosers.networks.smoothing import RELEASE, unsteadied
+from diagnosers.networks.smoothing import ODDS_SMOOTHING, initial_smoothing
 
 
 def belief_of(fault, probability):
@@ -13,11 +13,11 @@ def belief_of(fault, probability):
 
 
 def test_the_odds_of_a_fault_rise_at_once_and_fall_slowly():
-    steady = unsteadied(1, 3).after(belief_of(0, 0.01))
+    steady = initial_smoothing(1, 3).after(belief_of(0, 0.01))
     assert np.allclose(np.exp(steady.log_probability()[0, 0]), 0.99)
     steady = steady.after(belief_of(1, 0.999))
     assert np.allclose(np.exp(steady.log_probability()[0, 0]), 0.001)
-    for _ in range(round(10 * RELEASE)):
+    for _ in range(round(10 * ODDS_SMOOTHING)):
         steady = steady.after(belief_of(1, 0.01))
     risen = np.log(0.999 / 0.001)
     fallen = np.log(0.01 / 0.99)
@@ -26,7 +26,7 @@ def test_the_odds_of_a_fault_rise_at_once_and_fall_slowly():
 
 
 def test_one_odd_sample_does_not_rename_a_fault():
-    steady = unsteadied(1, 3)
+    steady = initial_smoothing(1, 3)
     for fault in (2, 2, 2, 2, 0, 2):
         steady = steady.after(belief_of(fault, 0.99))
         assert steady.log_probability()[0, 1:].argmax() == 2

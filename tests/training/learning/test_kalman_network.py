@@ -3,7 +3,7 @@ import pytest
 
 from diagnosers.kalman_network import labels
 from diagnosers.networks.fault_map import MODES_5_2
-from diagnosers.networks.modes import log_softmax, shares, spread
+from diagnosers.networks.modes import class_log_probability, class_shares, log_softmax
 from training.learning import kalman_network
 from training.learning.kalman_network import KalmanNetworkTrainer, calibrated, lines
 
@@ -37,7 +37,9 @@ def test_calibration_finds_slopes_and_offsets_that_made_the_classes():
     sums = random.normal(size=(20_000, len(MODES_5_2)))
     slope = np.array([1.0, 2.0, 0.5, 1.5, 1.0])
     offset = np.array([0.0, 1.0, -1.0, 0.5, 0.0])
-    belief = np.exp(spread(log_softmax(slope * sums + offset), shares(labels(), MODES_5_2)))
+    belief = np.exp(
+        class_log_probability(log_softmax(slope * sums + offset), class_shares(labels(), MODES_5_2))
+    )
     label = (belief.cumsum(axis=1) > random.uniform(size=(len(sums), 1))).argmax(axis=1)
     got_slope, got_offset, loss = calibrated(sums, label)
     np.testing.assert_allclose(got_slope, slope, atol=0.3)

@@ -65,6 +65,7 @@ def test_the_diagnoser_has_the_weights_of_the_training():
         diagnoser.tensors()["hidden_weight"], trainer.state()["hidden_weight"]
     )
     assert (
-        diagnoser.tensors()["hidden_weight"] != feed_forward.drawn(ARCHITECTURE, 0)["hidden_weight"]
+        diagnoser.tensors()["hidden_weight"]
+        != feed_forward.random_tensors(ARCHITECTURE, 0)["hidden_weight"]
     ).any()
     assert np.isfinite(figures["calibration_loss"])

@@ -6,7 +6,7 @@ import numpy as np
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.parameters import SIDES
-from diagnosers.diagnoser import filled
+from diagnosers.diagnoser import fill_missing
 from diagnosers.kalman import PARAMETERS, ParameterFilter, SurgeFilter
 from training.field.diagnosis.shaft_load import excess_load, healthy_current
 from training.field.logs.log import Log
@@ -42,7 +42,7 @@ def hull_estimates(log: Log, vehicle: VehicleFile) -> dict[str, Estimates]:
         estimate = estimator.initial(1)
         held = np.zeros((1, len(NAMES)))
         for k in range(segment.start, segment.stop):
-            held = filled(log.observation[k : k + 1], held)
+            held = fill_missing(log.observation[k : k + 1], held)
             estimate = estimator.update(estimate, both_shafts(held, vehicle))
             for name, state in ESTIMATED.items():
                 along[name].mean[k] = estimate.mean[0, state]
