@@ -6,7 +6,7 @@ from types import ModuleType
 from auv_fault_env.errors import refusal
 
 
-def needed(module: str, extra: str) -> ModuleType:
+def import_from_extra(module: str, extra: str) -> ModuleType:
     """The module; if it is not installed, a refusal that names the extra of this package that brings it."""
     try:
         return importlib.import_module(module)

@@ -61,14 +61,14 @@ def roll_out(
         action = observation[:, :1] * [1.0, 0.0, 0.0]
         observation = fleet.step(action if actions is None else action + actions[k])
         observations[k] = observation
-    label, severity = targets(fleet.plan, n_samples)
+    label, severity = label_and_severity(fleet.plan, n_samples)
     onset = np.where(fleet.plan.fault >= 0, fleet.plan.profile[:, :, 0], np.inf).min(
         axis=1, initial=np.inf
     )
     return Rollout(observations, label, severity, onset, fleet.plan.healthy.copy())
 
 
-def targets(plan: EpisodePlan | Events, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
+def label_and_severity(plan: EpisodePlan | Events, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
     """Label and severity over time, each (n_samples, n_lanes), of the worst fault that has begun and not ended.
 
     An intermittent fault counts as present between its bursts: a vehicle with a loose contact is

@@ -18,7 +18,7 @@ from auv_fault_env.schedules import Events, ScheduleSampler
 from auv_fault_env.truth import FleetTruth
 from diagnosers import Recursive, make
 from training.active_env.watch import Watch
-from training.rollouts import targets
+from training.rollouts import label_and_severity
 from training.stimuli.base import BUDGET, EPISODE, LARGEST
 from training.stimuli.declaration import DECLARE, NONE, Declaration
 from training.stimuli.policy_inputs import FLOOR, HIGH, LOW, MISSION_SPEED, features
@@ -166,9 +166,9 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         self._watch.begin(lanes, self._readings)
         self._declaration.begin(lanes)
         events = Events(self.fleet.plan.fault[lanes], self.fleet.plan.profile[lanes])
-        self._label[:, lanes] = targets(events, self.max_episode_steps * DECISION + 1)[0][
-            ::DECISION
-        ]
+        self._label[:, lanes] = label_and_severity(events, self.max_episode_steps * DECISION + 1)[
+            0
+        ][::DECISION]
         for values in (self._steps, self._action, self._spent):
             values[lanes] = 0
 

@@ -15,7 +15,7 @@ from training.benchmark.leaderboard import (
     leaderboard,
     left_out,
 )
-from training.benchmark.page_figures import View
+from training.benchmark.page_figures import BenchmarkView
 from training.benchmark.verdicts import ByLane, difference
 from training.metrics import Times
 from training.report.cells import number, row_name, with_interval
@@ -25,7 +25,7 @@ CLOSEST = 8  # comparisons with a bound that are shown where none is beaten
 
 def page(results: Mapping[str, Any]) -> dict[str, Any]:
     """Title, intro, command and sections for `report.write_report`; results as `training.benchmark.scores` tells."""
-    view = View.of(results)
+    view = BenchmarkView.of(results)
     sections = [
         what_was_run(view),
         *(main_table(view, stimulus) for stimulus in view.scores),
@@ -55,7 +55,7 @@ def page(results: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def intro(view: View) -> list[str]:
+def intro(view: BenchmarkView) -> list[str]:
     """How to read the page."""
     settings = view.results["settings"]
     return [
@@ -73,7 +73,7 @@ def intro(view: View) -> list[str]:
     ]
 
 
-def what_was_run(view: View) -> dict[str, Any]:
+def what_was_run(view: BenchmarkView) -> dict[str, Any]:
     """Suite, seeds, settings and versions."""
     results = view.results
     suite = results["suite"]
@@ -111,7 +111,7 @@ def _range(seeds: Any) -> str:
     return f"{seeds[0]}–{seeds[1]}" if isinstance(seeds, list) else str(seeds)
 
 
-def main_table(view: View, stimulus: str) -> dict[str, Any]:
+def main_table(view: BenchmarkView, stimulus: str) -> dict[str, Any]:
     """The leaderboard under a stimulus, with the bound on mean delays as its last row."""
     section = leaderboard(view.scores[stimulus], view.references, f"Leaderboard under {stimulus}")
     if stimulus != next(iter(view.scores)):
@@ -127,7 +127,7 @@ def main_table(view: View, stimulus: str) -> dict[str, Any]:
     return section
 
 
-def best_two(view: View) -> dict[str, Any]:
+def best_two(view: BenchmarkView) -> dict[str, Any]:
     """The best against the next best that competes, on the same episodes."""
     rows = []
     for stimulus, scores in view.scores.items():
@@ -155,7 +155,7 @@ def best_two(view: View) -> dict[str, Any]:
     }
 
 
-def _by_lane(view: View, stimulus: str, name: str) -> ByLane:
+def _by_lane(view: BenchmarkView, stimulus: str, name: str) -> ByLane:
     lanes = view.scores[stimulus][name]["by_lane"]
     isolation = Times(np.array(lanes["isolation"], float), ~np.array(lanes["isolated"], bool))
     return ByLane(
@@ -163,7 +163,7 @@ def _by_lane(view: View, stimulus: str, name: str) -> ByLane:
     )
 
 
-def against_bounds(view: View) -> dict[str, Any]:
+def against_bounds(view: BenchmarkView) -> dict[str, Any]:
     """The report's own check that nobody is better than anybody can be."""
     checks = check(view.results)
     beaten = [row for row in checks if row["beaten"]]
@@ -245,7 +245,7 @@ def _bound_cells(name: str, of_class: Mapping[str, Any], rates: Sequence[str]) -
     ]
 
 
-def _check_cells(view: View, row: Mapping[str, Any]) -> list[str]:
+def _check_cells(view: BenchmarkView, row: Mapping[str, Any]) -> list[str]:
     delays = [with_interval(row[key][0], row[key][1:], 2) for key in ("measured", "bound")]
     name = row_name(row["diagnoser"], view.references)
     return [
@@ -258,7 +258,7 @@ def _check_cells(view: View, row: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def false_alarms(view: View) -> dict[str, Any]:
+def false_alarms(view: BenchmarkView) -> dict[str, Any]:
     """Thresholds and the false alarms counted, for each rate they are set for."""
     rows = [
         [
@@ -283,7 +283,7 @@ def false_alarms(view: View) -> dict[str, Any]:
     }
 
 
-def compute_and_weights(view: View) -> dict[str, Any]:
+def compute_and_weights(view: BenchmarkView) -> dict[str, Any]:
     """What an update costs, and which weights were run."""
     section = compute(view.results["compute"], view.names, view.references)
     section["table"]["columns"] += ["learnt numbers", "digest of the weights"]
@@ -296,7 +296,7 @@ def compute_and_weights(view: View) -> dict[str, Any]:
     return section
 
 
-def compatibility(view: View) -> dict[str, Any]:
+def compatibility(view: BenchmarkView) -> dict[str, Any]:
     """The scores of other benchmarks."""
     columns = list(next(iter(next(iter(view.scores.values())).values()))["compatibility"])
     silence = 0.5 - 0.5 / (len(view.results["classes"]) - 1)

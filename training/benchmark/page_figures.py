@@ -22,7 +22,7 @@ LEFT = {
 WIDTH = 44  # characters of a line above a drawn episode
 
 
-class View(NamedTuple):
+class BenchmarkView(NamedTuple):
     """Results, their scores by stimulus and diagnoser, and names in the order of every figure, references last."""
 
     results: Mapping[str, Any]
@@ -31,7 +31,7 @@ class View(NamedTuple):
     names: list[str]
 
     @classmethod
-    def of(cls, results: Mapping[str, Any]) -> "View":
+    def of(cls, results: Mapping[str, Any]) -> "BenchmarkView":
         """Names are in the order of their mean isolation time over the stimuli."""
         scores = results["scores"]
         references = frozenset(results["references"])
@@ -72,7 +72,7 @@ class View(NamedTuple):
         }
 
 
-def isolation_over_time(view: View) -> dict[str, Any]:
+def isolation_over_time(view: BenchmarkView) -> dict[str, Any]:
     """Share isolated against time since onset."""
     panels = view.lines(
         lambda score: (score["isolation_over_time"]["time"], score["isolation_over_time"]["share"])
@@ -92,7 +92,7 @@ def isolation_over_time(view: View) -> dict[str, Any]:
     )
 
 
-def alarms_against_delay(view: View) -> dict[str, Any]:
+def alarms_against_delay(view: BenchmarkView) -> dict[str, Any]:
     """AMOC curves: delay, and share detected, against the rate of false alarms."""
     shared = {"references": list(view.references), "logarithmic": True, "marks": [0.1, 1.0]}
     x_label = "false alarms per hour, as set"
@@ -136,7 +136,7 @@ def alarms_against_delay(view: View) -> dict[str, Any]:
     return section
 
 
-def f1_over_time(view: View) -> dict[str, Any]:
+def f1_over_time(view: BenchmarkView) -> dict[str, Any]:
     """Macro-F1 at the instants of decision."""
     instants = view.results["settings"]["decided_at"]
     return figure_section(
@@ -153,7 +153,7 @@ def f1_over_time(view: View) -> dict[str, Any]:
     )
 
 
-def by_class(view: View) -> Iterable[dict[str, Any]]:
+def by_class(view: BenchmarkView) -> Iterable[dict[str, Any]]:
     """Isolation time and detection delay by class, with the bounds on the left."""
     for kind, words in (("isolation", "Isolation time"), ("detection", "Detection delay")):
         drawn = [
@@ -169,7 +169,7 @@ def by_class(view: View) -> Iterable[dict[str, Any]]:
         yield {"heading": f"{words} by class", "text": [], "figures": drawn}
 
 
-def _class_delays(view: View, kind: str, stimulus: str) -> dict[str, Any]:
+def _class_delays(view: BenchmarkView, kind: str, stimulus: str) -> dict[str, Any]:
     scores = view.scores[stimulus]
     classes = list(scores[view.names[0]][f"{kind}_by_class"])
     columns = {}
@@ -196,7 +196,7 @@ def _bound(of_class: Mapping[str, Any], kind: str) -> float:
     )
 
 
-def confusions(view: View) -> dict[str, Any]:
+def confusions(view: BenchmarkView) -> dict[str, Any]:
     """Who is taken for what by the best diagnosers, each under the stimulus that suits it best."""
     drawn = []
     for name in [name for name in view.names if name not in view.references][:TOP] or view.names[
@@ -220,7 +220,7 @@ def confusions(view: View) -> dict[str, Any]:
     return {"heading": "What is taken for what?", "text": [], "figures": drawn}
 
 
-def costs(view: View) -> dict[str, Any]:
+def costs(view: BenchmarkView) -> dict[str, Any]:
     """What the stimuli cost, and what they buy."""
     points = {
         name: {
@@ -268,7 +268,7 @@ def _cost_cells(stimulus: str, scores: Scores) -> list[str]:
     ]
 
 
-def calibration(view: View) -> dict[str, Any]:
+def calibration(view: BenchmarkView) -> dict[str, Any]:
     """Reliability diagrams."""
     drawn = [
         {
@@ -283,7 +283,7 @@ def calibration(view: View) -> dict[str, Any]:
     return {"heading": "Are beliefs to be believed?", "text": [], "figures": drawn}
 
 
-def severity(view: View) -> dict[str, Any]:
+def severity(view: BenchmarkView) -> dict[str, Any]:
     """Estimated against true severity for the best diagnosers, under the stimulus that suits the first of them."""
     stimulus = view.best_under(view.names[0])
     scatters = {
@@ -300,7 +300,7 @@ def severity(view: View) -> dict[str, Any]:
     )
 
 
-def worst(view: View) -> dict[str, Any]:
+def worst(view: BenchmarkView) -> dict[str, Any]:
     """The episodes that each diagnoser isolated last."""
     drawn = []
     for name in view.names:
@@ -329,7 +329,7 @@ def _isolated(episode: Mapping[str, Any]) -> float:
     return np.inf if episode["isolation"] is None else episode["isolation"]
 
 
-def _episode(view: View, stimulus: str, episode: Mapping[str, Any]) -> dict[str, Any]:
+def _episode(view: BenchmarkView, stimulus: str, episode: Mapping[str, Any]) -> dict[str, Any]:
     fault = view.results["classes"][episode["class"]]
     head = f"{stimulus}, seed {episode['seed']}\n{fault}, severity {episode['severity']:.2f}\n"
     kept = {

@@ -7,14 +7,22 @@ from typing import NamedTuple
 
 from auv_fault_env.errors import refusal
 from training.benchmark.suites import Conditions, Episode, Suite
-from training.benchmark.trials import AT_ONCE, COUNTING, FAULTY, PARTS, THRESHOLD, Entrant, Trial
+from training.benchmark.trials import (
+    COUNTING,
+    FAULTY,
+    LANES_PER_TRIAL,
+    PARTS,
+    THRESHOLD,
+    Entrant,
+    Trial,
+)
 from training.stimuli import Stimulus
 
 SEED_BLOCK = 100_000  # seeds of healthy lanes that each stimulus has for itself
 MOST_HOURS = 1000.0  # of healthy operation, for which the seeds between two stimuli are enough
 
 
-class Plan(NamedTuple):
+class BenchmarkPlan(NamedTuple):
     """What is to be run.
 
     Attributes
@@ -80,7 +88,10 @@ class Plan(NamedTuple):
         for part, stimulus in product(PARTS, self.stimuli):
             conditions = self.conditions(part)
             lanes = self.episodes(part, stimulus)
-            chunks = [lanes[first : first + AT_ONCE] for first in range(0, len(lanes), AT_ONCE)]
+            chunks = [
+                lanes[first : first + LANES_PER_TRIAL]
+                for first in range(0, len(lanes), LANES_PER_TRIAL)
+            ]
             found += [
                 Trial(entrant, stimulus, part, conditions, chunk)
                 for entrant, chunk in product(entrants, chunks)

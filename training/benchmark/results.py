@@ -15,13 +15,28 @@ from diagnosers import NAMES, ranked
 from training.arguments import Benchmark
 from training.benchmark import trial_store
 from training.benchmark.bounds import bounds_of
-from training.benchmark.plan import Plan
-from training.benchmark.scores import RANKED_AT, Material, judged_at, rounded, score, thresholds
+from training.benchmark.plan import BenchmarkPlan
+from training.benchmark.scores import (
+    RANKED_AT,
+    TrialOutcomes,
+    assess_at_rates,
+    rounded,
+    score,
+    thresholds,
+)
 from training.benchmark.scoring import finite
-from training.benchmark.trials import COUNTING, FAULTY, THRESHOLD, Entrant, Known, Trial, known
-from training.benchmark.validation import SEVERITY_AT, left_out
+from training.benchmark.trials import (
+    COUNTING,
+    FAULTY,
+    THRESHOLD,
+    Entrant,
+    LaneTruth,
+    Trial,
+    lane_truth,
+)
+from training.benchmark.validation import SEVERITY_AT, note_failure
 from training.benchmark.worst_episodes import worst_episodes
-from training.metrics.records import DECIDED, HORIZON, PERSISTENCE
+from training.metrics.records import DECISION_TIMES, HORIZON, PERSISTENCE
 from training.report.run_folder import provenance
 from training.stimuli import Cruise, Stimulus
 
@@ -30,7 +45,7 @@ BOUNDED = 1080
 ROW = ("restricted_mean", "probability", "median")
 
 
-class Made(NamedTuple):
+class PreparedEntrant(NamedTuple):
     """A diagnoser that could be made: how to make more, what its beliefs depend on, what it has learnt, its cost.
 
     told: whether it is told the truth about the vehicles, and so does not compete.
@@ -40,11 +55,14 @@ class Made(NamedTuple):
     fingerprint: str
     weights: str | None
     compute: dict[str, float]
-    told: bool
+    episode_table: bool
 
 
 def header(
-    arguments: Benchmark, plan: Plan, made: Mapping[str, Made], failures: Mapping[str, str]
+    arguments: Benchmark,
+    plan: BenchmarkPlan,
+    made: Mapping[str, PreparedEntrant],
+    failures: Mapping[str, str],
 ) -> dict[str, Any]:
     """All but what comes from the trials."""
     suite = plan.suite
@@ -65,7 +83,7 @@ def header(
         "settings": {
             "persistence": PERSISTENCE,
             "horizon": HORIZON,
-            "decided_at": list(DECIDED),
+            "decided_at": list(DECISION_TIMES),
             "severity_at": SEVERITY_AT,
             "hours": arguments.hours,
             "counting_hours": arguments.counting_hours,
@@ -108,31 +126,33 @@ def _words(value: Any) -> Sequence[str]:
     )
 
 
-def _ends(plan: Plan, part: str) -> list[int]:
+def _ends(plan: BenchmarkPlan, part: str) -> list[int]:
     """The least and the greatest seed of a part."""
     found = [episode.seed for stimulus in plan.stimuli for episode in plan.episodes(part, stimulus)]
     return [min(found), max(found)]
 
 
 def scored(
-    plan: Plan, paths: Mapping[Path, Trial], seed: int, failures: dict[str, str]
+    plan: BenchmarkPlan, paths: Mapping[Path, Trial], seed: int, failures: dict[str, str]
 ) -> dict[str, Any]:
     """Thresholds, the truth and every score; who fails on the worst episodes, run once more, joins the failures."""
     files = _files(paths)
     names = list(dict.fromkeys(name for name, _, _ in files))
     stimuli = [stimulus.name for stimulus in plan.stimuli]
     episodes = plan.suite.episodes[:: plan.every]
-    so = known(plan.suite.conditions, episodes)
+    truth = lane_truth(plan.suite.conditions, episodes)
     results: dict[str, Any] = {
         "thresholds": {},
-        "episodes": told(episodes, so),
+        "episodes": episode_table(episodes, truth),
         "decided": {},
         "scores": {},
     }
     results["scores"] = {stimulus: {} for stimulus in stimuli}
     for name in tqdm(names, desc="scores", unit="diagnoser"):
         materials = _materials(files, name, stimuli)
-        judged = {stimulus: judged_at(material, so) for stimulus, material in materials.items()}
+        judged = {
+            stimulus: assess_at_rates(material, truth) for stimulus, material in materials.items()
+        }
         trials = {
             stimulus: paths[files[name, stimulus, FAULTY][0]]._replace(episodes=episodes)
             for stimulus in stimuli
@@ -140,27 +160,27 @@ def scored(
         try:
             worst = {
                 stimulus: worst_episodes(
-                    trials[stimulus], materials[stimulus].faulty, one[RANKED_AT], so
+                    trials[stimulus], materials[stimulus].faulty, one[RANKED_AT], truth
                 )
                 for stimulus, one in judged.items()
             }
         # whatever ails one diagnoser, the others are scored
         except (Exception, SystemExit) as error:
-            left_out(failures, name, error)
+            note_failure(failures, name, error)
             continue
         results["thresholds"][name] = {
             rate: finite(level) for rate, level in thresholds(materials[stimuli[0]].setting).items()
         }
         for stimulus, one in judged.items():
             results["decided"][stimulus] = one[RANKED_AT].label.tolist()
-            of_stimulus = score(materials[stimulus], one, so, seed)
+            of_stimulus = score(materials[stimulus], one, truth, seed)
             results["scores"][stimulus][name] = of_stimulus | {"worst": worst[stimulus]}
     return results
 
 
 def _materials(
     files: Mapping[tuple[str, str, str], list[Path]], name: str, stimuli: Sequence[str]
-) -> dict[str, Material]:
+) -> dict[str, TrialOutcomes]:
     """By stimulus what a diagnoser is scored on."""
     setting = trial_store.read(
         list(chain(*(files[name, stimulus, THRESHOLD] for stimulus in stimuli))), THRESHOLD
@@ -173,7 +193,7 @@ def _materials(
         for stimulus in stimuli
     }
     passive = faulty.get(Cruise.name)
-    return {one: Material(setting, counting[one], faulty[one], passive) for one in stimuli}
+    return {one: TrialOutcomes(setting, counting[one], faulty[one], passive) for one in stimuli}
 
 
 def bounds(stimuli: Sequence[Stimulus], seed: int, workers: int, backend: str) -> dict[str, Any]:
@@ -192,14 +212,14 @@ def _files(paths: Mapping[Path, Trial]) -> dict[tuple[str, str, str], list[Path]
     return files
 
 
-def told(episodes: Sequence[Any], so: Known) -> dict[str, list[Any]]:
+def episode_table(episodes: Sequence[Any], truth: LaneTruth) -> dict[str, list[Any]]:
     """The faulty episodes that were run."""
     ramps = [max(episode.schedule, key=lambda event: event.severity).ramp for episode in episodes]
     return {
         "seed": [episode.seed for episode in episodes],
-        "fault": so.truth.fault.tolist(),
-        "onset": rounded(so.truth.onset),
-        "severity": rounded(so.full_severity),
+        "fault": truth.at_instants.fault.tolist(),
+        "onset": rounded(truth.at_instants.onset),
+        "severity": rounded(truth.full_severity),
         "ramp": ramps,
         "abrupt": [ramp == 0.0 for ramp in ramps],
     }

@@ -69,10 +69,10 @@ import numpy as np
 
 from auv_fault_env.faults import classes
 from training import metrics
-from training.benchmark.scoring import Judged, alarm_summary, judge_at, mean_by_class, summary
-from training.benchmark.trials import Known, Watched
+from training.benchmark.scoring import Assessment, alarm_summary, assess, mean_by_class, summary
+from training.benchmark.trials import FaultyOutcome, LaneTruth
 from training.metrics import NORMAL, Edges, compatibility
-from training.metrics.records import HORIZON, PERSISTENCE, Calm
+from training.metrics.records import HORIZON, PERSISTENCE, HealthyOutcome
 
 MEAN_TIMES = {"1 h": 3600.0, "10 h": 36000.0}  # s between false alarms
 RANKED_AT = "1 h"
@@ -82,20 +82,20 @@ SCATTERED = 300  # of a scatter
 DIGITS = 4
 
 
-class Material(NamedTuple):
+class TrialOutcomes(NamedTuple):
     """What a diagnoser under a stimulus is scored on.
 
     The healthy lanes that thresholds are set on, under all stimuli; those of this stimulus on which
     false alarms are counted; the faulty ones, and the same ones under `cruise` if that was run.
     """
 
-    setting: Calm
-    counting: Calm
-    faulty: Watched
-    passive: Watched | None
+    setting: HealthyOutcome
+    counting: HealthyOutcome
+    faulty: FaultyOutcome
+    passive: FaultyOutcome | None
 
 
-def thresholds(setting: Calm) -> dict[str, float]:
+def thresholds(setting: HealthyOutcome) -> dict[str, float]:
     """The thresholds of log p(normal) for each mean time between false alarms."""
     seconds = 3600.0 * float(setting.hours.sum())
     found = Edges(setting.low, setting.high)
@@ -105,69 +105,72 @@ def thresholds(setting: Calm) -> dict[str, float]:
     }
 
 
-def judged_at(material: Material, so: Known) -> dict[str, Judged]:
+def assess_at_rates(material: TrialOutcomes, truth: LaneTruth) -> dict[str, Assessment]:
     """What the diagnoser did, by mean time between false alarms."""
     levels = thresholds(material.setting)
     record = material.faulty.record
     return {
-        rate: judge_at(level, record, so.truth, material.counting) for rate, level in levels.items()
+        rate: assess(level, record, truth.at_instants, material.counting)
+        for rate, level in levels.items()
     }
 
 
-def score(material: Material, judged: Mapping[str, Judged], so: Known, seed: int) -> dict[str, Any]:
+def score(
+    material: TrialOutcomes, judged: Mapping[str, Assessment], truth: LaneTruth, seed: int
+) -> dict[str, Any]:
     """All figures of a diagnoser under a stimulus but its worst episodes; `seed` is that of the bootstrap intervals."""
     ranked = judged[RANKED_AT]
     faulty = material.faulty
     matrix = metrics.confusion(ranked.label, ranked.decision, len(classes()))
     return {
-        **summary(ranked, so.truth, seed),
+        **summary(ranked, truth.at_instants, seed),
         "rates": {rate: alarm_summary(one, MEAN_TIMES[rate], seed) for rate, one in judged.items()},
-        "detection_by_class": mean_by_class(ranked.detection, so.truth),
+        "detection_by_class": mean_by_class(ranked.detection, truth.at_instants),
         "macro_f1_over_time": f1_over_time(ranked),
         "cost": cost(faulty, material.passive),
         "isolation_over_time": isolation_over_time(ranked),
-        "amoc": amoc(material, so),
+        "amoc": amoc(material, truth),
         "confusion": matrix.astype(int).tolist(),
         "reliability": reliability(ranked),
-        "severity_scatter": severity_scatter(ranked, so),
-        "compatibility": compatible(faulty, ranked.threshold, so),
-        "by_lane": by_lane(ranked),
+        "severity_scatter": severity_scatter(ranked, truth),
+        "compatibility": compatible(faulty, ranked.threshold, truth),
+        "lane_results": lane_results(ranked),
     }
 
 
-def f1_over_time(judged: Judged) -> list[float]:
+def f1_over_time(judged: Assessment) -> list[float]:
     """Macro-F1 at each of `DECIDED`."""
     n = len(classes())
     matrices = (metrics.confusion(judged.label, decision, n) for decision in judged.decisions)
     return [float(metrics.macro_f1(matrix)) for matrix in matrices]
 
 
-def cost(faulty: Watched, passive: Watched | None) -> dict[str, float | None]:
+def cost(faulty: FaultyOutcome, passive: FaultyOutcome | None) -> dict[str, float | None]:
     """What the mission paid, and how many times what it would have paid without stimulus."""
-    paid = _paid(faulty)
+    paid = mission_cost(faulty)
     ratio = (
         None
         if passive is None
-        else {name: paid[name] / value for name, value in _paid(passive).items()}
+        else {name: paid[name] / value for name, value in mission_cost(passive).items()}
     )
     return paid | {f"{name}_ratio": ratio and ratio[name] for name in paid}
 
 
-def _paid(faulty: Watched) -> dict[str, float]:
+def mission_cost(faulty: FaultyOutcome) -> dict[str, float]:
     return {
         "speed_rms": float(np.sqrt(np.mean(faulty.speed_rms**2))),
         "energy": float(faulty.energy.mean()),
     }
 
 
-def isolation_over_time(judged: Judged) -> dict[str, list[float]]:
+def isolation_over_time(judged: Assessment) -> dict[str, list[float]]:
     """Share isolated for good by a time since onset [s]."""
     time = np.linspace(0.0, HORIZON, POINTS)
     isolated = (judged.isolation.time <= time[:, None]) & ~judged.isolation.censored
     return {"time": rounded(time), "share": rounded(isolated.mean(axis=1))}
 
 
-def amoc(material: Material, so: Known) -> dict[str, list[float]]:
+def amoc(material: TrialOutcomes, truth: LaneTruth) -> dict[str, list[float]]:
     """Delay and share detected against the false alarms per hour that the threshold was set for."""
     setting = material.setting
     found = Edges(material.setting.low, material.setting.high)
@@ -177,7 +180,7 @@ def amoc(material: Material, so: Known) -> dict[str, list[float]]:
     for allowed in np.unique((AMOC_RATES * hours).astype(int)):
         level = metrics.threshold_within(found, int(allowed))
         if allowed and level <= setting.complete.min():
-            delay = metrics.detection_delay(depth < level, so.truth.onset, HORIZON)
+            delay = metrics.detection_delay(depth < level, truth.at_instants.onset, HORIZON)
             rows.append(
                 (allowed / hours, metrics.restricted_mean(delay), metrics.probability(delay))
             )
@@ -185,33 +188,35 @@ def amoc(material: Material, so: Known) -> dict[str, list[float]]:
     return {name: rounded([row[k] for row in rows]) for k, name in enumerate(names)}
 
 
-def reliability(judged: Judged) -> dict[str, list[float]]:
+def reliability(judged: Assessment) -> dict[str, list[float]]:
     """The bins of the reliability diagram that are not empty."""
     bins = metrics.reliability(judged.confidence, judged.right)
     return {name: rounded(values[bins.share > 0]) for name, values in bins._asdict().items()}
 
 
-def severity_scatter(judged: Judged, so: Known) -> dict[str, list[float]]:
+def severity_scatter(judged: Assessment, truth: LaneTruth) -> dict[str, list[float]]:
     """Severity, true and estimated, of some lanes."""
-    n = len(so.truth.fault)
+    n = len(truth.at_instants.fault)
     lanes = np.linspace(0, n - 1, min(SCATTERED, n)).astype(np.int64)
     return {
-        "truth": rounded(so.truth.severity[0, lanes]),
+        "truth": rounded(truth.at_instants.severity[0, lanes]),
         "estimate": rounded(judged.severity[lanes]),
     }
 
 
-def compatible(faulty: Watched, threshold: float, so: Known) -> dict[str, float | None]:
+def compatible(
+    faulty: FaultyOutcome, threshold: float, truth: LaneTruth
+) -> dict[str, float | None]:
     """Scores as other benchmarks compute them, on the faulty lanes from the start of the episodes."""
     decision = np.where(
         metrics.alarms(faulty.log_normal, threshold, PERSISTENCE), faulty.fault, NORMAL
     )
     return compatibility.scores(
-        so.label, decision, so.instants[1:], faulty.log_probability[1:], len(classes())
+        truth.label, decision, truth.instants[1:], faulty.log_probability[1:], len(classes())
     )
 
 
-def by_lane(judged: Judged) -> dict[str, list[Any]]:
+def lane_results(judged: Assessment) -> dict[str, list[Any]]:
     """What paired comparisons need."""
     return {
         "isolation": rounded(judged.isolation.time),

@@ -10,19 +10,27 @@ from training import metrics
 from training.benchmark.validation import Beliefs
 from training.metrics import NORMAL, Edges, Times
 from training.metrics.intervals import f1_interval, interval, poisson_interval
-from training.metrics.records import DECIDED, HORIZON, PERSISTENCE, Calm, Record, Truth, calm
+from training.metrics.records import (
+    DECISION_TIMES,
+    HORIZON,
+    PERSISTENCE,
+    HealthyOutcome,
+    Record,
+    Truth,
+    healthy_outcome,
+)
 
 MEAN_TIME = 3600.0  # s between false alarms that the thresholds are set for
-DECIDED_AT = 10.0  # s after onset, one of `DECIDED`
+DECIDED_AT = 10.0  # s after onset, one of `DECISION_TIMES`
 # in what is judged at an instant
 HEALTHY_PER_FAULTY = ScheduleSampler().healthy / (1.0 - ScheduleSampler().healthy)
 
 
-class Judged(NamedTuple):
+class Assessment(NamedTuple):
     """What a diagnoser did on the lanes of the suite, for figures and for paired comparisons.
 
     isolation, detection, severity (estimate given the true class), covered: by faulty lane. label
-    (n_lanes,), decisions (n_decided, n_lanes): at the instants `DECIDED`, some of the lanes being
+    (n_lanes,), decisions (n_decided, n_lanes): at the instants `DECISION_TIMES`, some of the lanes being
     healthy. log_probability and truth: beliefs at random instants.
     """
 
@@ -42,7 +50,7 @@ class Judged(NamedTuple):
     @property
     def decision(self) -> np.ndarray:
         """The decisions at `DECIDED_AT`, (n_lanes,)."""
-        return self.decisions[DECIDED.index(DECIDED_AT)]
+        return self.decisions[DECISION_TIMES.index(DECIDED_AT)]
 
     @property
     def confidence(self) -> np.ndarray:
@@ -55,7 +63,9 @@ class Judged(NamedTuple):
         return self.log_probability.argmax(axis=1) == self.truth
 
 
-def judge_all(beliefs: Beliefs, seed: int) -> tuple[dict[str, Judged], dict[str, dict[str, Any]]]:
+def judge_all(
+    beliefs: Beliefs, seed: int
+) -> tuple[dict[str, Assessment], dict[str, dict[str, Any]]]:
     """What every contestant did, and its figures; `seed` is that of the bootstrap intervals."""
     judged = {name: judge(records, beliefs.truth) for name, records in beliefs.records.items()}
     return judged, {
@@ -63,42 +73,43 @@ def judge_all(beliefs: Beliefs, seed: int) -> tuple[dict[str, Judged], dict[str,
     }
 
 
-def judge(records: dict[str, Record], truth: dict[str, Truth]) -> Judged:
+def judge(records: dict[str, Record], truth: dict[str, Truth]) -> Assessment:
     """Set the threshold on its lanes, count false alarms on theirs, and judge the faulty ones at that threshold."""
     threshold = metrics.threshold_for(records["threshold"].log_normal, MEAN_TIME, PERSISTENCE)
-    return judge_at(
+    return assess(
         threshold,
         records["faulty"],
         truth["faulty"],
-        calm(records["counting"], truth["counting"].onset),
+        healthy_outcome(records["counting"], truth["counting"].onset),
     )
 
 
-def judge_at(threshold: float, faulty: Record, so: Truth, healthy: Calm) -> Judged:
+def assess(threshold: float, faulty: Record, truth: Truth, healthy: HealthyOutcome) -> Assessment:
     """Judge the record of faulty lanes and what is left of healthy ones at a threshold of log p(normal)."""
     alarm = metrics.alarms(faulty.log_normal, threshold, PERSISTENCE)
     decision = np.where(alarm, faulty.fault, NORMAL)
-    some = healthy_beside(len(so.fault), len(healthy.least))
+    some = healthy_beside(len(truth.fault), len(healthy.least))
     decided = decision[
-        metrics.sample_at(so.onset + np.array(DECIDED)[:, None]), np.arange(len(so.onset))
+        metrics.sample_at(truth.onset + np.array(DECISION_TIMES)[:, None]),
+        np.arange(len(truth.onset)),
     ]
     healthy_decided = np.where(healthy.depth < threshold, healthy.fault, NORMAL)[:, some]
-    given = 0, np.arange(len(so.fault)), so.fault  # the true class, at the first instant
+    given = 0, np.arange(len(truth.fault)), truth.fault  # the true class, at the first instant
     severity = faulty.severity_mean[given]
     calm_beliefs = healthy.log_probability[:, some]
-    return Judged(
+    return Assessment(
         threshold,
         int(metrics.count_alarms(Edges(healthy.low, healthy.high), threshold)),
         int((healthy.least < threshold).sum()),
         float(healthy.hours.sum()),
-        metrics.isolation_time(decision, so.fault, so.onset, HORIZON),
-        metrics.detection_delay(alarm, so.onset, HORIZON),
-        np.concatenate([so.fault, np.full(len(some), NORMAL)]),
+        metrics.isolation_time(decision, truth.fault, truth.onset, HORIZON),
+        metrics.detection_delay(alarm, truth.onset, HORIZON),
+        np.concatenate([truth.fault, np.full(len(some), NORMAL)]),
         np.concatenate([decided, healthy_decided], axis=1),
         severity,
-        metrics.covered(severity, faulty.severity_std[given], so.severity[0]),
+        metrics.covered(severity, faulty.severity_std[given], truth.severity[0]),
         np.concatenate([_flat(faulty.log_probability[1:]), _flat(calm_beliefs)]),
-        np.concatenate([so.label[1:].ravel(), np.full(calm_beliefs.shape[:2], NORMAL).ravel()]),
+        np.concatenate([truth.label[1:].ravel(), np.full(calm_beliefs.shape[:2], NORMAL).ravel()]),
     )
 
 
@@ -112,7 +123,7 @@ def _flat(log_probability: np.ndarray) -> np.ndarray:
     return log_probability.reshape(-1, log_probability.shape[-1]).astype(np.float64)
 
 
-def summary(judged: Judged, truth: Truth, seed: int) -> dict[str, Any]:
+def summary(judged: Assessment, truth: Truth, seed: int) -> dict[str, Any]:
     """Every figure of a diagnoser as plain data; `truth` is that of the faulty lanes."""
     names = classes()
     error = metrics.severity_error(judged.severity, truth.severity[0])
@@ -132,7 +143,7 @@ def summary(judged: Judged, truth: Truth, seed: int) -> dict[str, Any]:
     }
 
 
-def alarm_summary(judged: Judged, mean_time: float, seed: int) -> dict[str, Any]:
+def alarm_summary(judged: Assessment, mean_time: float, seed: int) -> dict[str, Any]:
     """The figures that hang on the threshold, which was set for one false alarm per `mean_time` [s]."""
     rate = poisson_interval(judged.false_alarms, judged.hours)
     return {

@@ -41,10 +41,10 @@ NAMES = (
 STANDARD = "standard"  # its conditions are those that the thresholds are set under
 HEALTHY_PARTS = ("threshold", "counting")
 COLUMNS = ("seed", "faults", "legs", "start_speed")
-LAST_CALM = 30.0  # s, latest instant that stands for an onset on healthy lanes
+LAST_STAND_IN_ONSET = 30.0  # s, latest instant that stands for an onset on healthy lanes
 # streams of a lane's noise key, beside those of the fleet
 STEERING = 4
-CALM_ONSET = 5
+STAND_IN_ONSET = 5
 INSTANTS = 6
 NAME = re.compile(r"[\w-]{1,60}")
 LARGEST_SEED = 2**62  # leaves room for healthy lanes after it
@@ -85,7 +85,9 @@ class Conditions:
     steering: Steering
 
     def __post_init__(self):
-        finite_in_range("duration", self.duration, LAST_CALM + HORIZON + SAMPLE_TIME, 3600.0)
+        finite_in_range(
+            "duration", self.duration, LAST_STAND_IN_ONSET + HORIZON + SAMPLE_TIME, 3600.0
+        )
         if not self.missions:
             raise refusal(
                 "missions",

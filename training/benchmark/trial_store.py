@@ -21,8 +21,8 @@ from auv_fault_env.compiling import digest
 from auv_fault_env.errors import refusal
 from diagnosers import Diagnoser
 from training.benchmark import trials
-from training.benchmark.trials import FAULTY, Entrant, Trial, Watched
-from training.metrics.records import Calm, joined
+from training.benchmark.trials import FAULTY, Entrant, FaultyOutcome, Trial
+from training.metrics.records import HealthyOutcome, concatenate_lanes
 
 ODD = re.compile(r"\W+")
 
@@ -55,7 +55,7 @@ def path_of(folder: Path, trial: Trial, made_by: str) -> Path:
     )
 
 
-def write(path: Path, outcome: Watched | Calm) -> None:
+def write(path: Path, outcome: FaultyOutcome | HealthyOutcome) -> None:
     """Write an outcome, aside first, so that a file is whole whenever the process dies."""
     try:
         handle, aside = tempfile.mkstemp(prefix=".", suffix=".npz", dir=path.parent)
@@ -74,9 +74,9 @@ def write(path: Path, outcome: Watched | Calm) -> None:
 
 
 def read(paths: Sequence[Path], part: str) -> Any:
-    """The outcomes of some trials of a part as one, lanes in the order of the paths: `Watched` or `Calm`."""
-    kind = Watched if part == FAULTY else Calm
-    return joined([_read(path, kind) for path in paths])
+    """The outcomes of some trials of a part as one, lanes in the order of the paths: `FaultyOutcome` or `HealthyOutcome`."""
+    kind = FaultyOutcome if part == FAULTY else HealthyOutcome
+    return concatenate_lanes([_read(path, kind) for path in paths])
 
 
 def _read(path: Path, kind: type) -> Any:

@@ -16,7 +16,14 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.noise import uniforms
 from auv_fault_env.schedules import PROFILE, events_of
 from diagnosers import Diagnoser
-from training.benchmark.suites import CALM_ONSET, INSTANTS, LAST_CALM, Conditions, Episode, keys
+from training.benchmark.suites import (
+    INSTANTS,
+    LAST_STAND_IN_ONSET,
+    STAND_IN_ONSET,
+    Conditions,
+    Episode,
+    keys,
+)
 from training.benchmark.validation import (
     N_RANDOM,
     SEVERITY_AT,
@@ -25,16 +32,16 @@ from training.benchmark.validation import (
     started,
 )
 from training.metrics import sample_at
-from training.metrics.records import Calm, Record, Recorder, Truth, calm
-from training.rollouts import targets
+from training.metrics.records import HealthyOutcome, Record, Recorder, Truth, healthy_outcome
+from training.rollouts import label_and_severity
 from training.stimuli import Stimulus
 
 FAULTY, THRESHOLD, COUNTING = PARTS = ("faulty", "threshold", "counting")
-AT_ONCE = 256  # lanes of a trial: the fewest at which most diagnosers are at their quickest
+LANES_PER_TRIAL = 256  # lanes of a trial: the fewest at which most diagnosers are at their quickest
 # alarms of the lanes of a threshold trial that are kept: no threshold of a benchmark allows as many
-KEPT = 1000
+MOST_ALARMS_KEPT = 1000
 MISSION_SPEED = list(CHANNELS).index("mission_speed")
-FIRST_CALM = 5.0  # s, earliest instant that stands for an onset on healthy lanes
+FIRST_STAND_IN_ONSET = 5.0  # s, earliest instant that stands for an onset on healthy lanes
 
 
 class Entrant(NamedTuple):
@@ -54,19 +61,19 @@ class Trial(NamedTuple):
     episodes: Sequence[Episode]
 
 
-class Known(NamedTuple):
+class LaneTruth(NamedTuple):
     """What is so on some lanes: the truth at the instants (n_instants, n_lanes), and the label over time.
 
     full_severity (n_lanes,), as the oracle is told it; label (n_samples, n_lanes).
     """
 
-    truth: Truth
+    at_instants: Truth
     instants: np.ndarray
     full_severity: np.ndarray
     label: np.ndarray
 
 
-class Watched(NamedTuple):
+class FaultyOutcome(NamedTuple):
     """What faulty lanes leave behind.
 
     The belief as in `Record`; and what the mission paid, (n_lanes,): energy [J], and the root mean
@@ -87,14 +94,17 @@ class Watched(NamedTuple):
         return Record(*self[: len(Record._fields)])
 
 
-def known(conditions: Conditions, episodes: Sequence[Episode]) -> Known:
+def lane_truth(conditions: Conditions, episodes: Sequence[Episode]) -> LaneTruth:
     """The truth of these lanes: of several faults the worst is the one to be found, from the first one's onset on."""
     events = events_of([episode.schedule for episode in episodes])
     lanes = np.arange(len(episodes))
     key = keys([episode.seed for episode in episodes])
-    label, severity = targets(events, conditions.n_samples)
+    label, severity = label_and_severity(events, conditions.n_samples)
     first = events.profile[:, :, PROFILE.index("onset")].min(axis=1, initial=np.inf)
-    calm_onset = FIRST_CALM + (LAST_CALM - FIRST_CALM) * uniforms(key, CALM_ONSET, 1)[:, 0]
+    calm_onset = (
+        FIRST_STAND_IN_ONSET
+        + (LAST_STAND_IN_ONSET - FIRST_STAND_IN_ONSET) * uniforms(key, STAND_IN_ONSET, 1)[:, 0]
+    )
     onset = np.where(np.isfinite(first), first, calm_onset)
     random = (uniforms(key, INSTANTS, N_RANDOM).T * conditions.n_samples).astype(np.int64)
     instants = np.vstack([sample_at(onset + SEVERITY_AT), random])
@@ -105,30 +115,30 @@ def known(conditions: Conditions, episodes: Sequence[Episode]) -> Known:
         label[instants, lanes],
         severity[instants, lanes],
     )
-    return Known(truth, instants, np.where(worst > 0.0, worst, TOLD_ON_HEALTHY), label)
+    return LaneTruth(truth, instants, np.where(worst > 0.0, worst, TOLD_ON_HEALTHY), label)
 
 
-def run(trial: Trial) -> Watched | Calm:
+def run_trial(trial: Trial) -> FaultyOutcome | HealthyOutcome:
     """Run a trial and keep what scores are made from; whatever its diagnoser raises, `ValueError` for a bad belief."""
-    _, record, energy, speed_rms = watch(trial)
+    _, record, energy, speed_rms = simulate_trial(trial)
     if trial.part == FAULTY:
-        return Watched(*record, energy, speed_rms)
-    onset = known(trial.conditions, trial.episodes).truth.onset
-    return calm(record, onset, KEPT if trial.part == THRESHOLD else None)
+        return FaultyOutcome(*record, energy, speed_rms)
+    onset = lane_truth(trial.conditions, trial.episodes).at_instants.onset
+    return healthy_outcome(record, onset, MOST_ALARMS_KEPT if trial.part == THRESHOLD else None)
 
 
-def watch(trial: Trial) -> tuple[np.ndarray, Record, np.ndarray, np.ndarray]:
-    """Observations (n_samples, n_lanes, n_channels), what was believed; energy and speed deviation as in `Watched`."""
+def simulate_trial(trial: Trial) -> tuple[np.ndarray, Record, np.ndarray, np.ndarray]:
+    """Observations (n_samples, n_lanes, n_channels), what was believed; energy and speed deviation as in `FaultyOutcome`."""
     conditions = trial.conditions
-    so = known(trial.conditions, trial.episodes)
+    truth = lane_truth(trial.conditions, trial.episodes)
     fleet = Fleet(len(trial.episodes), parallel=False, **conditions.plant)
     seeds, schedules, missions = zip(*trial.episodes, strict=True)
     observation = fleet.reset(seeds, schedules=schedules, missions=missions)
     diagnoser = started(
-        Contestant(trial.entrant.make()), fleet.plan.healthy.copy(), so.full_severity
+        Contestant(trial.entrant.make()), fleet.plan.healthy.copy(), truth.full_severity
     )
     _use_one_thread()
-    recorder = Recorder(diagnoser.classes, conditions.n_samples, so.instants)
+    recorder = Recorder(diagnoser.classes, conditions.n_samples, truth.instants)
     stimulus = replace(trial.stimulus)  # one of its own, for it may remember the episode
     deflections = conditions.deflections(seeds)
     spent = np.zeros_like(fleet.outcomes)

@@ -20,7 +20,7 @@ from auv_fault_env.parameters import SAMPLE_TIME, Vehicle
 from auv_fault_env.schedules import PROFILE, ScheduleSampler
 from diagnosers import Diagnoser, make
 from training.metrics import sample_at
-from training.metrics.records import Record, Recorder, Truth, joined
+from training.metrics.records import Record, Recorder, Truth, concatenate_lanes
 from training.rollouts import Rollout, manoeuvres, roll_out
 from training.seeds import seeds
 
@@ -69,7 +69,7 @@ def contestants(names: Sequence[str]) -> tuple[dict[str, Contestant], dict[str, 
             if hasattr(made[name].diagnoser, "set_truth"):
                 made[name + UNTOLD] = Contestant(make(name), severities=False)
         except Exception as error:  # whatever ails one diagnoser, the others are compared
-            left_out(failures, name, error)
+            note_failure(failures, name, error)
     return made, failures
 
 
@@ -90,9 +90,9 @@ def compare(entrants: Mapping[str, Contestant], lanes: int, hours: float, seed: 
                 (episodes.truth, watch_all(entrants, episodes, failures, bar))
                 for episodes in suite(part, count, seed)
             ]
-            truth[part] = joined([of_chunk for of_chunk, _ in chunks])
+            truth[part] = concatenate_lanes([of_chunk for of_chunk, _ in chunks])
             for name in records.keys() - failures.keys():
-                records[name][part] = joined([seen[name] for _, seen in chunks])
+                records[name][part] = concatenate_lanes([seen[name] for _, seen in chunks])
     return Beliefs(
         {name: records[name] for name in entrants if name not in failures}, truth, failures
     )
@@ -109,18 +109,18 @@ def watch_all(
             if name not in failures:
                 seen[name] = watch(contestant, episodes)
         except Exception as error:  # whatever ails one diagnoser, the others are compared
-            left_out(failures, name, error)
+            note_failure(failures, name, error)
         bar.update(episodes.truth.fault.size)
     return seen
 
 
-def left_out(failures: dict[str, str], name: str, error: Exception) -> None:
+def note_failure(failures: dict[str, str], name: str, error: Exception) -> None:
     """Note why a diagnoser is out of the comparison, and say so at once."""
-    failures[name] = explained(error)
+    failures[name] = one_line(error)
     tqdm.write(f"{name} is left out: {failures[name]}", file=sys.stderr)
 
 
-def explained(error: Exception) -> str:
+def one_line(error: Exception) -> str:
     """The kind of an exception and what it says, in one line."""
     return " ".join(f"{type(error).__name__}: {error}".split())
 

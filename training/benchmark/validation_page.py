@@ -19,7 +19,7 @@ from training.benchmark.leaderboard import (
     leaderboard,
     left_out,
 )
-from training.benchmark.scoring import DECIDED_AT, HORIZON, MEAN_TIME, Judged
+from training.benchmark.scoring import DECIDED_AT, HORIZON, MEAN_TIME, Assessment
 from training.benchmark.validation import SEVERITY_AT, UNTOLD
 from training.benchmark.verdicts import FILTER_BANK, INTEGRATED, ORACLE, Difference
 from training.metrics.records import PERSISTENCE, Truth
@@ -29,7 +29,7 @@ SCATTERED = 400  # lanes in the scatter of severities
 
 
 def page(
-    judged: Mapping[str, Judged],
+    judged: Mapping[str, Assessment],
     scores: Scores,
     truth: Truth,
     against: Mapping[str, Mapping[str, Difference]],
@@ -102,7 +102,7 @@ def paired(name: str, by: Mapping[str, Difference]) -> dict[str, Any]:
     }
 
 
-def isolation_over_time(judged: Mapping[str, Judged], names: Sequence[str]) -> dict[str, Any]:
+def isolation_over_time(judged: Mapping[str, Assessment], names: Sequence[str]) -> dict[str, Any]:
     """Share isolated against time since onset."""
     time = np.linspace(0.0, HORIZON, 301)
     shares = {
@@ -117,7 +117,7 @@ def isolation_over_time(judged: Mapping[str, Judged], names: Sequence[str]) -> d
     )
 
 
-def _isolated_at(judged: Judged, time: np.ndarray) -> np.ndarray:
+def _isolated_at(judged: Assessment, time: np.ndarray) -> np.ndarray:
     return (judged.isolation.time <= time[:, None]) & ~judged.isolation.censored
 
 
@@ -132,7 +132,7 @@ def isolation_by_class(scores: Scores, names: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def confusion(name: str, judged: Judged) -> dict[str, Any]:
+def confusion(name: str, judged: Assessment) -> dict[str, Any]:
     """Who is taken for what."""
     matrix = metrics.confusion(judged.label, judged.decision, len(classes()))
     shares = matrix / np.maximum(matrix.sum(axis=1, keepdims=True), 1.0)
@@ -167,7 +167,7 @@ def alarms(scores: Scores, names: Iterable[str], references: Collection[str]) ->
 
 
 def calibration(
-    judged: Mapping[str, Judged], scores: Scores, names: Iterable[str]
+    judged: Mapping[str, Assessment], scores: Scores, names: Iterable[str]
 ) -> dict[str, Any]:
     """Reliability diagrams."""
     diagrams = {}
@@ -190,7 +190,7 @@ def calibration(
     )
 
 
-def severity(judged: Mapping[str, Judged], truth: Truth) -> dict[str, Any]:
+def severity(judged: Mapping[str, Assessment], truth: Truth) -> dict[str, Any]:
     """Scatter of severities."""
     wanted = [
         name for name in (INTEGRATED, FILTER_BANK, ORACLE + UNTOLD) if name in judged

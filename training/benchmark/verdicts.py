@@ -7,7 +7,7 @@ import numpy as np
 
 from auv_fault_env.faults import classes
 from diagnosers import ranked
-from training.benchmark.scoring import DECIDED_AT, Judged
+from training.benchmark.scoring import DECIDED_AT, Assessment
 from training.benchmark.validation import SEVERITY_AT, UNTOLD
 from training.metrics import Times, confusion, macro_f1, restricted_mean
 from training.metrics.intervals import paired_bootstrap, paired_f1
@@ -47,7 +47,7 @@ class ByLane(NamedTuple):
     decision: np.ndarray
 
 
-def difference(a: Judged | ByLane, b: Judged | ByLane, seed: int) -> Difference:
+def difference(a: Assessment | ByLane, b: Assessment | ByLane, seed: int) -> Difference:
     """How a differs from b on the same lanes."""
     f1 = [float(macro_f1(confusion(a.label, one.decision, len(classes())))) for one in (a, b)]
     return Difference(
@@ -60,7 +60,7 @@ def difference(a: Judged | ByLane, b: Judged | ByLane, seed: int) -> Difference:
 
 
 def differences(
-    judged: Mapping[str, Judged], name: str, others: Iterable[str], seed: int
+    judged: Mapping[str, Assessment], name: str, others: Iterable[str], seed: int
 ) -> dict[str, Difference]:
     """How a diagnoser differs from each of the others that took part; empty if it did not itself."""
     if name not in judged:

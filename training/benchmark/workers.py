@@ -12,9 +12,9 @@ from tqdm import tqdm
 
 from auv_fault_env.errors import refusal
 from training.benchmark import trial_store
-from training.benchmark.trials import Trial, Watched, run
-from training.benchmark.validation import explained
-from training.metrics.records import Calm
+from training.benchmark.trials import FaultyOutcome, Trial, run_trial
+from training.benchmark.validation import one_line
+from training.metrics.records import HealthyOutcome
 
 RAY = "ray"
 ROUND = 256  # jobs that are waited for together
@@ -33,12 +33,12 @@ def check_backend(backend: str) -> None:
     register_ray()
 
 
-def attempt(path: Path, trial: Trial) -> tuple[Path, str, Watched | Calm | str]:
+def attempt(path: Path, trial: Trial) -> tuple[Path, str, FaultyOutcome | HealthyOutcome | str]:
     """Where the trial's outcome belongs, its diagnoser, the outcome, or why there is none."""
     try:
-        return path, trial.entrant.name, run(trial)
+        return path, trial.entrant.name, run_trial(trial)
     except (Exception, SystemExit) as error:  # whatever ails one diagnoser, the others are scored
-        return path, trial.entrant.name, explained(error)
+        return path, trial.entrant.name, one_line(error)
 
 
 def run_missing(trials: Mapping[Path, Trial], workers: int, backend: str) -> dict[str, str]:

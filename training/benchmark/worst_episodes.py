@@ -9,8 +9,8 @@ from auv_fault_env.faults import classes
 from auv_fault_env.parameters import SAMPLE_TIME
 from training import metrics
 from training.benchmark.scores import rounded
-from training.benchmark.scoring import Judged, finite
-from training.benchmark.trials import Known, Trial, Watched, watch
+from training.benchmark.scoring import Assessment, finite
+from training.benchmark.trials import FaultyOutcome, LaneTruth, Trial, simulate_trial
 from training.metrics import NORMAL
 from training.metrics.records import HORIZON, PERSISTENCE
 
@@ -20,23 +20,25 @@ EVERY = 5  # samples from one shown to the next
 
 
 def worst_episodes(
-    trial: Trial, faulty: Watched, judged: Judged, so: Known
+    trial: Trial, faulty: FaultyOutcome, judged: Assessment, truth: LaneTruth
 ) -> list[dict[str, Any]]:
     """Those with the largest isolation times, the first of equals; `trial` has all lanes, and runs again on these."""
     lanes = np.argsort(-judged.isolation.time, kind="stable")[:WORST]
-    observations, *_ = watch(trial._replace(episodes=tuple(trial.episodes[lane] for lane in lanes)))
+    observations, *_ = simulate_trial(
+        trial._replace(episodes=tuple(trial.episodes[lane] for lane in lanes))
+    )
     shown = observations[::EVERY, :, [list(CHANNELS).index(name) for name in READ]]
     alarm = metrics.alarms(faulty.log_normal[:, lanes], judged.threshold, PERSISTENCE)
     return [
         {
             "seed": trial.episodes[lane].seed,
-            "class": int(so.truth.fault[lane]),
-            "severity": round(float(so.full_severity[lane]), 4),
-            "onset": round(float(so.truth.onset[lane]), 4),
+            "class": int(truth.at_instants.fault[lane]),
+            "severity": round(float(truth.full_severity[lane]), 4),
+            "onset": round(float(truth.at_instants.onset[lane]), 4),
             "isolation": None
             if judged.isolation.censored[lane]
             else round(float(judged.isolation.time[lane]), 4),
-            "why": why(alarm[:, k], faulty.fault[:, lane], so, lane),
+            "why": why(alarm[:, k], faulty.fault[:, lane], truth, lane),
             "time": rounded(np.arange(0, len(alarm), EVERY) * SAMPLE_TIME),
             "log_normal": rounded(
                 np.maximum(faulty.log_normal[::EVERY, lane], np.finfo(np.float32).min)
@@ -50,11 +52,11 @@ def worst_episodes(
     ]
 
 
-def why(alarm: np.ndarray, fault: np.ndarray, so: Known, lane: int) -> str:
+def why(alarm: np.ndarray, fault: np.ndarray, truth: LaneTruth, lane: int) -> str:
     """What went wrong in an episode, from alarms and named faults (n_samples,)."""
     names = classes()
-    onset = so.truth.onset[lane]
-    true = so.truth.fault[lane]
+    onset = truth.at_instants.onset[lane]
+    true = truth.at_instants.fault[lane]
     end = int(metrics.sample_at(onset + HORIZON))
     begin = int(np.ceil(onset / SAMPLE_TIME - 1e-6))
     right = np.where(alarm, fault, NORMAL)[begin : end + 1] == true

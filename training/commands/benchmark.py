@@ -14,11 +14,11 @@ from diagnosers.third_party import load_third_parties
 from training.arguments import Benchmark
 from training.benchmark import timing, trial_store
 from training.benchmark.page import page
-from training.benchmark.plan import MOST_HOURS, Plan
-from training.benchmark.results import Made, bounds, header, scored, write_csv
+from training.benchmark.plan import MOST_HOURS, BenchmarkPlan
+from training.benchmark.results import PreparedEntrant, bounds, header, scored, write_csv
 from training.benchmark.suites import STANDARD, load
 from training.benchmark.trials import COUNTING, THRESHOLD, Entrant
-from training.benchmark.validation import Contestant, left_out
+from training.benchmark.validation import Contestant, note_failure
 from training.benchmark.workers import check_backend, run_missing
 from training.report.page import print_tables, write_report
 from training.report.run_folder import (
@@ -63,7 +63,11 @@ def main(arguments: Benchmark) -> None:
 
 
 def _results(
-    arguments: Benchmark, plan: Plan, entrants: Mapping[str, Entrant], folder: Path, workers: int
+    arguments: Benchmark,
+    plan: BenchmarkPlan,
+    entrants: Mapping[str, Entrant],
+    folder: Path,
+    workers: int,
 ) -> dict[str, Any]:
     """All results, from trials that are run if they are not in the folder."""
     made, failures = _made(entrants)
@@ -87,7 +91,7 @@ def _results(
     return results
 
 
-def _plan(arguments: Benchmark) -> Plan:
+def _plan(arguments: Benchmark) -> BenchmarkPlan:
     suite = load(arguments.suite)
     names = dict.fromkeys(known_name("stimulus", name, STIMULI) for name in arguments.stimuli)
     stimuli = [STIMULI[name](arguments.budget) for name in names]
@@ -100,7 +104,7 @@ def _plan(arguments: Benchmark) -> Plan:
     lanes = whole_number(
         "lanes", len(suite.episodes) if arguments.lanes is None else arguments.lanes
     )
-    plan = Plan(
+    plan = BenchmarkPlan(
         suite, load(STANDARD).conditions, stimuli, hours, max(1, round(len(suite.episodes) / lanes))
     )
     plan.check_seeds()
@@ -135,9 +139,9 @@ def opened(output: Path, arguments: Benchmark, suite: Mapping[str, str]) -> Path
     return folder
 
 
-def _made(entrants: Mapping[str, Entrant]) -> tuple[dict[str, Made], dict[str, str]]:
+def _made(entrants: Mapping[str, Entrant]) -> tuple[dict[str, PreparedEntrant], dict[str, str]]:
     """The diagnosers that can be made and timed, and why others cannot."""
-    made: dict[str, Made] = {}
+    made: dict[str, PreparedEntrant] = {}
     failures: dict[str, str] = {}
     first = seeds("test", 1, TIMED)[0]
     for name, entrant in tqdm(entrants.items(), desc="timing", unit="diagnoser", file=sys.stderr):
@@ -148,10 +152,10 @@ def _made(entrants: Mapping[str, Entrant]) -> tuple[dict[str, Made], dict[str, s
             compute["numbers"] = sum(tensor.size for tensor in tensors.values())
             fingerprint = trial_store.fingerprint(entrant, diagnoser)
             weights = trial_store.weights_digest(diagnoser)
-            made[name] = Made(
+            made[name] = PreparedEntrant(
                 entrant, fingerprint, weights, compute, hasattr(diagnoser, "set_truth")
             )
         # whatever ails one diagnoser, the others are scored
         except (Exception, SystemExit) as error:
-            left_out(failures, name, error)
+            note_failure(failures, name, error)
     return made, failures

@@ -24,7 +24,7 @@ from auv_fault_env.errors import finite_in_range, known_name, refusal
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers import storage
 from training.arguments import Export
-from training.extras import needed
+from training.extras import import_from_extra
 from training.formats.onnx import GRAPHS, Graph, PolicyGraph
 from training.stimuli.policy import LearnedPolicy
 
@@ -68,8 +68,8 @@ def graph_of(name: str) -> Graph:
 
 def to_onnx(graph: Graph) -> bytes:
     """The ONNX model with its metadata; any number of lanes."""
-    onnx = needed("onnx", "formats")
-    needed("onnxscript", "formats")
+    onnx = import_from_extra("onnx", "formats")
+    import_from_extra("onnxscript", "formats")
     given = tuple(torch.zeros(2, width) for width in widths(graph).values())
     # they are equal, and the first names them
     lanes = ["n_lanes"] + [torch.export.Dim.DYNAMIC] * (len(given) - 1)

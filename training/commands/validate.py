@@ -10,7 +10,7 @@ from diagnosers import NAMES, ranked
 from training.arguments import Validate
 from training.benchmark import timing
 from training.benchmark.scoring import judge_all
-from training.benchmark.validation import Contestant, compare, contestants, left_out
+from training.benchmark.validation import Contestant, compare, contestants, note_failure
 from training.benchmark.validation_page import page
 from training.benchmark.verdicts import (
     BELOW_FILTER_BANK,
@@ -90,5 +90,5 @@ def _timed(
         try:
             costs[name] = timing.cost(contestant, first)
         except Exception as error:  # whatever ails one diagnoser, the others are compared
-            left_out(failures, name, error)
+            note_failure(failures, name, error)
     return costs

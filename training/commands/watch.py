@@ -4,14 +4,14 @@ import socket
 
 from auv_fault_env.errors import finite_in_range, refusal
 from training.arguments import Watch
-from training.extras import needed
+from training.extras import import_from_extra
 
 HOST = "127.0.0.1"  # nobody else's business
 
 
 def main(arguments: Watch) -> None:
     """Serve the page until Ctrl+C."""
-    nicegui = needed("nicegui", "live")
+    nicegui = import_from_extra("nicegui", "live")
     port = free_port(arguments.port)
     finite_in_range("seed", arguments.seed, 0, 2**62)
     from training.live.page import Page

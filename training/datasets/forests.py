@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from training.extras import needed
+from training.extras import import_from_extra
 
 EXTRA = "data"
 TREES = 300
@@ -12,13 +12,13 @@ TREES = 300
 
 def forest(seed: int) -> Any:
     """A random forest to be fitted, in which every class weighs the same however rare."""
-    ensemble = needed("sklearn.ensemble", EXTRA)
+    ensemble = import_from_extra("sklearn.ensemble", EXTRA)
     return ensemble.RandomForestClassifier(TREES, class_weight="balanced", random_state=seed)
 
 
 def shuffled_folds(label: np.ndarray, n_folds: int, seed: int) -> np.ndarray:
     """A fold for each run (n_runs,), drawn at random; every fold has its share of each label."""
-    splitter = needed("sklearn.model_selection", EXTRA).StratifiedKFold(
+    splitter = import_from_extra("sklearn.model_selection", EXTRA).StratifiedKFold(
         n_folds, shuffle=True, random_state=seed
     )
     folds = np.empty(len(label), np.int64)
@@ -32,7 +32,7 @@ def cross_decide(inputs: np.ndarray, label: np.ndarray, folds: np.ndarray, seed:
 
     Misleads where the folds share what a real use would not, such as a day in the pool.
     """
-    selection = needed("sklearn.model_selection", EXTRA)
+    selection = import_from_extra("sklearn.model_selection", EXTRA)
     return selection.cross_val_predict(
         forest(seed), inputs, label, cv=selection.PredefinedSplit(folds)
     )

@@ -24,7 +24,7 @@ from auv_fault_env.missions import Mission
 from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.schedules import Schedule, to_json
 from training.arguments import Simulate
-from training.extras import needed
+from training.extras import import_from_extra
 
 FORMAT = "minari"
 DATASET = "propulsion-faults-v0"
@@ -34,7 +34,7 @@ LONGEST = 13_000.0  # s: Minari reads an episode in one piece of at most 131072 
 
 def new_storage(folder: Path, arguments: Simulate) -> Any:
     """An empty `minari.dataset.minari_storage.MinariStorage` in ``folder/minari``, in Parquet."""
-    minari = needed("minari.dataset.minari_storage", "formats")
+    minari = import_from_extra("minari.dataset.minari_storage", "formats")
     finite_in_range("duration of Minari's episodes", arguments.duration, 1 / SAMPLE_RATE, LONGEST)
     path = folder / FORMAT / DATASET / "data"
     path.parent.mkdir(parents=True)
@@ -78,7 +78,7 @@ def episodes(
     mission
         That of all lanes; None if each has drawn its own.
     """
-    buffer = needed("minari.data_collector.episode_buffer", "formats").EpisodeBuffer
+    buffer = import_from_extra("minari.data_collector.episode_buffer", "formats").EpisodeBuffer
     observations, actions = (
         np.stack([columns[name] for name in names], axis=-1) for names in (CHANNELS, ACTIONS)
     )

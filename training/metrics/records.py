@@ -18,7 +18,13 @@ from training.metrics.metrics import (
 
 # samples in a row for an alarm, the same for all: outlives a spike, and costs 0.2 s
 PERSISTENCE = 3
-DECIDED = (1.0, 2.0, 5.0, 10.0, 20.0)  # s after onset, instants at which decisions are judged
+DECISION_TIMES = (
+    1.0,
+    2.0,
+    5.0,
+    10.0,
+    20.0,
+)  # s after onset, instants at which decisions are judged
 HORIZON = 30.0  # s after onset, up to which it is watched
 UNNORMALISED = 1e-3  # how far a sum of probabilities may be from 1
 # of what may still be an honest estimate of a number from 0 to 1, and its spread
@@ -53,7 +59,7 @@ class Record(NamedTuple):
     severity_std: np.ndarray
 
 
-class Calm(NamedTuple):
+class HealthyOutcome(NamedTuple):
     """What healthy lanes leave behind: all that false alarms and decisions at any threshold depend on.
 
     Attributes
@@ -109,7 +115,7 @@ class Recorder:
 
     def note(self, k: int, belief: Belief) -> Belief:
         """Keep the belief after sample k, and give it back in the order of `classes()`; `ValueError` if it is none."""
-        fault = _ailment(belief, (self.instants.shape[1], len(self.order)))
+        fault = belief_error(belief, (self.instants.shape[1], len(self.order)))
         if fault:
             raise ValueError(f"its {fault} at {k * SAMPLE_TIME:.1f} s")
         ordered = Belief(*(np.asarray(values)[:, self.order] for values in belief))
@@ -121,7 +127,7 @@ class Recorder:
         return ordered
 
 
-def _ailment(belief: Any, shape: tuple[int, int]) -> str | None:
+def belief_error(belief: Any, shape: tuple[int, int]) -> str | None:
     """What is wrong with a belief that ought to have this shape, if anything is."""
     if not isinstance(belief, tuple) or len(belief) != len(Belief._fields):
         return f"belief is {type(belief).__name__}, not a Belief,"
@@ -137,7 +143,7 @@ def _ailment(belief: Any, shape: tuple[int, int]) -> str | None:
     return f"probabilities sum to {worst:.6g}" if abs(worst - 1.0) > UNNORMALISED else None
 
 
-def calm(record: Record, onset: np.ndarray, keep: int | None = None) -> Calm:
+def healthy_outcome(record: Record, onset: np.ndarray, keep: int | None = None) -> HealthyOutcome:
     """What is left of the record of healthy lanes, their onsets (n_lanes,) being instants at which nothing happens.
 
     With `keep`, alarms are left out that begin only above a threshold at which these lanes alone
@@ -147,8 +153,8 @@ def calm(record: Record, onset: np.ndarray, keep: int | None = None) -> Calm:
     complete = 0.0 if keep is None else threshold_within(found, keep)
     kept = found.low <= complete
     depth = running_maximum(record.log_normal, PERSISTENCE)
-    at = sample_at(onset + np.array(DECIDED)[:, None]), np.arange(onset.size)
-    return Calm(
+    at = sample_at(onset + np.array(DECISION_TIMES)[:, None]), np.arange(onset.size)
+    return HealthyOutcome(
         found.low[kept],
         found.high[kept],
         np.array([complete]),
@@ -160,7 +166,7 @@ def calm(record: Record, onset: np.ndarray, keep: int | None = None) -> Calm:
     )
 
 
-def joined(parts: Sequence[Any]) -> Any:
+def concatenate_lanes(parts: Sequence[Any]) -> Any:
     """Tuples of arrays as one, put together along the axis of the lanes: the only one of vectors, else the second."""
     columns = zip(*parts, strict=True)
     return type(parts[0])(

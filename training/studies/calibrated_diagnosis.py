@@ -18,13 +18,13 @@ from auv_fault_env.errors import finite_in_range, known_name
 from auv_fault_env.faults import classes
 from auv_fault_env.parameters import PRESETS, Vehicle
 from diagnosers import Diagnoser, make
-from training.benchmark.scoring import judge_at
+from training.benchmark.scoring import assess
 from training.benchmark.validation import Contestant, run_lanes, watch
 from training.field.calibration.calibration import calibrated
 from training.field.diagnosis.diagnosis import THRESHOLDS, diagnoser_for
 from training.metrics import confusion, macro_f1, restricted_mean
 from training.metrics.intervals import f1_interval
-from training.metrics.records import Record, Truth, calm, joined
+from training.metrics.records import Record, Truth, concatenate_lanes, healthy_outcome
 from training.report.page import print_tables
 from training.report.run_folder import run_folder, write_json
 from training.seeds import seeds
@@ -108,15 +108,17 @@ def episodes(plant: Vehicle, bank: Diagnoser, lanes: range) -> Part:
         half = -(-len(chosen) // 2)
         halves = [(chosen[:half], True), (chosen[half:], False)]
         runs = [run_lanes(some, faulty, thesis, plant, healthy_band=0.0) for some, thesis in halves]
-        records[faulty] = joined([watch(contestant, run) for run in runs])
-        truths[faulty] = joined([run.truth for run in runs])
+        records[faulty] = concatenate_lanes([watch(contestant, run) for run in runs])
+        truths[faulty] = concatenate_lanes([run.truth for run in runs])
     return Part(records[True], truths[True], records[False], truths[False])
 
 
 def scored(parts: Sequence[Part], seed: int) -> dict[str, Any]:
     """Scores over all vehicles, at the threshold that `auv-fault diagnose` uses."""
-    faulty, truth, healthy, calm_truth = (joined(ones) for ones in zip(*parts, strict=True))
-    judged = judge_at(THRESHOLDS[NAME], faulty, truth, calm(healthy, calm_truth.onset))
+    faulty, truth, healthy, calm_truth = (
+        concatenate_lanes(ones) for ones in zip(*parts, strict=True)
+    )
+    judged = assess(THRESHOLDS[NAME], faulty, truth, healthy_outcome(healthy, calm_truth.onset))
     n_classes = len(classes())
     return {
         "macro_f1": float(macro_f1(confusion(judged.label, judged.decision, n_classes))),

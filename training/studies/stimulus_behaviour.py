@@ -19,7 +19,7 @@ from diagnosers import make
 from training import metrics
 from training.benchmark.scores import rounded
 from training.benchmark.suites import STANDARD, Conditions, Episode, load
-from training.benchmark.trials import known
+from training.benchmark.trials import lane_truth
 from training.metrics.intervals import central, resamples
 from training.metrics.records import HORIZON, PERSISTENCE, Truth
 from training.seeds import seeds
@@ -71,7 +71,7 @@ def in_the_loop(
 ) -> Path:
     """Run the episodes with the stimulus, which sees the beliefs of a diagnoser of the registry."""
     lanes = np.arange(len(episodes))
-    fault = known(conditions, episodes).truth.fault
+    fault = lane_truth(conditions, episodes).at_instants.fault
     fleet = Fleet(lanes.size, parallel=False, **conditions.plant)
     watching = make(diagnoser)
     lane_seeds, schedules, missions = zip(*episodes, strict=True)
@@ -154,7 +154,7 @@ def behaviour(
     conditions = load(STANDARD).conditions
     faulty = faulty_lanes(conditions, PER_CLASS, seed)
     healthy = healthy_lanes(conditions, N_HEALTHY, seed)
-    truth = known(conditions, faulty).truth
+    truth = lane_truth(conditions, faulty).at_instants
     told = {name: ToldOnset(least or budget, onset=truth.onset) for name, least in TOLD.items()}
     tried = {name: STIMULI[name](budget) for name in (*drawn, Cruise.name)} | told
     jobs = [(stimulus, faulty) for stimulus in tried.values()]

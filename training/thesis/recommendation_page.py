@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from training.benchmark.scoring import DECIDED_AT, HORIZON, Judged, judge_all
+from training.benchmark.scoring import DECIDED_AT, HORIZON, Assessment, judge_all
 from training.benchmark.validation import compare, contestants
 from training.benchmark.validation_page import isolation_over_time
 from training.benchmark.verdicts import Difference, difference
@@ -25,7 +25,7 @@ def section(view: Comparison, columns: list[str]) -> dict[str, Any]:
 
 def page(
     view: Comparison,
-    judged: Mapping[str, Judged],
+    judged: Mapping[str, Assessment],
     scores: Mapping[str, Mapping[str, Any]],
     failures: Mapping[str, str],
     columns: list[str],
@@ -88,7 +88,9 @@ def measured_row(view: Comparison, name: str, score: Mapping[str, Any] | None) -
 THESIS = {"parallel": "would certainly be capable", "integrated": "another approach"}
 
 
-def against_row(view: Comparison, judged: Mapping[str, Judged], name: str, other: str) -> list[str]:
+def against_row(
+    view: Comparison, judged: Mapping[str, Assessment], name: str, other: str
+) -> list[str]:
     """Whether one diagnoser beats another on the same vehicles."""
     quantity = f"{name} minus {other}: isolation time; macro-F1 at {DECIDED_AT:g} s"
     if not {name, other} <= judged.keys():

@@ -14,9 +14,18 @@ from diagnosers import Belief, Recursive, make
 from diagnosers.third_party import ThirdParty
 from training.benchmark import trial_store, trials
 from training.benchmark.suites import Episode, load
-from training.benchmark.trials import COUNTING, FAULTY, THRESHOLD, Entrant, Trial, known, run, watch
+from training.benchmark.trials import (
+    COUNTING,
+    FAULTY,
+    THRESHOLD,
+    Entrant,
+    Trial,
+    lane_truth,
+    run_trial,
+    simulate_trial,
+)
 from training.metrics import Edges, metrics, records
-from training.metrics.records import PERSISTENCE, Record, calm, joined
+from training.metrics.records import PERSISTENCE, Record, concatenate_lanes, healthy_outcome
 from training.stimuli import BUDGET, STIMULI
 
 STANDARD = load("standard")
@@ -46,7 +55,9 @@ def record(seed, n_lanes):
 @pytest.mark.parametrize("allowed", [0, 3, 40])
 def test_threshold_of_the_chunks_is_exactly_that_of_all_lanes(allowed):
     seen = [record(seed, n_lanes) for seed, n_lanes in ((0, 50), (1, 50), (2, 7))]
-    kept = joined([calm(one, np.full(one.fault.shape[1], 10.0), keep=40) for one in seen])
+    kept = concatenate_lanes(
+        [healthy_outcome(one, np.full(one.fault.shape[1], 10.0), keep=40) for one in seen]
+    )
     full = np.concatenate([one.log_normal for one in seen], axis=1)
     mean_time = full.size * 0.1 / (allowed + 0.5)
     found = metrics.threshold_within(Edges(kept.low, kept.high), allowed)
@@ -58,7 +69,7 @@ def test_threshold_of_the_chunks_is_exactly_that_of_all_lanes(allowed):
 def test_what_is_left_of_healthy_lanes_counts_as_the_lanes_themselves():
     seen = record(3, 30)
     onset = np.linspace(5.0, 30.0, 30)
-    left = calm(seen, onset)
+    left = healthy_outcome(seen, onset)
     for threshold in (-60.0, -20.0, -5.0, -0.1):
         alarm = metrics.alarms(seen.log_normal, threshold, PERSISTENCE)
         assert (
@@ -66,7 +77,7 @@ def test_what_is_left_of_healthy_lanes_counts_as_the_lanes_themselves():
             == metrics.rising(alarm).sum()
         )
         assert (left.least < threshold).sum() == alarm.any(axis=0).sum()
-        for k, time in enumerate(records.DECIDED):
+        for k, time in enumerate(records.DECISION_TIMES):
             at = metrics.sample_at(onset + time), np.arange(30)
             np.testing.assert_array_equal(left.depth[k] < threshold, alarm[at])
             np.testing.assert_array_equal(left.fault[k], seen.fault[at])
@@ -115,41 +126,47 @@ def test_beliefs_are_kept_by_the_names_of_their_classes():
 
 
 def test_truth_of_faulty_lanes():
-    so = known(STANDARD.conditions, STANDARD.episodes[:50])
+    truth = lane_truth(STANDARD.conditions, STANDARD.episodes[:50])
     first = [episode.schedule[0] for episode in STANDARD.episodes[:50]]
-    names = [classes()[k] for k in so.truth.fault]
+    names = [classes()[k] for k in truth.at_instants.fault]
     assert names == [CATALOGUE[event.fault].diagnosis for event in first]
-    np.testing.assert_array_equal(so.truth.onset, [event.onset for event in first])
-    np.testing.assert_allclose(so.full_severity, [event.severity for event in first], rtol=1e-6)
-    assert (so.truth.label[0] == so.truth.fault).all() and (
-        (so.instants >= 0) & (so.instants < 650)
+    np.testing.assert_array_equal(truth.at_instants.onset, [event.onset for event in first])
+    np.testing.assert_allclose(truth.full_severity, [event.severity for event in first], rtol=1e-6)
+    assert (truth.at_instants.label[0] == truth.at_instants.fault).all() and (
+        (truth.instants >= 0) & (truth.instants < 650)
     ).all()
 
 
 def test_of_two_faults_the_worse_is_to_be_found_from_the_first_onset_on():
     suite = load("ood_compound")
-    so = known(suite.conditions, suite.episodes)
+    truth = lane_truth(suite.conditions, suite.episodes)
     first = [CATALOGUE[episode.schedule[0].fault].diagnosis for episode in suite.episodes]
-    assert [classes()[k] for k in so.truth.fault] == first
-    assert (so.truth.onset == [episode.schedule[0].onset for episode in suite.episodes]).all()
+    assert [classes()[k] for k in truth.at_instants.fault] == first
+    assert (
+        truth.at_instants.onset == [episode.schedule[0].onset for episode in suite.episodes]
+    ).all()
 
 
 def test_truth_of_healthy_lanes():
-    so = known(STANDARD.conditions, trial(part=COUNTING, n=40).episodes)
-    assert not so.truth.fault.any() and not so.truth.label.any() and (so.full_severity == 0.6).all()
-    assert 5.0 <= so.truth.onset.min() < so.truth.onset.max() <= 30.0
+    truth = lane_truth(STANDARD.conditions, trial(part=COUNTING, n=40).episodes)
+    assert (
+        not truth.at_instants.fault.any()
+        and not truth.at_instants.label.any()
+        and (truth.full_severity == 0.6).all()
+    )
+    assert 5.0 <= truth.at_instants.onset.min() < truth.at_instants.onset.max() <= 30.0
 
 
 @pytest.mark.parametrize("part", trials.PARTS)
 def test_a_trial_repeats_bit_for_bit(part):
-    first, again = (run(trial(part=part)) for _ in range(2))
+    first, again = (run_trial(trial(part=part)) for _ in range(2))
     for a, b in zip(first, again, strict=True):
         np.testing.assert_array_equal(a, b)
-    assert isinstance(first, trials.Watched if part == FAULTY else records.Calm)
+    assert isinstance(first, trials.FaultyOutcome if part == FAULTY else records.HealthyOutcome)
 
 
 def test_stimuli_are_tried_on_the_same_vehicles_with_the_same_rudder():
-    seen = {name: watch(trial(stimulus=name, n=12))[0] for name in STIMULI}
+    seen = {name: simulate_trial(trial(stimulus=name, n=12))[0] for name in STIMULI}
     channel = {name: k for k, name in enumerate(CHANNELS)}
     for name in ("mission_speed", "rudder", "stern_plane"):
         np.testing.assert_array_equal(
@@ -167,7 +184,7 @@ def test_stimuli_are_tried_on_the_same_vehicles_with_the_same_rudder():
 @pytest.mark.parametrize("speed", [0.0, 0.03, 1.0])
 def test_commanded_speed_stays_within_the_channel(speed):
     episodes = (Episode(4_999_000_000, (), Mission(((0.0, speed),))),)
-    observations, *_ = watch(trial(part=COUNTING, episodes=episodes))
+    observations, *_ = simulate_trial(trial(part=COUNTING, episodes=episodes))
     command = observations[:, :, list(CHANNELS).index("speed_command")]
     assert command.min() >= 0.0 and command.max() <= 1.0
 
@@ -179,7 +196,7 @@ def test_energy_and_speed_deviation_are_those_of_the_mission():
         plant=STANDARD.conditions.plant | {"disturbance": 0.0, "sensor_noise": 0.0},
     )
     cruise, thesis = (
-        watch(trial(stimulus=name, episodes=(held,), conditions=quiet))[2:]
+        simulate_trial(trial(stimulus=name, episodes=(held,), conditions=quiet))[2:]
         for name in ("cruise", "thesis")
     )
     assert cruise[1][0] < 0.02 < 0.04 < thesis[1][0] < BUDGET  # the speed lags its command
@@ -203,7 +220,7 @@ class Told(Recursive):
 def test_a_reference_is_told_the_vehicle_and_the_severity():
     entrant = Entrant("told", Told)
     for part in (FAULTY, THRESHOLD):
-        run(trial(entrant, part=part))
+        run_trial(trial(entrant, part=part))
     (healthy, severity), (_, calm_severity) = Told.heard
     assert healthy.shape == (4, len(PARAMETERS))
     np.testing.assert_allclose(
@@ -214,7 +231,7 @@ def test_a_reference_is_told_the_vehicle_and_the_severity():
 
 @pytest.mark.parametrize("part", trials.PARTS)
 def test_an_outcome_is_read_as_it_was_written(tmp_path, part):
-    outcome = run(trial(part=part))
+    outcome = run_trial(trial(part=part))
     for name in "ab":
         trial_store.write(tmp_path / name, outcome)
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
@@ -229,7 +246,7 @@ def test_an_outcome_is_read_as_it_was_written(tmp_path, part):
 @pytest.mark.parametrize("kept", [0, 1, 0.1, 0.5, 0.99])
 def test_a_damaged_outcome_is_refused(tmp_path, kept):
     path = tmp_path / "a.npz"
-    trial_store.write(path, run(trial(part=COUNTING)))
+    trial_store.write(path, run_trial(trial(part=COUNTING)))
     content = path.read_bytes()
     path.write_bytes(content[: round(kept * len(content))] if kept < 1 else content[:1])
     with pytest.raises(InputError, match=r"a\.npz.*delete it"):
@@ -238,7 +255,7 @@ def test_a_damaged_outcome_is_refused(tmp_path, kept):
 
 def test_an_outcome_with_any_spoilt_byte_is_refused_or_read(tmp_path):
     path = tmp_path / "a.npz"
-    trial_store.write(path, run(trial(part=FAULTY, n=1)))
+    trial_store.write(path, run_trial(trial(part=FAULTY, n=1)))
     content = path.read_bytes()
     for k in range(0, len(content), 97):
         path.write_bytes(content[:k] + bytes([content[k] ^ 0x5A]) + content[k + 1 :])
@@ -263,7 +280,7 @@ class Steering(Told):
 
 
 def test_a_diagnoser_cannot_steer_the_vehicle_by_what_it_is_given():
-    still, steered = (watch(trial(Entrant(kind.name, kind))) for kind in (Told, Steering))
+    still, steered = (simulate_trial(trial(Entrant(kind.name, kind))) for kind in (Told, Steering))
     for a, b in zip((still[0], *still[2:]), (steered[0], *steered[2:]), strict=True):
         np.testing.assert_array_equal(a, b)
 

@@ -230,7 +230,7 @@ def test_the_oracle_is_told_and_comes_a_second_time_without_severities(tmp_path)
 
 def test_suite_is_as_it_says():
     chunks = list(validation.suite("faulty", 200, 0))
-    truth = records.joined([episodes.truth for episodes in chunks])
+    truth = records.concatenate_lanes([episodes.truth for episodes in chunks])
     assert [len(episodes.truth.fault) for episodes in chunks] == [100, 100]
     assert (truth.fault > 0).all() and np.unique(truth.fault).size > 14
     assert (truth.onset >= 5.0).all() and (truth.onset <= 30.0).all()

@@ -223,7 +223,7 @@ def test_a_finished_run_is_scored_again_without_running_anything(mine, monkeypat
     first = results_of(mine)
     kept = outcomes(mine)
     monkeypatch.setattr(
-        "training.benchmark.workers.run", lambda trial: pytest.fail("a trial was run again")
+        "training.benchmark.workers.run_trial", lambda trial: pytest.fail("a trial was run again")
     )
     assert cli.main(once) == 0
     assert results_of(mine) == first and outcomes(mine) == kept
@@ -347,7 +347,7 @@ def test_one_that_no_threshold_can_quieten_never_alarms_and_spoils_nothing(mine,
 
 
 def view_of(results):
-    return page_figures.View.of(results)
+    return page_figures.BenchmarkView.of(results)
 
 
 def test_one_that_is_told_the_truth_is_not_ranked(mine, monkeypatch):

@@ -10,7 +10,7 @@ from auv_fault_env.faults import CATALOGUE, classes
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers import make
 from training.benchmark.suites import load
-from training.benchmark.trials import FAULTY, Entrant, Trial, watch
+from training.benchmark.trials import FAULTY, Entrant, Trial, simulate_trial
 from training.seeds import purpose_of
 from training.stimuli import STIMULI
 from training.studies import stimulus_behaviour
@@ -35,7 +35,7 @@ N_SAMPLES = 650
 def test_the_loop_is_that_of_the_benchmark():
     episodes = STANDARD.episodes[:6]
     bank = Entrant("filter_bank", functools.partial(make, "filter_bank"))
-    observations, record, _, speed_rms = watch(
+    observations, record, _, speed_rms = simulate_trial(
         Trial(bank, STIMULI["greedy"](0.1), FAULTY, STANDARD.conditions, episodes)
     )
     path = in_the_loop(STIMULI["greedy"](0.1), "filter_bank", episodes, STANDARD.conditions)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from auv_fault_env.errors import refusal
-from training.extras import needed
+from training.extras import import_from_extra
 from training.field.logs.table import Table
 
 TOGETHER = 20_000_000  # ns, within which messages of several topics are one row
@@ -79,7 +79,9 @@ def read_bag(path: Path) -> Table:
 
 
 def _read(path: Path) -> Rows:
-    reader, typesys = (needed(f"rosbags.{part}", "formats") for part in ("highlevel", "typesys"))
+    reader, typesys = (
+        import_from_extra(f"rosbags.{part}", "formats") for part in ("highlevel", "typesys")
+    )
     rows = Rows()
     # for old bags, which do not hold their own
     types = typesys.get_typestore(typesys.Stores.LATEST)
