@@ -157,6 +157,7 @@ def cost(faulty: FaultyOutcome, passive: FaultyOutcome | None) -> dict[str, floa
 
 
 def mission_cost(faulty: FaultyOutcome) -> dict[str, float]:
+    """What the mission paid: RMS speed deviation [m/s] and mean energy [J]."""
     return {
         "speed_rms": float(np.sqrt(np.mean(faulty.speed_rms**2))),
         "energy": float(faulty.energy.mean()),
