@@ -20,7 +20,7 @@ from diagnosers.filter_bank import FilterBank
 from diagnosers.oracle import Oracle
 from training.rollouts import Rollout, manoeuvres, roll_out
 from training.seeds import seeds
-from training.stimuli.light_bank import lighter_bank
+from training.stimuli.light_bank import light_bank
 
 CLASSES = list(classes())
 
@@ -58,7 +58,7 @@ def test_probabilities_sum_to_one_and_severities_are_fractions():
 
 
 @pytest.mark.parametrize("threads", ["1", "2"])
-@pytest.mark.parametrize("bank", [FilterBank(), lighter_bank()], ids=["full", "light"])
+@pytest.mark.parametrize("bank", [FilterBank(), light_bank()], ids=["full", "light"])
 def test_a_batch_is_its_lanes_whatever_the_threads_and_the_neighbours_silence(
     bank, threads, monkeypatch
 ):
@@ -74,7 +74,7 @@ def test_a_batch_is_its_lanes_whatever_the_threads_and_the_neighbours_silence(
 
 def test_nothing_is_read_of_what_an_earlier_step_left_in_the_kept_memory(monkeypatch):
     observations = episodes(5, 12, FaultEvent("propeller_loss:port", 0.5, 1.0)).observations
-    expected = beliefs(lighter_bank(), observations)
+    expected = beliefs(light_bank(), observations)
 
     def poisoned(table, n_lanes):
         work = pack.workspace(table, n_lanes)
@@ -84,7 +84,7 @@ def test_nothing_is_read_of_what_an_earlier_step_left_in_the_kept_memory(monkeyp
         return work
 
     monkeypatch.setattr(filter_bank, "workspace", poisoned)
-    np.testing.assert_array_equal(beliefs(lighter_bank(), observations), expected)
+    np.testing.assert_array_equal(beliefs(light_bank(), observations), expected)
 
 
 def test_the_kept_memory_is_that_of_the_catalogue_as_it_is(monkeypatch):
@@ -101,7 +101,7 @@ def test_the_kept_memory_is_that_of_the_catalogue_as_it_is(monkeypatch):
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 def test_a_forked_child_goes_on(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
-    bank = lighter_bank()
+    bank = light_bank()
     observations = episodes(70, 4, FaultEvent("increased_drag", 0.1, 1.0)).observations
     expected = beliefs(bank, observations)
     with warnings.catch_warnings():

@@ -13,8 +13,8 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from diagnosers import Recursive
-from training.active_env.vector import LIMIT, ActiveDiagnosisVectorEnv, lane_info
-from training.stimuli.base import BUDGET, LARGEST
+from training.active_env.vector import MAX_DECISIONS, ActiveDiagnosisVectorEnv, lane_info
+from training.stimuli.base import BUDGET, LARGEST_OFFSET
 from training.stimuli.declaration import DECLARE
 from training.stimuli.policy_inputs import FEATURES
 
@@ -106,11 +106,11 @@ class ActiveDiagnosisEnv(gym.Env):
     def __init__(
         self,
         diagnoser: str | Recursive = "filter_bank",
-        amplitude: float = LARGEST,
+        amplitude: float = LARGEST_OFFSET,
         budget: float = BUDGET,
         cost_weight: float = 10.0,
         declare: float = DECLARE,
-        horizon: int = LIMIT,
+        horizon: int = MAX_DECISIONS,
     ):
         settings = (diagnoser, amplitude, budget, cost_weight, declare, AutoresetMode.NEXT_STEP)
         self.lane = ActiveDiagnosisVectorEnv(1, horizon, *settings)
@@ -143,5 +143,5 @@ gym.register(
     id=NAME,
     entry_point="training.active_env:ActiveDiagnosisEnv",
     vector_entry_point="training.active_env:ActiveDiagnosisVectorEnv",
-    max_episode_steps=LIMIT,
+    max_episode_steps=MAX_DECISIONS,
 )

@@ -19,26 +19,26 @@ from auv_fault_env.truth import FleetTruth
 from diagnosers import Recursive, make
 from training.active_env.watch import Watch
 from training.rollouts import label_and_severity
-from training.stimuli.base import BUDGET, EPISODE, LARGEST
+from training.stimuli.base import BUDGET, EPISODE_TIME, LARGEST_OFFSET
 from training.stimuli.declaration import DECLARE, NONE, Declaration
 from training.stimuli.policy_inputs import FLOOR, HIGH, LOW, MISSION_SPEED, features
 
 DECISION = round(SAMPLE_RATE)  # samples of a decision, one second
-LIMIT = 120  # decisions of an episode at most
+MAX_DECISIONS = 120  # decisions of an episode at most
 SCHEDULES = ScheduleSampler(healthy=0.3, onset=(5.0, 40.0))
 STEADY = 7  # stream of a lane's noise key, beside those of fleet and suites
-STEADY_SPEEDS = (0.2, 0.5)  # [m/s]
+CONSTANT_SPEEDS = (0.2, 0.5)  # [m/s]
 MODES = {mode.value: mode for mode in (AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP)}
 
 
 class Missions(MissionSampler):
-    """Half of the missions keep one speed of `STEADY_SPEEDS`, the others change it leg by leg."""
+    """Half of the missions keep one speed of `CONSTANT_SPEEDS`, the others change it leg by leg."""
 
     def sample_legs(self, key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Legs (n_lanes, n_legs, 2) and start speeds (n_lanes,) for lanes with the given noise keys (n_lanes,)."""
         legs, start_speed = super().sample_legs(key)
         chance, place = uniforms(key, STEADY, 2).T
-        speed = STEADY_SPEEDS[0] + (STEADY_SPEEDS[1] - STEADY_SPEEDS[0]) * place
+        speed = CONSTANT_SPEEDS[0] + (CONSTANT_SPEEDS[1] - CONSTANT_SPEEDS[0]) * place
         legs[:, :, 1] = np.where(chance[:, None] < 0.5, speed[:, None], legs[:, :, 1])
         return legs, np.where(chance < 0.5, speed, start_speed)
 
@@ -66,9 +66,9 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
     def __init__(
         self,
         num_envs: int = 1,
-        max_episode_steps: int = LIMIT,
+        max_episode_steps: int = MAX_DECISIONS,
         diagnoser: str | Recursive = "filter_bank",
-        amplitude: float = LARGEST,
+        amplitude: float = LARGEST_OFFSET,
         budget: float = BUDGET,
         cost_weight: float = 10.0,
         declare: float = DECLARE,
@@ -194,7 +194,9 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
 
     def _features(self) -> np.ndarray:
         time = self._steps * (DECISION * SAMPLE_TIME)
-        left = np.maximum(self.budget**2 * EPISODE - self._spent * (DECISION * SAMPLE_TIME), 0.0)
+        left = np.maximum(
+            self.budget**2 * EPISODE_TIME - self._spent * (DECISION * SAMPLE_TIME), 0.0
+        )
         return features(
             self._watch.belief, self._watch.estimate, self._readings, self._action, time, left
         )

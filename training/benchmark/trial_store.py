@@ -48,7 +48,12 @@ def fingerprint(entrant: Entrant, diagnoser: Diagnoser) -> str:
 
 def path_of(folder: Path, trial: Trial, made_by: str) -> Path:
     """Where a trial's outcome is kept; `made_by` is the fingerprint of its diagnoser."""
-    made_from = made_by, digest(Path(trials.__file__).resolve()), trial.stimulus.learnt, *trial[1:]
+    made_from = (
+        made_by,
+        digest(Path(trials.__file__).resolve()),
+        trial.stimulus.policy_digest,
+        *trial[1:],
+    )
     key = hashlib.sha256(repr(made_from).encode()).hexdigest()[:20]
     return (
         folder / f"{ODD.sub('_', trial.entrant.name)}-{trial.stimulus.name}-{trial.part}-{key}.npz"

@@ -9,7 +9,7 @@ MOMENTS = ("exp_avg", "exp_avg_sq", "step")
 STEEPEST = 1.0  # norm of a gradient; a steeper one is shortened
 
 
-class Learner:
+class AdamTraining:
     """A network and its optimiser; every number between two epochs is in `state`."""
 
     def __init__(self, network: torch.nn.Module):

@@ -8,20 +8,20 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 from auv_fault_env.faults import NORMAL
 from training.active_env.sb3 import ActiveVecEnv
 from training.learning.outcomes import HEALTHY_SHARE, Outcomes
-from training.stimuli.base import EPISODE, LARGEST
-from training.stimuli.policy_inputs import FEATURES, bent_allowance
+from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET
+from training.stimuli.policy_inputs import FEATURES, compressed_allowance
 
-DECLARED = 10.0  # nats
+DECLARATION_REWARD = 10.0  # nats
 PRICE = 0.5  # nats per decision at full budget, at first
 RATE = 0.02  # nats per decision, by which the price rises or falls at most after a rollout
-LEFT = FEATURES.index("left")
+ALLOWANCE = FEATURES.index("left")
 
 
 class ConstrainedVecEnv(VecEnvWrapper):
     """The active environment within its budget, in which offsets have a price as long as the vehicle is healthy.
 
     The second in which the truth changes pays nothing: what it would pay is large, whatever the
-    agent does. A right declaration pays `DECLARED`: between two faults that look alike the truth is
+    agent does. A right declaration pays `DECLARATION_REWARD`: between two faults that look alike the truth is
     worth less than a nat, to whoever waits for the declaration it is all.
 
     No action goes beyond what is left of an episode's squared offsets, as in
@@ -65,7 +65,7 @@ class ConstrainedVecEnv(VecEnvWrapper):
         self.outcomes = Outcomes(self.num_envs)
         self._sound = []
         self._allowed = self._drawn(self.num_envs)
-        self._left = EPISODE * self._allowed
+        self._left = EPISODE_TIME * self._allowed
         observation = self.venv.reset()
         self._label = np.array([info["truth"]["label"] for info in self.venv.reset_infos], object)
         return self._told(observation)
@@ -87,11 +87,11 @@ class ConstrainedVecEnv(VecEnvWrapper):
         self._sound.append(sound)
         self._left = np.maximum(self._left - cost, 0.0)
         for lane in np.flatnonzero(done):
-            infos[lane]["terminal_observation"][LEFT] = bent_allowance(self._left[lane])
+            infos[lane]["terminal_observation"][ALLOWANCE] = compressed_allowance(self._left[lane])
         self._allowed[done] = self._drawn(int(done.sum()))
-        self._left[done] = EPISODE * self._allowed[done]
+        self._left[done] = EPISODE_TIME * self._allowed[done]
         right = (label == [info["declared"] for info in infos]) & (label != NORMAL)
-        gain = np.where(label == self._label, reward, 0.0) + DECLARED * right
+        gain = np.where(label == self._label, reward, 0.0) + DECLARATION_REWARD * right
         label[done] = [
             self.venv.reset_infos[lane]["truth"]["label"] for lane in np.flatnonzero(done)
         ]
@@ -100,7 +100,7 @@ class ConstrainedVecEnv(VecEnvWrapper):
         return self._told(observation), reward.astype(np.float32), done, infos
 
     def _told(self, observation: np.ndarray) -> np.ndarray:
-        observation[:, LEFT] = bent_allowance(self._left)
+        observation[:, ALLOWANCE] = compressed_allowance(self._left)
         return observation
 
     def ascend(self, observations: np.ndarray, actions: np.ndarray) -> None:
@@ -109,7 +109,7 @@ class ConstrainedVecEnv(VecEnvWrapper):
         Observations (n_steps, n_lanes, n_features) and the actions (n_steps, n_lanes) that the
         policy means.
         """
-        left = np.expm1(observations[..., LEFT]) * LARGEST**2
+        left = np.expm1(observations[..., ALLOWANCE]) * LARGEST_OFFSET**2
         cost = np.minimum(np.square(self.amplitude * actions), left)
         overdraft = float(np.nanmean(cost / np.array(self._sound))) / HEALTHY_SHARE**2 - 1.0
         self.price = max(0.0, self.price + RATE * min(overdraft, 1.0))

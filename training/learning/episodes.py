@@ -11,7 +11,7 @@ from training.seeds import seeds
 N_SAMPLES = 600  # 60 s
 
 
-def lessons(
+def training_episodes(
     purpose: str, n_lanes: int, first: int = 0, schedules: ScheduleSampler | None = None
 ) -> Iterator[Rollout]:
     """Two rollouts of half of n_lanes each, 60 s long: the thesis' speed changes, then random missions and manoeuvres.

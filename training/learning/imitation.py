@@ -7,10 +7,10 @@ import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 
 from auv_fault_env.faults import classes
-from training.learning.adam import Learner
-from training.learning.constraint import LEFT, ConstrainedVecEnv
-from training.stimuli.base import LARGEST
-from training.stimuli.policy_inputs import unbent
+from training.learning.adam import AdamTraining
+from training.learning.constraint import ALLOWANCE, ConstrainedVecEnv
+from training.stimuli.base import LARGEST_OFFSET
+from training.stimuli.policy_inputs import log_probability_of
 from training.stimuli.surge_ahead import surge_ahead
 
 PASSES = 8
@@ -19,7 +19,7 @@ RATE = 1e-3
 N_CLASSES = len(classes())
 
 
-class Lessons(NamedTuple):
+class Demonstration(NamedTuple):
     """What was seen (n, n_features), done (n, 1), and gained from then on, discounted (n,)."""
 
     seen: torch.Tensor
@@ -27,7 +27,7 @@ class Lessons(NamedTuple):
     worth: torch.Tensor
 
 
-def watched(env: ConstrainedVecEnv, decisions: int, discount: float) -> Lessons:
+def demonstrate(env: ConstrainedVecEnv, decisions: int, discount: float) -> Demonstration:
     """The rule by hand at work on every lane for so many decisions."""
     seen = []
     done = []
@@ -35,8 +35,10 @@ def watched(env: ConstrainedVecEnv, decisions: int, discount: float) -> Lessons:
     ends = []
     observation = env.reset()
     for _ in range(decisions):
-        left = np.expm1(observation[:, LEFT]) * LARGEST**2
-        action = (surge_ahead(unbent(observation[:, :N_CLASSES]), left) / env.amplitude)[:, None]
+        left = np.expm1(observation[:, ALLOWANCE]) * LARGEST_OFFSET**2
+        action = (
+            surge_ahead(log_probability_of(observation[:, :N_CLASSES]), left) / env.amplitude
+        )[:, None]
         seen.append(observation.copy())
         done.append(action.astype(np.float32))
         observation, gain, end, _ = env.step(done[-1])
@@ -47,12 +49,12 @@ def watched(env: ConstrainedVecEnv, decisions: int, discount: float) -> Lessons:
     for k in reversed(range(decisions)):
         ahead = gains[k] + discount * np.where(ends[k], 0.0, ahead)
         worth[k] = ahead
-    return Lessons(
+    return Demonstration(
         *map(torch.from_numpy, (np.concatenate(seen), np.concatenate(done), worth.ravel()))
     )
 
 
-def imitate(policy: ActorCriticPolicy, learner: Learner, lessons: Lessons) -> None:
+def imitate(policy: ActorCriticPolicy, learner: AdamTraining, lessons: Demonstration) -> None:
     """Fit the actor's mean action to what was done, and the critic to what it was worth; from torch's generator."""
     for _ in range(PASSES):
         for batch in torch.randperm(len(lessons.seen)).split(BATCH):

@@ -19,8 +19,8 @@ from auv_fault_env.schedules import ScheduleSampler
 from diagnosers.integrated import CLASSES, Integrated, smooth_opinion
 from diagnosers.networks.features import FEATURES, Features
 from diagnosers.networks.integrated_network import Network
-from training.learning.adam import Learner
-from training.learning.episodes import lessons
+from training.learning.adam import AdamTraining
+from training.learning.episodes import training_episodes
 from training.rollouts import Rollout
 from training.seeds import SPAN
 
@@ -78,7 +78,7 @@ class IntegratedTrainer:
         self.seed = seed
         with torch.random.fork_rng():
             torch.manual_seed(seed)
-            self.learner = Learner(Network())
+            self.learner = AdamTraining(Network())
         self.network = self.learner.network
         self.validation: list[Lesson] = []
         self.kept: deque[Lesson] = deque(maxlen=KEPT * LESSONS)
@@ -239,7 +239,7 @@ def simulated(purpose: str, firsts: Iterable[int]) -> Iterator[Lesson]:
 
 def lesson(purpose: str, first: int) -> Lesson:
     """`LANES` episodes from the first-th seed of a purpose on, as the network sees them."""
-    rollouts = list(lessons(purpose, LANES, first, SCHEDULES))
+    rollouts = list(training_episodes(purpose, LANES, first, SCHEDULES))
     parts = (
         [encoded(rollout) for rollout in rollouts],
         [r.label for r in rollouts],

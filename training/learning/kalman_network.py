@@ -12,7 +12,7 @@ from diagnosers.kalman_network import ARCHITECTURE, KalmanNetwork, labels, outpu
 from diagnosers.networks.fault_map import MODES_5_2, fault_map, grid, severity
 from diagnosers.networks.feed_forward import FeedForward, random_tensors
 from diagnosers.networks.modes import class_shares, log_softmax
-from training.learning.episodes import lessons
+from training.learning.episodes import training_episodes
 
 POINTS = 41  # along an axis of the map
 VALIDATION_POINTS = 60  # no point in common but the corners
@@ -123,7 +123,7 @@ def share_right(network: FeedForward) -> float:
 def _filtered(network: FeedForward) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Output nodes' sums (n, 5), true class and severity (n,) of samples from the calibration episodes."""
     parts = []
-    for rollout in lessons("calibration", LANES):
+    for rollout in training_episodes("calibration", LANES):
         parameters = ParameterFilter()
         estimate = parameters.initial(rollout.observations.shape[1])
         for k, observation in enumerate(rollout.observations):

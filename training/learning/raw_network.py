@@ -9,8 +9,8 @@ import torch
 from diagnosers.networks.feed_forward import FeedForward, random_tensors
 from diagnosers.networks.modes import class_shares
 from diagnosers.raw_network import ARCHITECTURE, HYPOTHESES, RawNetwork, inputs, labels, scores
-from training.learning.adam import Learner
-from training.learning.episodes import lessons
+from training.learning.adam import AdamTraining
+from training.learning.episodes import training_episodes
 from training.seeds import SPAN
 
 LANES = 1024  # episodes of an epoch
@@ -37,7 +37,7 @@ class RawNetworkTrainer:
 
     def __init__(self, seed: int) -> None:
         self.seed = seed
-        self.learner = Learner(FeedForward(random_tensors(ARCHITECTURE, seed)))
+        self.learner = AdamTraining(FeedForward(random_tensors(ARCHITECTURE, seed)))
         with np.errstate(divide="ignore"):
             self.log_shares = (
                 torch.from_numpy(np.log(class_shares(labels(), tuple(HYPOTHESES))))
@@ -94,7 +94,7 @@ def samples(
     """Single time steps drawn at random from episodes: observations (n, n_channels) and classes (n,)."""
     drawn_samples = [
         (rollout.observations[chosen], rollout.label[chosen])
-        for rollout in lessons(purpose, n_lanes, first)
+        for rollout in training_episodes(purpose, n_lanes, first)
         for chosen in [random.uniform(size=rollout.label.shape) < 1.0 / EVERY]
     ]
     observations, label = (np.concatenate(parts) for parts in zip(*drawn_samples, strict=True))

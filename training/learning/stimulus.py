@@ -13,16 +13,16 @@ from stable_baselines3.common.logger import Logger
 
 from diagnosers.filter_bank import FilterBank
 from training.active_env.sb3 import ActiveVecEnv
-from training.active_env.vector import LIMIT, SCHEDULES, ActiveDiagnosisVectorEnv
-from training.learning.adam import Learner
+from training.active_env.vector import MAX_DECISIONS, SCHEDULES, ActiveDiagnosisVectorEnv
+from training.learning.adam import AdamTraining
 from training.learning.agent import Agent
 from training.learning.constraint import ConstrainedVecEnv, DualAscent
-from training.learning.imitation import imitate, watched
+from training.learning.imitation import demonstrate, imitate
 from training.learning.integrated import one_thread
 from training.learning.outcomes import figures
 from training.metrics.records import HORIZON
 from training.seeds import SPAN, seeds
-from training.stimuli.light_bank import PRIOR, lighter_bank
+from training.stimuli.light_bank import PRIOR, light_bank
 from training.stimuli.policy import LearnedPolicy
 
 LANES = 512  # vehicles at a time
@@ -36,8 +36,10 @@ RATE = 1e-3  # of Adam
 STEEPEST_CHANGE = 0.02  # nats, divergence of the policy at which an update ends
 DISCOUNT = 0.9  # per decision: what is known 10 s sooner is worth three times as much
 LEAST_BUDGET = 0.4  # share of the budget, from which episodes of the training begin
-TRIED = 384  # vehicles to validate on
-VALIDATED = round(SCHEDULES.onset[1] + HORIZON)  # decisions, by which delays are known or censored
+VALIDATION_LANES = 384  # vehicles to validate on
+VALIDATION_DECISIONS = round(
+    SCHEDULES.onset[1] + HORIZON
+)  # decisions, by which delays are known or censored
 # of PPO
 SETTINGS = {
     "n_epochs": PASSES,
@@ -70,8 +72,8 @@ class StimulusTrainer:
     """
 
     data = (
-        f"training: epochs of {ROLLOUTS * ROLLOUT} decisions on each of {LANES} vehicles, episodes of up to {LIMIT} s "
-        f"drawn as in auv_fault_env/ActiveDiagnosis-v0, of the faults {', '.join(PRIOR)}; validated on {TRIED} such "
+        f"training: epochs of {ROLLOUTS * ROLLOUT} decisions on each of {LANES} vehicles, episodes of up to {MAX_DECISIONS} s "
+        f"drawn as in auv_fault_env/ActiveDiagnosis-v0, of the faults {', '.join(PRIOR)}; validated on {VALIDATION_LANES} such "
         "episodes with seeds of their own"
     )
 
@@ -83,17 +85,17 @@ class StimulusTrainer:
         self.diagnoser = diagnoser
         self.epochs = self.patience = math.ceil(steps / self.decisions)
         self.env, self.trial = (
-            self._environment(LANES, LIMIT, LEAST_BUDGET),
-            self._environment(TRIED, VALIDATED, 1.0),
+            self._environment(LANES, MAX_DECISIONS, LEAST_BUDGET),
+            self._environment(VALIDATION_LANES, VALIDATION_DECISIONS, 1.0),
         )
         with seeded(seed % GLOBAL_SEEDS):
             self.model = PPO(Agent, self.env, RATE, n_steps=ROLLOUT, device="cpu", **SETTINGS)
         self.model.set_logger(Logger(None, []))
-        self.learner = Learner(self.model.policy)
+        self.learner = AdamTraining(self.model.policy)
         self.model.policy.optimizer = self.learner.optimiser
 
     def _environment(self, n_lanes: int, limit: int, least: float) -> ConstrainedVecEnv:
-        diagnoser = lighter_bank() if self.diagnoser == FilterBank.name else self.diagnoser
+        diagnoser = light_bank() if self.diagnoser == FilterBank.name else self.diagnoser
         env = ActiveDiagnosisVectorEnv(
             n_lanes, limit, diagnoser=diagnoser, budget=self.budget, cost_weight=0.0
         )
@@ -108,7 +110,7 @@ class StimulusTrainer:
     @property
     def tried(self) -> int:
         """Environment steps of a validation."""
-        return VALIDATED * TRIED
+        return VALIDATION_DECISIONS * VALIDATION_LANES
 
     def epoch(self, number: int) -> dict[str, float]:
         """Rollouts and updates on episodes that depend on (seed, number) alone; figures of the exploring policy."""
@@ -126,15 +128,15 @@ class StimulusTrainer:
         """Teach the actor to go ahead on suspicion, and the critic what that is worth."""
         self.env.seed(seeds("training", LANES, SPAN - LANES)[0])
         with one_thread(), seeded(self.seed % GLOBAL_SEEDS):
-            imitate(self.model.policy, self.learner, watched(self.env, LIMIT, DISCOUNT))
+            imitate(self.model.policy, self.learner, demonstrate(self.env, MAX_DECISIONS, DISCOUNT))
 
     def validate(self) -> dict[str, float]:
         """Figures of the policy without noise on the first episode of each of the validation seeds."""
-        self.trial.seed(seeds("validation", TRIED)[0])
+        self.trial.seed(seeds("validation", VALIDATION_LANES)[0])
         policy = self.policy()
         observation = self.trial.reset()
         with one_thread():
-            for _ in range(VALIDATED):
+            for _ in range(VALIDATION_DECISIONS):
                 observation, *_ = self.trial.step(policy.action(observation))
         first_episodes = {one.lane: one for one in reversed(self.trial.outcomes.ended)}
         return figures(list(first_episodes.values()), self.budget)

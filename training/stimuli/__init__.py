@@ -1,13 +1,13 @@
 """The stimuli by name, all compared under the same budget of speed deviation."""
 
-from training.stimuli.base import BUDGET, EPISODE, Stimulus
+from training.stimuli.base import BUDGET, EPISODE_TIME, Stimulus
 from training.stimuli.greedy import Greedy
 from training.stimuli.learned import Learned, Learned1, Learned2, Learned3, Learned4, LearnedHeld
 from training.stimuli.open_loop import Cruise, DOptimal, Multisine, Prbs, Thesis
 from training.stimuli.surge_ahead import TriggeredSurge
 from training.stimuli.triggered import TriggeredDOptimal, TriggeredPrbs, TriggeredThesis
 
-__all__ = ["BUDGET", "EPISODE", "STIMULI", "Cruise", "Stimulus", "Thesis"]
+__all__ = ["BUDGET", "EPISODE_TIME", "STIMULI", "Cruise", "Stimulus", "Thesis"]
 
 STIMULI: dict[str, type[Stimulus]] = {
     "cruise": Cruise,

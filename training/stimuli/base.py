@@ -16,10 +16,10 @@ from diagnosers import Belief
 
 # m/s: the thesis' 0.5 ft/s and 1.0 ft/s are a quarter of a foot per second off their mean
 BUDGET = 0.25 * FOOT
-EPISODE = 65.0  # s, over which a budget is kept: an episode of the suites
-N_SAMPLES = round(EPISODE * SAMPLE_RATE)
+EPISODE_TIME = 65.0  # s, over which a budget is kept: an episode of the suites
+N_SAMPLES = round(EPISODE_TIME * SAMPLE_RATE)
 # m/s, offset of a stimulus that decides by itself: beyond it the mission would be another one
-LARGEST = 0.25
+LARGEST_OFFSET = 0.25
 MISSION_SPEED = list(CHANNELS).index("mission_speed")
 
 
@@ -36,7 +36,7 @@ class Stimulus(ABC):
         Number of the block of seeds that healthy lanes of a benchmark have under this stimulus;
         each stimulus has one of its own.
     budget
-        Greatest root mean square of the offsets of a lane over an episode of `EPISODE` [m/s].
+        Greatest root mean square of the offsets of a lane over an episode of `EPISODE_TIME` [m/s].
     """
 
     name: ClassVar[str]
@@ -47,7 +47,7 @@ class Stimulus(ABC):
         finite_in_range(f"budget of {self.name}", self.budget, 0.0, MAXIMUM_COMMAND)
 
     @property
-    def learnt(self) -> str:
+    def policy_digest(self) -> str:
         """Digest of what it has learnt, empty for nothing: results depend on it."""
         return ""
 

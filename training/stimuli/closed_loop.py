@@ -7,7 +7,7 @@ import numpy as np
 
 from auv_fault_env.errors import refusal
 from diagnosers import Belief
-from training.stimuli.base import LARGEST, N_SAMPLES, Stimulus, within_channel
+from training.stimuli.base import LARGEST_OFFSET, N_SAMPLES, Stimulus, within_channel
 
 
 class ClosedLoop(Stimulus):
@@ -19,7 +19,7 @@ class ClosedLoop(Stimulus):
     """
 
     def offset(self, sample: int, observation: np.ndarray, belief: Belief) -> np.ndarray:
-        """What is wanted, as far as `LARGEST`, the channel and the allowance go.
+        """What is wanted, as far as `LARGEST_OFFSET`, the channel and the allowance go.
 
         Raises `InputError` if samples of several batches are mixed, or one is left out.
         """
@@ -28,7 +28,7 @@ class ClosedLoop(Stimulus):
             self.__dict__["_running"] = (
                 0,
                 np.full(n_lanes, N_SAMPLES * self.budget**2),
-                self.begun(n_lanes),
+                self.initial_memory(n_lanes),
             )
         due, left, memory = self.__dict__.get("_running", (0, (), None))
         if sample != due or n_lanes != len(left):
@@ -40,18 +40,18 @@ class ClosedLoop(Stimulus):
                 allowed,
                 "use one instance of the stimulus for each batch",
             )
-        wanted = self.wanted(sample, observation, belief, left, memory)
-        most = np.minimum(np.sqrt(left), LARGEST)
-        offset = within_channel(np.clip(wanted, -most, most), observation)
+        choose_offset = self.choose_offset(sample, observation, belief, left, memory)
+        most = np.minimum(np.sqrt(left), LARGEST_OFFSET)
+        offset = within_channel(np.clip(choose_offset, -most, most), observation)
         self.__dict__["_running"] = sample + 1, np.maximum(left - np.square(offset), 0.0), memory
         return offset
 
     @abstractmethod
-    def begun(self, n_lanes: int) -> Any:
-        """What it remembers of an episode besides the allowance, at its start; `wanted` may change it."""
+    def initial_memory(self, n_lanes: int) -> Any:
+        """What it remembers of an episode besides the allowance, at its start; `choose_offset` may change it."""
 
     @abstractmethod
-    def wanted(
+    def choose_offset(
         self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: Any
     ) -> np.ndarray:
         """The offset that it would like [m/s], (n_lanes,).

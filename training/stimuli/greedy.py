@@ -19,12 +19,14 @@ from auv_fault_env.faults import CATALOGUE, classes, matrices
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import PRESETS, SAMPLE_RATE, SAMPLE_TIME, nominal
 from diagnosers import Belief
-from training.stimuli.base import LARGEST, MISSION_SPEED
+from training.stimuli.base import LARGEST_OFFSET, MISSION_SPEED
 from training.stimuli.closed_loop import ClosedLoop
 from training.stimuli.greedy_model import expected_information
 
 VEHICLE = PRESETS["thesis1992"]
-GRID = LARGEST * np.array([-1.0, -0.6, -0.4, -0.25, -0.12, 0.0, 0.12, 0.25, 0.4, 0.6, 1.0])  # m/s
+GRID = LARGEST_OFFSET * np.array(
+    [-1.0, -0.6, -0.4, -0.25, -0.12, 0.0, 0.12, 0.25, 0.4, 0.6, 1.0]
+)  # m/s
 LIKELIEST = 4  # hypotheses that are looked at
 LEAST_LEFT = 1e-12  # of the allowance: below it, any offset is beyond price
 # of a new reading in the filtered speed
@@ -89,11 +91,11 @@ class Greedy(ClosedLoop):
     name = "greedy"
     seed_block = 8
 
-    def begun(self, n_lanes: int) -> Plan:
+    def initial_memory(self, n_lanes: int) -> Plan:
         """No speed yet, no offset."""
         return Plan(np.full(n_lanes, np.nan), np.zeros(n_lanes))
 
-    def wanted(
+    def choose_offset(
         self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: Plan
     ) -> np.ndarray:
         """The offset that is held, chosen anew every second."""

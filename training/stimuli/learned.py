@@ -57,17 +57,17 @@ class Learned(ClosedLoop):
         return LearnedPolicy.load(self._path)
 
     @cached_property
-    def learnt(self) -> str:
+    def policy_digest(self) -> str:
         """Digest of the policy's file."""
         return hashlib.sha256(self._path.read_bytes()).hexdigest()
 
-    def begun(self, n_lanes: int) -> Notes:
+    def initial_memory(self, n_lanes: int) -> Notes:
         """Nothing read, nothing declared, no action."""
         return Notes(
             ParameterFilter().initial(n_lanes), Declaration(n_lanes, DECLARE), np.zeros(n_lanes)
         )
 
-    def wanted(
+    def choose_offset(
         self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: Notes
     ) -> np.ndarray:
         """The offset in force, until a fault is declared."""

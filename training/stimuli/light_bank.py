@@ -22,7 +22,7 @@ SUSPECTED = (NORMAL, *dict.fromkeys(CATALOGUE[name].diagnosis for name in (*PLAN
 UNSUSPECTED = np.array([name not in SUSPECTED for name in classes()])
 
 
-def lighter_bank() -> FilterBank:
+def light_bank() -> FilterBank:
     """The bank of hull, propellers, shafts and motors, and of the sensors that are most easily mistaken for them.
 
     It has a ninth of the whole bank's filters, and its belief moves like `suspected` of the whole

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from diagnosers import Belief
-from training.stimuli.base import EPISODE, Stimulus, within_channel
+from training.stimuli.base import EPISODE_TIME, Stimulus, within_channel
 from training.stimuli.d_optimal import d_optimal
 from training.stimuli.waveforms import multisine, prbs, square
 
@@ -26,7 +26,7 @@ class Cruise(Stimulus):
 class OpenLoop(Stimulus):
     """A wave of root mean square 1 times the budget, the same on all lanes.
 
-    The budget is kept over whole periods, and `EPISODE` has a whole number of them where the wave's
+    The budget is kept over whole periods, and `EPISODE_TIME` has a whole number of them where the wave's
     size varies; over another time the root mean square may differ.
     """
 
@@ -77,4 +77,4 @@ class DOptimal(OpenLoop):
 
     name = "d_optimal"
     seed_block = 4
-    wave = staticmethod(partial(d_optimal, EPISODE))
+    wave = staticmethod(partial(d_optimal, EPISODE_TIME))

@@ -8,12 +8,12 @@ from auv_fault_env.channels import CHANNELS, MAXIMUM_COMMAND
 from auv_fault_env.faults import classes
 from diagnosers import Belief
 from diagnosers.kalman import Estimate
-from training.stimuli.base import EPISODE, LARGEST
+from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET
 
 FLOOR = -20.0  # nats: least log probability that counts, in the reward too
 HIGHEST_ODDS = math.asinh(-FLOOR)
 LAST_TIME = math.log1p(600.0)
-MOST_LEFT = math.log1p(EPISODE * (MAXIMUM_COMMAND / LARGEST) ** 2)
+MOST_LEFT = math.log1p(EPISODE_TIME * (MAXIMUM_COMMAND / LARGEST_OFFSET) ** 2)
 MISSION_SPEED, SPEED = (list(CHANNELS).index(name) for name in ("mission_speed", "speed"))
 
 BOUNDS: dict[str, tuple[float, float]] = {
@@ -33,21 +33,21 @@ FEATURES: tuple[str, ...] = tuple(BOUNDS)
 LOW, HIGH = np.array(list(BOUNDS.values()), np.float32).T
 
 
-def bent_odds(log_probability: np.ndarray) -> np.ndarray:
+def compressed_log_odds(log_probability: np.ndarray) -> np.ndarray:
     """Log odds of every class (n_lanes, n_classes), bent by asinh: graded around even chances and far away as well."""
     certain = np.minimum(log_probability, -np.finfo(float).tiny)
     odds = certain - np.log(-np.expm1(certain))
     return np.arcsinh(np.clip(odds, FLOOR, -FLOOR))
 
 
-def unbent(bent: np.ndarray) -> np.ndarray:
+def log_probability_of(bent: np.ndarray) -> np.ndarray:
     """Log probabilities from bent log odds, within their range."""
     return -np.logaddexp(0.0, -np.sinh(np.asarray(bent, np.float64)))
 
 
-def bent_allowance(left: np.ndarray) -> np.ndarray:
-    """Logarithm of 1 + the time [s] for which the offset `LARGEST` could be held with what is left [m^2/s]."""
-    return np.log1p(left / LARGEST**2)
+def compressed_allowance(left: np.ndarray) -> np.ndarray:
+    """Logarithm of 1 + the time [s] for which the offset `LARGEST_OFFSET` could be held with what is left [m^2/s]."""
+    return np.log1p(left / LARGEST_OFFSET**2)
 
 
 def features(
@@ -72,7 +72,7 @@ def features(
         Since the episode's start [s], (n_lanes,); its feature is log(1 + time).
     left
         Of the squared offsets that a budget allows [m^2/s], (n_lanes,); its feature is
-        `bent_allowance`.
+        `compressed_allowance`.
     """
     lanes = np.arange(len(observation))
     top = 1 + belief.log_probability[:, 1:].argmax(axis=1)
@@ -86,7 +86,9 @@ def features(
         observation[:, SPEED] - observation[:, MISSION_SPEED],
         last_offset,
         np.log1p(time),
-        bent_allowance(left),
+        compressed_allowance(left),
     ]
-    table = np.concatenate([bent_odds(belief.log_probability), np.stack(columns, axis=1)], axis=1)
+    table = np.concatenate(
+        [compressed_log_odds(belief.log_probability), np.stack(columns, axis=1)], axis=1
+    )
     return np.clip(table.astype(np.float32), LOW, HIGH)

@@ -11,7 +11,7 @@ import numpy as np
 from auv_fault_env.faults import CATALOGUE, classes
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers import Belief
-from training.stimuli.base import EPISODE, LARGEST
+from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET
 from training.stimuli.closed_loop import ClosedLoop
 
 AFFECTED = {
@@ -26,7 +26,7 @@ LEAST = 1e-6  # of p(normal): below, the offset has long been the largest
 
 
 def surge_ahead(log_probability: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """The offset [m/s] (n_lanes,), 0 to `LARGEST`.
+    """The offset [m/s] (n_lanes,), 0 to `LARGEST_OFFSET`.
 
     From log probabilities (n_lanes, n_classes), and what is left of the squared offsets [m^2/s]
     (n_lanes,).
@@ -37,7 +37,7 @@ def surge_ahead(log_probability: np.ndarray, left: np.ndarray) -> np.ndarray:
     odds = suspected / np.maximum(normal, LEAST)
     return np.where(
         suspected > SHARE * (1.0 - normal),
-        np.minimum(GAIN * np.sqrt(left / EPISODE) * odds, LARGEST),
+        np.minimum(GAIN * np.sqrt(left / EPISODE_TIME) * odds, LARGEST_OFFSET),
         0.0,
     )
 
@@ -52,10 +52,10 @@ class TriggeredSurge(ClosedLoop):
     name = "triggered_surge"
     seed_block = 9
 
-    def begun(self, n_lanes: int) -> None:
+    def initial_memory(self, n_lanes: int) -> None:
         """It remembers nothing."""
 
-    def wanted(
+    def choose_offset(
         self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: None
     ) -> np.ndarray:
         """Ahead by the odds."""

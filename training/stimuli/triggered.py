@@ -9,15 +9,15 @@ import numpy as np
 
 from auv_fault_env.parameters import SAMPLE_RATE
 from diagnosers import Belief
-from training.stimuli.base import LARGEST
+from training.stimuli.base import LARGEST_OFFSET
 from training.stimuli.closed_loop import ClosedLoop
 from training.stimuli.d_optimal import d_optimal
 from training.stimuli.waveforms import prbs, square
 
 # s, over which the allowance that is left is spread when the suspicion arises: a period of the
 # thesis'
-SPELL = 20.0
-SPELL_SAMPLES = round(SPELL * SAMPLE_RATE)
+EXCITATION_TIME = 20.0
+SPELL_SAMPLES = round(EXCITATION_TIME * SAMPLE_RATE)
 SUSPICION = math.log(0.5)  # log p(normal) below which a spell begins
 CALM = math.log(0.9)  # and above which it ends
 
@@ -30,20 +30,20 @@ class Spell(NamedTuple):
 
 
 class Triggered(ClosedLoop):
-    """Cruise until p(normal) falls below 0.5, then a wave for `SPELL`, or until p(normal) is above 0.9 again.
+    """Cruise until p(normal) falls below 0.5, then a wave for `EXCITATION_TIME`, or until p(normal) is above 0.9 again.
 
-    Its amplitude spreads the allowance that is left over the spell, up to `LARGEST`. So a small
+    Its amplitude spreads the allowance that is left over the spell, up to `LARGEST_OFFSET`. So a small
     budget buys a strong stimulus for a short time, and an early false suspicion takes from a later
     true one.
     """
 
     wave: ClassVar[Callable[[], np.ndarray]]  # a period of root mean square 1, sample by sample
 
-    def begun(self, n_lanes: int) -> Spell:
+    def initial_memory(self, n_lanes: int) -> Spell:
         """No spell anywhere."""
         return Spell(np.full(n_lanes, -1), np.zeros(n_lanes))
 
-    def wanted(
+    def choose_offset(
         self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: Spell
     ) -> np.ndarray:
         """The wave where a spell is on."""
@@ -54,7 +54,7 @@ class Triggered(ClosedLoop):
         phase[(log_normal > CALM) | (phase >= SPELL_SAMPLES)] = -1
         begins = (phase < 0) & (log_normal < SUSPICION)
         phase[begins] = 0
-        amplitude[begins] = np.minimum(np.sqrt(left[begins] / SPELL_SAMPLES), LARGEST)
+        amplitude[begins] = np.minimum(np.sqrt(left[begins] / SPELL_SAMPLES), LARGEST_OFFSET)
         return np.where(phase >= 0, amplitude * wave[phase % wave.size], 0.0)
 
 
@@ -79,4 +79,4 @@ class TriggeredDOptimal(Triggered):
 
     name = "triggered_d_optimal"
     seed_block = 7
-    wave = staticmethod(partial(d_optimal, SPELL))
+    wave = staticmethod(partial(d_optimal, EXCITATION_TIME))

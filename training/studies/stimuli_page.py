@@ -5,7 +5,7 @@ from typing import Any
 
 from auv_fault_env.faults import fault_of
 from training.report.cells import percent, row_name, with_interval
-from training.stimuli.base import LARGEST
+from training.stimuli.base import LARGEST_OFFSET
 from training.studies import stimuli_figures as drawn
 from training.studies.stimulus_comparisons import AGENT, REFERENCES, SUBSETS, Triple, speed_up
 from training.studies.stimulus_verdicts import verdicts
@@ -171,7 +171,7 @@ def told(results: Results, budget: str) -> dict[str, Any]:
         "heading": f"What knowing the onset would bring, {budget} m/s",
         "text": [
             f"Faults of hull and propellers, {results['lanes']} vehicles of each class, {results['diagnoser']} in the "
-            f"loop. Who is told the onset goes {LARGEST} m/s faster from then on until the allowance is spent, or "
+            f"loop. Who is told the onset goes {LARGEST_OFFSET} m/s faster from then on until the allowance is spent, or "
             "without a budget to the end. A stimulus that waits for suspicion begins later. Another profile may bring "
             "more; see the ceilings below."
         ],

@@ -24,7 +24,7 @@ from training.metrics.intervals import central, resamples
 from training.metrics.records import HORIZON, PERSISTENCE, Truth
 from training.seeds import seeds
 from training.stimuli import STIMULI, Stimulus
-from training.stimuli.base import LARGEST, MISSION_SPEED
+from training.stimuli.base import LARGEST_OFFSET, MISSION_SPEED
 from training.stimuli.open_loop import Cruise
 from training.stimuli.surge_ahead import HULL_AND_PROPELLERS
 from training.studies.stimulus_comparisons import paired, resampled_means, with_agent
@@ -48,7 +48,7 @@ DRAWN = (  # classes, an episode of each
 )
 EVERY = 2  # samples from one drawn to the next
 # budget [m/s], None for that of all
-TOLD = {"told the onset": None, "told, without budget": LARGEST}
+TOLD = {"told the onset": None, "told, without budget": LARGEST_OFFSET}
 
 
 class Path(NamedTuple):

@@ -6,13 +6,13 @@ import numpy as np
 
 from diagnosers import Belief
 from training.metrics import sample_at
-from training.stimuli.base import LARGEST
+from training.stimuli.base import LARGEST_OFFSET
 from training.stimuli.closed_loop import ClosedLoop
 
 
 @dataclass(frozen=True)
 class ToldOnset(ClosedLoop):
-    """Faster by `LARGEST` from the onset on, as long as the allowance lasts; with `LARGEST` as budget, to the end.
+    """Faster by `LARGEST_OFFSET` from the onset on, as long as the allowance lasts; with `LARGEST_OFFSET` as budget, to the end.
 
     It is no bound, for another profile may tell more; but who waits for suspicion cannot begin as
     early.
@@ -26,11 +26,11 @@ class ToldOnset(ClosedLoop):
     name = "told_onset"
     onset: np.ndarray = field(kw_only=True)
 
-    def begun(self, n_lanes: int) -> None:
+    def initial_memory(self, n_lanes: int) -> None:
         """It remembers nothing."""
 
-    def wanted(
+    def choose_offset(
         self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: None
     ) -> np.ndarray:
         """Ahead where it is time."""
-        return np.where(sample >= sample_at(self.onset), LARGEST, 0.0)
+        return np.where(sample >= sample_at(self.onset), LARGEST_OFFSET, 0.0)

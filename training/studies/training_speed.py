@@ -14,7 +14,7 @@ from training.active_env import ActiveDiagnosisEnv
 from training.learning import stimulus
 from training.learning.agent import Agent
 from training.learning.stimulus import SETTINGS, StimulusTrainer
-from training.stimuli.light_bank import lighter_bank
+from training.stimuli.light_bank import light_bank
 from training.studies.run import command_line
 
 PROCESSES = 2
@@ -23,7 +23,7 @@ STEPS = 128  # decisions of each single environment between two updates
 
 def one_vehicle() -> ActiveDiagnosisEnv:
     """A single environment with the diagnoser that the training has."""
-    return ActiveDiagnosisEnv(diagnoser=lighter_bank(), cost_weight=0.0)
+    return ActiveDiagnosisEnv(diagnoser=light_bank(), cost_weight=0.0)
 
 
 def seconds(work: Callable[[], object]) -> float:

@@ -16,9 +16,9 @@ from auv_fault_env import FaultEvent, Fleet, classes
 from auv_fault_env.errors import InputError
 from diagnosers.kalman import ParameterFilter
 from training.active_env import FEATURES, NAME, ActiveDiagnosisEnv, ActiveDiagnosisVectorEnv
-from training.active_env.vector import STEADY_SPEEDS, Missions
+from training.active_env.vector import CONSTANT_SPEEDS, Missions
 from training.stimuli.declaration import Declaration
-from training.stimuli.policy_inputs import BOUNDS, FLOOR, bent_odds
+from training.stimuli.policy_inputs import BOUNDS, FLOOR, compressed_log_odds
 
 LANES = 4
 SEED = 11
@@ -131,7 +131,9 @@ def test_a_decision_is_ten_samples_of_plant_diagnoser_and_filter():
             assert reward == pytest.approx(gain - 7.0 * deviation)
         top = 1 + belief[0][0, 1:].argmax()
         told = dict(zip(FEATURES, observation, strict=True))
-        np.testing.assert_allclose(observation[: len(names)], bent_odds(belief[0])[0], rtol=1e-6)
+        np.testing.assert_allclose(
+            observation[: len(names)], compressed_log_odds(belief[0])[0], rtol=1e-6
+        )
         wanted = {
             "severity": belief[1][0, top],
             "alpha": estimate.mean[0, 1],
@@ -302,7 +304,7 @@ def test_episodes_are_drawn_as_documented():
     legs = env.fleet.plan.legs[:, :, 1]
     steady = (legs == legs[:, :1]).all(axis=1)
     assert 0.42 < steady.mean() < 0.58
-    assert STEADY_SPEEDS[0] <= legs[steady].min() and legs[steady].max() <= STEADY_SPEEDS[1]
+    assert CONSTANT_SPEEDS[0] <= legs[steady].min() and legs[steady].max() <= CONSTANT_SPEEDS[1]
     assert isinstance(env.fleet.missions, Missions)
 
 

@@ -9,12 +9,14 @@ from diagnosers import storage
 from training import cli
 from training.learning import stimulus
 from training.learning.checkpoint import FILE, LOG
-from training.learning.stimulus import SETTINGS, VALIDATED, StimulusTrainer, seeded
+from training.learning.stimulus import SETTINGS, VALIDATION_DECISIONS, StimulusTrainer, seeded
 from training.seeds import purpose_of
 from training.stimuli.policy import LearnedPolicy
 from training.stimuli.policy_inputs import FEATURES, HIGH, LOW
 
-SMALL = dict(LANES=4, ROLLOUT=8, ROLLOUTS=2, TRIED=3, LIMIT=10, VALIDATED=10)
+SMALL = dict(
+    LANES=4, ROLLOUT=8, ROLLOUTS=2, VALIDATION_LANES=3, MAX_DECISIONS=10, VALIDATION_DECISIONS=10
+)
 SMALL["SETTINGS"] = SETTINGS | {"n_epochs": 2, "batch_size": 16}
 NAME = "stimulus-filter_bank-0"
 EPOCHS = 3
@@ -158,7 +160,7 @@ def test_a_trainer_learns_and_restores_all_that_the_next_epoch_needs():
 
 def test_validation_counts_one_whole_episode_of_each_vehicle(monkeypatch):
     seen = []
-    for name, value in dict(VALIDATED=VALIDATED, TRIED=12).items():
+    for name, value in dict(VALIDATION_DECISIONS=VALIDATION_DECISIONS, VALIDATION_LANES=12).items():
         monkeypatch.setattr(stimulus, name, value)
     monkeypatch.setattr(
         stimulus, "figures", lambda outcomes, budget: seen.extend(outcomes) or {"loss": budget}
@@ -166,7 +168,7 @@ def test_validation_counts_one_whole_episode_of_each_vehicle(monkeypatch):
     trainer = StimulusTrainer(0, budget=0.05)
     assert trainer.validate() == {"loss": 0.05}
     assert sorted(one.lane for one in seen) == list(range(12))
-    assert all(one.decisions == VALIDATED or one.declared for one in seen)
+    assert all(one.decisions == VALIDATION_DECISIONS or one.declared for one in seen)
     assert len(trainer.trial.outcomes.ended) > 12
 
 

@@ -7,9 +7,9 @@ from auv_fault_env import classes
 from diagnosers import Belief, Recursive
 from training.active_env.sb3 import ActiveVecEnv
 from training.active_env.vector import ActiveDiagnosisVectorEnv
-from training.learning.constraint import DECLARED, LEFT, RATE, ConstrainedVecEnv
+from training.learning.constraint import ALLOWANCE, DECLARATION_REWARD, RATE, ConstrainedVecEnv
 from training.learning.outcomes import HEALTHY_SHARE
-from training.stimuli.base import EPISODE, LARGEST
+from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET
 
 BUDGET = 0.1
 AMPLITUDE = 0.2
@@ -53,7 +53,7 @@ def test_a_healthy_vehicle_pays_for_its_offsets_and_a_faulty_one_does_not():
 def test_a_right_declaration_pays_a_wrong_one_and_the_onset_do_not():
     env, _ = constrained([GONE[0] | {"onset": 0.5}], diagnoser=Certain())
     _, reward, done, _ = env.step(np.zeros((3, 1), np.float32))
-    assert done.all() and reward == pytest.approx([DECLARED] * 3)
+    assert done.all() and reward == pytest.approx([DECLARATION_REWARD] * 3)
     env, _ = constrained(
         [{"fault": "increased_drag", "onset": 0.5, "severity": 1.0}], diagnoser=Certain()
     )
@@ -66,29 +66,29 @@ def test_a_right_declaration_pays_a_wrong_one_and_the_onset_do_not():
 
 def test_no_episode_overdraws_its_budget_and_the_next_begins_with_all_of_it():
     env, first = constrained(budget=0.02)
-    whole = 0.02**2 * EPISODE
-    np.testing.assert_allclose(first[:, LEFT], np.log1p(whole / LARGEST**2), rtol=1e-6)
+    whole = 0.02**2 * EPISODE_TIME
+    np.testing.assert_allclose(first[:, ALLOWANCE], np.log1p(whole / LARGEST_OFFSET**2), rtol=1e-6)
     costs = []
     for k in range(1, 6):
         observation, _, done, infos = env.step(np.full((3, 1), -1.0, np.float32))
         costs.append([info["cost"] for info in infos])
         last = (
-            [info["terminal_observation"][LEFT] for info in infos]
+            [info["terminal_observation"][ALLOWANCE] for info in infos]
             if k == 5
-            else observation[:, LEFT]
+            else observation[:, ALLOWANCE]
         )
         left = np.maximum(whole - np.sum(costs, axis=0), 0.0)
-        np.testing.assert_allclose(last, np.log1p(left / LARGEST**2), atol=1e-4)
+        np.testing.assert_allclose(last, np.log1p(left / LARGEST_OFFSET**2), atol=1e-4)
     np.testing.assert_allclose(np.sum(costs, axis=0), whole, rtol=1e-5)
     assert done.all() and costs[-1] == pytest.approx([0.0] * 3, abs=1e-8)
-    np.testing.assert_array_equal(observation[:, LEFT], first[:, LEFT])
+    np.testing.assert_array_equal(observation[:, ALLOWANCE], first[:, ALLOWANCE])
 
 
 def test_smaller_budgets_are_drawn_from_the_seed():
     (_, one) = constrained(least=0.4, n_lanes=200)
     (_, again) = constrained(least=0.4, n_lanes=200)
     np.testing.assert_array_equal(one, again)
-    share = np.sqrt(np.expm1(one[:, LEFT]) * LARGEST**2 / EPISODE) / BUDGET
+    share = np.sqrt(np.expm1(one[:, ALLOWANCE]) * LARGEST_OFFSET**2 / EPISODE_TIME) / BUDGET
     assert 0.4 < share.min() < 0.45 and 0.95 < share.max() < 1.0 and abs(share.mean() - 0.7) < 0.05
 
 
@@ -113,7 +113,7 @@ def test_what_faulty_vehicles_do_and_what_the_allowance_forbids_is_no_overdraft(
 
 def test_price_and_overdraft_are_relative_to_the_budget_of_the_episode():
     env, first = constrained(least=0.4, n_lanes=50)
-    budget = np.sqrt(np.expm1(first[:, LEFT]) * LARGEST**2 / EPISODE)
+    budget = np.sqrt(np.expm1(first[:, ALLOWANCE]) * LARGEST_OFFSET**2 / EPISODE_TIME)
     env.price = 0.5
     offsets = 0.1 * budget
     observation, reward, *_ = env.step((offsets / AMPLITUDE).astype(np.float32)[:, None])

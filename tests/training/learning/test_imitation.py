@@ -9,12 +9,12 @@ from diagnosers import Belief
 from training.active_env.sb3 import ActiveVecEnv
 from training.active_env.vector import ActiveDiagnosisVectorEnv
 from training.learning.constraint import ConstrainedVecEnv
-from training.learning.imitation import imitate, watched
+from training.learning.imitation import demonstrate, imitate
 from training.learning.stimulus import StimulusTrainer, seeded
 from training.stimuli import STIMULI
-from training.stimuli.base import EPISODE, LARGEST
-from training.stimuli.light_bank import lighter_bank
-from training.stimuli.policy_inputs import bent_odds, unbent
+from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET
+from training.stimuli.light_bank import light_bank
+from training.stimuli.policy_inputs import compressed_log_odds, log_probability_of
 from training.stimuli.surge_ahead import GAIN, surge_ahead
 
 
@@ -24,7 +24,7 @@ def probabilities(**chances):
 
 
 def ahead(log_probability, budget=0.1):
-    return surge_ahead(log_probability, np.array([EPISODE * budget**2]))[0]
+    return surge_ahead(log_probability, np.array([EPISODE_TIME * budget**2]))[0]
 
 
 def test_it_goes_ahead_by_the_odds_and_the_budget_where_doubt_is_of_hull_and_propellers():
@@ -36,16 +36,18 @@ def test_it_goes_ahead_by_the_odds_and_the_budget_where_doubt_is_of_hull_and_pro
     )
     assert (
         ahead(probabilities(normal=0.01, propeller_damage_port=0.45, propeller_loss_port=0.4))
-        == LARGEST
+        == LARGEST_OFFSET
     )
-    assert ahead(np.where(np.arange(len(classes())) == 1, -1e-9, -1e30)[None]) == LARGEST
+    assert ahead(np.where(np.arange(len(classes())) == 1, -1e-9, -1e30)[None]) == LARGEST_OFFSET
     assert ahead(probabilities(normal=0.1, motor_overheating_port=0.85)) == 0.0
 
 
-def test_bent_odds_are_unbent():
+def test_compressed_log_odds_give_back_the_log_probability():
     for normal in (0.999, 0.6, 0.01):
         log_probability = probabilities(normal=normal)
-        np.testing.assert_allclose(unbent(bent_odds(log_probability)), log_probability, rtol=1e-9)
+        np.testing.assert_allclose(
+            log_probability_of(compressed_log_odds(log_probability)), log_probability, rtol=1e-9
+        )
 
 
 def test_the_stimulus_follows_the_odds():
@@ -65,7 +67,7 @@ def test_the_stimulus_follows_the_odds():
 def test_worth_is_the_discounted_sum_of_what_follows():
     env = ConstrainedVecEnv(ActiveVecEnv(ActiveDiagnosisVectorEnv(3, 4, "random", cost_weight=0.0)))
     env.seed(1)
-    lessons = watched(env, 10, 0.5)
+    lessons = demonstrate(env, 10, 0.5)
     worth = lessons.worth.reshape(10, 3)
     gains = []
     env.seed(1)
@@ -80,10 +82,10 @@ def test_worth_is_the_discounted_sum_of_what_follows():
 def test_actor_and_critic_learn_what_was_done_and_what_it_was_worth():
     trainer = StimulusTrainer(0)
     env = ConstrainedVecEnv(
-        ActiveVecEnv(ActiveDiagnosisVectorEnv(64, diagnoser=lighter_bank(), cost_weight=0.0))
+        ActiveVecEnv(ActiveDiagnosisVectorEnv(64, diagnoser=light_bank(), cost_weight=0.0))
     )
     env.seed(1)
-    lessons = watched(env, 60, 0.9)
+    lessons = demonstrate(env, 60, 0.9)
     policy = trainer.model.policy
 
     def errors():

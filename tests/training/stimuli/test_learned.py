@@ -12,7 +12,7 @@ from training.active_env.vector import ActiveDiagnosisVectorEnv
 from training.learning.constraint import ConstrainedVecEnv
 from training.stimuli import STIMULI
 from training.stimuli.learned import Learned, LearnedHeld
-from training.stimuli.light_bank import lighter_bank
+from training.stimuli.light_bank import light_bank
 from training.stimuli.policy import SHAPES, LearnedPolicy
 from training.studies.stimulus_comparisons import LEARNED as SEEDS_OF_TRAINING
 
@@ -45,7 +45,7 @@ def policy(tmp_path, monkeypatch):
 
 def test_it_acts_as_the_policy_does_in_its_environment(policy):
     env = ConstrainedVecEnv(
-        ActiveVecEnv(ActiveDiagnosisVectorEnv(3, diagnoser=lighter_bank(), budget=0.1))
+        ActiveVecEnv(ActiveDiagnosisVectorEnv(3, diagnoser=light_bank(), budget=0.1))
     )
     env.venv._seeds = list(SEEDS)
     env.venv._options = [
@@ -53,7 +53,7 @@ def test_it_acts_as_the_policy_does_in_its_environment(policy):
     ]
     seen = env.reset()
     fleet = Fleet(3)
-    bank = lighter_bank()
+    bank = light_bank()
     stimulus = LearnedHeld(0.1)
     reading = fleet.reset(SEEDS, schedules=SCHEDULES, missions=MISSIONS)
     bank.reset(3)
@@ -104,10 +104,10 @@ def test_it_is_asked_at_every_sample_and_may_be_held_for_a_second(policy):
 
 
 def test_results_depend_on_the_file_of_the_policy(policy, tmp_path):
-    before = Learned().learnt
+    before = Learned().policy_digest
     drawn(1).save(tmp_path / "stimulus-filter_bank-0.safetensors")
-    assert Learned().learnt != before != ""
-    assert STIMULI["thesis"]().learnt == ""
+    assert Learned().policy_digest != before != ""
+    assert STIMULI["thesis"]().policy_digest == ""
 
 
 def test_a_missing_or_damaged_policy_is_refused(tmp_path, monkeypatch):
@@ -127,4 +127,4 @@ def test_every_policy_of_the_package_was_trained_with_its_own_seed(name):
         storage.WEIGHTS / f"stimulus-filter_bank-{stimulus.seed}.safetensors"
     )
     assert policy.diagnoser == "filter_bank"
-    assert len({STIMULI[other]().learnt for other in LEARNED}) == len(LEARNED) == 5
+    assert len({STIMULI[other]().policy_digest for other in LEARNED}) == len(LEARNED) == 5

@@ -4,11 +4,11 @@ import numpy as np
 
 from auv_fault_env import FaultEvent, Fleet, classes
 from diagnosers import check_diagnoser, make
-from training.stimuli.light_bank import PRIOR, SUSPECTED, UNSUSPECTED, lighter_bank, suspected
+from training.stimuli.light_bank import PRIOR, SUSPECTED, UNSUSPECTED, light_bank, suspected
 
 
 def test_it_has_the_classes_of_all_and_the_filters_of_few():
-    bank = lighter_bank()
+    bank = light_bank()
     whole = make("filter_bank")
     assert bank.classes == whole.classes
     filters = [one.hypotheses().hypothesis.size for one in (bank, whole)]
@@ -18,7 +18,7 @@ def test_it_has_the_classes_of_all_and_the_filters_of_few():
 
 
 def test_a_class_without_a_hypothesis_is_impossible_and_the_others_share_all():
-    bank = lighter_bank()
+    bank = light_bank()
     belief = bank_after(bank, FaultEvent("sensor_bias:port_current", 1.0, 1.0), 40)
     assert UNSUSPECTED.sum() == 6
     assert (belief.log_probability[:, UNSUSPECTED] < -1e5).all()
@@ -35,7 +35,7 @@ def test_what_is_not_suspected_is_dropped_and_the_rest_stays():
 
 
 def test_it_names_a_lost_propeller_as_the_whole_bank_does():
-    for bank in (lighter_bank(), make("filter_bank")):
+    for bank in (light_bank(), make("filter_bank")):
         belief = bank_after(bank, FaultEvent("propeller_loss:port", 2.0, 1.0), 100)
         assert (
             belief.log_probability.argmax(axis=1) == list(classes()).index("propeller_loss:port")

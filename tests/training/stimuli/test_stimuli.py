@@ -7,11 +7,11 @@ from auv_fault_env import MISSIONS, FaultEvent, Fleet, classes
 from auv_fault_env.channels import CHANNELS, MAXIMUM_COMMAND
 from auv_fault_env.errors import InputError
 from diagnosers import Belief, make
-from training.stimuli import BUDGET, EPISODE, STIMULI, Thesis
-from training.stimuli.base import LARGEST
+from training.stimuli import BUDGET, EPISODE_TIME, STIMULI, Thesis
+from training.stimuli.base import LARGEST_OFFSET
 from training.stimuli.closed_loop import ClosedLoop
 from training.stimuli.d_optimal import candidates, d_optimal, log_information
-from training.stimuli.triggered import SPELL, Triggered
+from training.stimuli.triggered import EXCITATION_TIME, Triggered
 from training.stimuli.waveforms import multisine, prbs, square
 
 MISSION_SPEED = list(CHANNELS).index("mission_speed")
@@ -21,7 +21,7 @@ OBSERVATION[
 ] = 0.3
 CLOSED = [name for name, stimulus in STIMULI.items() if issubclass(stimulus, ClosedLoop)]
 TRIGGERED = [name for name, stimulus in STIMULI.items() if issubclass(stimulus, Triggered)]
-N_SAMPLES = round(EPISODE * 10)
+N_SAMPLES = round(EPISODE_TIME * 10)
 
 # The mission speeds of the last two lanes leave no room below and above.
 FAULTS = {
@@ -70,7 +70,7 @@ def test_no_stimulus_spends_more_than_its_budget_with_a_diagnoser_in_the_loop(na
     assert (np.sqrt(np.mean(found**2, axis=0)) <= budget * (1 + 1e-9)).all()
     assert name == "cruise" or np.abs(found[:, 2:5]).max() > 0.25 * budget
     if name in CLOSED:
-        assert np.abs(found).max() <= LARGEST
+        assert np.abs(found).max() <= LARGEST_OFFSET
         healthy, faulty = (found[:, lanes] for lanes in (slice(0, 2), slice(2, 5)))
         assert np.sqrt(np.mean(healthy**2)) < 0.5 * budget and np.mean(healthy**2) < np.mean(
             faulty**2
@@ -151,14 +151,20 @@ def test_about_three_quarters_of_a_foot_per_second_it_is_the_thesis_mission():
 
 
 def test_waves_have_a_root_mean_square_of_one_and_open_loops_repeat_them():
-    for wave in (square(), prbs(), multisine(), d_optimal(EPISODE), d_optimal(SPELL)):
+    for wave in (
+        square(),
+        prbs(),
+        multisine(),
+        d_optimal(EPISODE_TIME),
+        d_optimal(EXCITATION_TIME),
+    ):
         assert np.sqrt(np.mean(wave**2)) == pytest.approx(1.0, rel=1e-12)
     for name in ("prbs", "multisine", "d_optimal"):
         wave = STIMULI[name].wave()
         np.testing.assert_allclose(
             offsets(STIMULI[name](0.04), 700)[:, 1], 0.04 * np.resize(wave, 700)
         )
-    assert N_SAMPLES % multisine().size == N_SAMPLES % d_optimal(EPISODE).size == 0
+    assert N_SAMPLES % multisine().size == N_SAMPLES % d_optimal(EPISODE_TIME).size == 0
 
 
 def test_the_pseudo_random_sequence_is_of_maximum_length():
@@ -176,16 +182,16 @@ def test_harmonics_of_the_multisine_are_equal_and_its_peak_is_low():
 
 
 def test_the_d_optimal_profile_tells_more_than_the_thesis_and_than_any_candidate():
-    best = d_optimal(EPISODE)
+    best = d_optimal(EPISODE_TIME)
     thesis = np.resize(square(), N_SAMPLES)
     others = np.stack(
         [best, thesis, np.resize(prbs(), N_SAMPLES), multisine()[np.arange(N_SAMPLES) % 325]]
     )
     information = log_information(BUDGET * others)
     assert information[0] > information[1:].max() + 0.1
-    few = candidates(EPISODE)[::13]
+    few = candidates(EPISODE_TIME)[::13]
     assert log_information(BUDGET * few).max() <= information[0] + 1e-9
-    assert abs(best.mean()) < 0.01 and np.abs(best).max() * BUDGET < LARGEST
+    assert abs(best.mean()) < 0.01 and np.abs(best).max() * BUDGET < LARGEST_OFFSET
 
 
 def test_constant_speed_tells_less_of_drag_and_thrust_than_any_profile():
@@ -202,7 +208,7 @@ def test_a_trigger_cruises_until_a_fault_is_suspected_and_spends_what_is_left_in
         found.append(stimulus.offset(k, OBSERVATION, belief(normal)))
     quiet, kept_on, suspected = np.transpose(found)
     assert not quiet.any() and not kept_on[:300].any() and not suspected[:300].any()
-    spread = 0.05 * np.sqrt(EPISODE / SPELL)  # 0.09 m/s
+    spread = 0.05 * np.sqrt(EPISODE_TIME / EXCITATION_TIME)  # 0.09 m/s
     np.testing.assert_allclose(kept_on, suspected, atol=1e-6)  # 0.7 is no calm
     assert np.mean(suspected[300:500] ** 2) == pytest.approx(spread**2, rel=0.02)
     assert np.abs(suspected[510:]).max() < 0.01  # spent
