@@ -8,6 +8,7 @@ arrays with the lane first.
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
@@ -55,17 +56,43 @@ class Diagnoser(Protocol):
         ...
 
 
+class RunningState:
+    """What a diagnoser remembers between two updates: everything about it that changes.
+
+    Attributes
+    ----------
+    state
+        That of the recursion after the last sample.
+    observation
+        (n_lanes, n_channels), the last readings, missing ones filled; None before a `reset`.
+    """
+
+    def __init__(self) -> None:
+        self.state: Any = None
+        self.observation: np.ndarray | None = None
+
+    def require_reset(self, operation: str) -> None:
+        """Refuse the operation before the first `reset`."""
+        if self.observation is None:
+            allowed = f"{operation} after a reset"
+            raise refusal(operation, "no reset before", allowed, "call reset(n_lanes) first")
+
+
 class Recursive(ABC):
     """A diagnoser as a pure recursion: `initial` makes a state, `step` takes state and observation to the next.
 
-    A subclass gives these two, and is a frozen dataclass if it has settings. A channel may be
-    silent: NaN means no reading, and the last one is held (zero before the first), but for channels
-    that are not in `held`: these silences are the diagnoser's to understand. The values of a
-    disconnected sensor (zeros) pass as they are.
+    A subclass gives these two, and is a frozen dataclass if it has settings: only `running` changes. NaN in a channel means that no reading arrived; the last one takes its place (zero
+    before the first), but for channels that are not in `filled_channels`, whose gaps the diagnoser
+    handles itself. The zeros of a disconnected sensor pass as they are.
     """
 
     name: str
-    held: ClassVar[slice] = slice(None)  # of the channels
+    filled_channels: ClassVar[slice] = slice(None)
+
+    @cached_property
+    def running(self) -> RunningState:
+        """The memory of the present episode."""
+        return RunningState()
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -74,7 +101,7 @@ class Recursive(ABC):
 
     @property
     def labels(self) -> Mapping[str, str | None]:
-        """For every class what the diagnoser can tell of it: classes of one label look alike to it, None is unknown."""
+        """The label of every class; the diagnoser cannot isolate classes with one label, nor detect those with None."""
         return {name: name for name in self.classes}
 
     @abstractmethod
@@ -88,21 +115,19 @@ class Recursive(ABC):
     def reset(self, n_lanes: int) -> None:
         """Forget everything and get ready for n_lanes vehicles at the start of an episode."""
         n_lanes = whole_number("number of lanes", n_lanes)
-        self.__dict__["_state"] = self.initial(n_lanes), np.zeros((n_lanes, len(CHANNELS)))
+        self.running.state = self.initial(n_lanes)
+        self.running.observation = np.zeros((n_lanes, len(CHANNELS)))
 
     def update(self, observation: np.ndarray) -> Belief:
         """The belief after the next observation (n_lanes, n_channels), 0.1 s later, channels as in `CHANNELS`.
 
         Raises `ValueError` for another shape, for infinite readings, and before the first `reset`.
         """
-        if "_state" not in self.__dict__:
-            raise refusal(
-                "update", "no reset before", "an update after a reset", "call reset(n_lanes) first"
-            )
-        state, held = self.__dict__["_state"]
-        observation = fill_missing(observation, held, self.held)
-        state, belief = self.step(state, observation)
-        self.__dict__["_state"] = state, observation
+        running = self.running
+        running.require_reset("update")
+        observation = fill_missing(observation, running.observation, self.filled_channels)
+        running.state, belief = self.step(running.state, observation)
+        running.observation = observation
         return belief
 
     def tensors(self) -> dict[str, np.ndarray]:
@@ -127,24 +152,27 @@ def same_severity(shape: tuple[int, int], mean: float, std: float) -> tuple[np.n
 
 
 def fill_missing(
-    observation: np.ndarray, held: np.ndarray, channels: slice = slice(None)
+    observation: np.ndarray, previous: np.ndarray, channels: slice = slice(None)
 ) -> np.ndarray:
-    """The observation as a float64 copy of its own, with held values where these channels have no reading."""
+    """The observation as a float64 copy of its own, with those of `previous` where these channels have NaN."""
     try:
         observation = np.array(observation, np.float64, order="C")
     except (TypeError, ValueError):
         raise refusal(
-            "observation", observation, f"numbers of shape {held.shape}", "give one row per lane"
+            "observation",
+            observation,
+            f"numbers of shape {previous.shape}",
+            "give one row per lane",
         ) from None
-    if observation.shape != held.shape:
+    if observation.shape != previous.shape:
         raise refusal(
             "observation's shape",
             observation.shape,
-            f"{held.shape}",
+            f"{previous.shape}",
             "give one row per lane of the reset",
         )
-    silent = np.isnan(observation[:, channels])
-    np.copyto(observation[:, channels], held[:, channels], where=silent)
+    missing = np.isnan(observation[:, channels])
+    np.copyto(observation[:, channels], previous[:, channels], where=missing)
     if np.isinf(observation).any():
         raise refusal(
             "observation", "infinity", "finite readings, NaN for none", "mend the reading"

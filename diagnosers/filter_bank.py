@@ -100,7 +100,7 @@ class FilterBank(Recursive):
     """
 
     name = "filter_bank"
-    held = slice(0, len(COMMANDS))
+    filled_channels = slice(0, len(COMMANDS))
     vehicle: str | Vehicle = "thesis1992"
     grades: tuple[tuple[float, float], ...] = ((0.1, 0.4), (0.4, 0.7), (0.7, 1.0))
     hazard: float = 1e-3

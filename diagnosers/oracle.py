@@ -35,22 +35,17 @@ class Oracle(FilterBank):
         severity
             (n_lanes,), the full severity of the fault to come, 0 to 1; None keeps the grades.
         """
-        if "_state" not in self.__dict__:
-            raise refusal(
-                "set_truth",
-                "no reset before",
-                "set_truth after a reset",
-                "call reset(n_lanes) first",
-            )
-        state, held = self.__dict__["_state"]
-        healthy = _checked("healthy parameters", healthy, (len(held), len(PARAMETERS)))
-        prior = state.prior
+        running = self.running
+        running.require_reset("set_truth")
+        n_lanes = len(running.observation)
+        healthy = _checked("healthy parameters", healthy, (n_lanes, len(PARAMETERS)))
+        prior = running.state.prior
         if severity is not None:
-            severity = _checked("severities", severity, (len(held),))
+            severity = _checked("severities", severity, (n_lanes,))
             if severity.min() < 0.0 or severity.max() > 1.0:
                 raise refusal("severities", severity, "numbers from 0 to 1", "give fractions")
-            prior = np.stack([severity, np.zeros(len(held)), severity], axis=1)[:, :, None]
-        self.__dict__["_state"] = self._begun(healthy, prior, CERTAIN), held
+            prior = np.stack([severity, np.zeros(n_lanes), severity], axis=1)[:, :, None]
+        running.state = self._begun(healthy, prior, CERTAIN)
 
 
 def _checked(thing: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

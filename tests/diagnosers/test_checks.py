@@ -77,10 +77,11 @@ class Forgetless(Mine):
     """Goes on where it was at the last reset."""
 
     def reset(self, n_lanes):
-        old = self.__dict__.get("_state")
+        state, observation = self.running.state, self.running.observation
         super().reset(n_lanes)
-        if old is not None and len(old[1]) == n_lanes:
-            self.__dict__["_state"] = old
+        if observation is not None and len(observation) == n_lanes:
+            self.running.state = state
+            self.running.observation = observation
 
 
 class Peeking(Mine):
@@ -109,7 +110,7 @@ class Touchy(Mine):
 
 class Careless(Mine):
     def update(self, observation):
-        n_lanes = len(self.__dict__["_state"][1])
+        n_lanes = len(self.running.observation)
         return super().update(np.resize(observation, (n_lanes, len(CHANNELS))))
 
 

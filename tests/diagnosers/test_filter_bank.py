@@ -181,7 +181,7 @@ def test_half_an_hour_leaves_healthy_vehicles_normal_and_every_number_finite():
     # with a hazard that stays as it is: -6 and -8
     assert (belief.log_probability[:2, 0] > np.log(0.5)).all()
     assert belief.log_probability[2, 0] < -1e3
-    assert all(np.isfinite(part).all() for part in bank._state[0].filters)
+    assert all(np.isfinite(part).all() for part in bank.running.state.filters)
     assert not any(np.isnan(part).any() for part in belief)
 
 
@@ -291,7 +291,7 @@ def test_hypotheses_that_explain_nothing_do_not_diverge():
     ).observations:
         belief = bank.update(observation)
         assert np.isfinite(belief.log_probability).all()
-    deviations = bank._state[0].filters[:, 2:4]
+    deviations = bank.running.state.filters[:, 2:4]
     assert np.abs(deviations).max() <= 0.9 + 1e-12
 
 

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.channels import CHANNELS
-from auv_fault_env.errors import refusal
 from auv_fault_env.faults import CATALOGUE, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import Mission
@@ -78,12 +77,8 @@ class KnownOnset(Oracle):
 
     def begin(self, lanes: np.ndarray) -> None:
         """Say that on these lanes (indices) the next sample is the first with a fault, if there is one."""
-        if "_state" not in self.__dict__:
-            raise refusal(
-                "begin", "no reset before", "a begin after a reset", "call reset(n_lanes) first"
-            )
-        state, held = self.__dict__["_state"]
-        self.__dict__["_state"] = self.state_at_onset(state, lanes), held
+        self.running.require_reset("begin")
+        self.running.state = self.state_at_onset(self.running.state, lanes)
 
 
 def log_likelihoods(bank: KnownOnset, lanes: Lanes, n_samples: int) -> np.ndarray:
