@@ -2,7 +2,7 @@
 
 from auv_fault_env.errors import refusal
 from training.arguments import Vehicle
-from training.field.logs.table import read_table
+from training.field.logs.files import read_table
 from training.field.proposal.proposal import propose
 from training.field.vehicle_file import write_vehicle
 
@@ -19,7 +19,7 @@ def main(arguments: Vehicle) -> None:
         for name in proposal.vehicle.columns
     )
     said = {
-        "repaired": table.repairs,
+        "repaired": table.remarks,
         "found": found,
         "not found": proposal.missing,
         "left out": proposal.left,

@@ -263,7 +263,7 @@ def _residual(values: np.ndarray | None, mission: np.ndarray) -> list[str]:
 
 def repairs(logs: Sequence[Log]) -> dict[str, Any] | None:
     """What was repaired while reading."""
-    rows = [[log.name, line] for log in logs for line in log.repairs]
+    rows = [[log.name, line] for log in logs for line in log.remarks]
     return rows and {
         "heading": REPAIRS,
         "text": ["What was repaired in the logs before they were used."],

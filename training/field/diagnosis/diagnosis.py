@@ -17,7 +17,7 @@ from diagnosers.registry import class_of
 from training.benchmark.thresholds import ONE_PER_10_HOURS
 from training.field.diagnosis.estimates import shaft_loads
 from training.field.logs.log import Log
-from training.field.logs.resolution import blurred, is_coarse, resolutions
+from training.field.logs.resolution import is_coarse, noise_with_rounding, resolutions
 from training.field.vehicle_file import VehicleFile
 from training.metrics import alarms
 from training.metrics.records import PERSISTENCE
@@ -110,7 +110,10 @@ def diagnoser_for(name: str, vehicle: VehicleFile, resolution: Mapping[str, floa
     settings = dict(
         vehicle=vehicle.vehicle,
         band=dict(vehicle.band),
-        noise={name: blurred(value, resolution.get(name, 0.0)) for name, value in noise.items()},
+        noise={
+            name: noise_with_rounding(value, resolution.get(name, 0.0))
+            for name, value in noise.items()
+        },
         resolution=dict(resolution),
         shafts=len(sides),
         faults=tuple(fault.name for fault in CATALOGUE.values() if not touches(fault, missing)),
@@ -176,7 +179,7 @@ def verdict(
         log=path,
         duration=float(log.time[-1] - log.time[0]),
         top=tuple((names[k], float(probability[k])) for k in order),
-        remarks=log.repairs,
+        remarks=log.remarks,
     )
     if not standing.any():
         return Verdict(verdict=HEALTHY, **said)

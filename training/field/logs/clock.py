@@ -1,4 +1,4 @@
-"""The clock of a log: stamps that are missing, wild, repeated, coarse or out of order, made a time that only grows."""
+"""The clock of a log: stamps that are missing, repeated or unordered become a time axis."""
 
 from typing import NamedTuple
 
@@ -6,142 +6,165 @@ import numpy as np
 
 from auv_fault_env.errors import refusal
 
-GAP = 5.0  # s: a longer one begins a new stretch
-JUMP = 86_400.0  # s: a longer gap is the clock being set, not time that has passed
+GAP = 5.0  # s: a longer one begins a new segment
+JUMP = 86_400.0  # s: a longer gap means that the clock was set, not that time has passed
 LATEST = 1e20  # s: beyond, a number is no time in any unit
-UNORDERED = 0.1  # share of steps back in time from which the rows are in no order at all
-SETTLED = 3  # rows after a step back by which a clock that was not set back has caught up
+UNORDERED = 0.1  # share of steps back in time from which the rows have no order
+SETTLED = 3  # rows after a step back within which a clock that was not set back catches up
+FEWEST_TICKS = 0.7  # of the rows per tick that the sample rate implies, to be a coarse clock
+MOST_TICKS = 1.4
 
 
-class Clock(NamedTuple):
-    """Rows of the table in the order of time, their time [s], and where unbroken stretches begin (first of each)."""
+class TimeAxis(NamedTuple):
+    """The rows of a table in the order of time.
+
+    Attributes
+    ----------
+    rows
+        Their numbers in the table, (n,).
+    time
+        Seconds from the first of them, (n,); it only grows.
+    starts
+        Where segments without a gap begin, as indices of `rows`.
+    """
 
     rows: np.ndarray
     time: np.ndarray
     starts: np.ndarray
 
+    @property
+    def ends(self) -> np.ndarray:
+        """Where the segments end, as indices of `rows`."""
+        return np.append(self.starts[1:], self.time.size)
 
-def clock_of(stamps: np.ndarray, sample_rate: float, repairs: list[str]) -> Clock:
+
+def time_axis(stamps: np.ndarray, sample_rate: float, remarks: list[str]) -> TimeAxis:
     """Put the rows of a log into the order of time.
 
     Parameters
     ----------
     stamps
-        Seconds, (n_rows,), as they stand in the log; NaN where they are missing.
+        Seconds, (n_rows,), as in the log; NaN where they are missing.
     sample_rate
-        Of the log [Hz], as the vehicle's file has it.
-    repairs
-        Gets a line for each thing repaired.
+        Of the log [Hz], from the vehicle file.
+    remarks
+        Receives a line for each kind of repair.
 
     Raises
     ------
     InputError
-        If there are no stamps, or if they are in another unit than the vehicle's file says.
+        If there are no stamps, or if they are in another unit than the vehicle file says.
     """
+    rows = _stamped_rows(stamps, remarks)
+    rows = _in_rough_order(rows, stamps, remarks)
+    is_isolated = _is_isolated(stamps[rows])
+    kind = "rows with a stamp far from those around it left out"
+    _add_remark(remarks, is_isolated.sum(), kind)
+    rows = rows[~is_isolated]
+    time = stamps[rows] - stamps[rows[0]]
+    time = _between_coarse_ticks(time, sample_rate, remarks)
+    n_restarts = _restarts_before(time, remarks)
+    order = np.lexsort((time, n_restarts))
+    is_step = (np.diff(time[order]) > 0) | (np.diff(n_restarts[order]) > 0)
+    is_last_of_stamp = np.append(is_step, True)
+    kind = "rows with the stamp of a later row left out"
+    _add_remark(remarks, (~is_last_of_stamp).sum(), kind)
+    order = order[is_last_of_stamp]
+    time = time[order]
+    _check_rate(time, sample_rate, remarks)
+    is_restart = np.diff(n_restarts[order]) > 0
+    return _with_segments(rows[order], time, is_restart, sample_rate, remarks)
+
+
+def _add_remark(remarks: list[str], count: int, kind: str) -> None:
+    if count:
+        remarks.append(f"time: {kind} ({count})")
+
+
+def _stamped_rows(stamps: np.ndarray, remarks: list[str]) -> np.ndarray:
     rows = np.flatnonzero(abs(stamps) < LATEST)
     if rows.size == 0:
-        raise refusal(
-            "time",
-            "no stamp",
-            "a number of seconds in each row",
-            "correct [time] in the vehicle file",
-        )
-    _say(repairs, stamps.size - rows.size, "rows without a stamp left out")
-    if np.mean(np.diff(stamps[rows], prepend=stamps[rows[0]]) < 0) > UNORDERED:
-        repairs.append("time: the rows are in no order; sorted by their stamps")
-        rows = rows[np.argsort(stamps[rows], kind="stable")]
-    kept = ~_wild(stamps[rows])
-    _say(repairs, rows.size - kept.sum(), "rows with a stamp far from those around it left out")
-    rows = rows[kept]
-    time = _spread(stamps[rows] - stamps[rows[0]], sample_rate, repairs)
-    block = _blocks(time, repairs)
-    order = np.lexsort((time, block))
-    rows = rows[order]
-    time = time[order]
-    block = block[order]
-    last = np.append((np.diff(time) > 0) | (np.diff(block) > 0), True)
-    _say(repairs, (~last).sum(), "rows whose stamp comes again left out, the last kept")
-    rows = rows[last]
-    time = time[last]
-    block = block[last]
-    _check_rate(time, sample_rate, repairs)
-    return _stretches(rows, time, np.diff(block) > 0, sample_rate, repairs)
+        allowed = "a number of seconds in each row"
+        raise refusal("time", "no stamp", allowed, "correct [time] in the vehicle file")
+    _add_remark(remarks, stamps.size - rows.size, "rows without a stamp left out")
+    return rows
 
 
-def _say(repairs: list[str], count: int, words: str) -> None:
-    if count:
-        repairs.append(f"time: {words} ({count})")
+def _in_rough_order(rows: np.ndarray, stamps: np.ndarray, remarks: list[str]) -> np.ndarray:
+    """The rows, sorted if most of their order is lost."""
+    steps = np.diff(stamps[rows], prepend=stamps[rows[0]])
+    if np.mean(steps < 0) <= UNORDERED:
+        return rows
+    remarks.append("time: the rows are in no order; sorted by their stamps")
+    return rows[np.argsort(stamps[rows], kind="stable")]
 
 
-def _wild(time: np.ndarray) -> np.ndarray:
-    """Single stamps that are far from both neighbours, which agree with each other."""
-    wild = np.zeros(time.size, bool)
+def _is_isolated(time: np.ndarray) -> np.ndarray:
+    """Whether a stamp is far from both neighbours, which are near each other."""
     before = time[:-2]
-    here = time[1:-1]
+    inner = time[1:-1]
     after = time[2:]
-    wild[1:-1] = (
-        (abs(here - before) > GAP) & (abs(here - after) > GAP) & (abs(after - before) <= GAP)
-    )
-    return wild
+    is_far = (abs(inner - before) > GAP) & (abs(inner - after) > GAP)
+    isolated = np.zeros(time.size, bool)
+    isolated[1:-1] = is_far & (abs(after - before) <= GAP)
+    return isolated
 
 
-def _spread(time: np.ndarray, sample_rate: float, repairs: list[str]) -> np.ndarray:
-    """Rows between two ticks of a clock that is coarser than the rows come, spread evenly over the tick."""
+def _between_coarse_ticks(time: np.ndarray, sample_rate: float, remarks: list[str]) -> np.ndarray:
+    """The time, rows with the same stamp spread evenly to the next if the clock is coarse."""
     ticks = np.flatnonzero(np.diff(time, prepend=-np.inf))
     count = np.diff(ticks, append=time.size)
     length = np.median(np.diff(time[ticks])) if ticks.size > 1 else 0.0
-    if not (
-        length > 0
-        and np.median(count) > 1
-        and 0.7 < np.median(count) / (length * sample_rate) < 1.4
-    ):
+    if length <= 0 or np.median(count) <= 1:
         return time
-    repairs.append(
-        f"time: the clock ticks every {length:.3g} s only; the rows between are spread evenly"
-    )
-    within = np.arange(time.size) - np.repeat(ticks, count)
-    return time + length * within / np.repeat(count, count)
+    if not FEWEST_TICKS < np.median(count) / (length * sample_rate) < MOST_TICKS:
+        return time
+    step = f"the clock ticks every {length:.3g} s only"
+    remarks.append(f"time: {step}; the rows between are spread evenly")
+    index_in_tick = np.arange(time.size) - np.repeat(ticks, count)
+    return time + length * index_in_tick / np.repeat(count, count)
 
 
-def _blocks(time: np.ndarray, repairs: list[str]) -> np.ndarray:
-    """Number of times that the clock has been set back before each row, (n_rows,)."""
+def _restarts_before(time: np.ndarray, remarks: list[str]) -> np.ndarray:
+    """How often the clock has been set back before each row, (n_rows,)."""
     back = np.flatnonzero(np.diff(time) < 0)
-    restarts = back[time[np.minimum(back + SETTLED, time.size - 1)] < time[back]]
-    _say(repairs, back.size - restarts.size, "rows out of order sorted in")
-    _say(repairs, restarts.size, "the clock is set back and a new stretch begins")
+    settled = np.minimum(back + SETTLED, time.size - 1)
+    restarts = back[time[settled] < time[back]]
+    _add_remark(remarks, back.size - restarts.size, "rows out of order sorted in")
+    _add_remark(remarks, restarts.size, "the clock is set back and a new segment begins")
     return np.searchsorted(restarts, np.arange(time.size), side="left")
 
 
-def _check_rate(time: np.ndarray, sample_rate: float, repairs: list[str]) -> None:
+def _check_rate(time: np.ndarray, sample_rate: float, remarks: list[str]) -> None:
     steps = np.diff(time)
-    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0 / sample_rate
+    positive = steps[steps > 0]
+    step = float(np.median(positive)) if positive.size else 1.0 / sample_rate
     ratio = step * sample_rate
     if not 0.02 < ratio < 50:
-        got = (
-            f"rows {step:.3g} s apart, {ratio:.3g} times what sample_rate = {sample_rate:g} Hz says"
-        )
-        raise refusal(
-            "time", got, "stamps in the unit that [time] names", "correct the unit or sample_rate"
-        )
+        expected = f"{ratio:.3g} times what sample_rate = {sample_rate:g} Hz says"
+        allowed = "stamps in the unit that [time] names"
+        got = f"rows {step:.3g} s apart, {expected}"
+        raise refusal("time", got, allowed, "correct the unit or sample_rate")
     if not 0.8 < ratio < 1.25:
-        repairs.append(
-            f"time: rows are {step:.3g} s apart, not {1 / sample_rate:.3g} s as sample_rate says"
-        )
+        expected = f"not {1 / sample_rate:.3g} s as sample_rate says"
+        remarks.append(f"time: rows are {step:.3g} s apart, {expected}")
 
 
-def _stretches(
+def _with_segments(
     rows: np.ndarray,
     time: np.ndarray,
-    restarted: np.ndarray,
+    is_restart: np.ndarray,
     sample_rate: float,
-    repairs: list[str],
-) -> Clock:
+    remarks: list[str],
+) -> TimeAxis:
     """Cut at gaps and where the clock was set; there the time goes on one sample later."""
     step = np.diff(time)
-    jumps = (step > JUMP) & ~restarted
-    gaps = (step > GAP) & ~restarted & ~jumps
-    _say(repairs, gaps.sum(), f"gaps of more than {GAP:g} s, after which a new stretch begins")
-    _say(repairs, jumps.sum(), "the clock jumps by more than a day and a new stretch begins")
-    step = np.where(restarted | jumps, 1.0 / sample_rate, step)
-    starts = 1 + np.flatnonzero(gaps | jumps | restarted)
-    return Clock(rows, np.append(0.0, np.cumsum(step)), np.append(0, starts))
+    is_jump = (step > JUMP) & ~is_restart
+    is_gap = (step > GAP) & ~is_restart & ~is_jump
+    kind = f"gaps of more than {GAP:g} s, after which a new segment begins"
+    _add_remark(remarks, is_gap.sum(), kind)
+    kind = "the clock jumps by more than a day and a new segment begins"
+    _add_remark(remarks, is_jump.sum(), kind)
+    step = np.where(is_restart | is_jump, 1.0 / sample_rate, step)
+    starts = 1 + np.flatnonzero(is_gap | is_jump | is_restart)
+    return TimeAxis(rows, np.append(0.0, np.cumsum(step)), np.append(0, starts))

@@ -1,4 +1,4 @@
-"""How finely a log tells its readings apart: repeated values mean a stuck sensor only where they need not occur."""
+"""The resolution of a log: repeated values mean a stuck sensor only where its steps are fine."""
 
 import numpy as np
 
@@ -6,23 +6,24 @@ from auv_fault_env.channels import CHANNELS, READINGS
 from training.field.logs.log import Log
 from training.field.vehicle_file import VehicleFile
 
-# standard deviations; a sensor of coarser steps repeats itself so often that it may as well be
-# stuck
+# standard deviations; a sensor with coarser steps repeats itself as often as a stuck one
 COARSE = 0.5
 # standard deviations; values further apart are levels of a command, not steps of a sensor
-FARTHEST = 10.0
-# standard deviations; step of what never changes, with which a repetition tells nothing
-STAYING = 2.5
-ROUNDING = 0.6  # of a step, what a reading may be off, again and again while the vehicle is steady
-EVEN = 0.01  # of a step, how far values may be from a common grid
+LARGEST_STEP = 10.0
+# standard deviations; step of a constant column, at which a repetition is no evidence
+CONSTANT_STEP = 2.5
+# of a step; error of a reading that stays the same while the vehicle's speed is constant
+ROUNDING = 0.6
+GRID_TOLERANCE = 0.01  # of a step, how far values may be from a common grid
 
 
 def resolutions(log: Log, vehicle: VehicleFile) -> dict[str, float]:
-    """Step between neighbouring values of every reading of the vehicle [channel's unit]; 0 where there is no grid."""
-    columns = {name: list(CHANNELS).index(name) for name in READINGS if name in vehicle.columns}
+    """Step between neighbouring values of every reading [channel's unit]; 0 without a grid."""
+    channels = list(CHANNELS)
     return {
-        name: resolution(log.observation[:, column], noise_of(name, vehicle))
-        for name, column in columns.items()
+        name: resolution(log.observation[:, channels.index(name)], noise_of(name, vehicle))
+        for name in READINGS
+        if name in vehicle.columns
     }
 
 
@@ -32,25 +33,24 @@ def noise_of(reading: str, vehicle: VehicleFile) -> float:
 
 
 def is_coarse(step: float, noise: float) -> bool:
-    """Whether a healthy sensor of such a resolution repeats itself so often that a stuck one cannot be told from it."""
+    """Whether a healthy sensor with this step repeats itself as often as a stuck one."""
     return step > COARSE * noise
 
 
-def blurred(noise: float, step: float) -> float:
+def noise_with_rounding(noise: float, step: float) -> float:
     """Standard deviation of a reading, its rounding included."""
     return max(noise, ROUNDING * step)
 
 
-def limited(step: float, noise: float) -> float:
-    """The step if it may be that of a sensor, else that of a command that stays."""
-    return step if step <= FARTHEST * noise else STAYING * noise
+def sensor_step(step: float, noise: float) -> float:
+    """The step if it can be that of a sensor, else the step of a constant column."""
+    return step if step <= LARGEST_STEP * noise else CONSTANT_STEP * noise
 
 
 def resolution(values: np.ndarray, noise: float) -> float:
-    """Step of the grid on which the values (n,) lie, NaN for none, as `limited`; 0 without a grid.
+    """Step of the grid on which the values (n,) lie, NaN for none, as `sensor_step`; else 0.
 
-    A constant column is taken for a command that stays: whether it is stuck, repetition does not
-    tell.
+    A constant column is taken for a constant command: repetition does not show whether it is stuck.
 
     >>> (
     ...     resolution(np.array([0.5, 0.75, 0.5, 1.25]), noise=1.0),
@@ -58,22 +58,23 @@ def resolution(values: np.ndarray, noise: float) -> float:
     ... )
     (0.25, 0.0)
     """
-    heard = values[~np.isnan(values)]
-    levels = np.unique(heard)
+    available = values[~np.isnan(values)]
+    levels = np.unique(available)
     if levels.size < 2:
-        return STAYING * noise
+        return CONSTANT_STEP * noise
     step = float(np.diff(levels).min())
     counts = (levels - levels[0]) / step
-    on_grid = np.abs(counts - np.round(counts)).max() < EVEN
-    return limited(step, noise) if on_grid or levels.size < heard.size / 2 else 0.0
+    is_on_grid = np.abs(counts - np.round(counts)).max() < GRID_TOLERANCE
+    is_repeated = levels.size < available.size / 2
+    return sensor_step(step, noise) if is_on_grid or is_repeated else 0.0
 
 
 def printed_resolution(text: str, scale: float, noise: float) -> float:
-    """Step between the values that a number printed like this can take, times the scale of its column's unit.
+    """Step between the values that a number printed like this can take, times the column's scale.
 
     >>> printed_resolution("12.50", 1.0, noise=1.0), printed_resolution("3", 0.1, noise=0.05)
     (0.01, 0.1)
     """
     mantissa, _, exponent = text.strip().lower().partition("e")
-    decimals = len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0)
-    return limited(abs(scale) * 10.0**-decimals, noise)
+    decimals = len(mantissa.partition(".")[2]) - int(exponent or 0)
+    return sensor_step(abs(scale) * 10.0**-decimals, noise)

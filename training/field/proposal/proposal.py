@@ -8,7 +8,7 @@ import numpy as np
 from auv_fault_env.channels import CHANNELS, READINGS
 from auv_fault_env.errors import refusal
 from auv_fault_env.parameters import SAMPLE_RATE, SIDES, Vehicle
-from training.field.logs.plausible import IMPOSSIBLE, largest
+from training.field.logs.plausible import IMPOSSIBLE, largest_magnitudes
 from training.field.logs.table import Table
 from training.field.proposal.header import SIDED, Meaning, meaning
 from training.field.units import UNITS
@@ -128,7 +128,7 @@ def _guesses(
     table: Table, meanings: Mapping[str, Meaning], labels: Mapping[str, str], vehicle: Vehicle
 ) -> dict[str, Guess]:
     """Columns with unit and sign. What turns with the speed has its sign; without a speed all go ahead mostly."""
-    limits = largest(vehicle)
+    limits = largest_magnitudes(vehicle)
     guesses = {
         channel: _scaled(
             channel, table.columns[label], label, meanings[label], limits[channel], vehicle

@@ -11,7 +11,8 @@ import pytest
 
 from auv_fault_env.errors import InputError
 from training.field.diagnosis.diagnosis import THRESHOLDS, beliefs
-from training.field.diagnosis.stream import LONGEST_LINE, follow, lines
+from training.field.diagnosis.stream import follow, lines
+from training.field.logs.cells import LONGEST_LINE
 from training.field.vehicle_file import Column, write_vehicle
 
 from ..fleet_logs import NAMES, VEHICLE, csv_lines, episode, log_of

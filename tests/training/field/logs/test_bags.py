@@ -9,9 +9,9 @@ from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import InputError
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import vehicle_of
-from training.field.logs.bags import LONGEST, read_bag
+from training.field.logs.bags import LONGEST_ARRAY, read_bag
+from training.field.logs.files import read_table
 from training.field.logs.log import read_log
-from training.field.logs.table import read_table
 from training.field.vehicle_file import Column, VehicleFile
 from training.rollouts import roll_out
 
@@ -81,7 +81,7 @@ def test_topics_become_columns_on_one_axis(tmp_path, place):
     plugin, what = place
     messages = [number(0.0, "/speed", 0.5), motor(0.05, (300.0, 310.0)), number(0.1, "/speed", 0.6)]
     table = read_table(what(write(tmp_path / "bag", messages, plugin)))
-    assert table.repairs == ()
+    assert table.remarks == ()
     nan = np.nan
     expected = {
         "time": [0.0, 0.05, 0.1],
@@ -138,7 +138,7 @@ def test_an_array_that_grows_fills_its_columns_when_it_can(tmp_path):
 
 def test_a_long_array_is_no_reading(tmp_path):
     columns = read_bag(
-        write(tmp_path / "bag", [motor(0.0, (1.0, 2.0), np.zeros(LONGEST + 1))])
+        write(tmp_path / "bag", [motor(0.0, (1.0, 2.0), np.zeros(LONGEST_ARRAY + 1))])
     ).columns
     assert not [name for name in columns if "temperatures" in name]
 
@@ -149,7 +149,7 @@ def test_messages_that_cannot_be_decoded_are_left_out_and_counted(tmp_path):
         write(tmp_path / "bag", [number(0.0, "/speed", 1.0), broken, number(1.0, "/speed", 2.0)])
     )
     np.testing.assert_array_equal(table.columns["/speed/data"], [1.0, 2.0])
-    assert table.repairs == ("/speed: 1 messages that cannot be decoded left out",)
+    assert table.remarks == ("/speed: 1 messages that cannot be decoded left out",)
 
 
 def cut(folder):

@@ -6,7 +6,7 @@ import pytest
 
 from auv_fault_env import CATALOGUE, CHANNELS, PRESETS, FaultEvent, Fleet
 from auv_fault_env.errors import InputError
-from training.field.logs.log import Log, channels_of, read_log
+from training.field.logs.log import Log, observations_of, read_log
 from training.field.vehicle_file import Column, VehicleFile
 
 INDEX = {name: k for k, name in enumerate(CHANNELS)}
@@ -41,7 +41,7 @@ def channel(log, name):
 def test_log_of_the_vehicles_own_rate_is_taken_as_it_is(tmp_path):
     log = read(tmp_path, 0.1 * np.arange(150) + 1e5)
     assert log.name == "log.csv"
-    assert log.repairs == ()
+    assert log.remarks == ()
     assert log.segments == (slice(0, 150),)
     np.testing.assert_allclose(log.time, 0.1 * np.arange(150), atol=1e-9)
     np.testing.assert_array_equal(channel(log, "speed"), np.resize(SPEED, 150))
@@ -70,7 +70,7 @@ def test_units_scale_and_offset(tmp_path):
 
 @pytest.mark.parametrize("one", ["mission_speed", "speed_command"])
 def test_one_setpoint_stands_for_both(one):
-    rows = channels_of({one: np.array([0.3, 0.4]), "speed": np.array([0.1, 0.2])})
+    rows = observations_of({one: np.array([0.3, 0.4]), "speed": np.array([0.1, 0.2])})
     np.testing.assert_array_equal(rows[:, INDEX["mission_speed"]], [0.3, 0.4])
     np.testing.assert_array_equal(rows[:, INDEX["speed_command"]], [0.3, 0.4])
 
@@ -91,7 +91,7 @@ def test_fast_log_keeps_the_nearest_row(tmp_path):
     nearest = np.append(log.time[:-1], time[-1])
     assert log.time[-1] == pytest.approx(15.0)
     np.testing.assert_allclose(channel(log, "speed"), 0.3 + nearest / 100, atol=1e-12)
-    assert log.repairs == ("time: rows come every 0.01 s; the nearest to each 0.1 s is kept",)
+    assert log.remarks == ("time: rows come every 0.01 s; the nearest to each 0.1 s is kept",)
 
 
 def test_jitter_neither_invents_nor_shifts_readings(tmp_path):
@@ -123,7 +123,7 @@ def test_rows_of_other_instruments_are_passed_over(tmp_path):
     n[::100] = np.resize(RPM, 150)
     log = read(tmp_path, time, u=u, n=n, depth=time)
     np.testing.assert_array_equal(channel(log, "speed"), u[::100])
-    assert log.repairs == ()
+    assert log.remarks == ()
 
 
 def test_no_fault_makes_a_log_unusable(tmp_path):
@@ -150,7 +150,7 @@ def test_gap_begins_a_segment_and_keeps_its_length(tmp_path):
     log = read(tmp_path, time)
     assert log.segments == (slice(0, 150), slice(150, 270))
     np.testing.assert_allclose(log.time[[0, 149, 150, 269]], [0.0, 14.9, 100.0, 111.9])
-    assert log.repairs == ("time: gaps of more than 5 s, after which a new stretch begins (1)",)
+    assert log.remarks == ("time: gaps of more than 5 s, after which a new segment begins (1)",)
 
 
 def test_gap_of_less_stays_within_a_segment(tmp_path):
@@ -167,7 +167,7 @@ def test_clock_that_is_set_begins_a_segment_and_time_goes_on(tmp_path, restart):
     log = read(tmp_path, time)
     assert log.segments == (slice(0, 150), slice(150, 270))
     np.testing.assert_allclose(log.time, 0.1 * np.arange(270), atol=1e-6)
-    assert "a new stretch begins (1)" in log.repairs[0]
+    assert "a new segment begins (1)" in log.remarks[0]
 
 
 def test_short_stretch_is_left_out(tmp_path):
@@ -175,14 +175,14 @@ def test_short_stretch_is_left_out(tmp_path):
     log = read(tmp_path, time)
     assert log.segments == (slice(0, 120),)
     assert log.time[0] == 0.0
-    assert log.repairs[-1] == "time: stretches shorter than 10 s left out (1)"
+    assert log.remarks[-1] == "time: segments shorter than 10 s left out (1)"
 
 
 def test_coarse_clock_is_spread(tmp_path):
     log = read(tmp_path, np.repeat(np.arange(20), 10))
     assert len(log.time) == 200
     assert np.isfinite(channel(log, "speed")).all()
-    assert log.repairs == (
+    assert log.remarks == (
         "time: the clock ticks every 1 s only; the rows between are spread evenly",
     )
 
@@ -192,7 +192,7 @@ def test_rows_logged_twice_are_not_taken_for_a_coarse_clock(tmp_path):
     u = np.resize(SPEED, 300)
     log = read(tmp_path, time, u=u)
     np.testing.assert_array_equal(channel(log, "speed"), u[1::2])
-    assert log.repairs == ("time: rows whose stamp comes again left out, the last kept (150)",)
+    assert log.remarks == ("time: rows with the stamp of a later row left out (150)",)
 
 
 @pytest.mark.parametrize("order", ["reversed", "shuffled"])
@@ -204,7 +204,7 @@ def test_rows_in_no_order_are_sorted(tmp_path, order):
     )
     log = read(tmp_path, time, u=0.3 + time / 100)
     np.testing.assert_allclose(channel(log, "speed"), 0.3 + log.time / 100)
-    assert log.repairs == ("time: the rows are in no order; sorted by their stamps",)
+    assert log.remarks == ("time: the rows are in no order; sorted by their stamps",)
 
 
 def test_readings_that_are_wrong_but_possible_pass(tmp_path):
@@ -212,7 +212,7 @@ def test_readings_that_are_wrong_but_possible_pass(tmp_path):
     u[75:] = 0.0
     log = read(tmp_path, 0.1 * np.arange(150), u=u)
     np.testing.assert_array_equal(channel(log, "speed"), u)
-    assert log.repairs == ()
+    assert log.remarks == ()
 
 
 @pytest.mark.parametrize(
@@ -239,13 +239,13 @@ def test_units_that_disagree_are_said_with_the_one_that_would_explain_it(tmp_pat
         0.1 * np.arange(150),
         **{name: np.resize(values, 150) for name, values in columns.items()},
     )
-    assert len(log.repairs) == 1
-    assert re.match(words, log.repairs[0])
+    assert len(log.remarks) == 1
+    assert re.match(words, log.remarks[0])
 
 
 def test_vehicle_without_thrust_is_not_compared(tmp_path):
     settings = replace(vehicle(), vehicle=replace(PRESETS["thesis1992"], beta=0.0))
-    assert read(tmp_path, 0.1 * np.arange(150), settings).repairs == ()
+    assert read(tmp_path, 0.1 * np.arange(150), settings).remarks == ()
 
 
 def test_missing_column_is_refused_with_the_nearest(tmp_path):

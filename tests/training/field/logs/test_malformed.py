@@ -1,4 +1,4 @@
-"""Logs as bad as they come: each is refused in one line, or read with a line for each repair."""
+"""Logs as bad as they come: each is refused in one line, or read with a remark for each repair."""
 
 import gzip
 import os
@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from auv_fault_env import CHANNELS, PRESETS
 from auv_fault_env.errors import InputError
+from training.field.logs.files import read_table
 from training.field.logs.log import Log, read_log
-from training.field.logs.table import read_table
 from training.field.proposal.proposal import propose
 from training.field.vehicle_file import Column, VehicleFile
 
@@ -82,7 +82,7 @@ REPAIRED = {
     ),
     "a name twice": (
         text([[*row, "0"] for row in ROWS], [*NAMES, "I"]),
-        ["'I' is there more than once", "'I (2)'"],
+        ["'I' occurs more than once", "'I (2)'"],
     ),
     "last row cut": (text()[:-9], ["rows: those without 5 cells, such as"]),
     "comments between": (
@@ -91,7 +91,7 @@ REPAIRED = {
     ),
     "header again": (
         text() + text().replace("\n", "\n2", 1),
-        ["t: cells that are no numbers, such as 't'"],
+        ["t: cells without a number, such as 't'"],
     ),
     "stray quotation mark": (
         text().replace("0.402", '"0.402', 1),
@@ -110,7 +110,7 @@ REPAIRED = {
     ),
     "words for numbers": (
         changed("u", "ERR", slice(10, 12)),
-        ["u: cells that are no numbers, such as 'ERR'", "(2)"],
+        ["u: cells without a number, such as 'ERR'", "(2)"],
     ),
     "never read": (changed("V", "-"), ["port_voltage: never read"]),
     "constant": (changed("u", "0.4"), ["speed: constant at 0.4 m/s throughout"]),
@@ -129,7 +129,7 @@ REPAIRED = {
     "rev/s for rpm": (scaled("n", 1 / 60), ["speed is 6", "as if with shaft speed in rev/s"]),
     "stamps twice": (
         reordered(np.repeat(range(200), 2)),
-        ["whose stamp comes again left out, the last kept (200)"],
+        ["rows with the stamp of a later row left out (200)"],
     ),
     "one row out of order": (
         reordered([*range(50), 51, 50, *range(52, 200)]),
@@ -138,7 +138,7 @@ REPAIRED = {
     "backwards": (reordered(range(199, -1, -1)), ["the rows are in no order; sorted"]),
     "clock set back": (
         text([*ROWS, *ROWS]),
-        ["time: the clock is set back and a new stretch begins (1)"],
+        ["time: the clock is set back and a new segment begins (1)"],
     ),
     "clock set to the date": (
         changed("t", lambda value: f"{value + 1.8e9:.1f}", slice(100, 200)),
@@ -158,11 +158,11 @@ REPAIRED = {
     ),
     "gap": (
         changed("t", lambda value: f"{value + 60:.1f}", slice(100, 200)),
-        ["gaps of more than 5 s, after which a new stretch begins (1)"],
+        ["gaps of more than 5 s, after which a new segment begins (1)"],
     ),
     "stretch too short": (
         text([*ROWS[:150], ["99", *ROWS[0][1:]]]),
-        ["stretches shorter than 10 s left out (1)"],
+        ["segments shorter than 10 s left out (1)"],
     ),
     "slower than it should be": (
         changed("t", lambda value: f"{2 * value}"),
@@ -245,7 +245,7 @@ def read(path, content) -> Log:
 
 
 def assert_sound(log: Log) -> None:
-    """A log is a grid within its segments, which follow on each other, and says each repair in one line."""
+    """A log is a grid within its segments, which follow on each other, and names each repair in one line."""
     assert log.observation.shape == (len(log.time), len(CHANNELS))
     assert [part.start for part in log.segments] == [0, *(part.stop for part in log.segments[:-1])]
     assert log.segments[-1].stop == len(log.time)
@@ -253,7 +253,7 @@ def assert_sound(log: Log) -> None:
     for part in log.segments:
         np.testing.assert_allclose(np.diff(log.time[part]), 0.1, atol=1e-6)
         assert len(log.time[part]) >= 99
-    assert all(line and "\n" not in line for line in log.repairs)
+    assert all(line and "\n" not in line for line in log.remarks)
 
 
 @pytest.mark.parametrize(("content", "words"), REPAIRED.values(), ids=REPAIRED)
@@ -261,7 +261,7 @@ def test_repaired_and_said(path, content, words):
     log = read(path, content)
     assert_sound(log)
     for word in words:
-        assert any(word in line for line in log.repairs), log.repairs
+        assert any(word in line for line in log.remarks), log.remarks
     values = log.observation[:, list(CHANNELS).index("speed")]
     assert np.nanmedian(values) == pytest.approx(0.4, abs=0.01)
 
@@ -269,7 +269,7 @@ def test_repaired_and_said(path, content, words):
 @pytest.mark.parametrize("content", AS_IT_IS.values(), ids=AS_IT_IS)
 def test_variants_are_read_as_they_are(path, content):
     log = read(path, content)
-    assert log.repairs == ()
+    assert log.remarks == ()
     np.testing.assert_array_equal(log.observation, read(path, text()).observation)
 
 

@@ -6,13 +6,13 @@ import pyarrow.parquet
 import pytest
 
 from auv_fault_env.errors import InputError
-from training.field.logs import table as module
-from training.field.logs.table import read_table
+from training.field.logs import files
+from training.field.logs.files import read_table
 
 EXPECTED = {"t": [0.0, 0.5, 1.0], "u": [0.25, -1.5, 2.0]}
 PLAIN = "t,u\n0,0.25\n0.5,-1.5\n1,2\n"
 
-# The same table as people write it, and what is said of it.
+# The same table as people write it, and the remarks on it.
 DIALECTS = {
     "plain": (PLAIN, ()),
     "no last line end": (PLAIN.strip(), ()),
@@ -84,15 +84,15 @@ def assert_is(table, expected=EXPECTED):
         np.testing.assert_allclose(table.columns[name], values, err_msg=name)
 
 
-@pytest.mark.parametrize(("text", "said"), DIALECTS.values(), ids=DIALECTS)
-def test_dialects(tmp_path, text, said):
+@pytest.mark.parametrize(("text", "remarks"), DIALECTS.values(), ids=DIALECTS)
+def test_dialects(tmp_path, text, remarks):
     table = read_table(write(tmp_path, text))
     assert_is(table)
-    assert table.repairs == said
+    assert table.remarks == remarks
 
 
 @pytest.mark.parametrize(
-    ("encoding", "said"),
+    ("encoding", "remark"),
     [
         ("utf-16", "encoding: read as UTF-16"),
         ("utf-16-le", "encoding: read as UTF-16-LE"),
@@ -100,10 +100,10 @@ def test_dialects(tmp_path, text, said):
         ("latin-1", "encoding: read as LATIN-1"),
     ],
 )
-def test_encodings(tmp_path, encoding, said):
+def test_encodings(tmp_path, encoding, remark):
     table = read_table(write(tmp_path, PLAIN.replace("u", "Höhe über Grund").encode(encoding)))
     assert_is(table, {"t": EXPECTED["t"], "Höhe über Grund": EXPECTED["u"]})
-    assert table.repairs == (said,)
+    assert table.remarks == (remark,)
 
 
 def test_units_below_the_header(tmp_path):
@@ -119,19 +119,19 @@ def test_words_for_missing_true_and_infinite(tmp_path):
     np.testing.assert_equal(
         table.columns["u"], [np.nan] * 5 + [1, 0, np.inf, -np.inf, np.inf, np.nan]
     )
-    assert table.repairs == ("u: cells that are no numbers, such as 'bad', taken as missing (1)",)
+    assert table.remarks == ("u: cells without a number, such as 'bad', taken as missing (1)",)
 
 
 def test_header_in_the_midst(tmp_path):
     table = read_table(write(tmp_path, PLAIN + PLAIN))
     np.testing.assert_equal(table.columns["t"], [0, 0.5, 1, np.nan, 0, 0.5, 1])
-    assert table.repairs[0] == "t: cells that are no numbers, such as 't', taken as missing (1)"
+    assert table.remarks[0] == "t: cells without a number, such as 't', taken as missing (1)"
 
 
 def test_names_that_come_twice(tmp_path):
     table = read_table(write(tmp_path, "t,u,u\n0,1,2\n1,3,4\n"))
     assert_is(table, {"t": [0, 1], "u": [1, 3], "u (2)": [2, 4]})
-    assert table.repairs == ("header: 'u' is there more than once; one of them is called 'u (2)'",)
+    assert table.remarks == ("header: 'u' occurs more than once; one is called 'u (2)'",)
 
 
 STAMPS = {
@@ -157,13 +157,13 @@ def test_gzip_whole_and_broken_off(tmp_path):
     packed = gzip.compress(PLAIN.encode()) + gzip.compress(b"1.5,3\n")
     table = read_table(write(tmp_path, packed, "log.csv.gz"))
     assert_is(table, {"t": [0, 0.5, 1, 1.5]})
-    assert table.repairs == ()
+    assert table.remarks == ()
     rows = "".join(f"{k},{k * 0.37:.3f}\n" for k in range(20_000))
     packed = gzip.compress(("t,u\n" + rows).encode())
     table = read_table(write(tmp_path, packed[: len(packed) // 2], "log.csv.gz"))
     assert 8000 < len(table.columns["t"]) < 12_000
     assert table.columns["u"][100] == 37.0
-    assert table.repairs[0].startswith("gzip: breaks off; the ")
+    assert table.remarks[0].startswith("gzip: breaks off; the ")
 
 
 def test_parquet_of_any_type(tmp_path):
@@ -196,7 +196,7 @@ def test_bags_are_left_to_their_reader(tmp_path, start):
 
 
 def test_limits_of_size(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "LARGEST", 100)
+    monkeypatch.setattr(files, "LARGEST", 100)
     with pytest.raises(InputError, match="at most 0 MiB; split it"):
         read_table(write(tmp_path, PLAIN * 10))
     with pytest.raises(InputError, match="at most 0 MiB unpacked; split it"):
