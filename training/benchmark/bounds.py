@@ -39,7 +39,11 @@ from training.bounds.delays import (
     mean_inverse_ratio,
     neyman_pearson_power,
 )
-from training.bounds.information import suite_like, told, untold
+from training.bounds.information import (
+    log_likelihoods_known_severity,
+    log_likelihoods_unknown_severity,
+    simulate_suite_lanes,
+)
 from training.metrics.intervals import interval
 from training.metrics.records import HORIZON
 from training.stimuli import Stimulus
@@ -57,16 +61,19 @@ FEWEST = 8
 
 def bounds_of(stimulus: Stimulus, seed: int, n_lanes: int) -> dict[str, Any]:
     """All bounds under a stimulus, from so many lanes like those of the standard suite."""
-    lanes = suite_like(stimulus, seed, n_lanes)
-    known = told(lanes)
-    free = untold(lanes)
+    lanes = simulate_suite_lanes(stimulus, seed, n_lanes)
+    known = log_likelihoods_known_severity(lanes)
+    free = log_likelihoods_unknown_severity(lanes)
     diagnosis = lanes.diagnosis
     by_class = {
         name: _of_class(known[:, diagnosis == k], free[:, diagnosis == k], k, seed)
         for k, name in enumerate(classes())
         if (diagnosis == k).any()
     }
-    healthy = _own(told(suite_like(stimulus, seed, n_lanes, healthy=True)), diagnosis)
+    healthy = _own(
+        log_likelihoods_known_severity(simulate_suite_lanes(stimulus, seed, n_lanes, healthy=True)),
+        diagnosis,
+    )
     curves = np.mean([one["delay_by_rate"] for one in by_class.values()], axis=0)
     detection = {
         rate: _mean([one["detection_delay"][rate] for one in by_class.values()]) for rate in RATES

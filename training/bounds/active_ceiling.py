@@ -19,7 +19,7 @@ from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import Belief
 from training.bounds.delays import late_rate
-from training.bounds.information import run, untold
+from training.bounds.information import log_likelihoods_unknown_severity, simulate_lanes
 from training.metrics.records import HORIZON
 from training.seeds import seeds
 from training.stimuli import BUDGET, Cruise, Stimulus, Thesis
@@ -65,7 +65,7 @@ class Profile(NamedTuple):
     roundness: float
 
 
-def offsets(profiles: np.ndarray, time: float, budget: float) -> np.ndarray:
+def profile_offsets(profiles: np.ndarray, time: float, budget: float) -> np.ndarray:
     """Speed offsets [m/s], (n_profiles,), of profiles (n_profiles, 3) at a time [s].
 
     Over `WINDOW` their mean is zero and their root mean square the budget.
@@ -80,14 +80,14 @@ def offsets(profiles: np.ndarray, time: float, budget: float) -> np.ndarray:
     return budget * level * (flat + roundness * np.sin(np.pi * within)) / np.sqrt(mean_square)
 
 
-def levels(profiles: np.ndarray, budget: float) -> np.ndarray:
+def scale_to_budget(profiles: np.ndarray, budget: float) -> np.ndarray:
     """Levels (n_profiles, LEVELS) shifted and scaled to a mean of zero and a root mean square of the budget."""
     centred = profiles - profiles.mean(axis=1, keepdims=True)
     return budget * centred / np.sqrt(np.mean(np.square(centred), axis=1, keepdims=True))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Repeated(Stimulus):
+class RepeatedOffsets(Stimulus):
     """For each lane speed offsets [m/s] sample by sample, (n_lanes, n_samples), over and over again."""
 
     name = "repeated"
@@ -124,7 +124,9 @@ def best_profile(rate: Callable[[np.ndarray], np.ndarray], seed: int) -> Profile
     return Profile(round(found.x[0]), *map(float, found.x[1:]))
 
 
-def freed(rate: Callable[[np.ndarray], np.ndarray], start: np.ndarray, seed: int) -> np.ndarray:
+def best_free_levels(
+    rate: Callable[[np.ndarray], np.ndarray], start: np.ndarray, seed: int
+) -> np.ndarray:
     """Levels (LEVELS,) no worse than those to start from: in every round the best of random changes to the best so far.
 
     Parameters
@@ -141,7 +143,7 @@ def freed(rate: Callable[[np.ndarray], np.ndarray], start: np.ndarray, seed: int
     budget = np.sqrt(np.mean(np.square(start)))
     for _ in range(ROUNDS):
         changes = STEP * budget * random.standard_normal((TRIES, LEVELS))
-        tried = levels(np.vstack([best, best + changes]), budget)
+        tried = scale_to_budget(np.vstack([best, best + changes]), budget)
         best = tried[rate(tried).argmax()]
     return best
 
@@ -152,7 +154,9 @@ def least_rates(fault: str, stimulus: Stimulus, lane_seeds: Sequence[int]) -> np
     k = classes().index(fault_of(fault).diagnosis)
     event = FaultEvent(fault, ONSET, SEVERITY)
     mission = MISSIONS["cruise"]
-    paths = untold(run(stimulus, [event] * n_lanes, [mission] * n_lanes, lane_seeds))
+    paths = log_likelihoods_unknown_severity(
+        simulate_lanes(stimulus, [event] * n_lanes, [mission] * n_lanes, lane_seeds)
+    )
     rates = late_rate(paths[:, :, k, None] - paths)
     rates[:, k] = np.inf
     return rates
@@ -173,16 +177,16 @@ def free_rates_of(fault: str, free: np.ndarray, lane_seeds: Sequence[int]) -> np
 
 def _table(profiles: np.ndarray, times: np.ndarray, budget: float) -> np.ndarray:
     """Offsets (n_profiles, n_times) of profiles (n_profiles, 3)."""
-    return np.stack([offsets(profiles, time, budget) for time in times], axis=1)
+    return np.stack([profile_offsets(profiles, time, budget) for time in times], axis=1)
 
 
 def _rates_of(fault: str, tables: np.ndarray, lane_seeds: Sequence[int]) -> np.ndarray:
-    stimulus = Repeated(profiles=np.repeat(tables, len(lane_seeds), axis=0))
+    stimulus = RepeatedOffsets(profiles=np.repeat(tables, len(lane_seeds), axis=0))
     rates = least_rates(fault, stimulus, list(lane_seeds) * len(tables))
     return rates.reshape(len(tables), len(lane_seeds), -1).mean(axis=1).min(axis=1)
 
 
-def ceiling(fault: str, seed: int, budget: float = BUDGET) -> dict[str, Any]:
+def periodic_ceiling(fault: str, seed: int, budget: float = BUDGET) -> dict[str, Any]:
     """D* and D of a fault at `SEVERITY` around the cruise mission, the profile, and the speed-up.
 
     Both rates are those at which evidence gathers once the shock of the onset is over. D* is that
@@ -206,7 +210,7 @@ def ceiling(fault: str, seed: int, budget: float = BUDGET) -> dict[str, Any]:
 
 
 def free_ceiling(fault: str, seed: int, budget: float) -> dict[str, Any]:
-    """What `ceiling` says, and D* over free profiles too, each of `LEVELS` levels, beside D of the thesis' stimulus.
+    """What `periodic_ceiling` says, and D* over free profiles too, each of `LEVELS` levels, beside D of the thesis' stimulus.
 
     best
         D*, that of the best profile of either kind [nat/s].
@@ -218,13 +222,13 @@ def free_ceiling(fault: str, seed: int, budget: float) -> dict[str, Any]:
         D* relative to that in cruise, and to that under the thesis' stimulus; None where there is
         nothing to divide by.
     """
-    found = ceiling(fault, seed, budget)
+    found = periodic_ceiling(fault, seed, budget)
     (tried, judged) = _vehicles(seed)
     cycles, *shape = found["profile"].values()
     # quicker ones look constant, read once a second
     profile = np.array([[min(cycles, LEVELS // 2), *shape]])
-    start = levels(_table(profile, np.arange(LEVELS) + 0.5, budget), budget)[0]
-    free = freed(lambda profiles: free_rates_of(fault, profiles, tried), start, seed)
+    start = scale_to_budget(_table(profile, np.arange(LEVELS) + 0.5, budget), budget)[0]
+    free = best_free_levels(lambda profiles: free_rates_of(fault, profiles, tried), start, seed)
     rate = float(free_rates_of(fault, free[None], judged)[0])
     thesis = float(least_rates(fault, Thesis(budget), judged).mean(axis=0).min())
     best = max(rate, found["active"])

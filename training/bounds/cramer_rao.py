@@ -60,7 +60,7 @@ def severity_std(fault: str, alpha_std: np.ndarray, beta_std: np.ndarray) -> np.
     return beta_std * len(SIDES) / sum(abs(scale.get(f"{side}_beta", 1.0) - 1.0) for side in SIDES)
 
 
-def study(seeds: Sequence[int], n_samples: int = 600) -> dict[str, Any]:
+def compare_filters_with_bound(seeds: Sequence[int], n_samples: int = 600) -> dict[str, Any]:
     """Root mean square errors [%] of both filters on the thesis' stimulus, the bound there and in cruise; severities.
 
     The vehicles' parameters are drawn from a third of the filters' prior, so that none is absurd,

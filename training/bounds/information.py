@@ -1,9 +1,9 @@
-"""Evidence: how fast the readings tell a fault from a healthy vehicle and from other faults, once it has begun.
+"""Evidence: how fast readings distinguish a fault from a healthy vehicle and from other faults.
 
-The likelihoods are those of the filter bank, which knows the plant's own model: a class' likelihood
-is the mean over its kinds, and over severities where they are not told. They come from extended
-Kalman filters, so they are nearly, not exactly, the plant's; `training.benchmark.bounds` measures
-how nearly.
+The likelihoods are those of the filter bank, which has the equations of the plant. The likelihood
+of a class is the mean over its faults, and over severities where these are unknown. They come from
+extended Kalman filters and are therefore approximations; `training.benchmark.bounds` measures how
+good these are.
 """
 
 from collections.abc import Sequence
@@ -27,24 +27,34 @@ from training.rollouts import manoeuvres
 from training.seeds import seeds
 from training.stimuli import Stimulus
 
-FIRST_SEED = 960_000_000  # within those of tests, beyond those of the suites and the timing
-# as in the suites
+# within the seeds of tests, beyond those of the suites and the timing
+FIRST_SEED = 960_000_000
+# onset [s], severity and mission speed [m/s] as in the suites
 ONSET = (5.0, 30.0)
 SEVERITY = (0.2, 1.0)
 SPEED = (0.2, 0.5)
 
 
 class Lanes(NamedTuple):
-    """Vehicles, each with one abrupt and lasting fault.
+    """Simulated vehicles, each with one abrupt and lasting fault.
 
-    fault (n_lanes,): row of the catalogue. severity (n_lanes,). first (n_lanes,): the sample in
-    which the fault shows first, one after its onset. observations (n_samples, n_lanes, n_channels).
-    healthy (n_lanes, n_parameters).
+    Attributes
+    ----------
+    fault
+        Row of each lane's fault in the catalogue, (n_lanes,).
+    severity
+        Severity of each fault, (n_lanes,).
+    first_faulty_sample
+        The first sample that a fault changes, one after its onset, (n_lanes,).
+    observations
+        (n_samples, n_lanes, n_channels).
+    healthy
+        Parameters of the vehicles without their faults, (n_lanes, n_parameters).
     """
 
     fault: np.ndarray
     severity: np.ndarray
-    first: np.ndarray
+    first_faulty_sample: np.ndarray
     observations: np.ndarray
     healthy: np.ndarray
 
@@ -52,16 +62,17 @@ class Lanes(NamedTuple):
     def diagnosis(self) -> np.ndarray:
         """Index of each lane's class in `classes()`, (n_lanes,)."""
         names = list(classes())
-        return np.array([names.index(fault.diagnosis) for fault in CATALOGUE.values()])[self.fault]
+        of_fault = [names.index(fault.diagnosis) for fault in CATALOGUE.values()]
+        return np.array(of_fault)[self.fault]
 
 
 @dataclass(frozen=True)
 class KnownOnset(Oracle):
-    """The filter bank that is told when a fault begins, if one does: nothing switches, and severities do not walk.
+    """The filter bank with known onsets: hypotheses do not switch, severities do not change.
 
-    Told the healthy vehicle and the severity as well, its beliefs are the likelihoods of classes
-    that leave nothing else unknown; without `set_truth` it knows the healthy band, and the severity by
-    grades. Call `begin` after these.
+    Once `set_truth` has set healthy vehicle and severity as well, its beliefs are likelihoods
+    without unknown quantities. Otherwise it knows the healthy band, and the severity by grades.
+    Call `start_fault` after `set_truth`.
     """
 
     name = "known_onset"
@@ -75,53 +86,54 @@ class KnownOnset(Oracle):
         never[0] = 0.0
         return table._replace(log_hazard=never)
 
-    def begin(self, lanes: np.ndarray) -> None:
-        """Say that on these lanes (indices) the next sample is the first with a fault, if there is one."""
-        self.running.require_reset("begin")
+    def start_fault(self, lanes: np.ndarray) -> None:
+        """Declare the next sample of these lanes (indices) the first that a fault may change."""
+        self.running.require_reset("start_fault")
         self.running.state = self.state_at_onset(self.running.state, lanes)
 
 
 def log_likelihoods(bank: KnownOnset, lanes: Lanes, n_samples: int) -> np.ndarray:
-    """Log-likelihoods of the classes over the samples since onset, (n_samples, n_lanes, n_classes); normal has 0.
+    """Log-likelihood ratios of the classes to normal, (n_samples, n_lanes, n_classes), from onset.
 
-    The bank has been reset, and told what it is to know.
+    The bank has been reset and has been given the truth that it may know.
     """
-    n_lanes = len(lanes.first)
-    bank.begin(np.arange(n_lanes))
-    paths = np.empty((n_samples, n_lanes, len(classes())), np.float32)
+    n_lanes = len(lanes.first_faulty_sample)
+    bank.start_fault(np.arange(n_lanes))
+    ratios = np.empty((n_samples, n_lanes, len(classes())), np.float32)
     for k, observation in enumerate(lanes.observations):
-        begins = np.flatnonzero(lanes.first == k)
-        if begins.size:
-            bank.begin(begins)
-        belief = bank.update(observation).log_probability
-        since = k - lanes.first
-        seen = np.flatnonzero((since >= 0) & (since < n_samples))
-        paths[since[seen], seen] = belief[seen] - belief[seen, :1]
-    return paths
+        starting = np.flatnonzero(lanes.first_faulty_sample == k)
+        if starting.size:
+            bank.start_fault(starting)
+        log_probability = bank.update(observation).log_probability
+        since_onset = k - lanes.first_faulty_sample
+        recorded = np.flatnonzero((since_onset >= 0) & (since_onset < n_samples))
+        ratio = log_probability[recorded] - log_probability[recorded, :1]
+        ratios[since_onset[recorded], recorded] = ratio
+    return ratios
 
 
-def told(lanes: Lanes) -> np.ndarray:
-    """`log_likelihoods` over `HORIZON` of a bank told everything: healthy vehicle and severity."""
-    bank = _reset(lanes)
+def log_likelihoods_known_severity(lanes: Lanes) -> np.ndarray:
+    """`log_likelihoods` up to `HORIZON`; the bank knows healthy vehicles and severities."""
+    bank = _reset_bank(lanes)
     bank.set_truth(lanes.healthy, lanes.severity)
     return log_likelihoods(bank, lanes, round(HORIZON * SAMPLE_RATE))
 
 
-def untold(lanes: Lanes, knows_vehicle: bool = True) -> np.ndarray:
-    """`log_likelihoods` over `HORIZON` of a bank that does not know severities, and the vehicle only if it is told."""
-    bank = _reset(lanes)
+def log_likelihoods_unknown_severity(lanes: Lanes, knows_vehicle: bool = True) -> np.ndarray:
+    """`log_likelihoods` up to `HORIZON`; the bank knows no severities."""
+    bank = _reset_bank(lanes)
     if knows_vehicle:
         bank.set_truth(lanes.healthy)
     return log_likelihoods(bank, lanes, round(HORIZON * SAMPLE_RATE))
 
 
-def _reset(lanes: Lanes) -> KnownOnset:
+def _reset_bank(lanes: Lanes) -> KnownOnset:
     bank = KnownOnset()
-    bank.reset(len(lanes.first))
+    bank.reset(len(lanes.first_faulty_sample))
     return bank
 
 
-def run(
+def simulate_lanes(
     stimulus: Stimulus,
     events: Sequence[FaultEvent],
     missions: Sequence[Mission],
@@ -129,77 +141,96 @@ def run(
     deflections: np.ndarray | None = None,
     fleet: Fleet | None = None,
 ) -> Lanes:
-    """Run vehicles until `HORIZON` after the last onset.
+    """Simulate vehicles until `HORIZON` after the last onset.
 
     Parameters
     ----------
     stimulus
-        How the speed command departs from the mission; it sees readings, but no belief.
+        Chooses the speed offsets from the readings; it gets the belief of the `null` diagnoser.
     events
         The fault of each lane, abrupt and lasting, with its onset on a sample.
     missions, lane_seeds
         One per lane.
     deflections
-        (n_samples or more, n_lanes, 2) of rudder and stern plane [rad]; none if not given.
+        Rudder and stern plane [rad], (n_samples or more, n_lanes, 2); zero if not given.
     fleet
         The vehicles; a fleet with the defaults if not given.
     """
     n_lanes = len(events)
-    rows = list(CATALOGUE)
-    first = np.array([round(event.onset * SAMPLE_RATE) for event in events]) + 1
+    onset = [round(event.onset * SAMPLE_RATE) for event in events]
+    first_faulty_sample = np.array(onset) + 1
+    n_samples = first_faulty_sample.max() + round(HORIZON * SAMPLE_RATE)
+    if deflections is None:
+        deflections = np.zeros((n_samples, n_lanes, 2))
     fleet = fleet or Fleet(n_lanes)
-    nobody = make("null")
-    observation = fleet.reset(
-        lane_seeds, schedules=[(event,) for event in events], missions=missions
-    )
-    nobody.reset(n_lanes)
-    observations = np.empty(
-        (first.max() + round(HORIZON * SAMPLE_RATE), n_lanes, len(CHANNELS)), np.float32
-    )
-    deflections = np.zeros((len(observations), n_lanes, 2)) if deflections is None else deflections
-    for k in range(len(observations)):
+    schedules = [(event,) for event in events]
+    observation = fleet.reset(lane_seeds, schedules=schedules, missions=missions)
+    diagnoser = make("null")
+    diagnoser.reset(n_lanes)
+    observations = np.empty((n_samples, n_lanes, len(CHANNELS)), np.float32)
+    for k in range(n_samples):
         observations[k] = observation
-        offset = stimulus.offset(k, observation, nobody.update(observation))
+        offset = stimulus.offset(k, observation, diagnoser.update(observation))
         observation = fleet.step(np.column_stack([observation[:, 0] + offset, deflections[k]]))
+    rows = list(CATALOGUE)
     fault = np.array([rows.index(event.fault) for event in events])
-    severity = [event.severity for event in events]
-    return Lanes(fault, np.array(severity), first, observations, fleet.plan.healthy.copy())
+    severity = np.array([event.severity for event in events])
+    healthy = fleet.plan.healthy.copy()
+    return Lanes(fault, severity, first_faulty_sample, observations, healthy)
 
 
-def suite_like(stimulus: Stimulus, seed: int, n_lanes: int, healthy: bool = False) -> Lanes:
-    """Lanes as in the standard suite, but all abrupt: every class as often, and every kind within a class.
+def simulate_suite_lanes(
+    stimulus: Stimulus, seed: int, n_lanes: int, healthy: bool = False
+) -> Lanes:
+    """Simulate lanes as in the standard suite, but with abrupt faults only.
 
-    Half keep a constant mission speed, half change it leg by leg; some use rudder and stern plane.
-    With `healthy` the same vehicles run without their faults.
+    Every class is as frequent as any other, and every fault within a class. Half of the lanes have
+    a constant mission speed, half change it leg by leg; some use rudder and stern plane. With
+    `healthy` the same vehicles run without their faults.
     """
     random = np.random.default_rng([FIRST_SEED, seed])
     lane_seeds = seeds("test", n_lanes, FIRST_SEED + seed)
     onset = random.uniform(*ONSET, n_lanes).round(1)
     severity = random.uniform(*SEVERITY, n_lanes)
-    present = 0.0 * severity if healthy else severity
-    events = [FaultEvent(*one) for one in zip(_faults(n_lanes), onset, present, strict=True)]
+    simulated = 0.0 * severity if healthy else severity
+    faults = zip(_fault_of_each_lane(n_lanes), onset, simulated, strict=True)
+    events = [FaultEvent(*fault) for fault in faults]
     fleet = Fleet(n_lanes)
-    keys = episode_keys(np.array(lane_seeds, np.uint64), np.zeros(n_lanes, np.uint64))
-    legs, starts = fleet.missions.sample_legs(keys)
-    steady = random.uniform(*SPEED, n_lanes)
-    missions = [
-        Mission(((0.0, steady[k]),)) if k % 2 else Mission(tuple(map(tuple, legs[k])), starts[k])
-        for k in range(n_lanes)
-    ]
+    missions = _missions(fleet, lane_seeds, random.uniform(*SPEED, n_lanes))
     n_samples = round((ONSET[1] + HORIZON) * SAMPLE_RATE) + 1
     deflections = manoeuvres(lane_seeds.start, n_samples, n_lanes)[:, :, 1:]
-    return run(stimulus, events, missions, lane_seeds, deflections, fleet)._replace(
-        severity=severity
-    )
+    lanes = simulate_lanes(stimulus, events, missions, lane_seeds, deflections, fleet)
+    return lanes._replace(severity=severity)
 
 
-def _faults(n_lanes: int) -> list[str]:
-    """A fault for every lane: the classes in turn, two lanes of each, and within a class its kinds in turn."""
-    kinds = {
-        name: [f.name for f in CATALOGUE.values() if f.diagnosis == name] for name in classes()[1:]
-    }
-    names = list(kinds)
-    of_lane = [
-        (names[k // 2 % len(names)], k // 2 // len(names) * 2 + k % 2) for k in range(n_lanes)
+def _missions(fleet: Fleet, lane_seeds: range, constant_speed: np.ndarray) -> list[Mission]:
+    """A constant mission speed on every other lane, and the fleet's random legs between."""
+    n_lanes = fleet.n_lanes
+    keys = episode_keys(np.array(lane_seeds, np.uint64), np.zeros(n_lanes, np.uint64))
+    legs, starts = fleet.missions.sample_legs(keys)
+    return [
+        Mission(((0.0, constant_speed[k]),))
+        if k % 2
+        else Mission(tuple(map(tuple, legs[k])), starts[k])
+        for k in range(n_lanes)
     ]
-    return [kinds[name][turn % len(kinds[name])] for name, turn in of_lane]
+
+
+def _fault_of_each_lane(n_lanes: int) -> list[str]:
+    """The classes in turn, two lanes of each, and within a class its faults in turn."""
+    faults = faults_by_class()
+    names = list(faults)
+    lane_faults = []
+    for lane in range(n_lanes):
+        of_class = faults[names[lane // 2 % len(names)]]
+        turn = lane // 2 // len(names) * 2 + lane % 2
+        lane_faults.append(of_class[turn % len(of_class)])
+    return lane_faults
+
+
+def faults_by_class() -> dict[str, list[str]]:
+    """The faults of each diagnosis class but `normal`, in the order of the catalogue."""
+    return {
+        name: [fault.name for fault in CATALOGUE.values() if fault.diagnosis == name]
+        for name in classes()[1:]
+    }

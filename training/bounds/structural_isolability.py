@@ -61,7 +61,7 @@ WINDOW = 20  # samples
 EXACT = 1e-7  # standard deviation of the equations without noise, in their units
 
 
-def isolable() -> dict[str, Any] | None:
+def isolability_tables() -> dict[str, Any] | None:
     """Faults, and whether each (row) can be told from each other (column); None if the toolbox is not installed.
 
     Misleads: a fault is taken for an arbitrary signal, though a resistance that has changed stays

@@ -15,8 +15,8 @@ from auv_fault_env.parameters import PARAMETERS
 from auv_fault_env.schedules import FaultEvent
 from training.bounds import active_ceiling, cramer_rao
 from training.bounds.delays import late_rate
-from training.bounds.information import Lanes, run, untold
-from training.bounds.structural_isolability import isolable
+from training.bounds.information import Lanes, log_likelihoods_unknown_severity, simulate_lanes
+from training.bounds.structural_isolability import isolability_tables
 from training.seeds import seeds
 from training.stimuli import Cruise
 from training.studies.isolability_page import page
@@ -63,19 +63,24 @@ def isolability(vehicles: int, seed: int) -> dict[str, Any]:
         for name, mission in CONDITIONS.items():
             bar.set_postfix_str(name)
             lanes = faulty_lanes(mission, vehicles, seed)
-            results["rates"][name] = _plain(rates(untold(lanes), lanes))
-            results["band_rates"][name] = _plain(rates(untold(lanes, knows_vehicle=False), lanes))
+            results["rates"][name] = _plain(rates(log_likelihoods_unknown_severity(lanes), lanes))
+            results["band_rates"][name] = _plain(
+                rates(log_likelihoods_unknown_severity(lanes, knows_vehicle=False), lanes)
+            )
             bar.update()
         results["without"] = {
-            channel: _plain(rates(untold(without(lanes, channel)), lanes)) for channel in READINGS
+            channel: _plain(rates(log_likelihoods_unknown_severity(without(lanes, channel)), lanes))
+            for channel in READINGS
         }
         results["ceiling"] = {}
         for fault in active_ceiling.FAULTS:
             bar.set_postfix_str(f"stimulus for {fault}")
-            results["ceiling"][fault] = active_ceiling.ceiling(fault, seed)
+            results["ceiling"][fault] = active_ceiling.periodic_ceiling(fault, seed)
             bar.update()
-    results["cramer_rao"] = cramer_rao.study(seeds("test", 300, FIRST_SEED + seed))
-    results["structure"] = isolable()
+    results["cramer_rao"] = cramer_rao.compare_filters_with_bound(
+        seeds("test", 300, FIRST_SEED + seed)
+    )
+    results["structure"] = isolability_tables()
     results |= {"classes": list(classes()), "vehicles": vehicles, "severity": SEVERITY}
     results["command"] = (
         f"python -m training.studies.isolability --vehicles {vehicles} --seed {seed}"
@@ -92,7 +97,7 @@ def faulty_lanes(mission: Mission, vehicles: int, seed: int) -> Lanes:
         ]
         severity = 0.0 if name == NORMAL else SEVERITY
         events += [FaultEvent(kinds[k % len(kinds)], ONSET, severity) for k in range(vehicles)]
-    return run(
+    return simulate_lanes(
         Cruise(), events, [mission] * len(events), seeds("test", len(events), FIRST_SEED + seed)
     )
 

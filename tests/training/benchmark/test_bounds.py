@@ -9,7 +9,7 @@ from diagnosers import make
 from training import metrics
 from training.benchmark.bounds import AMOC_RATES, FEWEST, RATES, bounds_of, check
 from training.bounds.delays import bootstrap, delay_bound, detection_power
-from training.bounds.information import suite_like, told
+from training.bounds.information import log_likelihoods_known_severity, simulate_suite_lanes
 from training.metrics.records import HORIZON
 from training.stimuli import Thesis
 
@@ -52,8 +52,10 @@ def test_ratios_are_nearly_likelihood_ratios(found):
 
 @pytest.fixture(scope="module")
 def tried():
-    faulty, healthy = (suite_like(Thesis(), 0, N_LANES, calm) for calm in (False, True))
-    own = told(faulty)[:, np.arange(N_LANES), faulty.diagnosis].astype(float)
+    faulty, healthy = (simulate_suite_lanes(Thesis(), 0, N_LANES, calm) for calm in (False, True))
+    own = log_likelihoods_known_severity(faulty)[:, np.arange(N_LANES), faulty.diagnosis].astype(
+        float
+    )
     low, _ = bootstrap(
         lambda some: delay_bound(detection_power(own[:, some], 10.0 * MEAN_TIME)), N_LANES, 0
     )
@@ -66,13 +68,15 @@ def test_no_diagnoser_beats_the_detection_bound(name, tried):
     beliefs = [log_normal(name, lanes) for lanes in (faulty, healthy)]
     threshold = metrics.threshold_for(beliefs[1], MEAN_TIME, PERSISTENCE)
     alarm = metrics.alarms(beliefs[0], threshold, PERSISTENCE)
-    delay = metrics.detection_delay(alarm, (faulty.first - 1) * SAMPLE_TIME, HORIZON).time
+    delay = metrics.detection_delay(
+        alarm, (faulty.first_faulty_sample - 1) * SAMPLE_TIME, HORIZON
+    ).time
     assert delay.mean() > low
 
 
 def log_normal(name, lanes):
     diagnoser = make(name)
-    diagnoser.reset(len(lanes.first))
+    diagnoser.reset(len(lanes.first_faulty_sample))
     if hasattr(diagnoser, "tell"):
         diagnoser.set_truth(lanes.healthy, lanes.severity)
     return np.array(

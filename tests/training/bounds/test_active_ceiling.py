@@ -7,15 +7,15 @@ from training.bounds.active_ceiling import (
     LEVELS,
     LIMITS,
     WINDOW,
-    Repeated,
+    RepeatedOffsets,
+    best_free_levels,
     best_profile,
     free_ceiling,
     free_rates_of,
-    freed,
     least_rates,
-    levels,
-    offsets,
+    profile_offsets,
     rates_of,
+    scale_to_budget,
 )
 from training.seeds import seeds
 from training.stimuli import Cruise, Thesis
@@ -28,7 +28,10 @@ BUDGET = 0.0762
 )
 def test_profiles_keep_the_budget_and_the_mean(profile):
     values = np.array(
-        [offsets(np.array([profile]), time, BUDGET)[0] for time in np.arange(6000) * WINDOW / 6000]
+        [
+            profile_offsets(np.array([profile]), time, BUDGET)[0]
+            for time in np.arange(6000) * WINDOW / 6000
+        ]
     )
     assert values.mean() == pytest.approx(0.0, abs=3e-4)
     assert np.sqrt(np.square(values).mean()) == pytest.approx(BUDGET, rel=5e-3)
@@ -47,7 +50,7 @@ def test_the_best_stimulus_of_a_lag_is_the_slowest_sine():
         total = np.zeros(len(profiles))
         decay = np.exp(-a * WINDOW / n)
         for k in range(2 * n):
-            x = decay * x + (1.0 - decay) * offsets(profiles, (k % n) * WINDOW / n, 1.0)
+            x = decay * x + (1.0 - decay) * profile_offsets(profiles, (k % n) * WINDOW / n, 1.0)
             total += (k >= n) * x * x / n
         return total
 
@@ -66,32 +69,32 @@ def test_a_square_wave_tells_drag_from_its_rivals_sooner_than_cruise():
 
 
 def test_free_profiles_keep_the_budget_and_the_mean():
-    found = levels(np.random.default_rng(0).normal(3.0, 1.0, (4, LEVELS)), BUDGET)
+    found = scale_to_budget(np.random.default_rng(0).normal(3.0, 1.0, (4, LEVELS)), BUDGET)
     np.testing.assert_allclose(found.mean(axis=1), 0.0, atol=1e-15)
     np.testing.assert_allclose(np.sqrt(np.mean(found**2, axis=1)), BUDGET)
 
 
 def test_a_free_profile_gets_nearer_to_the_best_and_never_further():
     """What counts is how alike the levels are to a ramp: the rate is at most BUDGET, and 0 to start from."""
-    ramp = levels(np.arange(LEVELS)[None] * 1.0, 1.0)[0]
-    start = levels(np.square(np.arange(LEVELS) - 7.0)[None], BUDGET)[0]
+    ramp = scale_to_budget(np.arange(LEVELS)[None] * 1.0, 1.0)[0]
+    start = scale_to_budget(np.square(np.arange(LEVELS) - 7.0)[None], BUDGET)[0]
     seen = []
 
     def rate(tried):
         seen.append((tried @ ramp / LEVELS).max())
         return tried @ ramp / LEVELS
 
-    best = freed(rate, start, 0)
+    best = best_free_levels(rate, start, 0)
     assert abs(start @ ramp) < 1e-12 and (np.diff(seen) >= -1e-15).all()
     assert best @ ramp / LEVELS == pytest.approx(seen[-1])
     assert 0.5 * BUDGET < seen[-1] <= BUDGET
-    np.testing.assert_array_equal(best, freed(rate, start, 0))
+    np.testing.assert_array_equal(best, best_free_levels(rate, start, 0))
 
 
 def test_offsets_are_repeated_as_far_as_the_channel_goes():
     observation = np.zeros((2, len(CHANNELS)))
     observation[:, list(CHANNELS).index("mission_speed")] = 0.3, 0.9
-    stimulus = Repeated(profiles=np.array([[0.1, -0.4], [0.2, -0.4]]))
+    stimulus = RepeatedOffsets(profiles=np.array([[0.1, -0.4], [0.2, -0.4]]))
     np.testing.assert_allclose(stimulus.offset(0, observation, None), [0.1, MAXIMUM_COMMAND - 0.9])
     np.testing.assert_allclose(stimulus.offset(3, observation, None), [-0.3, -0.4])
 
@@ -100,7 +103,7 @@ def test_a_square_wave_is_as_good_as_levels_as_it_is_as_a_profile():
     judged = seeds("test", 3, 700_000_200)
     # changes after 8 s, the profile after 8.0025 s
     square = BUDGET * np.repeat([1.0, -1.0], [8, 7])
-    square = levels(square[None], BUDGET)
+    square = scale_to_budget(square[None], BUDGET)
     profile = np.array([[1.0, 8.0025 / WINDOW, 0.0]])
     as_profile = rates_of("increased_drag", profile, judged, BUDGET)
     assert free_rates_of("increased_drag", square, judged)[0] == pytest.approx(

@@ -9,7 +9,13 @@ from auv_fault_env.missions import MISSIONS
 from auv_fault_env.schedules import FaultEvent
 from training.bounds import information
 from training.bounds.delays import late_rate
-from training.bounds.information import KnownOnset, Lanes, log_likelihoods, run, suite_like
+from training.bounds.information import (
+    KnownOnset,
+    Lanes,
+    log_likelihoods,
+    simulate_lanes,
+    simulate_suite_lanes,
+)
 from training.stimuli import Cruise, Thesis
 
 CLASSES = list(classes())
@@ -19,13 +25,15 @@ def lanes_of(
     fault: str, severity: float, n_lanes: int = 8, onset: float = 2.0, seed: int = 5
 ) -> Lanes:
     events = [FaultEvent(fault, onset, severity)] * n_lanes
-    return run(Cruise(), events, [MISSIONS["cruise"]] * n_lanes, range(seed, seed + n_lanes))
+    return simulate_lanes(
+        Cruise(), events, [MISSIONS["cruise"]] * n_lanes, range(seed, seed + n_lanes)
+    )
 
 
 def test_the_fault_shows_first_where_the_lanes_say():
     faulty = lanes_of("sensor_bias:speed", 0.5)
     twin = lanes_of("sensor_bias:speed", 0.0)
-    first = faulty.first[0]
+    first = faulty.first_faulty_sample[0]
     np.testing.assert_array_equal(faulty.observations[:first], twin.observations[:first])
     speed = list(CHANNELS).index("speed")
     shift = faulty.observations[first, :, speed] - twin.observations[first, :, speed]
@@ -40,13 +48,15 @@ def test_evidence_for_a_current_sensors_bias_gathers_as_its_noise_allows():
     shift = 0.1 * CATALOGUE["sensor_bias:port_current"].offset["port_current_bias"]
     noise = CHANNELS["port_current"].noise
     most = 10.0 * shift**2 / (2.0 * noise**2)
-    rate = late_rate(information.told(lanes))[:, CLASSES.index("sensor:port_current")].mean()
+    rate = late_rate(information.log_likelihoods_known_severity(lanes))[
+        :, CLASSES.index("sensor:port_current")
+    ].mean()
     assert 0.45 * most < rate < 1.05 * most
 
 
 def test_without_a_fault_evidence_speaks_against_every_class():
     lanes = lanes_of("increased_drag", 0.0)._replace(severity=np.full(8, 0.6))
-    final = information.told(lanes)[-1]
+    final = information.log_likelihoods_known_severity(lanes)[-1]
     assert (final[:, 0] == 0.0).all()
     assert (final[:, 1:].mean(axis=0) < 0.0).all()
 
@@ -55,10 +65,10 @@ def test_beginning_on_some_lanes_leaves_the_others():
     bank = KnownOnset()
     lanes = lanes_of("increased_drag", 0.5, n_lanes=4)
     bank.reset(4)
-    bank.begin(np.arange(4))
+    bank.start_fault(np.arange(4))
     for observation in lanes.observations[:30]:
         before = bank.update(observation)
-    bank.begin(np.array([1]))
+    bank.start_fault(np.array([1]))
     after = bank.update(lanes.observations[30])
     assert (
         np.abs(after.log_probability[1] - np.log(1.0 / len(CLASSES))).max()
@@ -66,7 +76,7 @@ def test_beginning_on_some_lanes_leaves_the_others():
     )
     same = KnownOnset()
     same.reset(4)
-    same.begin(np.arange(4))
+    same.start_fault(np.arange(4))
     for observation in lanes.observations[:31]:
         other = same.update(observation)
     np.testing.assert_array_equal(
@@ -77,7 +87,7 @@ def test_beginning_on_some_lanes_leaves_the_others():
 def test_nothing_switches_so_only_the_samples_after_the_beginning_count():
     lanes = lanes_of("seal_friction:port", 0.6, n_lanes=2)
     n_samples = 50
-    late = lanes._replace(first=lanes.first + 1)
+    late = lanes._replace(first_faulty_sample=lanes.first_faulty_sample + 1)
     bank = [KnownOnset() for _ in range(2)]
     for one in bank:
         one.reset(2)
@@ -89,18 +99,18 @@ def test_nothing_switches_so_only_the_samples_after_the_beginning_count():
     assert whole[-1, :, k].mean() > short[-2, :, k].mean()
 
 
-def test_begin_needs_a_reset():
+def test_start_fault_needs_a_reset():
     with pytest.raises(InputError, match="reset"):
-        KnownOnset().begin(np.arange(1))
+        KnownOnset().start_fault(np.arange(1))
 
 
-def test_suite_like_lanes_hold_every_class_as_often_under_both_kinds_of_mission():
-    lanes = suite_like(Thesis(), seed=3, n_lanes=72)
+def test_suite_lanes_hold_every_class_as_often_under_both_kinds_of_mission():
+    lanes = simulate_suite_lanes(Thesis(), seed=3, n_lanes=72)
     np.testing.assert_array_equal(np.bincount(lanes.diagnosis), [0, *[4] * (len(CLASSES) - 1)])
     assert len(set(lanes.fault)) > len(CLASSES)
-    healthy = suite_like(Thesis(), seed=3, n_lanes=72, healthy=True)
+    healthy = simulate_suite_lanes(Thesis(), seed=3, n_lanes=72, healthy=True)
     np.testing.assert_array_equal(lanes.severity, healthy.severity)
-    before = np.arange(len(lanes.observations))[:, None] < lanes.first
+    before = np.arange(len(lanes.observations))[:, None] < lanes.first_faulty_sample
     np.testing.assert_array_equal(lanes.observations[before], healthy.observations[before])
     mission = lanes.observations[:, :, 0]
     changes = (np.diff(mission, axis=0) != 0).any(axis=0)
@@ -108,7 +118,7 @@ def test_suite_like_lanes_hold_every_class_as_often_under_both_kinds_of_mission(
 
 
 def test_the_stimulus_is_added_to_the_mission():
-    lanes = run(
+    lanes = simulate_lanes(
         Thesis(),
         [FaultEvent("increased_drag", 1.0, 0.5)],
         [MISSIONS["cruise"]],

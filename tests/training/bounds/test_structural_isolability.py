@@ -3,7 +3,7 @@ import pytest
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.faults import BIAS
-from training.bounds.structural_isolability import FAULTS, distinguishability, isolable
+from training.bounds.structural_isolability import FAULTS, distinguishability, isolability_tables
 
 SAME_BALANCE = {("friction", "propeller"), ("resistance", "voltage_sensor")}
 
@@ -24,10 +24,10 @@ def test_a_sensors_fault_cannot_tell_more_than_its_noise_allows():
 
 def test_structure_and_numbers_agree_on_every_pair():
     pytest.importorskip("faultdiagnosistoolbox")
-    found = isolable()
+    found = isolability_tables()
     np.testing.assert_array_equal(np.array(found["isolable"]), np.array(found["rates"]) > 1e-6)
 
 
 def test_without_the_toolbox_there_is_no_structure(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert isolable() is None
+    assert isolability_tables() is None

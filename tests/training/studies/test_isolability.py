@@ -3,7 +3,7 @@ import pytest
 
 from auv_fault_env.faults import classes
 from auv_fault_env.missions import MISSIONS, mission_of
-from training.bounds.information import untold
+from training.bounds.information import log_likelihoods_unknown_severity
 from training.report.figures.registry import PLOTS
 from training.studies import isolability
 from training.studies.isolability_page import least_rival, page
@@ -18,7 +18,7 @@ def maps():
     found = {}
     for name, mission in {"0.3 m/s": mission_of(0.3), "thesis": MISSIONS["thesis"]}.items():
         lanes = isolability.faulty_lanes(mission, 2, 0)
-        found[name] = isolability.rates(untold(lanes), lanes)
+        found[name] = isolability.rates(log_likelihoods_unknown_severity(lanes), lanes)
     return found
 
 
@@ -32,7 +32,10 @@ def test_without_a_sensor_its_evidence_is_gone(channel):
     """Of sensors' faults there is no evidence but their own reading."""
     lanes = isolability.faulty_lanes(mission_of(0.3), 2, 0)
     other = "seal_friction:starboard"
-    whole, less = (untold(some) for some in (lanes, isolability.without(lanes, channel)))
+    whole, less = (
+        log_likelihoods_unknown_severity(some)
+        for some in (lanes, isolability.without(lanes, channel))
+    )
     before, after = (isolability.rates(paths, lanes) for paths in (whole, less))
     kept = CLASSES.index(other)
     assert after[kept, 0] == pytest.approx(before[kept, 0], rel=0.2)
