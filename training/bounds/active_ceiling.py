@@ -1,9 +1,9 @@
-"""How much sooner a fault could be told from its rivals by a better stimulus: the active ceiling.
+"""How much sooner a better stimulus could isolate a fault from its rivals: the active ceiling.
 
-D* is the largest rate at which evidence against the most dangerous rival gathers, over speed
-profiles that keep the budget (Chernoff, Ann. Math. Stat. 30 (1959) 755; Nitinawarat, Atia &
-Veeravalli, IEEE Trans. Autom. Control 58 (2013) 2451). The largest possible speed-up of isolation
-is D*/D, D being the rate of the passive run, or that under the thesis' stimulus.
+D* is the largest rate at which evidence against the most dangerous rival grows, over speed profiles
+that keep the budget (Chernoff, Ann. Math. Stat. 30 (1959) 755; Nitinawarat, Atia & Veeravalli, IEEE
+Trans. Autom. Control 58 (2013) 2451). The largest possible speed-up of isolation is D*/D; D is the
+rate of the passive run, or that under the thesis' stimulus.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,22 +26,28 @@ from training.stimuli import BUDGET, Cruise, Stimulus, Thesis
 from training.stimuli.base import within_channel
 
 SEVERITY = 0.6
+# s
 ONSET = 3.0
-WINDOW = HORIZON / 2.0  # s, the time over which rates are measured
-LIMITS = ((0.51, 15.49), (0.15, 0.85), (0.0, 1.0))  # of a profile
-# of the search: so many profiles for each of the three fields
+# s, the time over which rates are measured
+WINDOW = HORIZON / 2.0
+# range of each field of a profile
+LIMITS = ((0.51, 15.49), (0.15, 0.85), (0.0, 1.0))
+# search for a periodic profile: profiles per field of a profile, and generations
 POPULATION = 4
 GENERATIONS = 6
-LEVELS = round(WINDOW)  # of a free profile, each held for a second
-# of the search for these: changes in units of the budget, so many in every round
+# levels of a free profile, of one second each
+LEVELS = round(WINDOW)
+# search for a free profile: changes relative to the budget, changes per round, and rounds
 STEP = 0.5
 TRIES = 11
 ROUNDS = 8
-# vehicles for each profile in the search, and for the best one
+# vehicles for each profile in the search, and for the best profile
 TRIED_ON = 4
 JUDGED_ON = 24
-FIRST_SEED = 700_000_000  # within those of tests
-LEAST_RATE = 0.01  # nat/s: below it there is nothing to gain on
+# within the seeds of tests
+FIRST_SEED = 700_000_000
+# nat/s; relative to a lower rate no speed-up is stated
+LEAST_RATE = 0.01
 FAULTS = (
     *("increased_drag", "decreased_drag"),
     *(
@@ -58,7 +64,17 @@ FAULTS = (
 
 
 class Profile(NamedTuple):
-    """A periodic speed offset: cycles in `WINDOW`, rounded, share of them above zero, how round, 0 square to 1 sine."""
+    """A periodic speed offset.
+
+    Attributes
+    ----------
+    cycles
+        Number of cycles in `WINDOW`; rounded when used.
+    duty
+        Share of a cycle in which the offset is positive.
+    roundness
+        0 is a square wave, 1 a sine.
+    """
 
     cycles: float
     duty: float
@@ -68,50 +84,51 @@ class Profile(NamedTuple):
 def profile_offsets(profiles: np.ndarray, time: float, budget: float) -> np.ndarray:
     """Speed offsets [m/s], (n_profiles,), of profiles (n_profiles, 3) at a time [s].
 
-    Over `WINDOW` their mean is zero and their root mean square the budget.
+    Over `WINDOW` their mean is zero and their root mean square is the budget.
     """
     cycles, duty, roundness = np.asarray(profiles, float).T
     phase = (np.round(cycles) * time / WINDOW) % 1.0
-    above = phase < duty
-    level = np.where(above, np.sqrt((1.0 - duty) / duty), -np.sqrt(duty / (1.0 - duty)))
-    within = np.where(above, phase / duty, (phase - duty) / (1.0 - duty))
+    is_positive = phase < duty
+    level = np.where(is_positive, np.sqrt((1.0 - duty) / duty), -np.sqrt(duty / (1.0 - duty)))
+    phase_of_part = np.where(is_positive, phase / duty, (phase - duty) / (1.0 - duty))
     flat = 1.0 - roundness
     mean_square = flat * flat + flat * roundness * 4.0 / np.pi + roundness * roundness / 2.0
-    return budget * level * (flat + roundness * np.sin(np.pi * within)) / np.sqrt(mean_square)
+    shape = flat + roundness * np.sin(np.pi * phase_of_part)
+    return budget * level * shape / np.sqrt(mean_square)
 
 
-def scale_to_budget(profiles: np.ndarray, budget: float) -> np.ndarray:
-    """Levels (n_profiles, LEVELS) shifted and scaled to a mean of zero and a root mean square of the budget."""
-    centred = profiles - profiles.mean(axis=1, keepdims=True)
+def scale_to_budget(levels: np.ndarray, budget: float) -> np.ndarray:
+    """Levels (n_profiles, LEVELS) with mean zero and the budget as their root mean square."""
+    centred = levels - levels.mean(axis=1, keepdims=True)
     return budget * centred / np.sqrt(np.mean(np.square(centred), axis=1, keepdims=True))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RepeatedOffsets(Stimulus):
-    """For each lane speed offsets [m/s] sample by sample, (n_lanes, n_samples), over and over again."""
+    """The speed offsets [m/s] of a table (n_lanes, n_samples), sample by sample and repeated."""
 
     name = "repeated"
     profiles: np.ndarray
 
     def offset(self, sample: int, observation: np.ndarray, belief: Belief) -> np.ndarray:
-        """That of each lane's profile, as far as the channel goes."""
+        """Offset of each lane at a sample, limited by the range of the speed command."""
         return within_channel(self.profiles[:, sample % self.profiles.shape[1]], observation)
 
 
 def best_profile(rate: Callable[[np.ndarray], np.ndarray], seed: int) -> Profile:
     """The profile with the largest rate, found by differential evolution.
 
-    Its rate in the search is too high where rates are random: judge it anew. A search this short
-    misses narrow peaks.
+    Its rate in the search is too high where rates are random: measure it again. A search as short
+    as this one misses narrow peaks.
 
     Parameters
     ----------
     rate
-        Rates (n_profiles,) of profiles (n_profiles, 3).
+        Computes rates (n_profiles,) of profiles (n_profiles, 3).
     seed
-        Of the search.
+        Seed of the search.
     """
-    found = differential_evolution(
+    optimum = differential_evolution(
         lambda columns: -rate(columns.T),
         LIMITS,
         popsize=POPULATION,
@@ -121,43 +138,45 @@ def best_profile(rate: Callable[[np.ndarray], np.ndarray], seed: int) -> Profile
         vectorized=True,
         updating="deferred",
     )
-    return Profile(round(found.x[0]), *map(float, found.x[1:]))
+    cycles, duty, roundness = optimum.x
+    return Profile(round(cycles), float(duty), float(roundness))
 
 
 def best_free_levels(
     rate: Callable[[np.ndarray], np.ndarray], start: np.ndarray, seed: int
 ) -> np.ndarray:
-    """Levels (LEVELS,) no worse than those to start from: in every round the best of random changes to the best so far.
+    """Levels (LEVELS,) with a rate no lower than that of `start`, found by random changes.
+
+    Every round changes the best levels so far at random and takes the best of the results.
 
     Parameters
     ----------
     rate
-        Rates (n_profiles,) of levels (n_profiles, LEVELS), the same whenever they are asked for.
+        Computes rates (n_profiles,) of levels (n_profiles, LEVELS); it is deterministic.
     start
         Levels (LEVELS,) of mean zero.
     seed
-        Of the search.
+        Seed of the search.
     """
     random = np.random.default_rng(seed)
     best = start
     budget = np.sqrt(np.mean(np.square(start)))
     for _ in range(ROUNDS):
         changes = STEP * budget * random.standard_normal((TRIES, LEVELS))
-        tried = scale_to_budget(np.vstack([best, best + changes]), budget)
-        best = tried[rate(tried).argmax()]
+        candidates = scale_to_budget(np.vstack([best, best + changes]), budget)
+        best = candidates[rate(candidates).argmax()]
     return best
 
 
 def least_rates(fault: str, stimulus: Stimulus, lane_seeds: Sequence[int]) -> np.ndarray:
-    """Rates [nat/s] against every class on average lanes, (n_lanes, n_classes); infinite for the fault's own."""
+    """Rates [nat/s] against every class, (n_lanes, n_classes); infinite for the own class."""
     n_lanes = len(lane_seeds)
     k = classes().index(fault_of(fault).diagnosis)
-    event = FaultEvent(fault, ONSET, SEVERITY)
-    mission = MISSIONS["cruise"]
-    paths = log_likelihoods_unknown_severity(
-        simulate_lanes(stimulus, [event] * n_lanes, [mission] * n_lanes, lane_seeds)
-    )
-    rates = late_rate(paths[:, :, k, None] - paths)
+    events = [FaultEvent(fault, ONSET, SEVERITY)] * n_lanes
+    missions = [MISSIONS["cruise"]] * n_lanes
+    lanes = simulate_lanes(stimulus, events, missions, lane_seeds)
+    evidence = log_likelihoods_unknown_severity(lanes)
+    rates = late_rate(evidence[:, :, k, None] - evidence)
     rates[:, k] = np.inf
     return rates
 
@@ -165,87 +184,98 @@ def least_rates(fault: str, stimulus: Stimulus, lane_seeds: Sequence[int]) -> np
 def rates_of(
     fault: str, profiles: np.ndarray, lane_seeds: Sequence[int], budget: float = BUDGET
 ) -> np.ndarray:
-    """Least rate over the rivals of each profile (n_profiles, 3), (n_profiles,), each on the same vehicles."""
+    """Rate against the most dangerous rival of profiles (n_profiles, 3), (n_profiles,) [nat/s].
+
+    Every profile is tried on the same vehicles.
+    """
     times = np.arange(round(WINDOW * SAMPLE_RATE)) * SAMPLE_TIME
-    return _rates_of(fault, _table(profiles, times, budget), lane_seeds)
+    return _rates_of_offsets(fault, _offset_table(profiles, times, budget), lane_seeds)
 
 
-def free_rates_of(fault: str, free: np.ndarray, lane_seeds: Sequence[int]) -> np.ndarray:
-    """The same of levels (n_profiles, LEVELS) [m/s]."""
-    return _rates_of(fault, np.repeat(free, round(SAMPLE_RATE), axis=1), lane_seeds)
+def free_rates_of(fault: str, levels: np.ndarray, lane_seeds: Sequence[int]) -> np.ndarray:
+    """The same as `rates_of` for levels (n_profiles, LEVELS) [m/s]."""
+    offsets = np.repeat(levels, round(SAMPLE_RATE), axis=1)
+    return _rates_of_offsets(fault, offsets, lane_seeds)
 
 
-def _table(profiles: np.ndarray, times: np.ndarray, budget: float) -> np.ndarray:
+def _offset_table(profiles: np.ndarray, times: np.ndarray, budget: float) -> np.ndarray:
     """Offsets (n_profiles, n_times) of profiles (n_profiles, 3)."""
     return np.stack([profile_offsets(profiles, time, budget) for time in times], axis=1)
 
 
-def _rates_of(fault: str, tables: np.ndarray, lane_seeds: Sequence[int]) -> np.ndarray:
-    stimulus = RepeatedOffsets(profiles=np.repeat(tables, len(lane_seeds), axis=0))
-    rates = least_rates(fault, stimulus, list(lane_seeds) * len(tables))
-    return rates.reshape(len(tables), len(lane_seeds), -1).mean(axis=1).min(axis=1)
+def _rates_of_offsets(fault: str, offsets: np.ndarray, lane_seeds: Sequence[int]) -> np.ndarray:
+    n_profiles = len(offsets)
+    n_vehicles = len(lane_seeds)
+    stimulus = RepeatedOffsets(profiles=np.repeat(offsets, n_vehicles, axis=0))
+    rates = least_rates(fault, stimulus, list(lane_seeds) * n_profiles)
+    mean_rates = rates.reshape(n_profiles, n_vehicles, -1).mean(axis=1)
+    return mean_rates.min(axis=1)
 
 
 def periodic_ceiling(fault: str, seed: int, budget: float = BUDGET) -> dict[str, Any]:
-    """D* and D of a fault at `SEVERITY` around the cruise mission, the profile, and the speed-up.
+    """D* over periodic profiles, and D, of a fault at `SEVERITY` around the cruise mission.
 
-    Both rates are those at which evidence gathers once the shock of the onset is over. D* is that
-    of periodic profiles; see `free_ceiling` for more. No speed-up (None) is stated where the
-    passive rate is nought: at constant speed drag and thrust look alike, and any ratio would be
-    arbitrary.
+    Both are rates after the transient of the onset. `free_ceiling` searches more profiles. There is
+    no speed-up (None) where the passive rate is zero: at constant speed drag and thrust cannot be
+    distinguished, and any ratio would be arbitrary.
+
+    Returns
+    -------
+    ceiling
+        budget [m/s], profile, active (D*), passive (D) [nat/s], passive_rival, speed_up.
     """
-    tried, judged = _vehicles(seed)
-    profile = best_profile(lambda profiles: rates_of(fault, profiles, tried, budget), seed)
-    active = float(rates_of(fault, np.array([profile]), judged, budget)[0])
-    against = least_rates(fault, Cruise(), judged).mean(axis=0)
-    passive = float(against.min())
+    search_seeds, final_seeds = _vehicle_seeds(seed)
+    profile = best_profile(lambda tried: rates_of(fault, tried, search_seeds, budget), seed)
+    active = float(rates_of(fault, np.array([profile]), final_seeds, budget)[0])
+    passive_rates = least_rates(fault, Cruise(), final_seeds).mean(axis=0)
+    passive = float(passive_rates.min())
     return {
         "budget": budget,
         "profile": profile._asdict(),
         "active": active,
         "passive": passive,
-        "passive_rival": classes()[int(against.argmin())],
+        "passive_rival": classes()[int(passive_rates.argmin())],
         "speed_up": _speed_up(active, passive),
     }
 
 
 def free_ceiling(fault: str, seed: int, budget: float) -> dict[str, Any]:
-    """What `periodic_ceiling` says, and D* over free profiles too, each of `LEVELS` levels, beside D of the thesis' stimulus.
+    """D* over periodic and over free profiles, beside D in cruise and under the thesis' stimulus.
 
-    best
-        D*, that of the best profile of either kind [nat/s].
-    free, levels
-        Rate and levels [m/s] of the best free profile, sought from the best periodic one.
-    thesis
-        Rate under the thesis' stimulus at the same budget [nat/s].
-    best_speed_up, thesis_speed_up
-        D* relative to that in cruise, and to that under the thesis' stimulus; None where there is
-        nothing to divide by.
+    Returns
+    -------
+    ceiling
+        What `periodic_ceiling` returns, and: free, levels (rate [nat/s] and levels [m/s] of the
+        best free profile, searched from the best periodic one); best (D*, the larger rate of both
+        kinds); thesis (rate under the thesis' stimulus at the same budget); best_speed_up,
+        thesis_speed_up (D* relative to the rates in cruise and under the thesis' stimulus, None
+        where these are zero).
     """
-    found = periodic_ceiling(fault, seed, budget)
-    (tried, judged) = _vehicles(seed)
-    cycles, *shape = found["profile"].values()
-    # quicker ones look constant, read once a second
-    profile = np.array([[min(cycles, LEVELS // 2), *shape]])
-    start = scale_to_budget(_table(profile, np.arange(LEVELS) + 0.5, budget), budget)[0]
-    free = best_free_levels(lambda profiles: free_rates_of(fault, profiles, tried), start, seed)
-    rate = float(free_rates_of(fault, free[None], judged)[0])
-    thesis = float(least_rates(fault, Thesis(budget), judged).mean(axis=0).min())
-    best = max(rate, found["active"])
-    return found | {
-        "free": rate,
-        "levels": np.round(free, 4).tolist(),
+    ceiling = periodic_ceiling(fault, seed, budget)
+    search_seeds, final_seeds = _vehicle_seeds(seed)
+    cycles, duty, roundness = ceiling["profile"].values()
+    # with one level per second, faster profiles appear constant
+    profile = np.array([[min(cycles, LEVELS // 2), duty, roundness]])
+    sampled = _offset_table(profile, np.arange(LEVELS) + 0.5, budget)
+    start = scale_to_budget(sampled, budget)[0]
+    levels = best_free_levels(lambda tried: free_rates_of(fault, tried, search_seeds), start, seed)
+    free = float(free_rates_of(fault, levels[None], final_seeds)[0])
+    thesis = float(least_rates(fault, Thesis(budget), final_seeds).mean(axis=0).min())
+    best = max(free, ceiling["active"])
+    return ceiling | {
+        "free": free,
+        "levels": np.round(levels, 4).tolist(),
         "best": best,
         "thesis": thesis,
-        "best_speed_up": _speed_up(best, found["passive"]),
+        "best_speed_up": _speed_up(best, ceiling["passive"]),
         "thesis_speed_up": _speed_up(best, thesis),
     }
 
 
-def _vehicles(seed: int) -> tuple[range, range]:
-    """Seeds of the vehicles that profiles are tried on, and of those that the best one is judged on."""
-    tried = seeds("test", TRIED_ON, FIRST_SEED + seed)
-    return tried, seeds("test", JUDGED_ON, FIRST_SEED + seed + TRIED_ON)
+def _vehicle_seeds(seed: int) -> tuple[range, range]:
+    """Seeds of the vehicles in the search, and of those on which the best profile is measured."""
+    search_seeds = seeds("test", TRIED_ON, FIRST_SEED + seed)
+    return search_seeds, seeds("test", JUDGED_ON, FIRST_SEED + seed + TRIED_ON)
 
 
 def _speed_up(active: float, passive: float) -> float | None:
