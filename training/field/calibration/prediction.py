@@ -28,7 +28,7 @@ SETTLING = 10  # samples in which a shaft reaches the speed of its first voltage
 
 
 @scalar
-def pushed(speed, before, now, drag, disturbance, side, opening):
+def mean_acceleration(speed, before, now, drag, disturbance, side, opening):
     """Mean acceleration over a sample at a held surge speed; the shafts go from `before` to `now`, (2,) [rad/s]."""
     first = surge_acceleration(speed, before[0], before[1], drag, disturbance, side, side)
     last = surge_acceleration(speed, now[0], now[1], drag, disturbance, side, side)
@@ -36,12 +36,14 @@ def pushed(speed, before, now, drag, disturbance, side, opening):
 
 
 @scalar
-def carried(speed, before, now, drag, disturbance, side, opening):
+def predicted_speed(speed, before, now, drag, disturbance, side, opening):
     """Surge speed one sample later, by the midpoint rule."""
-    middle = speed + 0.5 * SAMPLE_TIME * pushed(
+    middle = speed + 0.5 * SAMPLE_TIME * mean_acceleration(
         speed, before, now, drag, disturbance, side, opening
     )
-    return speed + SAMPLE_TIME * pushed(middle, before, now, drag, disturbance, side, opening)
+    return speed + SAMPLE_TIME * mean_acceleration(
+        middle, before, now, drag, disturbance, side, opening
+    )
 
 
 @kernel
@@ -91,11 +93,13 @@ def speed_innovations(
             push = memory * push
             crossed = memory * crossed
             push_variance = memory * memory * push_variance + kick * kick
-            ahead = carried(speed, before, now, drag, push, side, opening)
+            ahead = predicted_speed(speed, before, now, drag, push, side, opening)
             by_speed = (
-                carried(speed + STEP, before, now, drag, push, side, opening) - ahead
+                predicted_speed(speed + STEP, before, now, drag, push, side, opening) - ahead
             ) / STEP
-            by_push = (carried(speed, before, now, drag, push + STEP, side, opening) - ahead) / STEP
+            by_push = (
+                predicted_speed(speed, before, now, drag, push + STEP, side, opening) - ahead
+            ) / STEP
             variance = (
                 by_speed * (by_speed * variance + 2.0 * by_push * crossed)
                 + by_push * by_push * push_variance
