@@ -1,4 +1,4 @@
-"""``auv-fault reproduce``: the thesis' test runs and networks, chapters III to VI, our figures beside the thesis'."""
+"""``auv-fault reproduce``: the thesis' test runs and networks, chapters III to VI."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ from training.thesis import (
     recommendation_page,
 )
 from training.thesis.comparison import Comparison
-from training.thesis.page import COLUMNS, page
+from training.thesis.page import COLUMNS, report_on_test_runs
 from training.thesis.runs import STEPS, TEST_RUNS, record
 
 CONSISTENCY_SEEDS = 200
@@ -37,30 +37,36 @@ def main(arguments: Reproduce) -> None:
 
 
 def reproduce(arguments: Reproduce) -> dict[str, Any]:
-    """All results as plain data: what `write_report` needs, and nothing else does it read."""
+    """All results as plain data, from which alone `write_report` makes the report."""
+    seed = arguments.seed
     with tqdm(total=2 * STEPS, unit="step", desc="test runs") as bar:
-        clean = record(0.0, [arguments.seed], bar)
-        noisy = record(1.0, list(range(arguments.seed, arguments.seed + arguments.seeds)), bar)
-    command = f"auv-fault reproduce --seed {arguments.seed} --seeds {arguments.seeds} --networks {arguments.networks}"
-    view = Comparison(clean, noisy, list(TEST_RUNS), command)
-    seeds = range(arguments.seed, arguments.seed + arguments.networks)
-    results = page(view)
-    extra = [
-        filter_consistency.section(CONSISTENCY_SEEDS, arguments.seed),
-        *network_sections(view, seeds),
+        clean = record(0.0, [seed], bar)
+        noisy = record(1.0, list(range(seed, seed + arguments.seeds)), bar)
+    command = (
+        f"auv-fault reproduce --seed {seed} --seeds {arguments.seeds} "
+        f"--networks {arguments.networks}"
+    )
+    comparison = Comparison(clean, noisy, list(TEST_RUNS), command)
+    results = report_on_test_runs(comparison)
+    *sections, appendix, constants = results["sections"]
+    results["sections"] = [
+        *sections,
+        filter_consistency.section(CONSISTENCY_SEEDS, seed),
+        *network_sections(comparison, range(seed, seed + arguments.networks)),
+        appendix,
+        constants,
     ]
-    results["sections"][-2:-2] = extra
     return results
 
 
-def network_sections(view: Comparison, seeds: range) -> list[dict[str, Any]]:
-    """Train the thesis' networks on and beside the recorded runs; all of the report that concerns them."""
+def network_sections(comparison: Comparison, seeds: range) -> list[dict[str, Any]]:
+    """Train the thesis' networks and report on them."""
     total = raw_networks.CHECKPOINTS[-1] + kalman_networks.CHECKPOINTS[-1]
     with tqdm(total=total, unit="presentation", unit_scale=True, desc="networks") as bar:
-        raw = raw_networks.study(view, seeds, bar)
-        fed = kalman_networks.study(seeds, bar)
+        raw_study = raw_networks.run_study(comparison, seeds, bar)
+        kalman_study = kalman_networks.run_study(seeds, bar)
     return [
-        *raw_page.sections(view, raw, COLUMNS),
-        *kalman_page.sections(view, fed, COLUMNS),
-        recommendation_page.section(view, COLUMNS),
+        *raw_page.sections(comparison, raw_study, COLUMNS),
+        *kalman_page.sections(comparison, kalman_study, COLUMNS),
+        recommendation_page.section(comparison, COLUMNS),
     ]

@@ -1,4 +1,4 @@
-"""Appendix A of the thesis, the motor's data sheet, its contradiction, and every constant of the vehicle beside it."""
+"""Appendix A of the thesis: the motor's data, their contradiction, and the vehicle's constants."""
 
 import math
 from typing import Any, NamedTuple
@@ -23,36 +23,35 @@ class MotorData(NamedTuple):
 
 
 def derived(data: MotorData) -> dict[str, float]:
-    """What torque constant, back-EMF constant, resistance, inertia and friction imply for the other entries.
+    """What constants, resistance, inertia and friction imply for the other entries.
 
     ``tau_m = J R/(K_T K_b)``, ``K_m = K_T/sqrt(R)``, ``i_stall = V/R``, ``i_0 = tau_c/K_T``, ``L =
     tau_e R``; and the resistance that each of the two contradictory entries would need.
     """
-    flux = data.torque_constant * OUNCE_INCH
+    torque_constant = data.torque_constant * OUNCE_INCH
     inertia = data.armature_inertia * OUNCE_INCH
+    coupling = torque_constant * data.back_emf_constant
+    resistance_for_time_constant = (
+        1e-3 * data.mechanical_time_constant * torque_constant * data.back_emf_constant / inertia
+    )
     return {
-        # ms
-        "mechanical_time_constant": 1e3
-        * inertia
-        * data.resistance
-        / (flux * data.back_emf_constant),
+        "mechanical_time_constant": 1e3 * inertia * data.resistance / coupling,  # ms
         "motor_constant": data.torque_constant / math.sqrt(data.resistance),  # oz-in/sqrt(W)
         "stall_current": data.voltage / data.resistance,  # A
         "no_load_current": data.friction_torque / data.torque_constant,  # A
-        "back_emf_constant": flux,  # V s/rad: equal to K_T in SI by conservation of energy
+        # V s/rad: equal to K_T in SI by conservation of energy
+        "back_emf_constant": torque_constant,
         "inductance": data.electrical_time_constant * data.resistance,  # mH
-        "resistance_for_time_constant": 1e-3
-        * data.mechanical_time_constant
-        * flux
-        * data.back_emf_constant
-        / inertia,
+        "resistance_for_time_constant": resistance_for_time_constant,
         "resistance_for_motor_constant": (data.torque_constant / data.motor_constant) ** 2,
     }
 
 
 WHY = {
     "no_load_current": "Printed to three digits; friction alone gives this.",
-    "back_emf_constant": "Printed to two digits. Energy is conserved only with K_b = K_T: the more precise one serves.",
+    "back_emf_constant": (
+        "Printed to two digits. Energy is conserved only with K_b = K_T: the more precise is used."
+    ),
 }
 FORMULAS = {
     "stall_current": "stall current [A], V/R",
@@ -66,56 +65,49 @@ FORMULAS = {
 def comparison_rows(data: MotorData, command: str) -> list[list[str]]:
     """Printed against derived entries, in the columns of the thesis' comparison."""
     ours = derived(data)
+    remedy = "Would need R = {:.2f} ohm."
     why = WHY | {
-        "mechanical_time_constant": f"Would need R = {ours['resistance_for_time_constant']:.2f} ohm.",
-        "motor_constant": f"Would need R = {ours['resistance_for_motor_constant']:.2f} ohm.",
+        "mechanical_time_constant": remedy.format(ours["resistance_for_time_constant"]),
+        "motor_constant": remedy.format(ours["resistance_for_motor_constant"]),
     }
     rows = []
     for name, quantity in FORMULAS.items():
         printed = getattr(data, name)
         value = ours[name]
         verdict = "agrees" if abs(value / printed - 1) < 0.02 else "differs"
-        rows.append(
-            [
-                "App. A",
-                quantity,
-                f"{printed:g}",
-                f"{value:.4g}",
-                "-",
-                verdict,
-                why.get(name, ""),
-                command,
-            ]
-        )
+        numbers = [f"{printed:g}", f"{value:.4g}", "-"]
+        rows.append(["App. A", quantity, *numbers, verdict, why.get(name, ""), command])
     return rows
 
 
 def appendix_section(columns: list[str], command: str) -> dict[str, Any]:
-    """Appendix A against itself."""
+    """Section on the contradiction in Appendix A."""
     data = MotorData()
+    text = (
+        "Torque constant, back-EMF constant, resistance, inertia and friction imply the other "
+        "entries. Stall and no-load current agree; mechanical time constant and motor constant do "
+        "not, and each would need another resistance, about twice the printed one, which the stall "
+        "current excludes. The plant uses K_T, R, J and the friction. Its inductance would be "
+        f"{derived(data)['inductance']:.2f} mH; it is neglected, as in the thesis."
+    )
     return {
         "heading": "Appendix A: the motor's data contradict themselves",
-        "text": [
-            "Torque constant, back-EMF constant, resistance, inertia and friction imply the other entries. Stall "
-            "and no-load current agree; mechanical time constant and motor constant do not, and each would need "
-            "another resistance, about twice the printed one, which the stall current excludes. The plant uses "
-            f"K_T, R, J and the friction. Its inductance would be {derived(data)['inductance']:.2f} mH; it is "
-            "neglected, as in the thesis."
-        ],
+        "text": [text],
         "table": {"columns": columns, "rows": comparison_rows(data, command)},
     }
 
 
 def constants_section(vehicle: Vehicle) -> dict[str, Any]:
-    """Every constant of the vehicle with its source."""
-    rows = [
-        [row["name"], f"{row['value']:.5g}", row["unit"], row["about"], row["source"]]
-        for row in describe(vehicle)
-    ]
+    """Section with every constant of the vehicle and its source."""
+    rows = []
+    for row in describe(vehicle):
+        rows.append([row["name"], f"{row['value']:.5g}", row["unit"], row["about"], row["source"]])
+    text = (
+        "T: the thesis. N: NPSNET hydrodynamic file, 1995. H: Healey & Lienard 1993. E: estimate "
+        "or default."
+    )
     return {
         "heading": "Constants of the vehicle",
-        "text": [
-            "T: the thesis. N: NPSNET hydrodynamic file, 1995. H: Healey & Lienard 1993. E: estimate or default."
-        ],
+        "text": [text],
         "table": {"columns": ["name", "value", "unit", "meaning", "source"], "rows": rows},
     }

@@ -1,8 +1,8 @@
-"""The thesis' way of training: one hidden layer, sigmoids, squared error, one sample at a time, gradient with momentum.
+"""The thesis' way of training: one hidden layer, sigmoids, squared error, one sample at a time.
 
-Every network of a study is a lane of one compiled loop, whatever its seed, size, setting or data.
-Networks of one seed see the same stream of presentations and start from the same weights, of which
-a smaller one takes the first rows.
+All networks of a study are trained in one compiled loop, whatever their seed, size, settings or
+data. Networks of one seed see the same stream of presentations and start from the same weights, of
+which a smaller one takes the first rows.
 
 Source: thesis V.C.2 (training set, random selection, backpropagation). Learning rate, momentum and
 initial weights are not in it. Rumelhart, Hinton & Williams, "Learning representations by
@@ -17,108 +17,126 @@ from tqdm import tqdm
 
 from auv_fault_env.compiling import kernel, scalar
 
-# E: a small study of the training rms alone, see `raw_network_page.settings_section`
-RATE = 0.5
+# E: a small study of the training rms alone, see `raw_page.settings_section`
+LEARNING_RATE = 0.5
 MOMENTUM = 0.4
-SPREAD = 0.3  # E: initial weights and biases are uniform within it
-CHUNK = 10_000  # presentations drawn at once
+INITIAL_RANGE = 0.3  # E: initial weights and biases are uniform within it
+PRESENTATIONS_PER_CALL = 10_000
 
 
-class Lane(NamedTuple):
-    """One network of a study: its seed, hidden nodes, learning rate, momentum, and which of the data sets it sees."""
+class NetworkSettings(NamedTuple):
+    """How one network of a study is trained; `data_set` is the index of the inputs that it sees."""
 
     seed: int
-    hidden: int
-    rate: float = RATE
+    n_hidden: int
+    learning_rate: float = LEARNING_RATE
     momentum: float = MOMENTUM
-    data: int = 0
+    data_set: int = 0
 
 
 class Networks(NamedTuple):
-    """Weights of many networks, each padded to the widest; the last column of a layer is the bias.
+    """Weights of many networks, padded to the widest; the last column of a layer is the bias.
 
-    hidden (n_lanes, widest, n_inputs + 1), output (n_lanes, n_outputs, widest + 1), with zeros
-    where a smaller network has no node; size (n_lanes,), hidden nodes.
+    Attributes
+    ----------
+    hidden
+        (n_networks, widest, n_inputs + 1), zero where a smaller network has no node.
+    output
+        (n_networks, n_outputs, widest + 1), zero where a smaller network has no node.
+    n_hidden
+        Number of hidden nodes, (n_networks,).
     """
 
     hidden: np.ndarray
     output: np.ndarray
-    size: np.ndarray
+    n_hidden: np.ndarray
 
 
-def initial(lanes: Sequence[Lane], n_inputs: int, n_outputs: int) -> Networks:
-    """Untrained networks, uniform within ± `SPREAD`."""
-    size = np.array([lane.hidden for lane in lanes])
-    hidden = np.zeros((len(lanes), size.max(), n_inputs + 1))
-    output = np.zeros((len(lanes), n_outputs, size.max() + 1))
-    for lane, first, second in zip(lanes, hidden, output, strict=True):
-        random = np.random.default_rng([lane.seed, 0])
-        second[:, -1] = random.uniform(-SPREAD, SPREAD, n_outputs)
-        nodes = random.uniform(-SPREAD, SPREAD, (lane.hidden, n_inputs + 1 + n_outputs))
-        first[: lane.hidden] = nodes[:, : n_inputs + 1]
-        second[:, : lane.hidden] = nodes[:, n_inputs + 1 :].T
-    return Networks(hidden, output, size)
+def initial_networks(
+    settings: Sequence[NetworkSettings], n_inputs: int, n_outputs: int
+) -> Networks:
+    """Untrained networks, uniform within ± `INITIAL_RANGE`."""
+    n_hidden = np.array([network.n_hidden for network in settings])
+    hidden = np.zeros((len(settings), n_hidden.max(), n_inputs + 1))
+    output = np.zeros((len(settings), n_outputs, n_hidden.max() + 1))
+    for k, network in enumerate(settings):
+        random = np.random.default_rng([network.seed, 0])
+        output[k, :, -1] = random.uniform(-INITIAL_RANGE, INITIAL_RANGE, n_outputs)
+        shape = (network.n_hidden, n_inputs + 1 + n_outputs)
+        nodes = random.uniform(-INITIAL_RANGE, INITIAL_RANGE, shape)
+        hidden[k, : network.n_hidden] = nodes[:, : n_inputs + 1]
+        output[k, :, : network.n_hidden] = nodes[:, n_inputs + 1 :].T
+    return Networks(hidden, output, n_hidden)
 
 
 def train(
-    groups: Mapping[Hashable, Sequence[Lane]],
+    groups: Mapping[Hashable, Sequence[NetworkSettings]],
     inputs: np.ndarray,
     targets: np.ndarray,
     checkpoints: Sequence[int],
     bar: tqdm,
 ) -> dict[Hashable, Networks]:
-    """Train the networks of all groups together; by group, what they were after each number of presentations.
+    """Train the networks of all groups together.
 
     Parameters
     ----------
     groups
-        The networks, by the name of the group that is looked at together.
+        Settings of the networks, by name of the group.
     inputs
         (n_sets, n_points, n_inputs), scaled to about [0, 1].
     targets
         (n_points, n_outputs), in [0, 1].
     checkpoints
-        Ascending numbers of presentations; the weights returned have one more axis, in front, for
-        them.
+        Ascending numbers of presentations after which the weights are recorded.
     bar
         Progress, by presentations of all networks at once.
+
+    Returns
+    -------
+    networks
+        By group; the first axis of the weights is that of the checkpoints.
     """
-    lanes = [lane for group in groups.values() for lane in group]
-    networks = initial(lanes, inputs.shape[-1], targets.shape[-1])
-    kept = []
-    for _ in _presented(lanes, networks, inputs, targets, checkpoints, bar):
-        kept.append((networks.hidden.copy(), networks.output.copy()))
-    hidden, output = (np.stack(weights) for weights in zip(*kept, strict=True))
-    ends = np.cumsum([len(group) for group in groups.values()])
-    slices = [
-        slice(end - len(group), end) for end, group in zip(ends, groups.values(), strict=True)
-    ]
-    parts = [Networks(hidden[:, part], output[:, part], networks.size[part]) for part in slices]
-    return dict(zip(groups, parts, strict=True))
+    settings = [network for group in groups.values() for network in group]
+    networks = initial_networks(settings, inputs.shape[-1], targets.shape[-1])
+    hidden = []
+    output = []
+    for _ in _train_to_checkpoints(settings, networks, inputs, targets, checkpoints, bar):
+        hidden.append(networks.hidden.copy())
+        output.append(networks.output.copy())
+    hidden = np.stack(hidden)
+    output = np.stack(output)
+    trained = {}
+    start = 0
+    for name, group in groups.items():
+        members = slice(start, start + len(group))
+        weights = (hidden[:, members], output[:, members])
+        trained[name] = Networks(*weights, networks.n_hidden[members])
+        start += len(group)
+    return trained
 
 
-def _presented(
-    lanes: Sequence[Lane],
+def _train_to_checkpoints(
+    settings: Sequence[NetworkSettings],
     networks: Networks,
     inputs: np.ndarray,
     targets: np.ndarray,
     checkpoints: Sequence[int],
     bar: tqdm,
 ) -> Iterator[int]:
-    """Train in place and stop at every checkpoint."""
-    steps = np.zeros_like(networks.hidden), np.zeros_like(networks.output)
-    seeds = sorted({lane.seed for lane in lanes})
+    """Train in place and yield at every checkpoint."""
+    last_steps = (np.zeros_like(networks.hidden), np.zeros_like(networks.output))
+    seeds = sorted({network.seed for network in settings})
     streams = [np.random.default_rng([seed, 1]) for seed in seeds]
-    stream = np.array([seeds.index(lane.seed) for lane in lanes])
-    data = np.array([lane.data for lane in lanes])
-    rate = np.array([lane.rate for lane in lanes])
-    momentum = np.array([lane.momentum for lane in lanes])
+    stream = np.array([seeds.index(network.seed) for network in settings])
+    data_set = np.array([network.data_set for network in settings])
+    rate = np.array([network.learning_rate for network in settings])
+    momentum = np.array([network.momentum for network in settings])
     done = 0
     for checkpoint in checkpoints:
         while done < checkpoint:
-            count = min(CHUNK, checkpoint - done)
+            count = min(PRESENTATIONS_PER_CALL, checkpoint - done)
             order = np.stack([random.integers(len(targets), size=count) for random in streams])
-            _train(*networks, *steps, inputs, targets, order, stream, data, rate, momentum)
+            _train(*networks, *last_steps, inputs, targets, order, stream, data_set, rate, momentum)
             done += count
             bar.update(count)
         yield done
@@ -128,29 +146,27 @@ def _presented(
 def _train(
     hidden,
     output,
-    size,
+    n_hidden,
     hidden_step,
     output_step,
     inputs,
     targets,
     order,
     stream,
-    data,
+    data_set,
     rate,
     momentum,
 ):
-    """Present the samples in order (n_streams, count) to every lane, which changes weights and last steps in place."""
+    """Present the samples in their order (n_streams, count) to every network, in place."""
     activity = np.empty(hidden.shape[1])
     error = np.empty(output.shape[1])
-    for lane in range(len(size)):
-        n = size[lane]
-        samples = inputs[data[lane]]
-        for sample in order[stream[lane]]:
-            _present(
-                hidden[lane], output[lane], n, samples[sample], targets[sample], activity, error
-            )
-            _learn(hidden[lane], output[lane], n, samples[sample], activity, error,
-                   hidden_step[lane], output_step[lane], rate[lane], momentum[lane])  # fmt: skip
+    for k in range(len(n_hidden)):
+        n = n_hidden[k]
+        samples = inputs[data_set[k]]
+        for sample in order[stream[k]]:
+            _present(hidden[k], output[k], n, samples[sample], targets[sample], activity, error)
+            _learn(hidden[k], output[k], n, samples[sample], activity, error,
+                   hidden_step[k], output_step[k], rate[k], momentum[k])  # fmt: skip
 
 
 @scalar
@@ -161,7 +177,7 @@ def _sigmoid(x):
 
 @scalar
 def _present(hidden, output, size, sample, target, activity, error):
-    """Activities of the hidden nodes, and minus the gradient of half the squared error by the outputs' inputs."""
+    """Activities of the hidden nodes, and minus the gradient of half the squared error."""
     n_inputs = len(sample)
     bias = output.shape[1] - 1
     for j in range(size):
@@ -179,7 +195,7 @@ def _present(hidden, output, size, sample, target, activity, error):
 
 @scalar
 def _learn(hidden, output, size, sample, activity, error, hidden_step, output_step, rate, momentum):
-    """One step of gradient descent with momentum; the hidden layer's error uses the output weights before the step."""
+    """One step of gradient descent with momentum, the hidden layer first."""
     n_inputs = len(sample)
     bias = output.shape[1] - 1
     for j in range(size):
@@ -200,18 +216,26 @@ def _learn(hidden, output, size, sample, activity, error, hidden_step, output_st
         output[k, bias] += output_step[k, bias]
 
 
-def recall(networks: Networks, inputs: np.ndarray) -> np.ndarray:
-    """Outputs (..., n_lanes, n_points, n_outputs) for inputs (n_points, n_inputs), or such for every lane."""
+def evaluate(networks: Networks, inputs: np.ndarray) -> np.ndarray:
+    """Outputs of the networks, (..., n_networks, n_points, n_outputs).
+
+    Parameters
+    ----------
+    networks
+        Their weights may have further axes in front.
+    inputs
+        (n_points, n_inputs) for all networks, or (n_networks, n_points, n_inputs).
+    """
     activity = _layer(networks.hidden, inputs)
     return _layer(networks.output, activity)
 
 
 def _layer(weights: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-    return 1.0 / (
-        1.0 + np.exp(-(inputs @ weights[..., :-1].swapaxes(-1, -2) + weights[..., None, :, -1]))
-    )
+    bias = weights[..., None, :, -1]
+    total = inputs @ weights[..., :-1].swapaxes(-1, -2) + bias
+    return 1.0 / (1.0 + np.exp(-total))
 
 
-def rms(outputs: np.ndarray, targets: np.ndarray) -> np.ndarray:
-    """Root mean squared error over points and outputs, (..., n_lanes)."""
+def rms_error(outputs: np.ndarray, targets: np.ndarray) -> np.ndarray:
+    """Root mean squared error over points and outputs, (..., n_networks)."""
     return np.sqrt(((outputs - targets) ** 2).mean(axis=(-2, -1)))

@@ -1,9 +1,9 @@
-"""Are the filters honest about their errors? NEES and NIS on the plant itself, against their chi-square bands.
+"""Consistency of the filters: NEES and NIS on the plant, against their chi-square bands.
 
-The truth is drawn from the filters' own model: parameters start within the prior and walk at random
-as the filter assumes, on the full plant with its motors, controllers and default noise. Then NEES
-and NIS, averaged over independent seeds, are chi-square distributed; a filter that fools itself
-leaves the band (Bar-Shalom, Li & Kirubarajan 2001, 5.4).
+The truth follows the filters' own model: parameters start within the prior and walk at random as
+the filter assumes, on the full plant with its motors, controllers and default noise. Then NEES and
+NIS, averaged over independent seeds, are chi-square distributed; a filter that is wrong about its
+errors leaves the band (Bar-Shalom, Li & Kirubarajan 2001, 5.4).
 """
 
 from typing import Any
@@ -19,14 +19,21 @@ from diagnosers.consistency import band, nees, nis
 from diagnosers.kalman import PARAMETERS, ParameterFilter, SurgeFilter
 
 SETTLED = 50  # samples before the first test: the speed is known by then
-PRIOR = (0.1, 0.1, 0.1)  # relative, so that no drawn vehicle is absurd
+PRIOR = (0.1, 0.1, 0.1)  # relative, so that no vehicle is absurd
+# class and disturbance
 FILTERS = {"parameter filter": (ParameterFilter, 0.0), "surge filter": (SurgeFilter, 1.0)}
 N_TRUE = {"parameter filter": 4, "surge filter": 5}  # leading states whose truth is compared
 PLANT_ROWS = {"alpha": ("alpha",), "beta": ("port_beta", "starboard_beta"), "gamma": ("gamma",)}
 
 
 class WalkingTruth:
-    """Relative (alpha, beta, gamma) of every lane, (n_lanes, 3), walking at random below the filter's ceiling."""
+    """Relative (alpha, beta, gamma) of every lane, which walk at random below the filter's ceiling.
+
+    Attributes
+    ----------
+    relative
+        The parameters now, (n_lanes, 3).
+    """
 
     def __init__(self, kalman: ParameterFilter | SurgeFilter, n_lanes: int, seed: int):
         self.random = np.random.default_rng(seed)
@@ -35,12 +42,12 @@ class WalkingTruth:
         self.relative = 1.0 + np.sqrt(self.ceiling) * self.random.standard_normal((n_lanes, 3))
 
     def advance(self, variance: np.ndarray) -> None:
-        """One sample of the filter's own random walk, given its variances of the parameters, (n_lanes, 3)."""
+        """One sample of the filter's random walk, from its variances (n_lanes, 3)."""
         step = self.walk * np.maximum(0.0, 1.0 - variance / self.ceiling)
         self.relative += np.sqrt(step) * self.random.standard_normal(self.relative.shape)
 
     def apply(self, fleet: Fleet) -> None:
-        """Give the fleet these parameters from the next sample on."""
+        """Set these parameters of the fleet from the next sample on."""
         names = list(PLANT_PARAMETERS)
         healthy = fleet.plan.healthy.copy()
         for column, name in enumerate(PARAMETERS):
@@ -53,9 +60,24 @@ class WalkingTruth:
 def run(
     name: str, seeds: int = 200, seed: int = 0, steps: int = 600
 ) -> tuple[np.ndarray, np.ndarray]:
-    """NEES and NIS of one of `FILTERS`, (steps, seeds) each, on the thesis' stimulus with swinging rudders."""
-    kind, disturbance = FILTERS[name]
-    kalman = kind(disturbance=disturbance, prior_std=PRIOR)
+    """NEES and NIS of a filter on the thesis' mission with swinging rudders.
+
+    Parameters
+    ----------
+    name
+        One of `FILTERS`.
+    seeds, seed
+        Number of seeds, and the first of them.
+    steps
+        Length of the runs in samples.
+
+    Returns
+    -------
+    nees, nis
+        (steps, seeds) each.
+    """
+    make_filter, disturbance = FILTERS[name]
+    kalman = make_filter(disturbance=disturbance, prior_std=PRIOR)
     fleet = Fleet(seeds, disturbance=disturbance, healthy_band=0.0)
     observation = fleet.reset(
         range(seed, seed + seeds), schedules=[()] * seeds, missions=[MISSIONS["thesis"]] * seeds
@@ -65,82 +87,84 @@ def run(
     errors = np.empty((steps, seeds))
     innovations = np.empty((steps, seeds))
     for k in range(steps):
-        truth.advance(np.diagonal(estimate.covariance, axis1=1, axis2=2)[:, 1:4])
+        variance = np.diagonal(estimate.covariance, axis1=1, axis2=2)
+        truth.advance(variance[:, 1:4])
         truth.apply(fleet)
-        swing = 0.2 * np.sin(0.05 * k)
-        observation = fleet.step(np.column_stack([observation[:, 0], np.full((seeds, 2), swing)]))
+        rudders = np.full((seeds, 2), 0.2 * np.sin(0.05 * k))
+        observation = fleet.step(np.column_stack([observation[:, 0], rudders]))
         estimate = kalman.update(estimate, observation)
-        errors[k] = nees(estimate, _state(fleet, truth)[:, : N_TRUE[name]])
+        errors[k] = nees(estimate, _true_state(fleet, truth)[:, : N_TRUE[name]])
         innovations[k] = nis(estimate)
     return errors, innovations
 
 
-def _state(fleet: Fleet, truth: WalkingTruth) -> np.ndarray:
+def _true_state(fleet: Fleet, truth: WalkingTruth) -> np.ndarray:
     state = FleetTruth(fleet)["state"]
     return np.column_stack([state["speed"], truth.relative, state["disturbance"]])
 
 
 def summary(name: str, seeds: int, seed: int) -> dict[str, Any]:
-    """NEES and NIS over time, their bands for one instant, means over time, and the share of instants inside.
+    """NEES and NIS over time, their bands at one instant, means, and the share of time inside.
 
     Neighbouring instants are correlated, so the share scatters about 95 % more widely than
-    independent draws would.
+    independent ones would.
     """
-    result: dict[str, Any] = {"name": name, "seeds": seeds}
-    for key, values, freedom in zip(
-        ("NEES", "NIS"), run(name, seeds, seed), (N_TRUE[name], 1), strict=True
-    ):
-        series = values.mean(axis=1)
-        (low, high) = band(freedom, seeds)
-        settled = series[SETTLED:]
-        inside = float(((settled >= low) & (settled <= high)).mean())
-        result[key] = {
-            "freedom": freedom,
-            "low": low,
-            "high": high,
-            "mean": float(settled.mean()),
-            "inside": inside,
-        }
-        result[key]["series"] = series.tolist()
-    return result
+    errors, innovations = run(name, seeds, seed)
+    nees_summary = _summarise(errors, N_TRUE[name])
+    nis_summary = _summarise(innovations, 1)
+    return {"name": name, "seeds": seeds, "NEES": nees_summary, "NIS": nis_summary}
+
+
+def _summarise(statistic: np.ndarray, freedom: int) -> dict[str, Any]:
+    """Summary of a statistic (steps, seeds) with so many degrees of freedom."""
+    series = statistic.mean(axis=1)
+    low, high = band(freedom, statistic.shape[1])
+    settled = series[SETTLED:]
+    is_inside = (settled >= low) & (settled <= high)
+    return {
+        "freedom": freedom,
+        "low": low,
+        "high": high,
+        "mean": float(settled.mean()),
+        "inside": float(is_inside.mean()),
+        "series": series.tolist(),
+    }
 
 
 def section(seeds: int, seed: int) -> dict[str, Any]:
-    """The report's section: a table and a figure."""
+    """Section of the report with a table and a figure."""
     summaries = [summary(name, seeds, seed) for name in FILTERS]
-    rows = [
-        [
-            one["name"],
-            key,
-            str(one[key]["freedom"]),
-            f"{one[key]['mean']:.3f}",
-            f"{one[key]['low']:.2f} to {one[key]['high']:.2f}",
-            f"{100 * one[key]['inside']:.0f} %",
-        ]
-        for one in summaries
-        for key in ("NEES", "NIS")
-    ]
-    time = (np.arange(1, 1 + len(summaries[0]["NEES"]["series"])) / SAMPLE_RATE).tolist()
-    return {
-        "heading": "Are the filters honest about their errors?",
-        "text": [
-            f"Normalised estimation error squared and normalised innovation squared, averaged over {seeds} seeds "
-            f"(from {seed}), on the full plant with default noise (the surge filter also with the default "
-            "disturbance), while the parameters walk at random as the filters assume. An honest filter stays "
-            "inside its 95 % chi-square band at 95 % of the instants. Neighbouring instants are correlated, "
-            "so the share for NEES scatters more widely about 95 % than independent draws would. Means and shares "
-            "leave out the first five seconds."
-        ],
-        "table": {
-            "columns": ["filter", "quantity", "expected", "mean", "95 % band", "instants inside"],
-            "rows": rows,
-        },
-        "figures": [
-            {
-                "plot": "consistency",
-                "name": "consistency",
-                "caption": "NEES and NIS of both filters over time, with their 95 % bands.",
-                "data": {"time": time, "summaries": summaries},
-            }
-        ],
+    rows = []
+    for result in summaries:
+        for key in ("NEES", "NIS"):
+            rows.append(_row(result["name"], key, result[key]))
+    n_samples = len(summaries[0]["NEES"]["series"])
+    time = (np.arange(1, 1 + n_samples) / SAMPLE_RATE).tolist()
+    text = (
+        "Normalised estimation error squared (NEES) and normalised innovation squared (NIS), "
+        f"averaged over {seeds} seeds (from {seed}), on the full plant with default noise (the "
+        "surge filter also with the default disturbance), while the parameters walk at random as "
+        "the filters assume. A filter with the right covariance stays inside the 95 % chi-square "
+        "band at 95 % of the instants. Neighbouring instants are correlated, so the share for NEES "
+        "scatters more widely about 95 % than independent ones would. Means and shares leave out "
+        "the first five seconds."
+    )
+    figure = {
+        "plot": "consistency",
+        "name": "consistency",
+        "caption": "NEES and NIS of both filters over time, with their 95 % bands.",
+        "data": {"time": time, "summaries": summaries},
     }
+    columns = ["filter", "quantity", "expected", "mean", "95 % band", "instants inside"]
+    return {
+        "heading": "Do the filters know their own errors?",
+        "text": [text],
+        "table": {"columns": columns, "rows": rows},
+        "figures": [figure],
+    }
+
+
+def _row(name: str, key: str, statistic: dict[str, Any]) -> list[str]:
+    limits = f"{statistic['low']:.2f} to {statistic['high']:.2f}"
+    inside = f"{100 * statistic['inside']:.0f} %"
+    return [name, key, str(statistic["freedom"]), f"{statistic['mean']:.3f}", limits, inside]

@@ -1,4 +1,4 @@
-"""The networks behind the parameter filter, V.D: trained on the fault map alone, then fed with recorded estimates."""
+"""The networks behind the parameter filter, V.D: trained on the fault map, fed with estimates."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -8,83 +8,99 @@ from tqdm import tqdm
 
 from auv_fault_env.parameters import SAMPLE_RATE
 from diagnosers.networks.fault_map import MODES_5_2, fault_map, grid, normalise, severity
-from training.thesis.backpropagation import Lane, Networks, recall, rms, train
+from training.thesis.backpropagation import Networks, NetworkSettings, evaluate, rms_error, train
 from training.thesis.comparison import ALPHA, BETA, Comparison
 
 SIZES = (4, 8)  # hidden nodes, thesis V.D.1
 GRID = 41  # points along an axis of the map
-# presentations; the weights of the least rms error are kept
+# presentations; the weights with the least rms error are used
 CHECKPOINTS = tuple(range(100_000, 2_000_001, 100_000))
 ONSET = 10.0  # s
 POINTS = grid(GRID)
 TARGETS = fault_map(POINTS)
-MODE = TARGETS.argmax(axis=1)
-GRADE = severity(TARGETS)
+TRUE_MODE = TARGETS.argmax(axis=1)
+TRUE_SEVERITY = severity(TARGETS)
 
 
 class Response(NamedTuple):
-    """Estimates as points of the map (n_networks, n_samples, 2) and the networks' outputs (..., n_modes)."""
+    """The networks' response to a test run.
+
+    Attributes
+    ----------
+    points
+        Estimates as points of the map, (n_networks, n_samples, 2).
+    outputs
+        (n_networks, n_samples, n_modes).
+    """
 
     points: np.ndarray
     outputs: np.ndarray
 
 
 class KalmanStudy(NamedTuple):
-    """By hidden nodes: the networks and their outputs (n_networks, n_points, n_modes) over the map."""
+    """Networks by number of hidden nodes, and their outputs over the map.
+
+    Each of the outputs is (n_networks, n_points, n_modes).
+    """
 
     networks: dict[int, Networks]
-    surface: dict[int, np.ndarray]
+    outputs: dict[int, np.ndarray]
 
 
-def study(seeds: Sequence[int], bar: tqdm) -> KalmanStudy:
-    """Train networks of both sizes, one per seed, to their minimum rms error."""
-    groups = {size: [Lane(seed, size) for seed in seeds] for size in SIZES}
-    networks = {
-        size: least_error(trained)
-        for size, trained in train(groups, POINTS[None], TARGETS, CHECKPOINTS, bar).items()
-    }
-    return KalmanStudy(
-        networks, {size: recall(trained, POINTS) for size, trained in networks.items()}
-    )
+def run_study(seeds: Sequence[int], bar: tqdm) -> KalmanStudy:
+    """Train networks of both sizes, one per seed, to their least rms error."""
+    groups = {size: [NetworkSettings(seed, size) for seed in seeds] for size in SIZES}
+    trained = train(groups, POINTS[None], TARGETS, CHECKPOINTS, bar)
+    networks = {size: least_error(trained[size]) for size in SIZES}
+    outputs = {size: evaluate(networks[size], POINTS) for size in SIZES}
+    return KalmanStudy(networks, outputs)
 
 
 def least_error(trained: Networks) -> Networks:
-    """Every network at that one of the checkpoints, its first axis, where its rms error on the map is least."""
-    best = rms(recall(trained, POINTS), TARGETS).argmin(axis=0), np.arange(len(trained.size))
-    return Networks(trained.hidden[best], trained.output[best], trained.size)
+    """Every network at the checkpoint (the first axis) of its least rms error on the map."""
+    best = rms_error(evaluate(trained, POINTS), TARGETS).argmin(axis=0)
+    network = np.arange(len(trained.n_hidden))
+    return Networks(trained.hidden[best, network], trained.output[best, network], trained.n_hidden)
 
 
-def responses(view: Comparison, run: str, networks: Networks) -> tuple[Response, Response]:
-    """How the networks answer a test run: all to the noise-free estimates, each to those of a noisy run of its own."""
-    row = view.runs.index(run)
-    count = len(networks.size)
-    clean = view.clean.mean[:, row, np.zeros(count, int)]
-    noisy = view.noisy.mean[:, row, np.arange(count) % view.noisy.mean.shape[2]]
-    points = [
-        normalise(part[..., ALPHA], part[..., BETA]).swapaxes(0, 1) for part in (clean, noisy)
-    ]
-    return tuple(Response(part, recall(networks, part)) for part in points)
+def responses(comparison: Comparison, run: str, networks: Networks) -> tuple[Response, Response]:
+    """Responses to a test run: of all networks without noise, of each to one of the noisy runs."""
+    row = comparison.runs.index(run)
+    network = np.arange(len(networks.n_hidden))
+    clean = comparison.clean.mean[:, row, np.zeros_like(network)]
+    n_seeds = comparison.noisy.mean.shape[2]
+    noisy = comparison.noisy.mean[:, row, network % n_seeds]
+    return _response(clean, networks), _response(noisy, networks)
 
 
-def named_correctly(outputs: np.ndarray) -> np.ndarray:
-    """Share of the map's points whose mode has the largest output, by mode, (n_networks, n_modes)."""
-    right = outputs.argmax(axis=-1) == MODE
-    return np.stack([right[:, k == MODE].mean(axis=1) for k in range(len(MODES_5_2))], axis=1)
+def _response(estimates: np.ndarray, networks: Networks) -> Response:
+    """The response to estimates (n_samples, n_networks, 3)."""
+    points = normalise(estimates[..., ALPHA], estimates[..., BETA]).swapaxes(0, 1)
+    return Response(points, evaluate(networks, points))
+
+
+def accuracy_by_mode(outputs: np.ndarray) -> np.ndarray:
+    """Share of each mode's points of the map that are named correctly, (n_networks, n_modes)."""
+    is_right = outputs.argmax(axis=-1) == TRUE_MODE
+    shares = [is_right[:, k == TRUE_MODE].mean(axis=1) for k in range(len(MODES_5_2))]
+    return np.stack(shares, axis=1)
 
 
 def severity_error(outputs: np.ndarray) -> np.ndarray:
     """Mean absolute error of the severity over the map's faulty points, (n_networks,)."""
-    return np.abs(severity(outputs) - GRADE)[:, MODE > 0].mean(axis=1)
+    error = np.abs(severity(outputs) - TRUE_SEVERITY)
+    return error[:, TRUE_MODE > 0].mean(axis=1)
 
 
-def identified_after(response: Response, mode: str) -> np.ndarray:
-    """Seconds from onset until the mode's output stays the largest up to the end, (n_networks,)."""
-    wrong = response.outputs.argmax(axis=-1) != MODES_5_2.index(mode)
-    # first sample of the last right interval
-    last = wrong.shape[1] - np.argmax(wrong[:, ::-1], axis=1)
-    return np.where(wrong.any(axis=1), last, 0) / SAMPLE_RATE - ONSET
+def time_to_identification(response: Response, mode: str) -> np.ndarray:
+    """Seconds from onset until the mode's output stays the largest to the end, (n_networks,)."""
+    is_wrong = response.outputs.argmax(axis=-1) != MODES_5_2.index(mode)
+    after_last_wrong = is_wrong.shape[1] - np.argmax(is_wrong[:, ::-1], axis=1)
+    first_right = np.where(is_wrong.any(axis=1), after_last_wrong, 0)
+    return first_right / SAMPLE_RATE - ONSET
 
 
-def normal_before(response: Response) -> np.ndarray:
+def share_normal_before_onset(response: Response) -> np.ndarray:
     """Share of the samples up to the onset that are named normal, (n_networks,)."""
-    return (response.outputs[:, : round(ONSET * SAMPLE_RATE) + 1].argmax(axis=-1) == 0).mean(axis=1)
+    before = response.outputs[:, : round(ONSET * SAMPLE_RATE) + 1]
+    return (before.argmax(axis=-1) == 0).mean(axis=1)

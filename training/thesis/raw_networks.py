@@ -1,4 +1,4 @@
-"""The networks on unprocessed data of V.C: their training sets from the plant, and every study trained on them."""
+"""The networks on raw data of V.C: their training sets from the plant, and the studies on them."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -13,14 +13,22 @@ from auv_fault_env.missions import MISSIONS
 from auv_fault_env.parameters import PARAMETERS
 from auv_fault_env.schedules import FaultEvent, Schedule
 from diagnosers.networks.fault_map import MODES_5_1
-from training.thesis.backpropagation import MOMENTUM, RATE, Lane, recall, rms, train
+from training.thesis.backpropagation import (
+    LEARNING_RATE,
+    MOMENTUM,
+    NetworkSettings,
+    evaluate,
+    rms_error,
+    train,
+)
 from training.thesis.comparison import Comparison
 from training.thesis.runs import TEST_RUNS
 
 POINTS = 400  # of each operating mode, thesis Figs 5.7 to 5.10
 CHECKPOINTS = (24_000, 60_000, 90_000, 150_000)  # presentations, thesis Figs 5.7 to 5.10
-SIZES = (2, 3, 4, 5, 6, 7, 8)
-RATES = (0.1, 0.3, 0.5, 0.9)
+SIZES = (2, 3, 4, 5, 6, 7, 8)  # hidden nodes
+ENOUGH = 6  # hidden nodes, thesis V.C.1
+LEARNING_RATES = (0.1, 0.3, 0.5, 0.9)
 MOMENTA = (0.0, 0.4, 0.9)
 # in the order of Table 5.1
 RUNS = ("start_normal", "start_friction", "start_drag", "start_propeller")
@@ -29,100 +37,128 @@ RUNS = ("start_normal", "start_friction", "start_drag", "start_propeller")
 FULL_SCALE = {"port_voltage": 6.0, "port_current": 1.5, "port_rpm": 650.0, "speed": 0.5}
 COLUMNS = [list(CHANNELS).index(name) for name in FULL_SCALE]
 TARGETS = np.repeat(np.eye(len(MODES_5_1)), POINTS, axis=0)
-MODE = np.repeat(np.arange(len(MODES_5_1)), POINTS)
+TRUE_MODE = np.repeat(np.arange(len(MODES_5_1)), POINTS)
+DRAG = MODES_5_1.index("increased drag")
 
 
-class Propeller(NamedTuple):
-    """A way to degrade the propeller: a fault of the catalogue, or the thrust of both alone as in V.D."""
+class Fault(NamedTuple):
+    """A fault of the catalogue, or a factor on the thrust of both propellers alone as in V.D."""
 
     schedule: Schedule = ()
     thrust: float = 1.0
 
 
-DRAGS = (0.2, 0.35, 0.7, 1.0)
-PROPELLERS = {
-    "port damaged: thrust −25 %, torque −20 %": Propeller(
+DRAG_SEVERITIES = (0.2, 0.35, 0.7, 1.0)
+PROPELLER_FAULTS = {
+    "port damaged: thrust −25 %, torque −20 %": Fault(
         (FaultEvent("propeller_damage:port", 0.0, 0.5),)
     ),
-    "port damaged: thrust −50 %, torque −40 %": Propeller(
+    "port damaged: thrust −50 %, torque −40 %": Fault(
         (FaultEvent("propeller_damage:port", 0.0, 1.0),)
     ),
-    "beta −20 %, torque as before": Propeller(thrust=0.80),
-    "beta −35 %, torque as before": Propeller(thrust=0.65),
-    "beta −50 %, torque as before": Propeller(thrust=0.50),
+    "beta −20 %, torque as before": Fault(thrust=0.80),
+    "beta −35 %, torque as before": Fault(thrust=0.65),
+    "beta −50 %, torque as before": Fault(thrust=0.50),
 }
-VARIANTS = tuple(product(DRAGS, PROPELLERS))
+VARIANTS = tuple(product(DRAG_SEVERITIES, PROPELLER_FAULTS))
 THRUST_ALONE = (0.35, "beta −35 %, torque as before")  # with the sizes of IV.C
 
 
 class RawStudy(NamedTuple):
-    """Outputs (n_checkpoints, n_networks, n_points, n_modes) of the networks, by study and case.
+    """Outputs of the networks, each (n_checkpoints, n_networks, n_points, n_modes).
 
-    size: by hidden nodes, noise-free; noisy: six nodes, every network with readings of its own
-    noise; setting: by (rate, momentum); variant: by (size of the drag fault, kind of propeller
-    fault).
+    Attributes
+    ----------
+    by_size
+        By number of hidden nodes, without noise.
+    noisy
+        Six hidden nodes, the readings of every network with noise of their own.
+    by_settings
+        By (learning rate, momentum), without noise.
+    by_variant
+        By (severity of the drag fault, kind of propeller fault), without noise.
     """
 
-    size: dict[int, np.ndarray]
+    by_size: dict[int, np.ndarray]
     noisy: np.ndarray
-    setting: dict[tuple[float, float], np.ndarray]
-    variant: dict[tuple[float, str], np.ndarray]
+    by_settings: dict[tuple[float, float], np.ndarray]
+    by_variant: dict[tuple[float, str], np.ndarray]
 
 
-def study(view: Comparison, seeds: Sequence[int], bar: tqdm) -> RawStudy:
-    """Train every network of V.C, one per seed."""
-    noisy = training_sets(view.noisy.readings[:, :, : len(seeds)], view.runs)
-    inputs = np.concatenate([training_sets(view.clean.readings, view.runs), variant_sets(), noisy])
-    first_noisy = 1 + len(VARIANTS)
-    groups = {("size", size): [Lane(seed, size) for seed in seeds] for size in SIZES}
-    groups |= {
-        ("setting", setting): [Lane(seed, 6, *setting) for seed in seeds]
-        for setting in product(RATES, MOMENTA)
-    }
-    groups |= {
-        ("variant", case): [Lane(seed, 6, RATE, MOMENTUM, 1 + k) for seed in seeds]
-        for k, case in enumerate(VARIANTS)
-    }
-    groups[("noisy", 6)] = [
-        Lane(seed, 6, RATE, MOMENTUM, first_noisy + k % len(noisy)) for k, seed in enumerate(seeds)
-    ]
+def run_study(comparison: Comparison, seeds: Sequence[int], bar: tqdm) -> RawStudy:
+    """Train all networks of V.C, one per seed and case."""
+    clean = training_sets(comparison.clean.readings, comparison.runs)
+    noisy = training_sets(comparison.noisy.readings[:, :, : len(seeds)], comparison.runs)
+    inputs = np.concatenate([clean, variant_sets(), noisy])
+    groups = _groups(seeds, len(noisy))
     networks = train(groups, inputs, TARGETS, CHECKPOINTS, bar)
-    outputs: dict[str, dict] = {"size": {}, "noisy": {}, "setting": {}, "variant": {}}
+    outputs: dict[str, dict] = {"size": {}, "noisy": {}, "settings": {}, "variant": {}}
     for (kind, case), trained in networks.items():
-        seen = inputs[[lane.data for lane in groups[kind, case]]]
-        outputs[kind][case] = recall(trained, seen).astype(np.float32)
-    return RawStudy(outputs["size"], outputs["noisy"][6], outputs["setting"], outputs["variant"])
+        data_sets = [network.data_set for network in groups[kind, case]]
+        outputs[kind][case] = evaluate(trained, inputs[data_sets]).astype(np.float32)
+    noisy_outputs = outputs["noisy"][ENOUGH]
+    return RawStudy(outputs["size"], noisy_outputs, outputs["settings"], outputs["variant"])
+
+
+def _groups(seeds: Sequence[int], n_noisy: int) -> dict[tuple, list[NetworkSettings]]:
+    """Settings of the networks by kind of study and case.
+
+    The data sets are the test runs without noise, the variants, and `n_noisy` noisy ones.
+    """
+    groups: dict[tuple, list[NetworkSettings]] = {}
+    for size in SIZES:
+        groups["size", size] = [NetworkSettings(seed, size) for seed in seeds]
+    for settings in product(LEARNING_RATES, MOMENTA):
+        groups["settings", settings] = [NetworkSettings(seed, ENOUGH, *settings) for seed in seeds]
+    defaults = (ENOUGH, LEARNING_RATE, MOMENTUM)
+    for k, variant in enumerate(VARIANTS):
+        groups["variant", variant] = [NetworkSettings(seed, *defaults, 1 + k) for seed in seeds]
+    first_noisy = 1 + len(VARIANTS)
+    groups["noisy", ENOUGH] = [
+        NetworkSettings(seed, *defaults, first_noisy + k % n_noisy) for k, seed in enumerate(seeds)
+    ]
+    return groups
 
 
 def training_sets(readings: np.ndarray, runs: Sequence[str]) -> np.ndarray:
-    """Training sets (n_seeds, n_points, n_inputs) from recorded readings (n_samples, n_runs, n_seeds, n_channels)."""
-    chosen = readings[:POINTS, [runs.index(run) for run in RUNS]][..., COLUMNS]
-    return _scaled(chosen.transpose(2, 1, 0, 3))
+    """Training sets (n_seeds, n_points, n_inputs) from the recorded test runs.
+
+    Parameters
+    ----------
+    readings
+        (n_samples, n_runs, n_seeds, n_channels).
+    runs
+        Names of the runs.
+    """
+    rows = [runs.index(run) for run in RUNS]
+    recorded = readings[:POINTS, rows][..., COLUMNS]
+    return _network_inputs(recorded.transpose(2, 1, 0, 3))
 
 
 def variant_sets() -> np.ndarray:
-    """Noise-free training sets (n_variants, n_points, n_inputs) with other sizes of the drag and propeller faults."""
-    normal, friction = (Propeller(TEST_RUNS[run].schedule) for run in RUNS[:2])
-    drags = [Propeller((FaultEvent("increased_drag", 0.0, severity),)) for severity in DRAGS]
-    first, second, *rest = _simulated([normal, friction, *drags, *PROPELLERS.values()])
-    drag = dict(zip(DRAGS, rest, strict=False))
-    propeller = dict(zip(PROPELLERS, rest[len(drags) :], strict=True))
-    return _scaled(
-        np.stack([[first, second, drag[size], propeller[kind]] for size, kind in VARIANTS])
-    )
+    """Training sets (n_variants, n_points, n_inputs) with other sizes of the faults, no noise."""
+    faults = [Fault(TEST_RUNS[run].schedule) for run in RUNS[:2]]
+    for severity in DRAG_SEVERITIES:
+        faults.append(Fault((FaultEvent("increased_drag", 0.0, severity),)))
+    faults.extend(PROPELLER_FAULTS.values())
+    normal, friction, *others = _simulate(faults)
+    drag = dict(zip(DRAG_SEVERITIES, others, strict=False))
+    propeller = dict(zip(PROPELLER_FAULTS, others[len(drag) :], strict=True))
+    sets = [[normal, friction, drag[severity], propeller[kind]] for severity, kind in VARIANTS]
+    return _network_inputs(np.stack(sets))
 
 
-def _simulated(faults: Sequence[Propeller]) -> np.ndarray:
-    """Readings (n_faults, POINTS, n_inputs) of the acceleration from rest, noise-free."""
-    fleet = Fleet(len(faults), sensor_noise=0.0, disturbance=0.0, healthy_band=0.0)
-    missions = [MISSIONS["acceleration"]] * len(faults)
-    observation = fleet.reset(
-        [0] * len(faults), schedules=[fault.schedule for fault in faults], missions=missions
-    )
+def _simulate(faults: Sequence[Fault]) -> np.ndarray:
+    """Readings (n_faults, POINTS, n_inputs) of the acceleration from rest, without noise."""
+    n_lanes = len(faults)
+    fleet = Fleet(n_lanes, sensor_noise=0.0, disturbance=0.0, healthy_band=0.0)
+    schedules = [fault.schedule for fault in faults]
+    missions = [MISSIONS["acceleration"]] * n_lanes
+    observation = fleet.reset([0] * n_lanes, schedules=schedules, missions=missions)
     healthy = fleet.plan.healthy.copy()
     names = list(PARAMETERS)
-    for side in ("port_beta", "starboard_beta"):
-        healthy[:, names.index(side)] *= [fault.thrust for fault in faults]
+    for parameter in ("port_beta", "starboard_beta"):
+        healthy[:, names.index(parameter)] *= [fault.thrust for fault in faults]
     fleet.set_healthy(healthy)
     readings = [observation]
     for _ in range(POINTS - 1):
@@ -131,39 +167,51 @@ def _simulated(faults: Sequence[Propeller]) -> np.ndarray:
     return np.stack(readings, axis=1)[..., COLUMNS]
 
 
-def _scaled(readings: np.ndarray) -> np.ndarray:
+def _network_inputs(readings: np.ndarray) -> np.ndarray:
     """Readings (n_sets, n_modes, POINTS, n_inputs) as inputs (n_sets, n_points, n_inputs)."""
-    return readings.reshape(len(readings), -1, len(COLUMNS)) / np.array(list(FULL_SCALE.values()))
+    points = readings.reshape(len(readings), -1, len(COLUMNS))
+    return points / np.array(list(FULL_SCALE.values()))
 
 
-def errors(outputs: np.ndarray) -> np.ndarray:
+def rms_errors(outputs: np.ndarray) -> np.ndarray:
     """Root mean squared output error, (n_checkpoints, n_networks)."""
-    return rms(outputs, TARGETS)
+    return rms_error(outputs, TARGETS)
 
 
-def named_correctly(outputs: np.ndarray, late: bool = False) -> np.ndarray:
-    """Share of each mode's points whose own output is the largest, (n_checkpoints, n_networks, n_modes).
+def accuracy_by_mode(outputs: np.ndarray, late: bool = False) -> np.ndarray:
+    """Share of each mode's points named correctly, (n_checkpoints, n_networks, n_modes).
 
-    ``late`` takes the second half of each transient alone, where it has settled.
+    `late` takes the second half of each transient alone, where it has settled.
     """
-    right = (outputs.argmax(axis=-1) == MODE).reshape(*outputs.shape[:2], len(MODES_5_1), POINTS)
-    return right[..., POINTS // 2 if late else 0 :].mean(axis=-1)
+    is_right = outputs.argmax(axis=-1) == TRUE_MODE
+    by_mode = is_right.reshape(*outputs.shape[:2], len(MODES_5_1), POINTS)
+    first = POINTS // 2 if late else 0
+    return by_mode[..., first:].mean(axis=-1)
 
 
-def friction_told_from_normal(outputs: np.ndarray) -> np.ndarray:
-    """Share of the points of these two modes where the right one of their two outputs is the larger, per network."""
-    friction_larger = outputs[..., : 2 * POINTS, 1] > outputs[..., : 2 * POINTS, 0]
-    return (friction_larger == (MODE[: 2 * POINTS] == 1)).mean(axis=-1)
+def friction_accuracy(outputs: np.ndarray) -> np.ndarray:
+    """Share of the points of normal and friction where the right one of their outputs is larger.
+
+    (n_checkpoints, n_networks); the outputs of the other modes are ignored.
+    """
+    both = outputs[..., : 2 * POINTS, :]
+    says_friction = both[..., 1] > both[..., 0]
+    is_friction = TRUE_MODE[: 2 * POINTS] == 1
+    return (says_friction == is_friction).mean(axis=-1)
 
 
 def first_drag_points_named(outputs: np.ndarray, mode: str, count: int = 100) -> np.ndarray:
-    """How many of the first points of the drag fault are named `mode`, (n_checkpoints, n_networks)."""
-    drag = outputs[..., 2 * POINTS : 2 * POINTS + count, :]
-    return (drag.argmax(axis=-1) == MODES_5_1.index(mode)).sum(axis=-1)
+    """How many of drag's first points are named `mode`, (n_checkpoints, n_networks)."""
+    first = outputs[..., DRAG * POINTS : DRAG * POINTS + count, :]
+    return (first.argmax(axis=-1) == MODES_5_1.index(mode)).sum(axis=-1)
 
 
-def drag_settled(outputs: np.ndarray) -> np.ndarray:
-    """Points of the drag fault until its output stays the largest, (n_checkpoints, n_networks); 400 for never."""
-    wrong = outputs[..., 2 * POINTS : 3 * POINTS, :].argmax(axis=-1) != 2
-    last = POINTS - np.argmax(wrong[..., ::-1], axis=-1)
-    return np.where(wrong.any(axis=-1), last, 0)
+def points_until_drag(outputs: np.ndarray) -> np.ndarray:
+    """Points of drag until its output stays the largest, (n_checkpoints, n_networks).
+
+    400 if it does not stay the largest to the end.
+    """
+    points = outputs[..., DRAG * POINTS : (DRAG + 1) * POINTS, :]
+    is_wrong = points.argmax(axis=-1) != DRAG
+    after_last_wrong = POINTS - np.argmax(is_wrong[..., ::-1], axis=-1)
+    return np.where(is_wrong.any(axis=-1), after_last_wrong, 0)

@@ -1,4 +1,4 @@
-"""Section VI.B of the report, the thesis' recommendation answered: both networks in parallel, and one integrated."""
+"""Section VI.B of the report: both networks in parallel, and one integrated network."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,100 +6,105 @@ from typing import Any
 from training.benchmark.scoring import DECIDED_AT, HORIZON, Assessment, judge_all
 from training.benchmark.validation import compare, contestants
 from training.benchmark.validation_page import isolation_over_time
-from training.benchmark.verdicts import Difference, difference
+from training.benchmark.verdicts import difference
 from training.thesis.comparison import Comparison
 
 NAMES = ("raw_network", "kalman_network", "parallel", "integrated")
+PAIRS = (
+    ("parallel", "raw_network"),
+    ("parallel", "kalman_network"),
+    ("integrated", "parallel"),
+)
+THESIS = {"parallel": "would certainly be capable", "integrated": "another approach"}
 LANES = 400  # faulty vehicles
-HOURS = 8.0  # healthy operation twice
+HOURS = 8.0  # healthy operation, twice
 SEED = 0  # first seed within those of validation
 
 
-def section(view: Comparison, columns: list[str]) -> dict[str, Any]:
+def section(comparison: Comparison, columns: list[str]) -> dict[str, Any]:
     """Run the four diagnosers over a small part of the validation suite, and compare them."""
     entrants, failures = contestants(NAMES)
     beliefs = compare(entrants, LANES, HOURS, SEED)
     failures |= beliefs.failures
-    return page(view, *judge_all(beliefs, SEED), failures, columns)
+    return section_of_assessments(comparison, *judge_all(beliefs, SEED), failures, columns)
 
 
-def page(
-    view: Comparison,
-    judged: Mapping[str, Assessment],
+def section_of_assessments(
+    comparison: Comparison,
+    assessments: Mapping[str, Assessment],
     scores: Mapping[str, Mapping[str, Any]],
     failures: Mapping[str, str],
     columns: list[str],
 ) -> dict[str, Any]:
-    """The section from what was found; diagnosers that could not run are named with the reason."""
-    text = [
-        "The thesis leaves two ways to see faults inside the motor system and of the hull at once: both networks side "
-        "by side, which 'would certainly be capable', or one network on the sensors and the filter's estimates. Both "
-        f"are built. {LANES} vehicles with one fault each of every class, default noise, disturbance and spread of "
-        "vehicles, half with the thesis' stimulus; at thresholds for one false alarm per hour, set on "
-        f"{HOURS:g} h of healthy operation. Faults not isolated within {HORIZON:g} s count with {HORIZON:g} s. A small "
-        "sample: auv-fault validate compares all diagnosers on more. Verdicts of this table are under noise; both "
-        "networks in parallel agree with the thesis if they beat each alone, how far that carries is in their row.",
-        *(f"{name} could not take part: {reason}" for name, reason in failures.items()),
-    ]
-    pairs = (
-        ("parallel", "raw_network"),
-        ("parallel", "kalman_network"),
-        ("integrated", "parallel"),
+    """The section as plain data; `failures` are the reasons of diagnosers that could not run."""
+    text = (
+        "The thesis suggests two ways to diagnose the motor system and the hull at once: both "
+        "networks side by side, which 'would certainly be capable', or one network on the sensors "
+        f"and the filter's estimates. Both are built. {LANES} vehicles with one fault each of "
+        "every class, default noise, disturbance and healthy band, half with the thesis' stimulus; "
+        f"at thresholds for one false alarm per hour, set on {HOURS:g} h of healthy operation. "
+        f"Faults not isolated within {HORIZON:g} s count with {HORIZON:g} s. The sample is small: "
+        "auv-fault validate compares all diagnosers on more. Verdicts of this table are under "
+        "noise; the parallel networks agree with the thesis if they beat each network alone, by "
+        "the margin in their row."
     )
-    rows = [measured_row(view, name, scores.get(name)) for name in NAMES]
-    rows += [against_row(view, judged, a, b) for a, b in pairs]
-    figures = isolation_over_time(judged, list(judged)[::-1])["figures"] if judged else []
-    table = {"columns": columns, "rows": rows}
+    absences = [f"{name} could not take part: {reason}" for name, reason in failures.items()]
+    rows = [score_row(comparison, name, scores.get(name)) for name in NAMES]
+    rows += [difference_row(comparison, assessments, *pair) for pair in PAIRS]
+    figures = []
+    if assessments:
+        figures = isolation_over_time(assessments, list(assessments)[::-1])["figures"]
     return {
-        "heading": "VI.B: the recommendation answered",
-        "text": text,
-        "table": table,
+        "heading": "VI.B: the recommendation followed",
+        "text": [text, *absences],
+        "table": {"columns": columns, "rows": rows},
         "figures": figures,
     }
 
 
-def measured_row(view: Comparison, name: str, score: Mapping[str, Any] | None) -> list[str]:
-    """What one diagnoser achieves."""
+def score_row(comparison: Comparison, name: str, score: Mapping[str, Any] | None) -> list[str]:
+    """The scores of one diagnoser; None if it could not take part."""
     quantity = (
         f"{name}: restricted mean isolation time; share isolated; macro-F1 at {DECIDED_AT:g} s"
     )
     if score is None:
-        return [
-            "VI.B",
-            quantity,
-            "-",
-            "-",
-            "-",
-            "not judged",
-            "It could not take part.",
-            view.command,
-        ]
+        ours = "-"
+        verdict = "not judged"
+        why = "It could not take part."
+    else:
+        verdict = "-"
+        ours, why = _score_texts(score)
+    return ["VI.B", quantity, "-", "-", ours, verdict, why, comparison.command]
+
+
+def _score_texts(score: Mapping[str, Any]) -> tuple[str, str]:
     isolation = score["isolation"]
-    ours = f"{isolation['restricted_mean']:.1f} s; {100 * isolation['probability']:.0f} %; {score['macro_f1']:.2f}"
+    mean = isolation["restricted_mean"]
+    percent = 100 * isolation["probability"]
     low, high = isolation["interval"]
     why = (
-        f"95 % interval of the time {low:.1f} to {high:.1f} s. False alarms {score['false_alarms_per_hour']:.1f} per "
-        f"hour on other healthy vehicles; severity error {score['severity_mae']:.2f}, calibration error "
-        f"{score['ece']:.3f}."
+        f"95 % interval of the time {low:.1f} to {high:.1f} s. False alarms "
+        f"{score['false_alarms_per_hour']:.1f} per hour on other healthy vehicles; severity error "
+        f"{score['severity_mae']:.2f}, calibration error {score['ece']:.3f}."
     )
-    return ["VI.B", quantity, "-", "-", ours, "-", why, view.command]
+    return f"{mean:.1f} s; {percent:.0f} %; {score['macro_f1']:.2f}", why
 
 
-THESIS = {"parallel": "would certainly be capable", "integrated": "another approach"}
-
-
-def against_row(
-    view: Comparison, judged: Mapping[str, Assessment], name: str, other: str
+def difference_row(
+    comparison: Comparison, assessments: Mapping[str, Assessment], name: str, rival: str
 ) -> list[str]:
     """Whether one diagnoser beats another on the same vehicles."""
-    quantity = f"{name} minus {other}: isolation time; macro-F1 at {DECIDED_AT:g} s"
-    if not {name, other} <= judged.keys():
-        why = "One of them could not take part."
-        return ["VI.B", quantity, THESIS[name], "-", "-", "not judged", why, view.command]
-    by: Difference = difference(judged[name], judged[other], SEED)
-    ours = f"{by.isolation[0]:+.1f} s; {by.macro_f1[0]:+.2f}"
+    quantity = f"{name} minus {rival}: isolation time; macro-F1 at {DECIDED_AT:g} s"
+    if name not in assessments or rival not in assessments:
+        texts = [THESIS[name], "-", "-", "not judged", "One of them could not take part."]
+        return ["VI.B", quantity, *texts, comparison.command]
+    paired = difference(assessments[name], assessments[rival], SEED)
+    time, time_low, time_high = paired.isolation
+    f1, f1_low, f1_high = paired.macro_f1
+    verdict = "better on both" if paired.better else "not better on both"
     why = (
-        f"95 % paired intervals {by.isolation[1]:+.1f} to {by.isolation[2]:+.1f} s and {by.macro_f1[1]:+.2f} to "
-        f"{by.macro_f1[2]:+.2f}. {name} is {'better on both' if by.better else 'not better on both'}."
+        f"95 % paired intervals {time_low:+.1f} to {time_high:+.1f} s and {f1_low:+.2f} to "
+        f"{f1_high:+.2f}. {name} is {verdict}."
     )
-    return view.row("VI.B", quantity, THESIS[name], "-", ours, by.better, why)
+    ours = f"{time:+.1f} s; {f1:+.2f}"
+    return comparison.row("VI.B", quantity, THESIS[name], "-", ours, paired.better, why)

@@ -1,4 +1,4 @@
-"""The thesis' test runs on the plant, with the parameter filter behind them."""
+"""The thesis' test runs on the plant, recorded together with the parameter filter."""
 
 from typing import NamedTuple
 
@@ -12,12 +12,13 @@ from diagnosers.consistency import nis
 from diagnosers.kalman import PARAMETERS, Estimate, ParameterFilter
 
 STEPS = 600  # 60 s, the length of the thesis' runs
-# of the default, which the filter assumes in noise-free runs: with less it chases every mismatch
+# Share of the default noise that the filter assumes in runs without noise: with less it follows
+# every mismatch.
 LEAST_NOISE = 0.1
 
 
 class TestRun(NamedTuple):
-    """One run of the thesis: the mission and the fault."""
+    """One run of the thesis: the name of the mission, and the faults."""
 
     mission: str
     schedule: Schedule
@@ -44,10 +45,16 @@ TEST_RUNS: dict[str, TestRun] = {
 
 
 class Recording(NamedTuple):
-    """One batch of runs: readings (STEPS + 1, n_runs, n_seeds, n_channels) and estimates of alpha, beta, gamma.
+    """Readings and estimates of all test runs.
 
-    mean and std (STEPS + 1, n_runs, n_seeds, 3) are relative to nominal, nis (STEPS + 1, n_runs,
-    n_seeds) is the normalised innovation squared of the filter.
+    Attributes
+    ----------
+    readings
+        (STEPS + 1, n_runs, n_seeds, n_channels).
+    mean, std
+        Estimates of alpha, beta and gamma relative to nominal, (STEPS + 1, n_runs, n_seeds, 3).
+    nis
+        Normalised innovation squared of the filter, (STEPS + 1, n_runs, n_seeds).
     """
 
     readings: np.ndarray
@@ -57,15 +64,16 @@ class Recording(NamedTuple):
 
 
 def record(sensor_noise: float, seeds: list[int], bar: tqdm) -> Recording:
-    """Every test run with every seed, the nominal vehicle in still water, filtered by a filter that knows the noise."""
+    """Every test run with every seed, the nominal vehicle in still water.
+
+    The filter knows the noise; without noise it assumes `LEAST_NOISE`.
+    """
     n_lanes = len(TEST_RUNS) * len(seeds)
     fleet = Fleet(n_lanes, "thesis1992", sensor_noise, disturbance=0.0, healthy_band=0.0)
     runs = [run for run in TEST_RUNS.values() for _ in seeds]
-    observation = fleet.reset(
-        seeds * len(TEST_RUNS),
-        schedules=[run.schedule for run in runs],
-        missions=[MISSIONS[run.mission] for run in runs],
-    )
+    schedules = [run.schedule for run in runs]
+    missions = [MISSIONS[run.mission] for run in runs]
+    observation = fleet.reset(seeds * len(TEST_RUNS), schedules=schedules, missions=missions)
     kalman = ParameterFilter(sensor_noise=max(sensor_noise, LEAST_NOISE), disturbance=0.0)
     readings = [observation]
     estimates = [kalman.update(kalman.initial(n_lanes), observation)]
@@ -81,13 +89,19 @@ def _recording(
     readings: list[np.ndarray], estimates: list[Estimate], kalman: ParameterFilter, n_seeds: int
 ) -> Recording:
     columns = [kalman.states.index(name) for name in PARAMETERS]
-    fold = lambda values: np.stack(values).reshape(len(values), len(TEST_RUNS), n_seeds, -1)  # noqa: E731
-    variances = [
-        np.diagonal(estimate.covariance, axis1=1, axis2=2)[:, columns] for estimate in estimates
-    ]
+
+    def by_run_and_seed(samples: list[np.ndarray]) -> np.ndarray:
+        return np.stack(samples).reshape(len(samples), len(TEST_RUNS), n_seeds, -1)
+
+    means = []
+    variances = []
+    for estimate in estimates:
+        means.append(estimate.mean[:, columns])
+        variances.append(np.diagonal(estimate.covariance, axis1=1, axis2=2)[:, columns])
+    innovations = [nis(estimate) for estimate in estimates]
     return Recording(
-        fold(readings),
-        fold([estimate.mean[:, columns] for estimate in estimates]),
-        np.sqrt(fold(variances)),
-        fold([nis(estimate) for estimate in estimates])[..., 0],
+        by_run_and_seed(readings),
+        by_run_and_seed(means),
+        np.sqrt(by_run_and_seed(variances)),
+        by_run_and_seed(innovations)[..., 0],
     )

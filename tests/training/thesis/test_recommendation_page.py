@@ -12,12 +12,12 @@ VERDICT = 5
 LABEL = np.array([1, 2, 3, 4] * 10)
 
 
-def view():
+def comparison():
     return Comparison(None, None, list(TEST_RUNS), "a command")
 
 
-def judged(time, right):
-    """What the page reads of a diagnoser that isolates all after this time, or whose decisions are all wrong."""
+def assessment(time, right):
+    """What the page needs of a diagnoser that isolates all after this time, or whose decisions are all wrong."""
     times = Times(np.full(40, time), np.full(40, not right))
     return SimpleNamespace(
         isolation=times, label=LABEL, decision=LABEL if right else np.roll(LABEL, 1)
@@ -42,12 +42,14 @@ def score(one):
 
 def rows_of(found, failures):
     scores = {name: score(one) for name, one in found.items()}
-    return page.page(view(), found, scores, failures, ["columns"])
+    return page.section_of_assessments(comparison(), found, scores, failures, ["columns"])
 
 
-def test_the_better_one_is_told():
-    found = {name: judged(20.0, False) for name in ("raw_network", "kalman_network", "parallel")}
-    section = rows_of(found | {"integrated": judged(4.0, True)}, {})
+def test_the_better_one_is_named():
+    found = {
+        name: assessment(20.0, False) for name in ("raw_network", "kalman_network", "parallel")
+    }
+    section = rows_of(found | {"integrated": assessment(4.0, True)}, {})
     rows = {row[1].split(":")[0]: row for row in section["table"]["rows"]}
     assert rows["integrated minus parallel"][VERDICT] == "agrees"
     assert "-16.0 s" in rows["integrated minus parallel"][4]
@@ -60,7 +62,7 @@ def test_the_better_one_is_told():
 def test_what_could_not_take_part_is_said(present):
     missing = [name for name in page.NAMES if name not in present]
     section = rows_of(
-        dict.fromkeys(present, judged(5.0, True)), dict.fromkeys(missing, "Gone: not there")
+        dict.fromkeys(present, assessment(5.0, True)), dict.fromkeys(missing, "Gone: not there")
     )
     text = " ".join(section["text"])
     for name in missing:
@@ -75,6 +77,6 @@ def test_a_small_comparison_runs(monkeypatch):
     monkeypatch.setattr(page, "NAMES", ("null", "random"))
     monkeypatch.setattr(page, "LANES", 4)
     monkeypatch.setattr(page, "HOURS", 0.05)
-    section = page.section(view(), ["columns"])
+    section = page.section(comparison(), ["columns"])
     assert section["table"]["rows"][0][1].startswith("null:")
     assert "could not take part" not in " ".join(section["text"])
