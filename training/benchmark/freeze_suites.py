@@ -16,10 +16,11 @@ import numpy as np
 from auv_fault_env.faults import CATALOGUE, NORMAL, classes
 from auv_fault_env.missions import Mission, MissionSampler
 from auv_fault_env.parameters import FOOT
-from auv_fault_env.schedules import FaultEvent, ScheduleSampler
+from auv_fault_env.schedules import FaultEvent
 from training.benchmark.suites import (
     FOLDER,
     NAMES,
+    ONE_FAULT,
     Conditions,
     Episode,
     Steering,
@@ -34,7 +35,6 @@ THRESHOLD = 900_000_000  # first test seed of the lanes that the thresholds of a
 PER_CLASS = 114
 PER_CLASS_OF_A_SHIFT = 22
 PER_FAULT_OF_THE_THESIS = 32
-ONE_FAULT = ScheduleSampler(healthy=0.0, compound=0.0, intermittent=0.0, repaired=0.0)
 # s by which a second fault follows the first: at least, and at most so much more
 DELAY = 2.0
 DELAY_SPREAD = 8.0

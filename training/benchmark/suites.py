@@ -22,7 +22,7 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import Mission, MissionSampler
 from auv_fault_env.noise import episode_keys, uniforms
 from auv_fault_env.parameters import SAMPLE_TIME
-from auv_fault_env.schedules import Schedule, schedule_of, to_json
+from auv_fault_env.schedules import Schedule, ScheduleSampler, schedule_of, to_json
 from training.metrics.records import HORIZON
 from training.rollouts import square_waves
 from training.seeds import purpose_of
@@ -39,6 +39,8 @@ NAMES = (
     "ood_mission",
 )
 STANDARD = "standard"  # its conditions are those that the thresholds are set under
+# one permanent fault per lane, every class equally likely
+ONE_FAULT = ScheduleSampler(healthy=0.0, compound=0.0, intermittent=0.0, repaired=0.0)
 HEALTHY_PARTS = ("threshold", "counting")
 COLUMNS = ("seed", "faults", "legs", "start_speed")
 LAST_STAND_IN_ONSET = 30.0  # s, latest instant that stands for an onset on healthy lanes

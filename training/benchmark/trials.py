@@ -1,21 +1,20 @@
-"""A trial: one diagnoser under one stimulus on some lanes of a suite, simulated and diagnosed sample by sample.
+"""A trial: one diagnoser under one stimulus on some lanes of a suite, sample by sample.
 
-Trials depend on nothing but what they are made from, so any process on any machine runs them, in
-any order.
+A trial depends only on what it is made from, so any process on any machine runs it, in any order.
 """
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.noise import uniforms
 from auv_fault_env.schedules import PROFILE, events_of
-from diagnosers import Diagnoser
+from auv_fault_env.truth import FleetTruth
+from diagnosers import Belief, Diagnoser
 from training.benchmark.suites import (
     INSTANTS,
     LAST_STAND_IN_ONSET,
@@ -24,24 +23,27 @@ from training.benchmark.suites import (
     Episode,
     keys,
 )
-from training.benchmark.validation import (
-    N_RANDOM,
-    SEVERITY_AT,
-    TOLD_ON_HEALTHY,
-    Contestant,
-    started,
-)
 from training.metrics import sample_at
-from training.metrics.records import HealthyOutcome, Record, Recorder, Truth, healthy_outcome
+from training.metrics.records import (
+    SEVERITY_AT,
+    HealthyOutcome,
+    Record,
+    Recorder,
+    Truth,
+    healthy_outcome,
+    ordered_belief,
+)
 from training.rollouts import label_and_severity
 from training.stimuli import Stimulus
+from training.stimuli.base import MISSION_SPEED
 
 FAULTY, THRESHOLD, COUNTING = PARTS = ("faulty", "threshold", "counting")
-LANES_PER_TRIAL = 256  # lanes of a trial: the fewest at which most diagnosers are at their quickest
-# alarms of the lanes of a threshold trial that are kept: no threshold of a benchmark allows as many
-MOST_ALARMS_KEPT = 1000
-MISSION_SPEED = list(CHANNELS).index("mission_speed")
+LANES_PER_TRIAL = 256  # the fewest at which most diagnosers are at their quickest
+# alarms of the lanes of a threshold trial that are recorded: no benchmark allows as many
+MOST_ALARMS = 1000
 FIRST_STAND_IN_ONSET = 5.0  # s, earliest instant that stands for an onset on healthy lanes
+N_RANDOM = 4  # instants of an episode, anywhere in it, at which calibration is judged
+SEVERITY_IF_HEALTHY = 0.6  # severity that the oracle knows where there is no fault
 
 
 class Entrant(NamedTuple):
@@ -62,9 +64,18 @@ class Trial(NamedTuple):
 
 
 class LaneTruth(NamedTuple):
-    """What is so on some lanes: the truth at the instants (n_instants, n_lanes), and the label over time.
+    """What is true of some lanes.
 
-    full_severity (n_lanes,), as the oracle is told it; label (n_samples, n_lanes).
+    Attributes
+    ----------
+    at_instants
+        Fault and onset of each lane, label and severity at the instants.
+    instants
+        (n_instants, n_lanes) samples at which whole beliefs are judged.
+    full_severity
+        (n_lanes,) greatest severity, as the oracle knows it.
+    label
+        (n_samples, n_lanes) class over time.
     """
 
     at_instants: Truth
@@ -73,8 +84,52 @@ class LaneTruth(NamedTuple):
     label: np.ndarray
 
 
+class LoopSample(NamedTuple):
+    """One sample of a closed loop.
+
+    Attributes
+    ----------
+    observation
+        (n_lanes, n_channels).
+    belief
+        After this observation, classes in the order of `classes()`.
+    mission_speed, offset, true_speed
+        (n_lanes,) [m/s] at this sample.
+    energy, squared_deviation
+        (n_lanes,) of the step that follows: energy [J], squared deviation of the true speed from
+        the mission's [m²/s²].
+    """
+
+    observation: np.ndarray
+    belief: Belief
+    mission_speed: np.ndarray
+    offset: np.ndarray
+    true_speed: np.ndarray
+    energy: np.ndarray
+    squared_deviation: np.ndarray
+
+
+class TrialHistory(NamedTuple):
+    """What happened in a trial.
+
+    Attributes
+    ----------
+    observations
+        (n_samples, n_lanes, n_channels).
+    record
+        What the diagnoser believed.
+    energy, speed_rms
+        (n_lanes,) as in `FaultyOutcome`.
+    """
+
+    observations: np.ndarray
+    record: Record
+    energy: np.ndarray
+    speed_rms: np.ndarray
+
+
 class FaultyOutcome(NamedTuple):
-    """What faulty lanes leave behind.
+    """What scores need of faulty lanes.
 
     The belief as in `Record`; and what the mission paid, (n_lanes,): energy [J], and the root mean
     square of the true speed's deviation from the mission's [m/s].
@@ -90,71 +145,105 @@ class FaultyOutcome(NamedTuple):
 
     @property
     def record(self) -> Record:
-        """The belief."""
+        """What the diagnoser believed."""
         return Record(*self[: len(Record._fields)])
 
 
 def lane_truth(conditions: Conditions, episodes: Sequence[Episode]) -> LaneTruth:
-    """The truth of these lanes: of several faults the worst is the one to be found, from the first one's onset on."""
+    """The truth of these lanes: of several faults the worst counts, from the onset of the first."""
+    n_samples = conditions.n_samples
     events = events_of([episode.schedule for episode in episodes])
     lanes = np.arange(len(episodes))
     key = keys([episode.seed for episode in episodes])
-    label, severity = label_and_severity(events, conditions.n_samples)
-    first = events.profile[:, :, PROFILE.index("onset")].min(axis=1, initial=np.inf)
-    calm_onset = (
-        FIRST_STAND_IN_ONSET
-        + (LAST_STAND_IN_ONSET - FIRST_STAND_IN_ONSET) * uniforms(key, STAND_IN_ONSET, 1)[:, 0]
-    )
-    onset = np.where(np.isfinite(first), first, calm_onset)
-    random = (uniforms(key, INSTANTS, N_RANDOM).T * conditions.n_samples).astype(np.int64)
+    label, severity = label_and_severity(events, n_samples)
+    first_onset = events.profile[:, :, PROFILE.index("onset")].min(axis=1, initial=np.inf)
+    width = LAST_STAND_IN_ONSET - FIRST_STAND_IN_ONSET
+    stand_in = FIRST_STAND_IN_ONSET + width * uniforms(key, STAND_IN_ONSET, 1)[:, 0]
+    onset = np.where(np.isfinite(first_onset), first_onset, stand_in)
+    random = (uniforms(key, INSTANTS, N_RANDOM).T * n_samples).astype(np.int64)
     instants = np.vstack([sample_at(onset + SEVERITY_AT), random])
     worst = severity.max(axis=0)
-    truth = Truth(
-        label[severity.argmax(axis=0), lanes],
-        onset,
-        label[instants, lanes],
-        severity[instants, lanes],
+    at_instants = Truth(
+        fault=label[severity.argmax(axis=0), lanes],
+        onset=onset,
+        label=label[instants, lanes],
+        severity=severity[instants, lanes],
     )
-    return LaneTruth(truth, instants, np.where(worst > 0.0, worst, TOLD_ON_HEALTHY), label)
+    full_severity = np.where(worst > 0.0, worst, SEVERITY_IF_HEALTHY)
+    return LaneTruth(at_instants, instants, full_severity, label)
+
+
+def run_closed_loop(
+    diagnoser: Diagnoser,
+    stimulus: Stimulus,
+    conditions: Conditions,
+    episodes: Sequence[Episode],
+) -> Iterator[LoopSample]:
+    """Simulate the episodes with diagnoser and stimulus in the loop, and yield every sample.
+
+    A diagnoser with a method `set_truth` receives the vehicles and severities at the start.
+
+    Raises
+    ------
+    ValueError
+        If what the diagnoser returns is not a belief; what the diagnoser raises passes through.
+    """
+    n_lanes = len(episodes)
+    seeds, schedules, missions = zip(*episodes, strict=True)
+    fleet = Fleet(n_lanes, parallel=False, **conditions.plant)
+    observation = fleet.reset(seeds, schedules=schedules, missions=missions)
+    diagnoser.reset(n_lanes)
+    if hasattr(diagnoser, "set_truth"):
+        full_severity = lane_truth(conditions, episodes).full_severity
+        diagnoser.set_truth(fleet.plan.healthy.copy(), full_severity)
+    _use_one_thread()
+    stimulus = replace(stimulus)  # a copy, for it may remember the episode
+    deflections = conditions.deflections(seeds)
+    for k in range(conditions.n_samples):
+        # a copy, so that a diagnoser cannot change what the stimulus reads
+        update = diagnoser.update(observation.copy())
+        belief = ordered_belief(update, diagnoser.classes, n_lanes, k)
+        mission_speed = observation[:, MISSION_SPEED].astype(np.float64)
+        offset = stimulus.offset(k, observation, belief)
+        true_speed = FleetTruth(fleet)["state"]["speed"]
+        command = np.column_stack([mission_speed + offset, deflections[k]])
+        next_observation = fleet.step(command)
+        _, energy, squared_deviation, _ = fleet.outcomes
+        yield LoopSample(
+            observation, belief, mission_speed, offset, true_speed, energy, squared_deviation
+        )
+        observation = next_observation
+
+
+def simulate_trial(trial: Trial) -> TrialHistory:
+    """Run a trial; raises what `run_closed_loop` raises."""
+    n_samples = trial.conditions.n_samples
+    truth = lane_truth(trial.conditions, trial.episodes)
+    recorder = Recorder(n_samples, truth.instants)
+    energy = np.zeros(len(trial.episodes))
+    squared_deviation = np.zeros(len(trial.episodes))
+    observations = []
+    loop = run_closed_loop(trial.entrant.make(), trial.stimulus, trial.conditions, trial.episodes)
+    for k, sample in enumerate(loop):
+        recorder.add(k, sample.belief)
+        observations.append(sample.observation)
+        energy += sample.energy
+        squared_deviation += sample.squared_deviation
+    speed_rms = np.sqrt(squared_deviation / n_samples)
+    return TrialHistory(np.array(observations, np.float32), recorder.record, energy, speed_rms)
 
 
 def run_trial(trial: Trial) -> FaultyOutcome | HealthyOutcome:
-    """Run a trial and keep what scores are made from; whatever its diagnoser raises, `ValueError` for a bad belief."""
-    _, record, energy, speed_rms = simulate_trial(trial)
+    """Run a trial and return what scores need of it; raises what `run_closed_loop` raises."""
+    history = simulate_trial(trial)
     if trial.part == FAULTY:
-        return FaultyOutcome(*record, energy, speed_rms)
+        return FaultyOutcome(*history.record, history.energy, history.speed_rms)
     onset = lane_truth(trial.conditions, trial.episodes).at_instants.onset
-    return healthy_outcome(record, onset, MOST_ALARMS_KEPT if trial.part == THRESHOLD else None)
-
-
-def simulate_trial(trial: Trial) -> tuple[np.ndarray, Record, np.ndarray, np.ndarray]:
-    """Observations (n_samples, n_lanes, n_channels), what was believed; energy and speed deviation as in `FaultyOutcome`."""
-    conditions = trial.conditions
-    truth = lane_truth(trial.conditions, trial.episodes)
-    fleet = Fleet(len(trial.episodes), parallel=False, **conditions.plant)
-    seeds, schedules, missions = zip(*trial.episodes, strict=True)
-    observation = fleet.reset(seeds, schedules=schedules, missions=missions)
-    diagnoser = started(
-        Contestant(trial.entrant.make()), fleet.plan.healthy.copy(), truth.full_severity
-    )
-    _use_one_thread()
-    recorder = Recorder(diagnoser.classes, conditions.n_samples, truth.instants)
-    stimulus = replace(trial.stimulus)  # one of its own, for it may remember the episode
-    deflections = conditions.deflections(seeds)
-    spent = np.zeros_like(fleet.outcomes)
-    observations = np.empty((conditions.n_samples, *observation.shape), np.float32)
-    for k in range(conditions.n_samples):
-        observations[k] = observation
-        # it must not steer by what it is given
-        belief = recorder.note(k, diagnoser.update(observation.copy()))
-        speed = observation[:, MISSION_SPEED] + stimulus.offset(k, observation, belief)
-        observation = fleet.step(np.column_stack([speed, deflections[k]]))
-        spent += fleet.outcomes
-    _, energy, cost, _ = spent
-    return observations, recorder.record, energy, np.sqrt(cost / conditions.n_samples)
+    most_alarms = MOST_ALARMS if trial.part == THRESHOLD else None
+    return healthy_outcome(history.record, onset, most_alarms)
 
 
 def _use_one_thread() -> None:
-    """Keep torch, where a diagnoser has loaded it, to one thread: trials run side by side, and sums stay the same."""
+    """Let torch, if a diagnoser has loaded it, use one thread: trials run in parallel, and sums stay equal."""
     if "torch" in sys.modules:
         sys.modules["torch"].set_num_threads(1)

@@ -20,7 +20,7 @@ from auv_fault_env.parameters import SAMPLE_TIME, Vehicle
 from auv_fault_env.schedules import PROFILE, ScheduleSampler
 from diagnosers import Diagnoser, make
 from training.metrics import sample_at
-from training.metrics.records import Record, Recorder, Truth, concatenate_lanes
+from training.metrics.records import Record, Recorder, Truth, concatenate_lanes, ordered_belief
 from training.rollouts import Rollout, manoeuvres, roll_out
 from training.seeds import seeds
 
@@ -184,7 +184,12 @@ def watch(contestant: Contestant, episodes: Episodes) -> Record:
     """What a contestant believes along the episodes; one whose belief is none is refused."""
     rollout = episodes.rollout
     diagnoser = started(contestant, rollout.healthy, episodes.full_severity)
-    recorder = Recorder(diagnoser.classes, len(rollout.observations), episodes.instants)
+    recorder = Recorder(len(rollout.observations), episodes.instants)
     for k, observation in enumerate(rollout.observations):
-        recorder.note(k, diagnoser.update(observation))
+        recorder.add(
+            k,
+            ordered_belief(
+                diagnoser.update(observation), diagnoser.classes, observation.shape[0], k
+            ),
+        )
     return recorder.record

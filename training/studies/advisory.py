@@ -13,7 +13,7 @@ from auv_fault_env.parameters import PRESETS
 from auv_fault_env.schedules import Schedule
 from diagnosers import make
 from diagnosers.advisory import SENSOR_PREFIX, Situation, advise
-from training.benchmark.validation import FAULTS
+from training.benchmark.suites import ONE_FAULT
 from training.metrics.intervals import interval, paired_bootstrap
 from training.seeds import seeds
 from training.studies.advisory_page import page
@@ -99,7 +99,7 @@ def drawn(part: str, chosen: Sequence[int]) -> list[Schedule]:
     weights = {
         name: float(name.startswith(SENSOR_PREFIX) == (part == SENSORS)) for name in classes()[1:]
     }
-    sampler = replace(FAULTS, prior=weights)
+    sampler = replace(ONE_FAULT, prior=weights)
     return [sampler.sample(seed) for seed in chosen]
 
 

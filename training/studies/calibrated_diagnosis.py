@@ -1,7 +1,7 @@
 """Is a calibrated vehicle diagnosed as well as a known one? ``python -m training.studies.calibrated_diagnosis``.
 
 Vehicles far from the preset are calibrated on healthy logs; then all of the catalogue's faults
-befall them, in the episodes of `validation`. The filter bank judges them on the calibrated
+befall them, in the episodes of `training.benchmark.open_loop`. The filter bank judges them on the calibrated
 parameters, on the true ones, and on the preset's, and beside them the preset's own vehicle. Score:
 macro-F1 ten seconds after onset, as in the benchmark.
 """
@@ -18,8 +18,8 @@ from auv_fault_env.errors import finite_in_range, known_name
 from auv_fault_env.faults import classes
 from auv_fault_env.parameters import PRESETS, Vehicle
 from diagnosers import Diagnoser, make
+from training.benchmark.open_loop import believed, both_halves, true_of
 from training.benchmark.scoring import assess
-from training.benchmark.validation import Contestant, run_lanes, watch
 from training.field.calibration.calibration import calibrated
 from training.field.diagnosis.diagnosis import THRESHOLDS, diagnoser_for
 from training.metrics import confusion, macro_f1, restricted_mean
@@ -101,15 +101,12 @@ def cases(preset: Vehicle, number: int) -> dict[str, tuple[Vehicle, Diagnoser]]:
 def episodes(plant: Vehicle, bank: Diagnoser, lanes: range) -> Part:
     """Faulty and healthy episodes of a vehicle as the bank sees them, half of each with the thesis' stimulus."""
     n = len(lanes) // 2
-    contestant = Contestant(bank)
     records = {}
     truths = {}
     for faulty, chosen in ((True, lanes[:n]), (False, lanes[n : n + n // 3])):
-        half = -(-len(chosen) // 2)
-        halves = [(chosen[:half], True), (chosen[half:], False)]
-        runs = [run_lanes(some, faulty, thesis, plant, healthy_band=0.0) for some, thesis in halves]
-        records[faulty] = concatenate_lanes([watch(contestant, run) for run in runs])
-        truths[faulty] = concatenate_lanes([run.truth for run in runs])
+        halves = both_halves(chosen, faulty, plant, healthy_band=0.0)
+        records[faulty] = believed(bank, halves)
+        truths[faulty] = true_of(halves)
     return Part(records[True], truths[True], records[False], truths[False])
 
 

@@ -15,13 +15,13 @@ from auv_fault_env.schedules import Schedule
 from auv_fault_env.truth import FleetTruth
 from diagnosers import Belief, Diagnoser
 from diagnosers.advisory import ABORT, RETURN, SPEED_SENSOR, Advice, Situation, advise
-from training.benchmark.validation import FAULTS
+from training.benchmark.suites import ONE_FAULT
 
 UNDERWAY, GOAL, HOME, ABORTED, STRANDED = range(-1, 4)
 OUTCOMES = ("reached the goal", "came home", "aborted", "stranded")
 IGNORED, FOLLOWED, TOLD = ARMS = ("ignored", "followed", "truth told")
 # samples that are diagnosed: 60 s after the last onset
-WATCHED = round((FAULTS.onset[1] + 60.0) * SAMPLE_RATE)
+WATCHED = round((ONE_FAULT.onset[1] + 60.0) * SAMPLE_RATE)
 # samples, while diagnosed and later
 ADVISED_EVERY = round(SAMPLE_RATE)
 REVIEWED_EVERY = round(60.0 * SAMPLE_RATE)

@@ -11,20 +11,18 @@ from joblib import Parallel, delayed
 from tqdm import tqdm
 
 from auv_fault_env.faults import CATALOGUE, NORMAL, classes
-from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from auv_fault_env.schedules import FaultEvent
-from auv_fault_env.truth import FleetTruth
 from diagnosers import make
 from training import metrics
 from training.benchmark.scores import rounded
 from training.benchmark.suites import STANDARD, Conditions, Episode, load
-from training.benchmark.trials import lane_truth
+from training.benchmark.trials import lane_truth, run_closed_loop
 from training.metrics.intervals import central, resamples
 from training.metrics.records import HORIZON, PERSISTENCE, Truth
 from training.seeds import seeds
 from training.stimuli import STIMULI, Stimulus
-from training.stimuli.base import LARGEST_OFFSET, MISSION_SPEED
+from training.stimuli.base import LARGEST_OFFSET
 from training.stimuli.open_loop import Cruise
 from training.stimuli.surge_ahead import HULL_AND_PROPELLERS
 from training.studies.stimulus_comparisons import paired, resampled_means, with_agent
@@ -72,23 +70,16 @@ def in_the_loop(
     """Run the episodes with the stimulus, which sees the beliefs of a diagnoser of the registry."""
     lanes = np.arange(len(episodes))
     fault = lane_truth(conditions, episodes).at_instants.fault
-    fleet = Fleet(lanes.size, parallel=False, **conditions.plant)
-    watching = make(diagnoser)
-    lane_seeds, schedules, missions = zip(*episodes, strict=True)
-    observation = fleet.reset(lane_seeds, schedules=schedules, missions=missions)
-    watching.reset(lanes.size)
-    deflections = conditions.deflections(lane_seeds)
     path = Path(*np.empty((len(Path._fields), conditions.n_samples, lanes.size)))
-    for k in range(conditions.n_samples):
-        belief = watching.update(observation)
-        offset = stimulus.offset(k, observation, belief)
-        told = belief.log_probability
-        mission = observation[:, MISSION_SPEED].astype(float)
-        speed = FleetTruth(fleet)["state"]["speed"]
-        row = mission, offset, speed, told[:, 0], told[lanes, fault], 1 + told[:, 1:].argmax(axis=1)
-        for kept, values in zip(path, row, strict=True):
-            kept[k] = values
-        observation = fleet.step(np.column_stack([mission + offset, deflections[k]]))
+    loop = run_closed_loop(make(diagnoser), stimulus, conditions, episodes)
+    for k, sample in enumerate(loop):
+        log_probability = sample.belief.log_probability
+        path.mission[k] = sample.mission_speed
+        path.offset[k] = sample.offset
+        path.speed[k] = sample.true_speed
+        path.log_normal[k] = log_probability[:, 0]
+        path.log_true[k] = log_probability[lanes, fault]
+        path.top[k] = 1 + log_probability[:, 1:].argmax(axis=1)
     return path
 
 

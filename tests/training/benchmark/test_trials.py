@@ -56,7 +56,7 @@ def record(seed, n_lanes):
 def test_threshold_of_the_chunks_is_exactly_that_of_all_lanes(allowed):
     seen = [record(seed, n_lanes) for seed, n_lanes in ((0, 50), (1, 50), (2, 7))]
     kept = concatenate_lanes(
-        [healthy_outcome(one, np.full(one.fault.shape[1], 10.0), keep=40) for one in seen]
+        [healthy_outcome(one, np.full(one.fault.shape[1], 10.0), most_alarms=40) for one in seen]
     )
     full = np.concatenate([one.log_normal for one in seen], axis=1)
     mean_time = full.size * 0.1 / (allowed + 0.5)
@@ -104,10 +104,9 @@ EVEN = np.full((2, N_CLASSES), 1 / N_CLASSES)
     ],
 )
 def test_what_is_no_belief_is_refused_with_what_and_when(given, words):
-    recorder = records.Recorder(classes(), 20, np.zeros((5, 2), np.int64))
-    recorder.note(11, belief(EVEN * (1 + 5e-4)))
+    records.ordered_belief(belief(EVEN * (1 + 5e-4)), classes(), 2, 11)
     with pytest.raises(ValueError) as refused:
-        recorder.note(12, given)
+        records.ordered_belief(given, classes(), 2, 12)
     assert words in str(refused.value) and str(refused.value).endswith("at 1.2 s")
 
 
@@ -116,8 +115,9 @@ def test_beliefs_are_kept_by_the_names_of_their_classes():
     probability = np.full((1, N_CLASSES), 0.3 / 17)
     probability[0, turned.index("normal")] = 0.5
     probability[0, turned.index("increased_drag")] = 0.2
-    recorder = records.Recorder(turned, 1, np.zeros((1, 1), np.int64))
-    ordered = recorder.note(0, belief(probability))
+    recorder = records.Recorder(1, np.zeros((1, 1), np.int64))
+    ordered = records.ordered_belief(belief(probability), turned, 1, 0)
+    recorder.add(0, ordered)
     assert np.exp(recorder.record.log_normal[0, 0]) == pytest.approx(0.5)
     assert recorder.record.fault[0, 0] == classes().index("increased_drag")
     np.testing.assert_allclose(

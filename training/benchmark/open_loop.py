@@ -1,0 +1,114 @@
+"""Episodes whose commands do not depend on beliefs: simulated once, then diagnosed by several diagnosers.
+
+Half of the lanes run the thesis' stimulus, half random missions with random manoeuvres. A faulty
+lane has one permanent fault, every class equally likely.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from auv_fault_env.fleet import Fleet
+from auv_fault_env.missions import MISSIONS
+from auv_fault_env.parameters import Vehicle
+from diagnosers import Diagnoser
+from training.benchmark.suites import ONE_FAULT
+from training.benchmark.trials import N_RANDOM
+from training.metrics import sample_at
+from training.metrics.records import (
+    SEVERITY_AT,
+    Record,
+    Recorder,
+    Truth,
+    concatenate_lanes,
+    ordered_belief,
+)
+from training.rollouts import manoeuvres, roll_out
+
+N_SAMPLES = 650  # 65 s: 30 s after the last onset always exist
+
+
+class OpenLoopEpisodes(NamedTuple):
+    """Episodes of some lanes.
+
+    Attributes
+    ----------
+    observations
+        (n_samples, n_lanes, n_channels).
+    truth
+        What is true of the lanes.
+    instants
+        (n_instants, n_lanes) samples at which whole beliefs are judged.
+    """
+
+    observations: np.ndarray
+    truth: Truth
+    instants: np.ndarray
+
+
+def both_halves(
+    seeds: range, faulty: bool, vehicle: str | Vehicle = "thesis1992", healthy_band: float = 1.0
+) -> tuple[OpenLoopEpisodes, OpenLoopEpisodes]:
+    """The lanes with the thesis' stimulus, and those with random missions and manoeuvres.
+
+    Parameters
+    ----------
+    seeds
+        One per lane; the first half is that with the thesis' stimulus.
+    faulty
+        Whether the lanes have a fault.
+    vehicle, healthy_band
+        The vehicles are drawn from so many times the healthy band around this vehicle.
+    """
+    n_first = -(-len(seeds) // 2)
+    arguments = faulty, vehicle, healthy_band
+    first = _episodes(seeds[:n_first], True, *arguments)
+    second = _episodes(seeds[n_first:], False, *arguments)
+    return first, second
+
+
+def _episodes(
+    seeds: range, thesis_stimulus: bool, faulty: bool, vehicle: str | Vehicle, healthy_band: float
+) -> OpenLoopEpisodes:
+    n_lanes = len(seeds)
+    fleet = Fleet(n_lanes, vehicle, healthy_band=healthy_band, schedules=ONE_FAULT)
+    schedules = None if faulty else [()] * n_lanes
+    if thesis_stimulus:
+        missions = [MISSIONS["thesis"]] * n_lanes
+        rollout = roll_out(fleet, seeds, N_SAMPLES, schedules=schedules, missions=missions)
+    else:
+        actions = manoeuvres(seeds.start, N_SAMPLES, n_lanes)
+        rollout = roll_out(fleet, seeds, N_SAMPLES, actions, schedules)
+    # another stream than that of the manoeuvres
+    random = np.random.default_rng([seeds.start, 1])
+    stand_in_onset = random.uniform(*ONE_FAULT.onset, n_lanes)
+    onset = np.where(np.isfinite(rollout.onset), rollout.onset, stand_in_onset)
+    random_instants = random.integers(0, N_SAMPLES, (N_RANDOM, n_lanes))
+    instants = np.vstack([sample_at(onset + SEVERITY_AT), random_instants])
+    at_instants = instants, np.arange(n_lanes)
+    truth = Truth(
+        fault=rollout.label.max(axis=0),
+        onset=onset,
+        label=rollout.label[at_instants],
+        severity=rollout.severity[at_instants],
+    )
+    return OpenLoopEpisodes(rollout.observations, truth, instants)
+
+
+def believed(diagnoser: Diagnoser, halves: tuple[OpenLoopEpisodes, ...]) -> Record:
+    """What a diagnoser believes along the episodes; `ValueError` if it returns no belief."""
+    records = []
+    for episodes in halves:
+        n_samples, n_lanes, _ = episodes.observations.shape
+        diagnoser.reset(n_lanes)
+        recorder = Recorder(n_samples, episodes.instants)
+        for k, observation in enumerate(episodes.observations):
+            belief = diagnoser.update(observation)
+            recorder.add(k, ordered_belief(belief, diagnoser.classes, n_lanes, k))
+        records.append(recorder.record)
+    return concatenate_lanes(records)
+
+
+def true_of(halves: tuple[OpenLoopEpisodes, ...]) -> Truth:
+    """The truth of both halves as one."""
+    return concatenate_lanes([episodes.truth for episodes in halves])
