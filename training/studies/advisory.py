@@ -1,4 +1,4 @@
-"""What it saves to follow the advice of `diagnosers.advisory`: ``python -m training.studies.advisory``."""
+"""What following `diagnosers.advisory` saves: ``python -m training.studies.advisory``."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,18 +24,19 @@ from training.studies.mission_runs import (
     IGNORED,
     OUTCOMES,
     STRANDED,
-    TOLD,
-    Plan,
-    Voyages,
-    normal,
-    sail,
+    TRUTH_KNOWN,
+    MissionPlan,
+    MissionRuns,
+    normal_belief,
+    run_missions,
 )
 from training.studies.run import command_line, run_study
 
-VEHICLE = PRESETS["thesis1992"]  # the diagnosers' own
-FIRST_SEED = 900_000_000  # within those of tests
-# What a mission may be: speed [m/s], whole way [m], share of it that is gone, battery by what a
-# healthy vehicle needs for the rest, current against it [m/s].
+VEHICLE = PRESETS["thesis1992"]
+# within the seeds of tests
+FIRST_SEED = 900_000_000
+# ranges of the random missions: mission speed [m/s], length [m], share of the length before the
+# simulation begins, battery relative to what a healthy vehicle needs, opposing current [m/s]
 SPEED = (0.4, 0.8)
 LENGTH = (500.0, 1500.0)
 GONE = (0.1, 0.7)
@@ -46,78 +47,84 @@ _, SENSORS, HEALTHY = PARTS = ("propulsion fault", "sensor fault", "healthy")
 
 @dataclass(frozen=True)
 class AdvisoryStudy:
-    """Sail missions with the advice followed, ignored, and given by one who knows the fault, and compare the ends."""
+    """Compare how missions end: advice ignored, followed by a belief, followed by the truth."""
 
     output: Path = Path("runs/advisory-study")
     """Folder of the report; an earlier run there is replaced."""
     missions: int = 200
-    """Missions with a fault of the propulsion, and as many with one of a sensor, and without any."""
+    """Missions with a propulsion fault, as many with a sensor fault, and as many without fault."""
     diagnoser: str = "filter_bank"
     """Diagnoser whose belief the advice rests on."""
     hotel_load: float = 5.0
-    """Power of all but the motors [W]; so that about 0.5 m/s is the most economical speed."""
+    """Power of all but the motors [W]; with 5 W about 0.5 m/s is the most economical speed."""
     seed: int = 0
     """Offset within the seeds of tests."""
 
 
 def main(arguments: AdvisoryStudy) -> None:
-    """Sail, and write report, figures and results."""
+    """Simulate missions, compare their ends, and write results and page."""
     whole_number("missions", arguments.missions)
     finite_in_range("hotel load", arguments.hotel_load, 0.5, 1000.0)
     finite_in_range("seed", arguments.seed, 0, 10_000_000)
     diagnoser = make(arguments.diagnoser)
 
     def study(_folder: Path) -> dict[str, Any]:
-        plan = planned(arguments)
-        runs = {arm: sail(plan, VEHICLE, arm, diagnoser) for arm in ARMS}
+        plan = random_plan(arguments)
+        runs = {arm: run_missions(plan, VEHICLE, arm, diagnoser) for arm in ARMS}
         return summary(arguments, plan, runs)
 
     run_study("advisory-study", arguments, study, page)
 
 
-def planned(arguments: AdvisoryStudy) -> Plan:
-    """Missions as drawn, part after part of `PARTS`."""
+def random_plan(arguments: AdvisoryStudy) -> MissionPlan:
+    """Random missions, as many of each part of `PARTS`, one part after the other."""
     n_lanes = len(PARTS) * arguments.missions
-    chosen = seeds("test", n_lanes, FIRST_SEED + arguments.seed)
-    random = np.random.default_rng(chosen.start)
-    speed, length, gone, reserve, current = (
-        random.uniform(*limits, n_lanes) for limits in (SPEED, LENGTH, GONE, RESERVE, CURRENT)
+    lane_seeds = seeds("test", n_lanes, FIRST_SEED + arguments.seed)
+    random = np.random.default_rng(lane_seeds.start)
+    speed = random.uniform(*SPEED, n_lanes)
+    length = random.uniform(*LENGTH, n_lanes)
+    gone = random.uniform(*GONE, n_lanes)
+    reserve = random.uniform(*RESERVE, n_lanes)
+    current = random.uniform(*CURRENT, n_lanes)
+    situation = Situation(
+        speed=speed,
+        distance_to_go=(1.0 - gone) * length,
+        distance_home=gone * length,
+        energy_left=np.zeros(n_lanes),
+        hotel_load=np.full(n_lanes, arguments.hotel_load),
+        current=current,
     )
-    to_go = (1.0 - gone) * length
-    hotel_load = np.full(n_lanes, arguments.hotel_load)
-    situation = Situation(speed, to_go, gone * length, np.zeros(n_lanes), hotel_load, current)
-    need = advise(normal(n_lanes), situation, VEHICLE).energy_per_metre.median * to_go
-    lots = zip(PARTS, np.array_split(chosen, len(PARTS)), strict=True)
-    schedules = [schedule for part, lot in lots for schedule in drawn(part, lot.tolist())]
-    return Plan(chosen, schedules, situation._replace(energy_left=reserve * need))
+    healthy_energy = advise(normal_belief(n_lanes), situation, VEHICLE).energy_per_metre.median
+    energy_needed = healthy_energy * situation.distance_to_go
+    schedules = []
+    for part, part_seeds in zip(PARTS, np.array_split(lane_seeds, len(PARTS)), strict=True):
+        schedules += sample_schedules(part, part_seeds.tolist())
+    return MissionPlan(
+        lane_seeds, schedules, situation._replace(energy_left=reserve * energy_needed)
+    )
 
 
-def drawn(part: str, chosen: Sequence[int]) -> list[Schedule]:
-    """One lasting fault of a class that belongs to the part for each seed, all classes equally likely; or none."""
+def sample_schedules(part: str, lane_seeds: Sequence[int]) -> list[Schedule]:
+    """One lasting fault per seed, of any class of the part with equal probability; or no fault."""
     if part == HEALTHY:
-        return [()] * len(chosen)
-    weights = {
-        name: float(name.startswith(SENSOR_PREFIX) == (part == SENSORS)) for name in classes()[1:]
+        return [()] * len(lane_seeds)
+    is_sensor_part = part == SENSORS
+    prior = {
+        name: float(name.startswith(SENSOR_PREFIX) == is_sensor_part) for name in classes()[1:]
     }
-    sampler = replace(ONE_FAULT, prior=weights)
-    return [sampler.sample(seed) for seed in chosen]
+    sampler = replace(ONE_FAULT, prior=prior)
+    return [sampler.sample(seed) for seed in lane_seeds]
 
 
-def summary(arguments: AdvisoryStudy, plan: Plan, sailed: Mapping[str, Voyages]) -> dict[str, Any]:
+def summary(
+    arguments: AdvisoryStudy, plan: MissionPlan, runs_by_arm: Mapping[str, MissionRuns]
+) -> dict[str, Any]:
     """All results as plain data."""
-    given = ("missions", "diagnoser", "hotel_load", "seed")
-    options = (f"--{name.replace('_', '-')} {getattr(arguments, name)}" for name in given)
+    names = ("missions", "diagnoser", "hotel_load", "seed")
+    options = (f"--{name.replace('_', '-')} {getattr(arguments, name)}" for name in names)
     part = np.repeat(list(PARTS), arguments.missions)
-    kind = np.array(
-        [
-            CATALOGUE[one[0].fault].diagnosis.partition(":")[0] if one else ""
-            for one in plan.schedules
-        ]
-    )
-    kinds = {str(name): kind == name for name in np.unique(kind[kind != ""])}
-    pairs = {
-        f"{FOLLOWED} minus {other}": (sailed[FOLLOWED], sailed[other]) for other in (IGNORED, TOLD)
-    }
+    kind = np.array([_kind(schedule) for schedule in plan.schedules])
+    lanes_by_kind = {str(name): kind == name for name in np.unique(kind[kind != ""])}
     return {
         "command": " ".join(["python -m training.studies.advisory", *options]),
         "missions": arguments.missions,
@@ -131,68 +138,80 @@ def summary(arguments: AdvisoryStudy, plan: Plan, sailed: Mapping[str, Voyages])
             "current": CURRENT,
         },
         "parts": {
-            name: {arm: figures(one, part == name, arguments.seed) for arm, one in sailed.items()}
+            name: {
+                arm: arm_figures(runs, part == name, arguments.seed)
+                for arm, runs in runs_by_arm.items()
+            }
             for name in PARTS
         },
         "differences": {
             name: {
-                pair: difference(*both, part == name, arguments.seed)
-                for pair, both in pairs.items()
+                f"{FOLLOWED} minus {other}": differences(
+                    runs_by_arm[FOLLOWED], runs_by_arm[other], part == name, arguments.seed
+                )
+                for other in (IGNORED, TRUTH_KNOWN)
             }
             for name in PARTS
         },
         "kinds": {
-            name: {arm: _shares(one.outcome[lanes]) for arm, one in sailed.items()}
-            for name, lanes in kinds.items()
+            name: {arm: _shares(runs.outcome[lanes]) for arm, runs in runs_by_arm.items()}
+            for name, lanes in lanes_by_kind.items()
         },
-        "counts": {name: int(lanes.sum()) for name, lanes in kinds.items()},
+        "counts": {name: int(lanes.sum()) for name, lanes in lanes_by_kind.items()},
     }
+
+
+def _kind(schedule: Schedule) -> str:
+    """Diagnosis class of the fault without its place; empty for a healthy vehicle."""
+    if not schedule:
+        return ""
+    return CATALOGUE[schedule[0].fault].diagnosis.partition(":")[0]
 
 
 def _shares(outcome: np.ndarray) -> dict[str, float]:
     return {name: float((outcome == k).mean()) for k, name in enumerate(OUTCOMES)}
 
 
-def measured(voyages: Voyages, lanes: np.ndarray) -> dict[str, np.ndarray]:
-    """Per mission: whether completed, whether the vehicle was stranded, energy [kJ], duration [min]."""
-    outcome = voyages.outcome[lanes]
-    energy = voyages.spent[lanes] / 1e3
-    duration = voyages.lasted[lanes] / 60.0
+def mission_quantities(runs: MissionRuns, lanes: np.ndarray) -> dict[str, np.ndarray]:
+    """Per mission of some lanes: completed, stranded (bool), energy [kJ] and duration [min]."""
+    outcome = runs.outcome[lanes]
     return {
         "completed": outcome == GOAL,
         "stranded": outcome == STRANDED,
-        "energy": energy,
-        "duration": duration,
+        "energy": runs.energy_used[lanes] / 1e3,
+        "duration": runs.duration[lanes] / 60.0,
     }
 
 
-def figures(voyages: Voyages, lanes: np.ndarray, seed: int) -> dict[str, Any]:
-    """Of some missions: shares of the outcomes, means with their intervals, energy by completed mission [kJ]."""
-    values = measured(voyages, lanes)
-    completed = int(values["completed"].sum())
+def arm_figures(runs: MissionRuns, lanes: np.ndarray, seed: int) -> dict[str, Any]:
+    """Shares of the outcomes of some lanes, and means of `mission_quantities` with intervals."""
+    quantities = mission_quantities(runs, lanes)
+    means = {
+        name: [float(values.mean()), *interval(values.astype(float), seed)]
+        for name, values in quantities.items()
+    }
+    completed = int(quantities["completed"].sum())
+    energy = float(quantities["energy"].sum())
     return {
-        "outcomes": _shares(voyages.outcome[lanes]),
-        **{
-            name: [float(value.mean()), *interval(value.astype(float), seed)]
-            for name, value in values.items()
-        },
-        "energy_by_completed": float(values["energy"].sum()) / completed if completed else None,
-        "changes": float(voyages.changes[lanes].mean()),
+        "outcomes": _shares(runs.outcome[lanes]),
+        **means,
+        "energy_by_completed": energy / completed if completed else None,
+        "changes": float(runs.action_changes[lanes].mean()),
     }
 
 
-def difference(
-    one: Voyages, other: Voyages, lanes: np.ndarray, seed: int
+def differences(
+    runs: MissionRuns, other_runs: MissionRuns, lanes: np.ndarray, seed: int
 ) -> dict[str, list[float]]:
-    """Means of one less those of the other on the same missions, with paired intervals."""
-    pairs = zip(measured(one, lanes).items(), measured(other, lanes).values(), strict=True)
-    return {
-        name: [
-            float(a.mean() - b.mean()),
-            *paired_bootstrap(a.astype(float), b.astype(float), seed),
-        ]
-        for (name, a), b in pairs
-    }
+    """Differences of the means of `mission_quantities` on the same lanes, with paired intervals."""
+    quantities = mission_quantities(runs, lanes)
+    other_quantities = mission_quantities(other_runs, lanes)
+    triples = {}
+    for name, values in quantities.items():
+        other = other_quantities[name]
+        paired_interval = paired_bootstrap(values.astype(float), other.astype(float), seed)
+        triples[name] = [float(values.mean() - other.mean()), *paired_interval]
+    return triples
 
 
 if __name__ == "__main__":

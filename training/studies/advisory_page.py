@@ -1,24 +1,26 @@
-"""The page of ``python -m training.studies.advisory``: how the missions ended, made from its results alone."""
+"""The page of ``python -m training.studies.advisory``, made from its results alone."""
 
 from collections.abc import Mapping
 from typing import Any
 
 from training.report.cells import number, percent, with_interval
-from training.studies.mission_runs import ARMS, OUTCOMES
+from training.studies.mission_runs import ARMS, OUTCOMES, TRUTH_KNOWN
 
 Results = Mapping[str, Any]
+# column and factor from the unit of the results
 QUANTITIES = {
     "completed": ("completed [%]", 100.0),
     "stranded": ("stranded [%]", 100.0),
     "energy": ("energy [kJ]", 1.0),
     "duration": ("duration [min]", 1.0),
 }
+QUANTITY_COLUMNS = [column for column, _ in QUANTITIES.values()]
 
 
 def page(results: Results) -> dict[str, Any]:
-    """Title, introduction and sections."""
+    """Title, command, introduction and sections."""
     return {
-        "title": "What it saves to follow the advice",
+        "title": "What following the advice saves",
         "command": results["command"],
         "intro": _intro(results),
         "sections": [_ends(results), _differences(results), _classes(results), _limits()],
@@ -26,123 +28,121 @@ def page(results: Results) -> dict[str, Any]:
 
 
 def _intro(results: Results) -> list[str]:
-    drawn = {name: f"{low:g} to {high:g}" for name, (low, high) in results["drawn"].items()}
-    return [
-        f"{results['missions']} missions with a fault of hull or propulsion, as many with one of a sensor, and as many "
-        "without; every class equally likely, severity 0.2 to 1, abrupt or ramped; default noise, disturbance and "
-        f"spread of vehicles, seeds of tests only. Mission speed {drawn['speed']} m/s, whole way {drawn['length']} m, "
-        f"of which the share {drawn['gone']} is gone when the simulation begins, at most half a minute before the "
-        f"fault; the battery holds {drawn['reserve']} times what a healthy vehicle needs for the rest; hotel load "
-        f"{results['hotel_load']:g} W; current against the way {drawn['current']} m/s.",
-        "Each mission is sailed to its end on the plant three times, with the same vehicle, fault and noise: the "
-        f"advice ignored; followed, by the belief of {results['diagnoser']}, which watches until a minute after the "
-        "latest onset and whose belief is kept from then on; and given by one who is told class and severity. Advice "
-        "comes once a second while the diagnoser watches, once a minute later. A guidance holds the speed asked for.",
-    ]
+    ranges = {name: f"{low:g} to {high:g}" for name, (low, high) in results["drawn"].items()}
+    missions = (
+        f"{results['missions']} missions with a fault of hull or propulsion, as many with a sensor "
+        "fault, and as many without fault. Every class is equally likely; severity is 0.2 to 1, "
+        "abrupt or ramped. Noise, disturbance and healthy band are the defaults; all seeds are "
+        f"those of tests. The mission speed is {ranges['speed']} m/s and the length "
+        f"{ranges['length']} m; the share {ranges['gone']} of it lies behind the vehicle when the "
+        "simulation begins, at most half a minute before the fault. The battery holds "
+        f"{ranges['reserve']} times what a healthy vehicle needs for the rest. The hotel load is "
+        f"{results['hotel_load']:g} W, the opposing current {ranges['current']} m/s."
+    )
+    arms = (
+        "Each mission is simulated to its end three times with the same vehicle, fault and noise: "
+        "with the advice ignored; with the advice followed, from the belief of "
+        f"{results['diagnoser']}, which runs until a minute after the latest onset and whose last "
+        "belief counts from then on; and with advice from the true class and severity. Advice "
+        "comes once a second while the diagnoser runs, and once a minute later. A guidance holds "
+        "the advised speed."
+    )
+    return [missions, arms]
+
+
+def _shown(name: str) -> str:
+    """The name of an arm, or of a difference of arms, in the words of the page."""
+    return name.replace(TRUTH_KNOWN, "truth known")
 
 
 def _ends(results: Results) -> dict[str, Any]:
     rows = [
         [
             part,
-            arm,
-            *(
-                with_interval(*_scaled(so[name], factor), 1)
-                for name, (_, factor) in QUANTITIES.items()
-            ),
-            *(percent(so["outcomes"][name]) for name in ("came home", "aborted")),
-            number(so["energy_by_completed"], 1, "none completed"),
-            f"{so['changes']:.2f}",
+            _shown(arm),
+            *_quantity_cells(figures),
+            *(percent(figures["outcomes"][name]) for name in ("came home", "aborted")),
+            number(figures["energy_by_completed"], 1, "none completed"),
+            f"{figures['changes']:.2f}",
         ]
         for part, arms in results["parts"].items()
-        for arm, so in arms.items()
+        for arm, figures in arms.items()
     ]
-    columns = ["missions", "advice", *(label for label, _ in QUANTITIES.values())]
-    columns += ["came home", "aborted", "energy by completed mission [kJ]", "changes of the action"]
+    columns = ["missions", "advice", *QUANTITY_COLUMNS, "came home", "aborted"]
+    columns += ["energy by completed mission [kJ]", "changes of the action"]
     panels = {
-        part: {arm: so["outcomes"] for arm, so in arms.items()}
+        part: {_shown(arm): figures["outcomes"] for arm, figures in arms.items()}
         for part, arms in results["parts"].items()
     }
-    caption = "How the missions ended: with the advice ignored, followed, and with the truth told."
+    figure = {
+        "plot": "outcome_shares",
+        "name": "outcomes",
+        "caption": "Ends of the missions: advice ignored, followed, and from the truth.",
+        "data": {"panels": panels, "names": OUTCOMES},
+    }
+    missions = results["missions"]
+    text = (
+        "Completed: the vehicle reached the goal. Came home: it turned and got back. Aborted: it "
+        "stopped with energy left, to be picked up. Stranded: its battery ran out on the way; all "
+        "other vehicles are recovered. Energy is that of motors and hotel load. Means have 95 % "
+        f"bootstrap intervals over missions; an interval of 0 means none of {missions} missions, "
+        f"which is possible up to a true share of {300.0 / missions:.1f} %."
+    )
     return {
         "heading": "How the missions ended",
-        "text": [
-            "Completed: the goal was reached. Came home: it turned and got back. Aborted: it stopped where it was, "
-            "with energy left, to be picked up. Stranded: its battery ran out on the way; all others are recovered. "
-            "Energy is that of motors and hotel load. Means with 95 % bootstrap intervals over missions; an interval "
-            f"of nothing means none of {results['missions']}, which a true share of up to "
-            f"{300.0 / results['missions']:.1f} % can give."
-        ],
+        "text": [text],
         "table": {"columns": columns, "rows": rows},
-        "figures": [
-            {
-                "plot": "outcome_shares",
-                "name": "outcomes",
-                "caption": caption,
-                "data": {"panels": panels, "names": OUTCOMES},
-            }
-        ],
+        "figures": [figure],
     }
 
 
-def _scaled(value: list[float], factor: float) -> tuple[float, list[float]]:
-    return factor * value[0], [factor * end for end in value[1:]]
+def _quantity_cells(triples: Mapping[str, list[float]], sign: str = "") -> list[str]:
+    cells = []
+    for name, (_, factor) in QUANTITIES.items():
+        value, *ends = (factor * element for element in triples[name])
+        cells.append(with_interval(value, ends, 1, sign))
+    return cells
 
 
 def _differences(results: Results) -> dict[str, Any]:
     rows = [
-        [
-            part,
-            against,
-            *(
-                with_interval(*_scaled(so[name], factor), 1, "+")
-                for name, (_, factor) in QUANTITIES.items()
-            ),
-        ]
+        [part, _shown(arms), *_quantity_cells(triples, "+")]
         for part, differences in results["differences"].items()
-        for against, so in differences.items()
+        for arms, triples in differences.items()
     ]
+    text = (
+        "On the same missions, with 95 % paired bootstrap intervals. Energy also falls where "
+        "missions are broken off: compare it with the completed missions. On healthy vehicles any "
+        "loss is the cost of false or overcautious advice."
+    )
     return {
-        "heading": "What following it changes",
-        "text": [
-            "On the same missions, with 95 % paired bootstrap intervals. Energy falls where missions are broken off, "
-            "too: read it beside the missions completed. On healthy vehicles any loss is the price of false or "
-            "overcautious advice."
-        ],
-        "table": {
-            "columns": ["missions", "advice", *(label for label, _ in QUANTITIES.values())],
-            "rows": rows,
-        },
+        "heading": "What following the advice changes",
+        "text": [text],
+        "table": {"columns": ["missions", "advice", *QUANTITY_COLUMNS], "rows": rows},
     }
 
 
 def _classes(results: Results) -> dict[str, Any]:
-    rows = [
-        [name, str(results["counts"][name])]
-        + [percent(by_arm[arm][end]) for end in ("reached the goal", "stranded") for arm in ARMS]
-        for name, by_arm in results["kinds"].items()
-    ]
-    columns = [
-        "fault",
-        "missions",
-        *(f"{end}, {arm}" for end in ("completed", "stranded") for arm in ARMS),
-    ]
+    ends = {"completed": "reached the goal", "stranded": "stranded"}
+    columns = ["fault", "missions"]
+    columns += [f"{end}, {_shown(arm)}" for end in ends for arm in ARMS]
+    rows = []
+    for name, arms in results["kinds"].items():
+        shares = [percent(arms[arm][outcome]) for outcome in ends.values() for arm in ARMS]
+        rows.append([name, str(results["counts"][name]), *shares])
     return {
         "heading": "By fault",
-        "text": [
-            "Few missions stand behind each row: read them for the pattern, not for the figure."
-        ],
+        "text": ["Each row rests on few missions: single figures are uncertain."],
         "table": {"columns": columns, "rows": rows},
     }
 
 
 def _limits() -> dict[str, Any]:
-    return {
-        "heading": "What this does not show",
-        "text": [
-            "The figures hang on the reserve: with a battery three times too large hardly any fault matters, with "
-            "none to spare nothing helps. A fault strikes once and stays. The diagnoser watches 60 s after the latest "
-            "onset, not the whole mission, so false alarms of a long mission are not in the healthy vehicles' figures. "
-            "The current is steady and known, the way is straight, and a vehicle that stops is found.",
-        ],
-    }
+    text = (
+        "The figures depend on the reserve: with a battery three times too large hardly any fault "
+        "matters, without reserve no advice helps. Each mission has one lasting fault. The "
+        "diagnoser runs until 60 s after the latest onset, not during the whole mission; the "
+        "figures of healthy vehicles therefore lack the false alarms of a long mission. The "
+        "current is constant and known, the way is straight, and a vehicle that stops is found."
+    )
+    return {"heading": "What this does not show", "text": [text]}

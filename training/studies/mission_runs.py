@@ -1,4 +1,4 @@
-"""Missions sailed to their end on the plant, with advice ignored or followed, and how each of them ended."""
+"""Missions simulated to their end on the plant, with advice ignored or followed, and their ends."""
 
 from collections.abc import Sequence
 from itertools import count
@@ -19,139 +19,164 @@ from training.benchmark.suites import ONE_FAULT
 
 UNDERWAY, GOAL, HOME, ABORTED, STRANDED = range(-1, 4)
 OUTCOMES = ("reached the goal", "came home", "aborted", "stranded")
-IGNORED, FOLLOWED, TOLD = ARMS = ("ignored", "followed", "truth told")
-# samples that are diagnosed: 60 s after the last onset
-WATCHED = round((ONE_FAULT.onset[1] + 60.0) * SAMPLE_RATE)
-# samples, while diagnosed and later
-ADVISED_EVERY = round(SAMPLE_RATE)
-REVIEWED_EVERY = round(60.0 * SAMPLE_RATE)
-# 1/s and m/s, of the guidance that holds the speed asked for
+# what is done with the advice, as the results name it
+IGNORED, FOLLOWED, TRUTH_KNOWN = ARMS = ("ignored", "followed", "truth told")
+# samples with diagnosis: until 60 s after the last onset
+N_DIAGNOSED = round((ONE_FAULT.onset[1] + 60.0) * SAMPLE_RATE)
+# samples from one advice to the next, during diagnosis and later
+ADVICE_INTERVAL = round(SAMPLE_RATE)
+LATER_ADVICE_INTERVAL = round(60.0 * SAMPLE_RATE)
+# 1/s and m/s, of the guidance that holds the advised speed
 TRIM_RATE = 0.05
-MOST_TRIM = 0.3
+LARGEST_TRIM = 0.3
 SPEED_READING = list(CHANNELS).index("speed")
-CERTAIN = -100.0  # log probability of what is known to be false
+# log probability of a class that is known to be false
+EXCLUDED = -100.0
 
 
-class Plan(NamedTuple):
-    """Missions as they stand when the simulation begins: seed and schedule of each, the rest (n_lanes,), SI units."""
+class MissionPlan(NamedTuple):
+    """Missions at the start of the simulation.
+
+    Attributes
+    ----------
+    seeds, schedules
+        One per mission.
+    situation
+        Where they stand; fields (n_lanes,).
+    """
 
     seeds: Sequence[int]
     schedules: Sequence[Schedule]
     situation: Situation
 
 
-class Voyages:
-    """Missions under way, one per lane.
+class MissionRuns:
+    """Missions in progress, one per lane.
 
     Attributes
     ----------
-    so
-        Where they stand.
+    situation
+        Where they stand now.
     advice
-        The last, None before the first.
+        The last advice, None before the first.
     outcome
-        Index in `OUTCOMES`, `UNDERWAY` before it is settled, (n_lanes,).
-    spent, lasted
-        Energy used [J] and time [s], (n_lanes,).
-    changes
+        Index in `OUTCOMES`, `UNDERWAY` before the end, (n_lanes,).
+    energy_used, duration
+        Energy [J] and time [s] until now or the end, (n_lanes,).
+    action_changes
         How often the advised action has changed, (n_lanes,).
     """
 
     def __init__(self, situation: Situation):
-        self.so = situation
-        self.advice = None
         n_lanes = len(situation.speed)
+        self.situation = situation
+        self.advice = None
         self.outcome = np.full(n_lanes, UNDERWAY)
-        self.changes = np.zeros(n_lanes, np.int64)
-        self.spent = np.zeros(n_lanes)
-        self.lasted = np.zeros(n_lanes)
+        self.action_changes = np.zeros(n_lanes, np.int64)
+        self.energy_used = np.zeros(n_lanes)
+        self.duration = np.zeros(n_lanes)
+        self._direction = np.ones(n_lanes)
+        self._target_speed = situation.speed
         self._trim = np.zeros(n_lanes)
-        self._heading = np.ones(n_lanes)
-        self._asked = situation.speed
-        self._blind = np.zeros(n_lanes, bool)
+        self._ignores_speed_reading = np.zeros(n_lanes, bool)
 
     @property
-    def underway(self) -> np.ndarray:
-        """Which have not ended, (n_lanes,) bool."""
+    def is_underway(self) -> np.ndarray:
+        """Whether each mission has not ended yet, (n_lanes,) bool."""
         return self.outcome == UNDERWAY
 
-    def obey(self, advice: Advice) -> None:
-        """Take new advice; to abort ends the mission there and then."""
+    def follow(self, advice: Advice) -> None:
+        """Adopt new advice; an abort ends the mission at once."""
         if self.advice is not None:
-            self.changes += self.underway & (advice.level != self.advice.level)
-        self.outcome[self.underway & (advice.level == ABORT)] = ABORTED
-        self._heading = np.where(advice.level == RETURN, -1.0, 1.0)
-        self._asked = advice.speed
-        self._blind = advice.distrusted == SPEED_SENSOR
+            has_changed = advice.level != self.advice.level
+            self.action_changes += self.is_underway & has_changed
+        self.outcome[self.is_underway & (advice.level == ABORT)] = ABORTED
+        self._direction = np.where(advice.level == RETURN, -1.0, 1.0)
+        self._target_speed = advice.speed
+        self._ignores_speed_reading = advice.distrusted == SPEED_SENSOR
         self.advice = advice
 
-    def command(self, reading: np.ndarray) -> np.ndarray:
-        """Actions (n_lanes, 3) that hold the speed asked for, from the speed read [m/s], unless that is distrusted."""
-        trim = self._trim + SAMPLE_TIME * TRIM_RATE * (self._asked - reading)
-        self._trim = np.where(self._blind, 0.0, np.clip(trim, -MOST_TRIM, MOST_TRIM))
-        return (self._asked + self._trim)[:, None] * [1.0, 0.0, 0.0]
+    def command(self, speed_reading: np.ndarray) -> np.ndarray:
+        """Actions (n_lanes, 3) that hold the advised speed by its reading [m/s], unless distrusted."""
+        error = self._target_speed - speed_reading
+        trim = np.clip(self._trim + SAMPLE_TIME * TRIM_RATE * error, -LARGEST_TRIM, LARGEST_TRIM)
+        self._trim = np.where(self._ignores_speed_reading, 0.0, trim)
+        return (self._target_speed + self._trim)[:, None] * [1.0, 0.0, 0.0]
 
-    def move(self, speed: np.ndarray, energy: np.ndarray) -> None:
-        """One sample further, at a speed through the water [m/s] and with energy of the motors [J], (n_lanes,)."""
-        so = self.so
-        underway = self.underway
-        way = np.where(underway, SAMPLE_TIME * (self._heading * speed - so.current), 0.0)
-        used = np.where(underway, energy + SAMPLE_TIME * so.hotel_load, 0.0)
-        to_go = so.distance_to_go - way
-        home = so.distance_home + way
-        left = so.energy_left - used
-        returned = (self._heading < 0.0) & (home <= 0.0)
-        ends = np.select([to_go <= 0.0, returned, left <= 0.0], [GOAL, HOME, STRANDED], UNDERWAY)
-        self.outcome = np.where(underway, ends, self.outcome)
-        self.spent = self.spent + used
-        self.lasted = self.lasted + SAMPLE_TIME * underway
-        self.so = so._replace(
-            distance_to_go=np.maximum(to_go, 0.0),
-            distance_home=np.maximum(home, 0.0),
-            energy_left=np.maximum(left, 0.0),
+    def advance(self, speed: np.ndarray, motor_energy: np.ndarray) -> None:
+        """Move by one sample.
+
+        Parameters
+        ----------
+        speed
+            Speed through the water [m/s], (n_lanes,).
+        motor_energy
+            Energy of the motors in this sample [J], (n_lanes,).
+        """
+        before = self.situation
+        underway = self.is_underway
+        speed_over_ground = self._direction * speed - before.current
+        way = np.where(underway, SAMPLE_TIME * speed_over_ground, 0.0)
+        energy = np.where(underway, motor_energy + SAMPLE_TIME * before.hotel_load, 0.0)
+        distance_to_go = before.distance_to_go - way
+        distance_home = before.distance_home + way
+        energy_left = before.energy_left - energy
+        is_home = (self._direction < 0.0) & (distance_home <= 0.0)
+        conditions = [distance_to_go <= 0.0, is_home, energy_left <= 0.0]
+        outcome = np.select(conditions, [GOAL, HOME, STRANDED], UNDERWAY)
+        self.outcome = np.where(underway, outcome, self.outcome)
+        self.energy_used = self.energy_used + energy
+        self.duration = self.duration + SAMPLE_TIME * underway
+        self.situation = before._replace(
+            distance_to_go=np.maximum(distance_to_go, 0.0),
+            distance_home=np.maximum(distance_home, 0.0),
+            energy_left=np.maximum(energy_left, 0.0),
         )
 
 
-def sail(plan: Plan, vehicle: Vehicle, arm: str, diagnoser: Diagnoser) -> Voyages:
-    """The missions sailed until each has ended: in the arm `FOLLOWED` by the diagnoser's belief, which is kept later.
+def run_missions(
+    plan: MissionPlan, vehicle: Vehicle, arm: str, diagnoser: Diagnoser
+) -> MissionRuns:
+    """Simulate the missions until each has ended.
 
-    Every arm meets the same vehicles, faults and noise. Advice is given once a second while the
-    diagnoser watches, and once a minute thereafter, for the energy left and the way to go.
+    Vehicles, faults and noise are the same for every arm. Advice comes once a second while the
+    diagnoser runs, and once a minute later, for the energy left and the distance to go. In the arm
+    `FOLLOWED` it rests on the belief of the diagnoser, later on its last belief; in the arm
+    `TRUTH_KNOWN` on the truth.
     """
     fleet = Fleet(len(plan.seeds), vehicle)
-    voyages = Voyages(plan.situation)
-    observation = fleet.reset(
-        plan.seeds, schedules=plan.schedules, missions=plan.situation.speed.tolist()
-    )
+    runs = MissionRuns(plan.situation)
+    speeds = plan.situation.speed.tolist()
+    observation = fleet.reset(plan.seeds, schedules=plan.schedules, missions=speeds)
     diagnoser.reset(fleet.n_lanes)
     with tqdm(total=fleet.n_lanes, unit="mission", desc=arm) as bar:
         for k in count():
-            if arm == FOLLOWED and k < WATCHED:
-                belief = diagnoser.update(observation)
-            if arm != IGNORED and k % (ADVISED_EVERY if k < WATCHED else REVIEWED_EVERY) == 0:
-                given = told(fleet) if arm == TOLD else belief
-                voyages.obey(advise(given, voyages.so, vehicle, before=voyages.advice))
-            observation = fleet.step(voyages.command(observation[:, SPEED_READING]))
-            voyages.move(FleetTruth(fleet)["state"]["speed"], fleet.outcomes[1])
-            bar.update(int((~voyages.underway).sum()) - bar.n)
-            if not voyages.underway.any():
+            is_diagnosed = k < N_DIAGNOSED
+            interval = ADVICE_INTERVAL if is_diagnosed else LATER_ADVICE_INTERVAL
+            if arm == FOLLOWED and is_diagnosed:
+                last_belief = diagnoser.update(observation)
+            if arm != IGNORED and k % interval == 0:
+                belief = true_belief(fleet) if arm == TRUTH_KNOWN else last_belief
+                runs.follow(advise(belief, runs.situation, vehicle, before=runs.advice))
+            observation = fleet.step(runs.command(observation[:, SPEED_READING]))
+            runs.advance(FleetTruth(fleet)["state"]["speed"], fleet.outcomes[1])
+            bar.update(int((~runs.is_underway).sum()) - bar.n)
+            if not runs.is_underway.any():
                 break
     fleet.close()
-    return voyages
+    return runs
 
 
-def told(fleet: Fleet) -> Belief:
-    """The belief of one who knows class and severity of the fault in force, not the vehicle within its band."""
+def true_belief(fleet: Fleet) -> Belief:
+    """The belief that knows class and severity of the present fault, but not the vehicle."""
     truth = FleetTruth(fleet)
-    label = truth["label"]
-    severity = truth["severity"]
-    certain = np.where(label[:, None] == np.array(classes()), 0.0, CERTAIN)
-    mean = np.column_stack([np.zeros(fleet.n_lanes), *severity.values()])
-    return Belief(certain, mean, np.zeros_like(mean))
+    is_true = truth["label"][:, None] == np.array(classes())
+    severity = np.column_stack([np.zeros(fleet.n_lanes), *truth["severity"].values()])
+    return Belief(np.where(is_true, 0.0, EXCLUDED), severity, np.zeros_like(severity))
 
 
-def normal(n_lanes: int) -> Belief:
+def normal_belief(n_lanes: int) -> Belief:
     """The belief that all vehicles are healthy."""
-    certain = np.where(np.array(classes()) == NORMAL, 0.0, CERTAIN)
-    nothing = np.zeros((n_lanes, certain.size))
-    return Belief(np.tile(certain, (n_lanes, 1)), nothing, nothing)
+    log_probability = np.where(np.array(classes()) == NORMAL, 0.0, EXCLUDED)
+    zeros = np.zeros((n_lanes, log_probability.size))
+    return Belief(np.tile(log_probability, (n_lanes, 1)), zeros, zeros)

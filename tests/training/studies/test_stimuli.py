@@ -11,7 +11,7 @@ from auv_fault_env.faults import classes
 from training.benchmark.verdicts import MET, MISSED, OPEN
 from training.bounds import active_ceiling
 from training.report.figures.registry import PLOTS
-from training.studies import stimuli, stimulus_behaviour
+from training.studies import run, stimulus_behaviour
 from training.studies.stimuli import DIAGNOSER, StimulusStudy, ceilings, main, read, read_all
 from training.studies.stimuli_page import page
 from training.studies.stimulus_behaviour import Path as Followed
@@ -383,7 +383,7 @@ def test_the_command_writes_a_report_and_takes_ceilings_over(tmp_path, sought, m
     for name, value in (("PER_CLASS", 1), ("N_HEALTHY", 2)):
         monkeypatch.setattr(stimulus_behaviour, name, value)
     # drawing takes the longest
-    monkeypatch.setattr(stimuli, "write_report", lambda report, folder: None)
+    monkeypatch.setattr(run, "write_report", lambda report, folder: None)
     path = written(tmp_path, stimuli=("cruise", "thesis"))
     asked = StimulusStudy((path,), tmp_path / "out", workers=1)
     main(asked)
