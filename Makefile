@@ -1,4 +1,5 @@
 # make run | test | lint | bench | clean. PYTHON=... chooses another interpreter, 3.11 or newer.
+# make all-extras installs every optional dependency, so that no test is skipped.
 # Paths are relative throughout, so that the path of the repository may hold spaces.
 PYTHON ?= $(shell command -v python3.11 || command -v python3 || echo python3)
 BIN := .venv/bin
@@ -10,22 +11,26 @@ export PIP_BUILD_CONSTRAINT := constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DELETE_ON_ERROR:
-.PHONY: run test lint bench clean
+PYTEST_OPTIONS ?=
+
+.PHONY: run test lint bench all-extras clean
 
 run: .venv/.dev
 	@$(BIN)/auv-fault reproduce --output runs/reproduce
 
 test: .venv/.dev
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest $(PYTEST_OPTIONS)
 
 lint: .venv/.dev
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/lint-imports --no-logo
 
-bench: .venv/.bench
+bench: .venv/.all
 	@$(BIN)/python -m training.studies.speed
 	@$(BIN)/python -m training.studies.filter_speed
+
+all-extras: .venv/.all
 
 .venv/.dev: pyproject.toml constraints.txt
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
@@ -35,8 +40,9 @@ bench: .venv/.bench
 	@$(BIN)/python -m pip install -qq -c constraints.txt -e ".[dev]"
 	@touch $@
 
-.venv/.bench: .venv/.dev
-	@$(BIN)/python -m pip install -qq -c constraints.txt -e ".[dev,bench]"
+.venv/.all: .venv/.dev
+	@echo "Installing every extra into .venv (about a minute) ..."
+	@$(BIN)/python -m pip install -qq -c constraints.txt -e ".[dev,bench,distributed]"
 	@touch $@
 
 clean:
