@@ -1,14 +1,17 @@
-"""The channels of an observation: what the vehicle's data bus carries, in order, with units and full scale.
+"""The channels of an observation, in order: commands and readings with unit, range and noise.
 
-The first four are commands, the other eight are readings. Shaft speed is in rpm, as every vehicle
-log has it.
+The first four are commands, the other eight are readings. Shaft speed is in rpm, as in every
+vehicle log.
 """
 
 from typing import NamedTuple
 
 
 class Channel(NamedTuple):
-    """One element of an observation: unit, full scale (readings saturate there) and default noise (1 sigma)."""
+    """One element of an observation.
+
+    Readings saturate at `low` and `high`; `noise` is the default standard deviation.
+    """
 
     unit: str
     low: float
@@ -17,7 +20,7 @@ class Channel(NamedTuple):
     about: str
 
 
-# m/s, commanded surge speed: twice the thesis' 1.5 ft/s; the plant reaches 2.7 at 24 V
+# m/s, commanded surge speed: twice the 1.5 ft/s of the thesis; the plant reaches 2.7 at 24 V
 MAXIMUM_COMMAND = 1.0
 MAXIMUM_DEFLECTION = 0.4  # rad, rudder and stern plane
 
@@ -44,3 +47,5 @@ CHANNELS: dict[str, Channel] = {
 }
 COMMANDS: tuple[str, ...] = tuple(CHANNELS)[:4]
 READINGS: tuple[str, ...] = tuple(CHANNELS)[4:]
+# column of each channel in an observation
+INDEX: dict[str, int] = {name: column for column, name in enumerate(CHANNELS)}

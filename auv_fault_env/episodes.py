@@ -1,31 +1,20 @@
-"""What happens to a lane besides physics: faults coming and going, mission legs, the start of an episode."""
+"""What happens to a lane besides physics: faults come and go, mission legs, starts of episodes."""
 
 import math
 
 import numpy as np
 
+from auv_fault_env import layout as row
 from auv_fault_env.compiling import kernel, scalar
-from auv_fault_env.lanes import copy_results, prepare_step, read_sensors, sample_normals, shaft_of
-from auv_fault_env.layout import (
-    ALPHA,
-    DISTURBANCE,
-    DISTURBANCE_NORMAL,
-    FILTERED_SPEED,
-    INTEGRAL,
-    LANES,
-    MISSION_SPEED,
-    N_PARAMETERS,
-    N_SCRATCH,
-    PARAMETER,
-    PORT_SHAFT,
-    PORT_STATE,
-    SHAFT_SPEED,
-    SPEED,
-    SPEED_COMMAND,
-    STARBOARD_SHAFT,
-    STARBOARD_STATE,
-    VOLTAGE,
+from auv_fault_env.faults import fault_effect
+from auv_fault_env.lanes import (
+    copy_results,
+    prepare_step,
+    read_sensors,
+    sample_normals,
+    shaft_of_lane,
 )
+from auv_fault_env.layout import LANES, SeverityProfile
 from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.physics import (
     clipped,
@@ -34,154 +23,186 @@ from auv_fault_env.physics import (
     equilibrium_voltage,
 )
 
+# values of `FleetState.next_update`: no update to come, and one at once, whatever the severities
 NEVER = np.int64(1 << 60)
-UPDATE_NOW = (
-    -1
-)  # next update of a lane whose parameters must be written anew, whatever its severities
+UPDATE_NOW = -1
 FAR = 1e15  # steps: an instant so late that it never comes
+
+compiled_fault_effect = scalar(fault_effect)
 
 
 @scalar
-def severity_at(time, onset, severity, ramp, end, period, duty):
-    """Severity in force at `time`: abrupt or ramped from the onset, until the end, in the on-part of each period."""
-    since = time - onset
-    turns = since / period + 1e-9 if period > 0.0 else 0.0
-    on = since >= 0.0 and time < end and turns - math.floor(turns) <= duty
-    grown = severity if since >= ramp else severity * since / ramp
-    return grown if on else 0.0
+def profile_at(profiles, lane, event):
+    """The `SeverityProfile` of one event of a lane, from an array (n_lanes, n_events, 6)."""
+    return SeverityProfile(
+        profiles[lane, event, 0],
+        profiles[lane, event, 1],
+        profiles[lane, event, 2],
+        profiles[lane, event, 3],
+        profiles[lane, event, 4],
+        profiles[lane, event, 5],
+    )
+
+
+@scalar
+def severity_at(time, profile):
+    """Severity of an event at `time` [s].
+
+    It grows over the ramp and ends with the event; an intermittent fault is absent in the rest of
+    each period.
+    """
+    since_onset = time - profile.onset
+    periods = since_onset / profile.period + 1e-9 if profile.period > 0.0 else 0.0
+    in_duty = periods - math.floor(periods) <= profile.duty
+    is_present = since_onset >= 0.0 and time < profile.end and in_duty
+    is_full = since_onset >= profile.ramp
+    reached = profile.severity if is_full else profile.severity * since_onset / profile.ramp
+    return reached if is_present else 0.0
+
+
+@kernel
+def severities_over_time(times, profiles):
+    """Severities (n_times, n_lanes) of one event of each lane, profiles (n_lanes, 1, 6)."""
+    severities = np.empty((times.size, profiles.shape[0]))
+    for lane in range(profiles.shape[0]):
+        profile = profile_at(profiles, lane, 0)
+        for k in range(times.size):
+            severities[k, lane] = severity_at(times[k], profile)
+    return severities
 
 
 @scalar
 def step_at(time, step):
-    """The step of an instant to come, at least the next."""
+    """The step of a future instant [s], at least the next one."""
     return max(step + 1, np.int64(min(time * SAMPLE_RATE, FAR)))
 
 
 @scalar
-def next_change(step, time, onset, ramp, end, period):
-    """The step at which an event next changes the severity in force, at the earliest."""
-    if time >= end:
+def next_change(step, time, profile):
+    """The first step at which the severity of an event can differ from that at `time` [s]."""
+    if time >= profile.end:
         return NEVER
-    if time < onset:
-        return step_at(onset, step)
-    if period > 0.0 or time < onset + ramp:
+    if time < profile.onset:
+        return step_at(profile.onset, step)
+    if profile.period > 0.0 or time < profile.onset + profile.ramp:
         return step + 1
-    return step_at(end, step)
+    return step_at(profile.end, step)
 
 
 @scalar
 def update_severities(lane, step, plan):
-    """Write the lane's severities in force; returns whether one has changed, and the step of the next change."""
+    """Write the severities of a lane; returns whether one has changed, and the next change's step."""
     time = step / SAMPLE_RATE
     next_update = NEVER
-    changed = False
+    has_changed = False
     for e in range(plan.severity.shape[1]):
-        onset = plan.profile[lane, e, 0]
-        ramp = plan.profile[lane, e, 2]
-        end = plan.profile[lane, e, 3]
-        period = plan.profile[lane, e, 4]
-        now = severity_at(
-            time, onset, plan.profile[lane, e, 1], ramp, end, period, plan.profile[lane, e, 5]
-        )
-        changed |= now != plan.severity[lane, e]
-        plan.severity[lane, e] = now
-        next_update = min(next_update, next_change(step, time, onset, ramp, end, period))
-    return changed, next_update
+        profile = profile_at(plan.profile, lane, e)
+        severity = severity_at(time, profile)
+        has_changed |= severity != plan.severity[lane, e]
+        plan.severity[lane, e] = severity
+        next_update = min(next_update, next_change(step, time, profile))
+    return has_changed, next_update
 
 
 @scalar
 def update_parameters(memory, lane, plan, catalogue):
-    """Write the lane's parameters: healthy * prod(1 + s (scale - 1)) + sum(s offset), within their physical limits."""
+    """Write the parameters of a lane under its faults, within their physical limits."""
     b = lane // LANES
     k = lane % LANES
-    for p in range(N_PARAMETERS):
+    for p in range(row.N_PARAMETERS):
         factor = 1.0
         shift = 0.0
         for e in range(plan.severity.shape[1]):
             fault = plan.fault[lane, e]
             severity = plan.severity[lane, e]
             if severity > 0.0:
-                factor *= 1.0 + severity * (catalogue.scale[fault, p] - 1.0)
-                shift += severity * catalogue.offset[fault, p]
+                scale = catalogue.scale[fault, p]
+                offset = catalogue.offset[fault, p]
+                factor_of_event, shift_of_event = compiled_fault_effect(severity, scale, offset)
+                factor *= factor_of_event
+                shift += shift_of_event
         value = plan.healthy[lane, p] * factor + shift
-        memory[b, (PARAMETER + p) * LANES + k] = clipped(value, catalogue.low[p], catalogue.high[p])
+        limited = clipped(value, catalogue.low[p], catalogue.high[p])
+        memory[b, (row.PARAMETER + p) * LANES + k] = limited
 
 
 @scalar
 def update_mission_speed(memory, lane, step, legs):
-    """Write the lane's mission speed; returns the step of the next leg."""
+    """Write the mission speed of a lane; returns the step of the next leg."""
     time = step / SAMPLE_RATE
     next_update = NEVER
     for g in range(legs.shape[1]):
         if time >= legs[lane, g, 0]:
-            memory[lane // LANES, MISSION_SPEED * LANES + lane % LANES] = legs[lane, g, 1]
+            memory[lane // LANES, row.MISSION_SPEED * LANES + lane % LANES] = legs[lane, g, 1]
         else:
             next_update = min(next_update, step_at(legs[lane, g, 0], step))
     return next_update
 
 
 @scalar
-def update_lane(lanes, lane, plan, catalogue):
-    """Bring severities, parameters and mission speed of one lane to the sample ahead."""
-    step = lanes.step[lane]
-    stale = lanes.next_update[lane] == UPDATE_NOW
-    changed, next_update = update_severities(lane, step, plan)
-    if stale or changed:
-        update_parameters(lanes.memory, lane, plan, catalogue)
-    lanes.next_update[lane] = min(
-        next_update, update_mission_speed(lanes.memory, lane, step, plan.legs)
-    )
+def update_lane(state, lane, plan, catalogue):
+    """Bring severities, parameters and mission speed of one lane to the present step."""
+    step = state.step[lane]
+    update_now = state.next_update[lane] == UPDATE_NOW
+    has_changed, next_update = update_severities(lane, step, plan)
+    if update_now or has_changed:
+        update_parameters(state.memory, lane, plan, catalogue)
+    next_leg = update_mission_speed(state.memory, lane, step, plan.legs)
+    state.next_update[lane] = min(next_update, next_leg)
 
 
 @kernel
-def update_due_lanes(lanes, plan, catalogue):
+def update_due_lanes(state, plan, catalogue):
     """Update every lane whose next update is due."""
-    for lane in range(lanes.key.size):
-        if lanes.step[lane] >= lanes.next_update[lane]:
-            update_lane(lanes, lane, plan, catalogue)
+    for lane in range(state.key.size):
+        if state.step[lane] >= state.next_update[lane]:
+            update_lane(state, lane, plan, catalogue)
 
 
 @scalar
-def start_shaft(block, k, shaft, state, shaft_speed, speed, constants):
-    """Put one shaft at a steady speed, its voltage held by the controller's integral."""
-    voltage = equilibrium_voltage(shaft_of(block, shaft, k), shaft_speed, speed, constants)
-    block[(state + SHAFT_SPEED) * LANES + k] = shaft_speed
-    block[(state + INTEGRAL) * LANES + k] = voltage
-    block[(state + VOLTAGE) * LANES + k] = voltage
+def start_shaft(block, k, shaft, first_state, shaft_speed, speed, constants):
+    """Let one shaft turn at a constant speed, its voltage in the integral of the controller."""
+    voltage = equilibrium_voltage(shaft_of_lane(block, shaft, k), shaft_speed, speed, constants)
+    block[(first_state + row.SHAFT_SPEED) * LANES + k] = shaft_speed
+    block[(first_state + row.INTEGRAL) * LANES + k] = voltage
+    block[(first_state + row.VOLTAGE) * LANES + k] = voltage
 
 
 @kernel
 def start_episodes(
-    lanes, chosen, start_speed, plan, catalogue, limits, constants, observations, outcomes
+    state, started, start_speed, plan, catalogue, limits, constants, observations, outcomes
 ):
-    """Start an episode on the chosen lanes (m,), at rest or steady at start_speed (m,), and read the sensors once.
+    """Start an episode on the lanes `started` (m,) and read their sensors.
 
-    constants is a `PlantConstants` as an array, as for `lanes.step_blocks`.
+    The vehicles move at a constant `start_speed` (m,) [m/s], which may be 0; constants is a
+    `PlantConstants` as an array, as for `lanes.step_blocks`.
     """
-    scratch = np.empty(N_SCRATCH * LANES)
+    scratch = np.empty(row.N_SCRATCH * LANES)
     shared = constants_from_array(constants)
-    for i in range(chosen.size):
-        lane = chosen[i]
+    for i in range(started.size):
+        lane = started[i]
         speed = start_speed[i]
-        block = lanes.memory[lane // LANES]
+        block = state.memory[lane // LANES]
         k = lane % LANES
-        for row in range(PARAMETER):
-            block[row * LANES + k] = 0.0
-        lanes.step[lane] = 0
-        lanes.next_update[lane] = UPDATE_NOW
-        update_lane(lanes, lane, plan, catalogue)
-        beta = block[PORT_SHAFT * LANES + k] + block[STARBOARD_SHAFT * LANES + k]
-        shaft_speed = equilibrium_shaft_speed(block[ALPHA * LANES + k], beta, speed, shared)
-        start_shaft(block, k, PORT_SHAFT, PORT_STATE, shaft_speed, speed, shared)
-        start_shaft(block, k, STARBOARD_SHAFT, STARBOARD_STATE, shaft_speed, speed, shared)
-        block[SPEED * LANES + k] = speed
-        block[FILTERED_SPEED * LANES + k] = speed
-        block[SPEED_COMMAND * LANES + k] = block[MISSION_SPEED * LANES + k]
-        one = block[k:]
-        sample_normals(scratch, 1, lanes.key[lane:], lanes.step[lane:])
-        prepare_step(one, scratch, 1, shared)
-        block[DISTURBANCE * LANES + k] = (
-            shared.disturbance_std * scratch[DISTURBANCE_NORMAL * LANES]
-        )
-        read_sensors(one, scratch, 1, lanes.key[lane:], lanes.step[lane:], limits)
-        copy_results(one, 1, lane, observations, outcomes)
+        for r in range(row.PARAMETER):
+            block[r * LANES + k] = 0.0
+        state.step[lane] = 0
+        state.next_update[lane] = UPDATE_NOW
+        update_lane(state, lane, plan, catalogue)
+        beta = block[row.PORT_SHAFT * LANES + k] + block[row.STARBOARD_SHAFT * LANES + k]
+        alpha = block[row.ALPHA * LANES + k]
+        shaft_speed = equilibrium_shaft_speed(alpha, beta, speed, shared)
+        start_shaft(block, k, row.PORT_SHAFT, row.PORT_STATE, shaft_speed, speed, shared)
+        start_shaft(block, k, row.STARBOARD_SHAFT, row.STARBOARD_STATE, shaft_speed, speed, shared)
+        block[row.SPEED * LANES + k] = speed
+        block[row.FILTERED_SPEED * LANES + k] = speed
+        block[row.SPEED_COMMAND * LANES + k] = block[row.MISSION_SPEED * LANES + k]
+        column = block[k:]
+        key = state.key[lane:]
+        step = state.step[lane:]
+        sample_normals(scratch, 1, key, step)
+        prepare_step(column, scratch, 1, shared)
+        normal = scratch[row.DISTURBANCE_NORMAL * LANES]
+        block[row.DISTURBANCE * LANES + k] = shared.disturbance_std * normal
+        read_sensors(column, scratch, 1, key, step, limits)
+        copy_results(column, 1, lane, observations, outcomes)

@@ -185,6 +185,14 @@ CATALOGUE: dict[str, Fault] = {
 }
 
 
+def fault_effect(severity, scale, offset):
+    """Factor on a parameter, and shift, by one fault; numbers or arrays that broadcast.
+
+    Under several faults the parameter is ``healthy * product of factors + sum of shifts``.
+    """
+    return 1.0 + severity * (scale - 1.0), severity * offset
+
+
 def fault_of(name: str) -> Fault:
     """The fault of that name; an unknown name is refused with the nearest one and the list."""
     return CATALOGUE[known_name("fault", name, CATALOGUE)]

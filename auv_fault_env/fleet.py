@@ -14,16 +14,15 @@ from auv_fault_env.compiling import n_threads
 from auv_fault_env.errors import finite_in_range, one_per_lane, refusal, whole_number
 from auv_fault_env.faults import CATALOGUE, matrices
 from auv_fault_env.missions import Mission, MissionSampler, mission_of
-from auv_fault_env.noise import episode_keys, uniforms
+from auv_fault_env.noise import STREAMS, episode_keys, uniforms
 from auv_fault_env.parameters import (
-    ENERGY_WEIGHT,
     PARAMETERS,
     SAMPLE_RATE,
     Vehicle,
     nominal,
     vehicle_of,
 )
-from auv_fault_env.physics import PlantConstants
+from auv_fault_env.physics import plant_constants
 from auv_fault_env.schedules import (
     Events,
     Schedule,
@@ -101,7 +100,7 @@ class Fleet:
         self._process = 0
         self._nominal = np.array(list(nominal(self.vehicle, sensor_noise).values()))
         self._band = healthy_band * np.array([spec.band for spec in PARAMETERS.values()])
-        self.constants = np.array(_constants(self.vehicle, disturbance))
+        self.constants = np.array(plant_constants(self.vehicle, disturbance))
         self.limits = np.array([(channel.low, channel.high) for channel in CHANNELS.values()])
         self._read_catalogue()
         self._allocate(self.schedules.EVENTS, self.missions.n_legs)
@@ -168,8 +167,8 @@ class Fleet:
             ]
         events, legs = _planned(schedules, missions, chosen.size)
         key = self._next_episode(chosen, seeds)
-        spread = 2.0 * uniforms(key, 0, len(PARAMETERS)) - 1.0
-        self._plan.healthy[chosen] = self._nominal * (1.0 + self._band * spread)
+        place = 2.0 * uniforms(key, STREAMS["healthy_parameters"], len(PARAMETERS)) - 1.0
+        self._plan.healthy[chosen] = self._nominal * (1.0 + self._band * place)
         self._set_events(chosen, self.schedules.sample_events(key) if events is None else events)
         legs, speeds = self.missions.sample_legs(key) if legs is None else legs
         self._set_legs(chosen, legs)
@@ -377,14 +376,6 @@ def _shares(n_lanes: int, parallel: bool) -> list[tuple[int, int]]:
     threads = min(n_threads(), blocks) if parallel else 1
     edges = np.linspace(0, blocks, threads + 1).astype(int).tolist()
     return list(itertools.pairwise(edges))
-
-
-def _constants(vehicle: Vehicle, disturbance: float) -> PlantConstants:
-    values = {
-        name: getattr(vehicle, name) for name in PlantConstants._fields if hasattr(vehicle, name)
-    }
-    values["disturbance_std"] *= disturbance
-    return PlantConstants(**values, energy_weight=ENERGY_WEIGHT)
 
 
 def _widened(values: np.ndarray, blank: np.ndarray) -> np.ndarray:

@@ -1,54 +1,13 @@
-"""One sample of many lanes: the loops around `physics`, block after block."""
+"""One sample of many lanes: compiled loops around the equations of `physics`, block after block."""
 
 import math
 
 import numpy as np
 
+from auv_fault_env import layout as row
 from auv_fault_env.compiling import kernel, scalar
-from auv_fault_env.layout import (
-    ACCELERATION,
-    ACCELERATION_READING,
-    ALPHA,
-    ANGLE,
-    COST,
-    CURRENT,
-    DISTURBANCE,
-    DISTURBANCE_NORMAL,
-    DRAG,
-    ENERGY,
-    FILTERED_SPEED,
-    GAMMA,
-    INTEGRAL,
-    LANES,
-    MISSION_SPEED,
-    N_CHANNELS,
-    N_SCRATCH,
-    N_SENSOR_PARAMETERS,
-    NORMAL,
-    PORT_CURRENT_READING,
-    PORT_MOTOR,
-    PORT_RPM_READING,
-    PORT_SHAFT,
-    PORT_STATE,
-    PORT_VOLTAGE_READING,
-    READING,
-    REWARD,
-    RUDDER,
-    SENSORS,
-    SHAFT_SPEED,
-    SPEED,
-    SPEED_COMMAND,
-    SPEED_READING,
-    STARBOARD_CURRENT_READING,
-    STARBOARD_MOTOR,
-    STARBOARD_RPM_READING,
-    STARBOARD_SHAFT,
-    STARBOARD_STATE,
-    STARBOARD_VOLTAGE_READING,
-    STERN_PLANE,
-    VOLTAGE,
-)
-from auv_fault_env.noise import DROPOUT_WORD, channel_uniform, normal_pair, random_bits
+from auv_fault_env.layout import LANES
+from auv_fault_env.noise import CHANCE_WORD, channel_uniform, normal_pair, random_bits
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import (
     RPM,
@@ -56,7 +15,6 @@ from auv_fault_env.physics import (
     SUBSTEPS,
     Motion,
     Motor,
-    Shaft,
     armature_current,
     clipped,
     constants_from_array,
@@ -67,6 +25,7 @@ from auv_fault_env.physics import (
     motor,
     reading,
     rpm_command,
+    shaft_at,
     substep,
     surge_acceleration,
     voltage_command,
@@ -74,24 +33,14 @@ from auv_fault_env.physics import (
 
 
 @scalar
-def shaft_of(block, side, k):
-    """The `Shaft` of lane k; `side` is the first row of its parameters."""
-    at = side * LANES + k
-    return Shaft(
-        block[at],
-        block[at + LANES],
-        block[at + 2 * LANES],
-        block[at + 3 * LANES],
-        block[at + 4 * LANES],
-        block[at + 5 * LANES],
-        block[at + 6 * LANES],
-        block[at + 7 * LANES],
-    )
+def shaft_of_lane(block, shaft, k):
+    """The `Shaft` of lane k whose parameters begin at row `shaft`."""
+    return shaft_at(block, shaft * LANES + k, LANES)
 
 
 @scalar
-def motor_of(scratch, side, k):
-    """The `Motor` of lane k, as `prepare_step` left it in the scratch rows."""
+def stored_motor(scratch, side, k):
+    """The `Motor` of lane k that `prepare_step` left in the scratch rows."""
     at = side * LANES + k
     return Motor(
         scratch[at],
@@ -105,275 +54,257 @@ def motor_of(scratch, side, k):
 @scalar
 def delta_squared(block, k):
     """Rudder and stern plane of lane k, squared and summed [rad^2]."""
-    rudder = block[RUDDER * LANES + k]
-    plane = block[STERN_PLANE * LANES + k]
+    rudder = block[row.RUDDER * LANES + k]
+    plane = block[row.STERN_PLANE * LANES + k]
     return rudder * rudder + plane * plane
 
 
 @kernel
 def write_commands(block, width, actions, limits):
-    """Clip the actions (n_lanes, 3) into the command rows."""
+    """Write the actions (n_lanes, 3), clipped, into the command rows."""
     for k in range(width):
         for c in range(3):
-            command = SPEED_COMMAND + c
-            block[command * LANES + k] = clipped(
-                actions[k, c], limits[command, 0], limits[command, 1]
-            )
+            command = row.SPEED_COMMAND + c
+            low = limits[command, 0]
+            high = limits[command, 1]
+            block[command * LANES + k] = clipped(actions[k, c], low, high)
 
 
 @scalar
-def run_shaft_controller(block, k, constants, command, rpm_row, state):
-    """Let one shaft's controller set its voltage."""
-    voltage, integral = voltage_command(
-        constants, command - block[rpm_row * LANES + k], block[(state + INTEGRAL) * LANES + k]
-    )
-    block[(state + VOLTAGE) * LANES + k] = voltage
-    block[(state + INTEGRAL) * LANES + k] = integral
+def run_shaft_controller(block, k, constants, command, rpm_reading, state):
+    """Set the voltage of one shaft from its command and its rpm reading."""
+    error = command - block[rpm_reading * LANES + k]
+    integral_before = block[(state + row.INTEGRAL) * LANES + k]
+    voltage, integral = voltage_command(constants, error, integral_before)
+    block[(state + row.VOLTAGE) * LANES + k] = voltage
+    block[(state + row.INTEGRAL) * LANES + k] = integral
 
 
 @kernel
 def run_controllers(block, width, constants):
-    """Let the controllers set both voltages, from the commands and the latest readings."""
+    """Set both voltages from the commands and the latest readings."""
     share = 1.0 - math.exp(-SAMPLE_TIME / constants.speed_filter_time)
     for k in range(width):
-        speed = low_pass(block[FILTERED_SPEED * LANES + k], block[SPEED_READING * LANES + k], share)
-        block[FILTERED_SPEED * LANES + k] = speed
-        command = rpm_command(
-            constants, block[SPEED_COMMAND * LANES + k], speed, delta_squared(block, k)
+        speed_reading = block[row.SPEED_READING * LANES + k]
+        speed = low_pass(block[row.FILTERED_SPEED * LANES + k], speed_reading, share)
+        block[row.FILTERED_SPEED * LANES + k] = speed
+        speed_command = block[row.SPEED_COMMAND * LANES + k]
+        command = rpm_command(constants, speed_command, speed, delta_squared(block, k))
+        run_shaft_controller(block, k, constants, command, row.PORT_RPM_READING, row.PORT_STATE)
+        run_shaft_controller(
+            block, k, constants, command, row.STARBOARD_RPM_READING, row.STARBOARD_STATE
         )
-        run_shaft_controller(block, k, constants, command, PORT_RPM_READING, PORT_STATE)
-        run_shaft_controller(block, k, constants, command, STARBOARD_RPM_READING, STARBOARD_STATE)
 
 
 @kernel
 def sample_normals(scratch, width, key, step):
-    """Ten standard normals per lane, for the readings and the disturbance of this step."""
+    """Write ten standard normals of each lane, for the readings and the disturbance of a step."""
     for pair in range(5):
-        row = (NORMAL + 2 * pair) * LANES
+        first = (row.NORMAL + 2 * pair) * LANES
         for k in range(width):
             one, two = normal_pair(random_bits(key[k], step[k], np.uint64(pair)))
-            scratch[row + k] = one
-            scratch[row + LANES + k] = two
+            scratch[first + k] = one
+            scratch[first + LANES + k] = two
 
 
 @scalar
 def motor_of_lane(block, shaft, state, k, constants):
-    """Coefficients of one of lane k's shafts at its present voltage."""
-    return motor(shaft_of(block, shaft, k), constants, block[(state + VOLTAGE) * LANES + k])
+    """The `Motor` of one of lane k's shafts at its present voltage."""
+    voltage = block[(state + row.VOLTAGE) * LANES + k]
+    return motor(shaft_of_lane(block, shaft, k), constants, voltage)
 
 
 @scalar
-def store_motor(scratch, side, k, values):
-    """Keep a `Motor` in the scratch rows."""
+def store_motor(scratch, side, k, coefficients):
+    """Write a `Motor` into the scratch rows."""
     at = side * LANES + k
-    scratch[at] = values.drive
-    scratch[at + LANES] = values.damping
-    scratch[at + 2 * LANES] = values.coupling
-    scratch[at + 3 * LANES] = values.load
-    scratch[at + 4 * LANES] = values.thrust
+    scratch[at] = coefficients.drive
+    scratch[at + LANES] = coefficients.damping
+    scratch[at + 2 * LANES] = coefficients.coupling
+    scratch[at + 3 * LANES] = coefficients.load
+    scratch[at + 4 * LANES] = coefficients.thrust
 
 
 @kernel
 def prepare_step(block, scratch, width, constants):
-    """Coefficients of the sample ahead, and the disturbance's next value (exact Ornstein-Uhlenbeck step)."""
+    """Write the coefficients of the next sample and advance the disturbance to it."""
     memory, kick = disturbance_memory(constants)
     for k in range(width):
-        store_motor(
-            scratch, PORT_MOTOR, k, motor_of_lane(block, PORT_SHAFT, PORT_STATE, k, constants)
-        )
-        store_motor(
-            scratch,
-            STARBOARD_MOTOR,
-            k,
-            motor_of_lane(block, STARBOARD_SHAFT, STARBOARD_STATE, k, constants),
-        )
-        scratch[DRAG * LANES + k] = block[ALPHA * LANES + k] + block[
-            GAMMA * LANES + k
-        ] * delta_squared(block, k)
-        pushed = (
-            memory * block[DISTURBANCE * LANES + k] + kick * scratch[DISTURBANCE_NORMAL * LANES + k]
-        )
-        block[DISTURBANCE * LANES + k] = pushed
-        block[(PORT_STATE + ANGLE) * LANES + k] = 0.0
-        block[(STARBOARD_STATE + ANGLE) * LANES + k] = 0.0
+        port = motor_of_lane(block, row.PORT_SHAFT, row.PORT_STATE, k, constants)
+        store_motor(scratch, row.PORT_MOTOR, k, port)
+        starboard = motor_of_lane(block, row.STARBOARD_SHAFT, row.STARBOARD_STATE, k, constants)
+        store_motor(scratch, row.STARBOARD_MOTOR, k, starboard)
+        alpha = block[row.ALPHA * LANES + k]
+        gamma = block[row.GAMMA * LANES + k]
+        scratch[row.DRAG * LANES + k] = alpha + gamma * delta_squared(block, k)
+        before = block[row.DISTURBANCE * LANES + k]
+        normal = scratch[row.DISTURBANCE_NORMAL * LANES + k]
+        block[row.DISTURBANCE * LANES + k] = memory * before + kick * normal
+        block[row.PORT_ANGLE * LANES + k] = 0.0
+        block[row.STARBOARD_ANGLE * LANES + k] = 0.0
 
 
 @kernel
 def advance_motion(block, scratch, width):
-    """Advance all lanes by one sample, substep after substep."""
+    """Advance speed, shafts and angles of all lanes by one sample, substep after substep."""
     for s in range(SUBSTEPS):
         time = SUBSTEP[s]
         for k in range(width):
             motion = substep(
                 Motion(
-                    block[SPEED * LANES + k],
-                    block[(PORT_STATE + SHAFT_SPEED) * LANES + k],
-                    block[(STARBOARD_STATE + SHAFT_SPEED) * LANES + k],
-                    block[(PORT_STATE + ANGLE) * LANES + k],
-                    block[(STARBOARD_STATE + ANGLE) * LANES + k],
+                    block[row.SPEED * LANES + k],
+                    block[row.PORT_SHAFT_SPEED * LANES + k],
+                    block[row.STARBOARD_SHAFT_SPEED * LANES + k],
+                    block[row.PORT_ANGLE * LANES + k],
+                    block[row.STARBOARD_ANGLE * LANES + k],
                 ),
-                scratch[DRAG * LANES + k],
-                block[DISTURBANCE * LANES + k],
-                motor_of(scratch, PORT_MOTOR, k),
-                motor_of(scratch, STARBOARD_MOTOR, k),
+                scratch[row.DRAG * LANES + k],
+                block[row.DISTURBANCE * LANES + k],
+                stored_motor(scratch, row.PORT_MOTOR, k),
+                stored_motor(scratch, row.STARBOARD_MOTOR, k),
                 time,
             )
-            block[SPEED * LANES + k] = motion.speed
-            block[(PORT_STATE + SHAFT_SPEED) * LANES + k] = motion.port_shaft_speed
-            block[(STARBOARD_STATE + SHAFT_SPEED) * LANES + k] = motion.starboard_shaft_speed
-            block[(PORT_STATE + ANGLE) * LANES + k] = motion.port_angle
-            block[(STARBOARD_STATE + ANGLE) * LANES + k] = motion.starboard_angle
+            block[row.SPEED * LANES + k] = motion.speed
+            block[row.PORT_SHAFT_SPEED * LANES + k] = motion.port_shaft_speed
+            block[row.STARBOARD_SHAFT_SPEED * LANES + k] = motion.starboard_shaft_speed
+            block[row.PORT_ANGLE * LANES + k] = motion.port_angle
+            block[row.STARBOARD_ANGLE * LANES + k] = motion.starboard_angle
 
 
 @scalar
 def current_of_lane(block, shaft, state, k):
     """Armature current of one of lane k's motors [A]."""
-    shaft_speed = block[(state + SHAFT_SPEED) * LANES + k]
-    voltage = block[(state + VOLTAGE) * LANES + k]
-    return armature_current(shaft_of(block, shaft, k), shaft_speed, voltage)
+    shaft_speed = block[(state + row.SHAFT_SPEED) * LANES + k]
+    voltage = block[(state + row.VOLTAGE) * LANES + k]
+    return armature_current(shaft_of_lane(block, shaft, k), shaft_speed, voltage)
 
 
 @kernel
 def write_true_values(block, scratch, width):
-    """The true values that follow from the state: surge acceleration and both currents."""
+    """Write the surge acceleration and both currents that follow from the state."""
     for k in range(width):
-        block[ACCELERATION * LANES + k] = surge_acceleration(
-            block[SPEED * LANES + k],
-            block[(PORT_STATE + SHAFT_SPEED) * LANES + k],
-            block[(STARBOARD_STATE + SHAFT_SPEED) * LANES + k],
-            scratch[DRAG * LANES + k],
-            block[DISTURBANCE * LANES + k],
-            motor_of(scratch, PORT_MOTOR, k),
-            motor_of(scratch, STARBOARD_MOTOR, k),
+        block[row.ACCELERATION * LANES + k] = surge_acceleration(
+            block[row.SPEED * LANES + k],
+            block[row.PORT_SHAFT_SPEED * LANES + k],
+            block[row.STARBOARD_SHAFT_SPEED * LANES + k],
+            scratch[row.DRAG * LANES + k],
+            block[row.DISTURBANCE * LANES + k],
+            stored_motor(scratch, row.PORT_MOTOR, k),
+            stored_motor(scratch, row.STARBOARD_MOTOR, k),
         )
-        block[(PORT_STATE + CURRENT) * LANES + k] = current_of_lane(
-            block, PORT_SHAFT, PORT_STATE, k
-        )
-        block[(STARBOARD_STATE + CURRENT) * LANES + k] = current_of_lane(
-            block, STARBOARD_SHAFT, STARBOARD_STATE, k
-        )
+        port_current = current_of_lane(block, row.PORT_SHAFT, row.PORT_STATE, k)
+        block[row.PORT_CURRENT * LANES + k] = port_current
+        starboard_current = current_of_lane(block, row.STARBOARD_SHAFT, row.STARBOARD_STATE, k)
+        block[row.STARBOARD_CURRENT * LANES + k] = starboard_current
 
 
 @scalar
-def read_sensor(block, scratch, width, gates, held, truth, factor, limits):
-    """Read one channel on all lanes: `factor` times the true value, through the sensor, into the row `held`."""
-    channel = held - READING
-    sensor = (SENSORS + N_SENSOR_PARAMETERS * channel) * LANES
-    normal = (NORMAL + channel) * LANES
-    low = limits[held, 0]
-    high = limits[held, 1]
+def read_sensor(block, scratch, width, chances, read_into, true_row, factor, limits):
+    """Write the readings of one channel into row `read_into`.
+
+    The sensor measures `factor` times the true value, which stands in row `true_row`.
+    """
+    channel = read_into - row.READING
+    sensor = (row.SENSORS + row.N_SENSOR_PARAMETERS * channel) * LANES
+    normal = (row.NORMAL + channel) * LANES
+    low = limits[read_into, 0]
+    high = limits[read_into, 1]
     for k in range(width):
-        got = reading(
-            factor * block[truth * LANES + k],
+        unlimited = reading(
+            factor * block[true_row * LANES + k],
             block[sensor + k],
             block[sensor + LANES + k],
             block[sensor + 2 * LANES + k],
             block[sensor + 3 * LANES + k],
             block[sensor + 4 * LANES + k],
             scratch[normal + k],
-            channel_uniform(gates[k], channel),
-            block[held * LANES + k],
+            channel_uniform(chances[k], channel),
+            block[read_into * LANES + k],
         )
-        block[held * LANES + k] = clipped(got, low, high)
+        block[read_into * LANES + k] = clipped(unlimited, low, high)
 
 
 @kernel
 def read_sensors(block, scratch, width, key, step, limits):
-    """Read every sensor of every lane."""
+    """Write the true values and the readings of every sensor of every lane."""
     write_true_values(block, scratch, width)
-    gates = np.empty((2, LANES), np.uint64)
+    words = np.empty((2, LANES), np.uint64)
     for k in range(width):
-        gates[0, k] = random_bits(key[k], step[k], DROPOUT_WORD)
-        gates[1, k] = random_bits(key[k], step[k], DROPOUT_WORD + np.uint64(1))
-    one = gates[0]
-    two = gates[1]
-    read_sensor(block, scratch, width, one, SPEED_READING, SPEED, 1.0, limits)
-    read_sensor(block, scratch, width, one, ACCELERATION_READING, ACCELERATION, 1.0, limits)
-    read_sensor(block, scratch, width, one, PORT_VOLTAGE_READING, PORT_STATE + VOLTAGE, 1.0, limits)
-    read_sensor(block, scratch, width, one, PORT_CURRENT_READING, PORT_STATE + CURRENT, 1.0, limits)
-    read_sensor(block, scratch, width, two, PORT_RPM_READING, PORT_STATE + SHAFT_SPEED, RPM, limits)
+        words[0, k] = random_bits(key[k], step[k], CHANCE_WORD)
+        words[1, k] = random_bits(key[k], step[k], CHANCE_WORD + np.uint64(1))
+    one = words[0]
+    two = words[1]
+    w = width
+    read_sensor(block, scratch, w, one, row.SPEED_READING, row.SPEED, 1.0, limits)
+    read_sensor(block, scratch, w, one, row.ACCELERATION_READING, row.ACCELERATION, 1.0, limits)
+    read_sensor(block, scratch, w, one, row.PORT_VOLTAGE_READING, row.PORT_VOLTAGE, 1.0, limits)
+    read_sensor(block, scratch, w, one, row.PORT_CURRENT_READING, row.PORT_CURRENT, 1.0, limits)
+    read_sensor(block, scratch, w, two, row.PORT_RPM_READING, row.PORT_SHAFT_SPEED, RPM, limits)
     read_sensor(
-        block,
-        scratch,
-        width,
-        two,
-        STARBOARD_VOLTAGE_READING,
-        STARBOARD_STATE + VOLTAGE,
-        1.0,
-        limits,
+        block, scratch, w, two, row.STARBOARD_VOLTAGE_READING, row.STARBOARD_VOLTAGE, 1.0, limits
     )
     read_sensor(
-        block,
-        scratch,
-        width,
-        two,
-        STARBOARD_CURRENT_READING,
-        STARBOARD_STATE + CURRENT,
-        1.0,
-        limits,
+        block, scratch, w, two, row.STARBOARD_CURRENT_READING, row.STARBOARD_CURRENT, 1.0, limits
     )
     read_sensor(
-        block,
-        scratch,
-        width,
-        two,
-        STARBOARD_RPM_READING,
-        STARBOARD_STATE + SHAFT_SPEED,
-        RPM,
-        limits,
+        block, scratch, w, two, row.STARBOARD_RPM_READING, row.STARBOARD_SHAFT_SPEED, RPM, limits
     )
 
 
 @scalar
 def energy_of_lane(block, shaft, state, k):
     """Electrical energy of one of lane k's motors in the sample [J]."""
-    angle = block[(state + ANGLE) * LANES + k]
-    voltage = block[(state + VOLTAGE) * LANES + k]
-    return electrical_energy(shaft_of(block, shaft, k), angle, voltage)
+    angle = block[(state + row.ANGLE) * LANES + k]
+    voltage = block[(state + row.VOLTAGE) * LANES + k]
+    return electrical_energy(shaft_of_lane(block, shaft, k), angle, voltage)
 
 
 @kernel
 def write_outcomes(block, width, constants):
-    """The step's electrical energy [J], cost (squared speed deviation) [m^2/s^2] and reward."""
+    """Write the step's energy [J], cost (squared speed deviation) [m^2/s^2] and reward."""
     for k in range(width):
-        energy = energy_of_lane(block, PORT_SHAFT, PORT_STATE, k)
-        energy += energy_of_lane(block, STARBOARD_SHAFT, STARBOARD_STATE, k)
-        deviation = block[SPEED * LANES + k] - block[MISSION_SPEED * LANES + k]
-        block[ENERGY * LANES + k] = energy
-        block[COST * LANES + k] = deviation * deviation
-        block[REWARD * LANES + k] = mission_reward(deviation, energy, constants)
+        energy = energy_of_lane(block, row.PORT_SHAFT, row.PORT_STATE, k)
+        energy += energy_of_lane(block, row.STARBOARD_SHAFT, row.STARBOARD_STATE, k)
+        deviation = block[row.SPEED * LANES + k] - block[row.MISSION_SPEED * LANES + k]
+        block[row.ENERGY * LANES + k] = energy
+        block[row.COST * LANES + k] = deviation * deviation
+        block[row.REWARD * LANES + k] = mission_reward(deviation, energy, constants)
 
 
 @scalar
-def copy_row(block, width, row, values):
-    """Copy one row of the block."""
+def copy_row(block, width, source, target):
+    """Copy the row `source` of the block into an array."""
     for k in range(width):
-        values[k] = block[row * LANES + k]
+        target[k] = block[source * LANES + k]
 
 
 @kernel
 def copy_results(block, width, first, observations, outcomes):
-    """Copy, from lane `first` on, the channels to (n_lanes, N_CHANNELS), reward ... mission speed to (4, n_lanes)."""
+    """Copy channels and outcomes of the block that begins with lane `first`.
+
+    observations is (n_lanes, n_channels); outcomes is (4, n_lanes): reward, energy, cost, mission
+    speed.
+    """
     rows = observations[first:]
     for k in range(width):
-        for channel in range(N_CHANNELS):
+        for channel in range(row.N_CHANNELS):
             rows[k, channel] = block[channel * LANES + k]
-    copy_row(block, width, REWARD, outcomes[0][first:])
-    copy_row(block, width, ENERGY, outcomes[1][first:])
-    copy_row(block, width, COST, outcomes[2][first:])
-    copy_row(block, width, MISSION_SPEED, outcomes[3][first:])
+    copy_row(block, width, row.REWARD, outcomes[0][first:])
+    copy_row(block, width, row.ENERGY, outcomes[1][first:])
+    copy_row(block, width, row.COST, outcomes[2][first:])
+    copy_row(block, width, row.MISSION_SPEED, outcomes[3][first:])
 
 
 @kernel
 def step_block(
     block, first, key, step, next_update, actions, limits, constants, observations, outcomes
 ):
-    """One sample of the block that begins with lane `first`; returns how many lanes are due for a refresh after it."""
+    """One sample of the block that begins with lane `first`; returns how many lanes need an update."""
     width = min(LANES, key.size - first)
     key = key[first:]
     step = step[first:]
     next_update = next_update[first:]
-    scratch = np.empty(N_SCRATCH * LANES)
+    scratch = np.empty(row.N_SCRATCH * LANES)
     count = 0
     for k in range(width):
         step[k] += 1
@@ -393,7 +324,7 @@ def step_block(
 def step_blocks(
     first, last, memory, key, step, next_update, actions, limits, constants, observations, outcomes
 ):
-    """One sample of the blocks from `first` to before `last`; returns the number of lanes due for a refresh.
+    """One sample of the blocks from `first` to before `last`; returns how many lanes need an update.
 
     Plain arrays come in, because unpacking named tuples at the border to Python costs more than a
     lane's step; constants is a `PlantConstants` as an array. It releases the interpreter's lock, so

@@ -1,7 +1,7 @@
-"""The memory of a fleet: which quantity stands where.
+"""The memory of a fleet: which quantity stands in which row.
 
-The lanes stand in blocks of `LANES`. A block is one contiguous table, a row per quantity and a
-column per lane: element ``row * LANES + lane``. The innermost loops run over the columns, at
+The lanes stand in blocks of `LANES`. A block is one contiguous table, a row for each quantity and a
+column for each lane: element ``row * LANES + lane``. The innermost loops run over the columns, at
 distances the compiler knows, and so vectorise.
 """
 
@@ -33,9 +33,18 @@ READING = len(COMMANDS)
 (SPEED, FILTERED_SPEED, ACCELERATION, DISTURBANCE, REWARD, ENERGY, COST) = range(
     N_CHANNELS, N_CHANNELS + 7
 )
+# the state of a shaft and its motor: rows of each side, counted from its first
+SHAFT_SPEED, ANGLE, INTEGRAL, VOLTAGE, CURRENT = range(5)
 PORT_STATE = COST + 1
-STARBOARD_STATE = COST + 6
-SHAFT_SPEED, ANGLE, INTEGRAL, VOLTAGE, CURRENT = range(5)  # rows of each side's state
+PORT_SHAFT_SPEED, PORT_ANGLE, _, PORT_VOLTAGE, PORT_CURRENT = range(PORT_STATE, PORT_STATE + 5)
+STARBOARD_STATE = PORT_STATE + 5
+(
+    STARBOARD_SHAFT_SPEED,
+    STARBOARD_ANGLE,
+    _,
+    STARBOARD_VOLTAGE,
+    STARBOARD_CURRENT,
+) = range(STARBOARD_STATE, STARBOARD_STATE + 5)
 PARAMETER = STARBOARD_STATE + 5
 ALPHA = PARAMETER
 GAMMA = PARAMETER + 1
@@ -45,7 +54,7 @@ SENSORS = STARBOARD_SHAFT + len(SHAFT)
 N_SENSOR_PARAMETERS = len(SENSOR)
 N_ROWS = PARAMETER + N_PARAMETERS
 
-# Scratch rows, one table per call: two motors' coefficients, the hull's drag, ten normals.
+# Scratch rows of one call: coefficients of both motors, drag of the hull, ten normals.
 PORT_MOTOR = 0
 STARBOARD_MOTOR = 5
 DRAG = 10
@@ -54,29 +63,40 @@ N_SCRATCH = 21
 DISTURBANCE_NORMAL = NORMAL + len(READINGS)
 
 
-class FleetState(NamedTuple):
-    """State of a fleet: block memory (n_blocks, N_ROWS * LANES), noise key, step and next due step, each (n_lanes,)."""
+class SeverityProfile(NamedTuple):
+    """The severity of one event over time: times in s, full severity and duty from 0 to 1."""
 
-    memory: np.ndarray
-    key: np.ndarray
-    step: np.ndarray
-    next_update: np.ndarray
+    onset: float
+    severity: float
+    ramp: float
+    end: float
+    period: float
+    duty: float
+
+
+class FleetState(NamedTuple):
+    """The state of all lanes; `next_update` is the step at which severities or mission change."""
+
+    memory: np.ndarray  # (n_blocks, N_ROWS * LANES)
+    key: np.ndarray  # (n_lanes,), key of the noise
+    step: np.ndarray  # (n_lanes,)
+    next_update: np.ndarray  # (n_lanes,)
 
 
 class EpisodePlan(NamedTuple):
-    """What is to happen to each lane: healthy parameters, fault events, mission legs; and the severities in force."""
+    """What happens to each lane in its episode, and the severities of the present step."""
 
     healthy: np.ndarray  # (n_lanes, N_PARAMETERS)
     fault: np.ndarray  # (n_lanes, n_events) row of the catalogue, -1 for none
-    profile: np.ndarray  # (n_lanes, n_events, 6): onset, severity, ramp, end, period, duty
-    severity: np.ndarray  # (n_lanes, n_events), written by `refresh_lane`
+    profile: np.ndarray  # (n_lanes, n_events, 6), each a `SeverityProfile`
+    severity: np.ndarray  # (n_lanes, n_events), of the present step
     legs: np.ndarray  # (n_lanes, n_legs, 2): start [s], mission speed [m/s]
 
 
 class Catalogue(NamedTuple):
-    """What each fault does at severity 1, and how far any compound of faults may go."""
+    """What each fault does at severity 1, and the limits that no compound of faults passes."""
 
-    scale: np.ndarray  # (n_faults, N_PARAMETERS), factor
-    offset: np.ndarray  # (n_faults, N_PARAMETERS), shift
+    scale: np.ndarray  # (n_faults, N_PARAMETERS), factors
+    offset: np.ndarray  # (n_faults, N_PARAMETERS), shifts
     low: np.ndarray  # (N_PARAMETERS,), physical limits
     high: np.ndarray  # (N_PARAMETERS,)

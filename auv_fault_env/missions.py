@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_fault_env.channels import MAXIMUM_COMMAND
+from auv_fault_env.channels import INDEX, MAXIMUM_COMMAND
 from auv_fault_env.errors import (
     InputError,
     finite_in_range,
@@ -15,7 +15,7 @@ from auv_fault_env.errors import (
     refusal,
     whole_number,
 )
-from auv_fault_env.noise import uniforms
+from auv_fault_env.noise import STREAMS, uniforms
 from auv_fault_env.parameters import FOOT, SAMPLE_TIME
 
 
@@ -112,9 +112,17 @@ class MissionSampler:
 
     def sample_legs(self, key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Legs (n_lanes, n_legs, 2) and start speeds (n_lanes,) for lanes with the given noise keys (n_lanes,)."""
-        u = uniforms(key, 3, 2 * self.n_legs + 1)
+        u = uniforms(key, STREAMS["mission"], 2 * self.n_legs + 1)
         legs = np.empty((key.size, self.n_legs, 2))
         durations = self.duration[0] + (self.duration[1] - self.duration[0]) * u[:, : self.n_legs]
         legs[:, :, 0] = np.cumsum(durations, axis=1) - durations
         legs[:, :, 1] = self.speed[0] + (self.speed[1] - self.speed[0]) * u[:, self.n_legs : -1]
         return legs, np.where(u[:, -1] < self.from_rest, 0.0, legs[:, 0, 1])
+
+
+def follow_mission(observation: np.ndarray) -> np.ndarray:
+    """The actions (n_lanes, 3) that command the mission speed with rudder and stern plane amidships.
+
+    observation is (n_lanes, n_channels).
+    """
+    return observation[:, INDEX["mission_speed"], None] * [1.0, 0.0, 0.0]

@@ -1,7 +1,8 @@
-"""Counter-based noise: a draw depends on nothing but (key, step, channel), so any lane of any batch can be replayed.
+"""Counter-based noise: random numbers depend on key, step and channel alone.
 
-The bits are SplitMix64's, read at a place instead of in sequence; normals come by Box and Muller
-with a logarithm and a sine of our own, because libm's do not vectorise over lanes.
+So any lane of any batch can be replayed. The bits are SplitMix64's, computed for a place instead of
+in sequence. Normals follow by Box and Muller, with a logarithm and a sine that vectorise over
+lanes, as those of libm do not.
 """
 
 import math
@@ -10,8 +11,21 @@ import numpy as np
 
 from auv_fault_env.compiling import kernel, scalar
 
-WORDS_PER_STEP = np.uint64(16)  # draws per step: ten normals in five pairs, two words of gates
-DROPOUT_WORD = np.uint64(8)
+# Streams of uniform numbers of one lane, by purpose. A number never changes its purpose: else the
+# episodes of all seeds would change.
+STREAMS = {
+    "healthy_parameters": 0,
+    "fault_events": 1,
+    "number_of_faults": 2,
+    "mission": 3,
+    "steering": 4,
+    "healthy_onset": 5,
+    "random_instants": 6,
+    "constant_speed": 7,
+}
+# random words of one step: five pairs of normals, then the chances of stuck and dropped samples
+WORDS_PER_STEP = np.uint64(16)
+CHANCE_WORD = np.uint64(8)
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 MIX_2 = np.uint64(0x94D049BB133111EB)
@@ -31,14 +45,14 @@ def mix_bits(word):
 
 
 @scalar
-def random_bits(key, step, channel):
-    """64 random bits that depend on nothing but (key, step, channel): SplitMix64's output at that place."""
-    return mix_bits(key + (np.uint64(step) * WORDS_PER_STEP + channel) * GOLDEN)
+def random_bits(key, step, word):
+    """64 random bits of (key, step, word): SplitMix64's output at that place."""
+    return mix_bits(key + (np.uint64(step) * WORDS_PER_STEP + word) * GOLDEN)
 
 
 @scalar
 def float_of_integer(word):
-    """An integer below 2^52 as a float, by its bits: the conversion that vectorises everywhere."""
+    """An integer below 2^52 as a float, by its bits: a conversion that vectorises everywhere."""
     return np.uint64(word | BITS_OF_TWO_52).view(np.float64) - TWO_52
 
 
@@ -53,9 +67,8 @@ def logarithm(x):
     exponent = exponent + 1.0 if high else exponent
     s = (mantissa - 1.0) / (mantissa + 1.0)
     z = s * s
-    series = 1.0 + z * (
-        1 / 3 + z * (1 / 5 + z * (1 / 7 + z * (1 / 9 + z * (1 / 11 + z * (1 / 13)))))
-    )
+    series = 1 / 7 + z * (1 / 9 + z * (1 / 11 + z * (1 / 13)))
+    series = 1.0 + z * (1 / 3 + z * (1 / 5 + z * series))
     return 0.6931471805599453 * exponent + 2.0 * s * series
 
 
@@ -81,9 +94,9 @@ def normal_pair(word):
 
 
 @scalar
-def channel_uniform(words, channel):
-    """A uniform number in [0, 1) from the channel's 16 bits of a word: decides about lost and repeated samples."""
-    return float_of_integer((words >> np.uint64(16 * (channel % 4))) & LOW_16) * 2.0**-16
+def channel_uniform(word, channel):
+    """A uniform number in [0, 1) from the 16 bits of a word that belong to a channel."""
+    return float_of_integer((word >> np.uint64(16 * (channel % 4))) & LOW_16) * 2.0**-16
 
 
 @kernel
@@ -96,14 +109,12 @@ def episode_keys(seed, episode):
 
 
 @kernel
-def uniforms(key, purpose, count):
-    """Uniform numbers in (0, 1), (n_lanes, count), from a stream of the lane's key kept for one purpose."""
+def uniforms(key, stream, count):
+    """Uniform numbers in (0, 1), (n_lanes, count), from one of the `STREAMS` of each lane's key."""
     out = np.empty((key.size, count))
     for k in range(key.size):
-        stream = mix_bits(key[k] ^ ((np.uint64(purpose) + np.uint64(1)) * MIX_2))
+        start = mix_bits(key[k] ^ ((np.uint64(stream) + np.uint64(1)) * MIX_2))
         for c in range(count):
-            out[k, c] = (
-                float_of_integer(mix_bits(stream + np.uint64(c + 1) * GOLDEN) >> np.uint64(12))
-                + 0.5
-            ) * 2.0**-52
+            word = mix_bits(start + np.uint64(c + 1) * GOLDEN)
+            out[k, c] = (float_of_integer(word >> np.uint64(12)) + 0.5) * 2.0**-52
     return out

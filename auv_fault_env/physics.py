@@ -1,8 +1,8 @@
-"""The equations, once: surge and shaft dynamics, controllers, sensors; scalar functions that numba compiles.
+"""The equations of surge, shafts, controllers and sensors as scalar functions for compiled loops.
 
-One source of physics: the scalar functions take and return floats and named tuples of floats; a
-single step, a serial batch and a parallel batch are loops around them. They create no arrays, raise
-nothing and never branch on a fault.
+This is the only source of physics: a single step, a serial batch and a parallel batch are loops
+around these functions of floats and named tuples of floats. They create no arrays, raise nothing
+and never branch on a fault.
 
 Equations (u surge speed, w shaft speed in rad/s, n the same in rpm, V motor voltage)::
 
@@ -10,34 +10,36 @@ Equations (u surge speed, w shaft speed in rad/s, n the same in rpm, V motor vol
     J dw/dt = K_T (V - K_b w)/R - Q - b w - tau_c sign(w),      w >= 0, with stiction at w = 0
     Q       = rho D^5 (w/2 pi)^2 (C1 - C2 J_a),                 J_a = u (1 - wake) / ((w/2 pi) D)
 
-With the surge speed known, the shaft equation is a Riccati equation, solved in closed form by
-`shaft_speed_after`; see `advance`.
+With the surge speed known, the shaft equation is a Riccati equation, which `shaft_speed_after`
+solves in closed form.
 """
 
 import math
 from typing import NamedTuple
 
 from auv_fault_env.compiling import kernel, scalar
-from auv_fault_env.parameters import SAMPLE_TIME
+from auv_fault_env.parameters import ENERGY_WEIGHT, SAMPLE_TIME, SHAFT, Vehicle
 
 RPM = 30.0 / math.pi  # rpm per rad/s
 
-# Graded substeps: short where a new voltage shakes the shaft, long where it has settled. See
-# training/integrators.py.
+# Graded substeps: short while the shaft answers a new voltage, long once it has settled; see
+# `python -m training.studies.integrators`.
 SUBSTEPS = 8
 SUBSTEP = tuple(
     SAMPLE_TIME * (((k + 1) / SUBSTEPS) ** 1.75 - (k / SUBSTEPS) ** 1.75) for k in range(SUBSTEPS)
 )
-NODE_1 = 0.5 - 0.1 * math.sqrt(5.0)  # Lobatto points and weights on [0, 1], order 6
+# Lobatto points and weights on [0, 1], order 6
+NODE_1 = 0.5 - 0.1 * math.sqrt(5.0)
 NODE_2 = 0.5 + 0.1 * math.sqrt(5.0)
-POLE = -(math.pi**2)  # of tan(y)/y beyond its first branch: the shaft has stopped on the way
 END_WEIGHT = 1.0 / 12.0
 INNER_WEIGHT = 5.0 / 12.0
+# where tan(y)/y leaves its first branch: the shaft has stopped on the way
+POLE = -(math.pi**2)
 THIRD = 1.0 / 3.0
 
 
 class PlantConstants(NamedTuple):
-    """What all lanes of a fleet share: water, nominal hull and gains of the controllers, disturbance, reward."""
+    """What all lanes share: water, nominal hull, gains of the controllers, disturbance, reward."""
 
     density: float
     diameter: float
@@ -55,6 +57,13 @@ class PlantConstants(NamedTuple):
     proportional_gain: float
     integral_gain: float
     energy_weight: float
+
+
+def plant_constants(vehicle: Vehicle, disturbance: float = 1.0) -> PlantConstants:
+    """The constants of a vehicle; `disturbance` is a factor on the disturbing acceleration."""
+    names = PlantConstants._fields[:-1]
+    constants = PlantConstants(*(float(getattr(vehicle, name)) for name in names), ENERGY_WEIGHT)
+    return constants._replace(disturbance_std=constants.disturbance_std * disturbance)
 
 
 @scalar
@@ -93,8 +102,33 @@ class Shaft(NamedTuple):
     inertia: float
 
 
+def nominal_shaft(vehicle: Vehicle) -> Shaft:
+    """One of the two equal shafts of a vehicle."""
+    values = {name: float(getattr(vehicle, name)) for name in SHAFT}
+    return Shaft(**values | {"beta": vehicle.beta / 2})
+
+
+@scalar
+def shaft_at(values, first, stride):
+    """The `Shaft` whose parameters stand in an array, from `first` on, `stride` elements apart."""
+    return Shaft(
+        values[first],
+        values[first + stride],
+        values[first + 2 * stride],
+        values[first + 3 * stride],
+        values[first + 4 * stride],
+        values[first + 5 * stride],
+        values[first + 6 * stride],
+        values[first + 7 * stride],
+    )
+
+
 class Motor(NamedTuple):
-    """Coefficients of dw/dt = drive - (damping - coupling u) w - load w^2, and of the acceleration thrust w^2."""
+    """Coefficients of a shaft at one voltage.
+
+    The shaft speed w changes by drive - (damping - coupling u) w - load w^2 [rad/s^2]; the vehicle
+    gains the acceleration thrust w^2 [m/s^2].
+    """
 
     drive: float
     damping: float
@@ -115,7 +149,7 @@ class Motion(NamedTuple):
 
 @scalar
 def motor(shaft, constants, voltage):
-    """The shaft equation's coefficients at a held voltage."""
+    """The `Motor` of a shaft at a constant voltage."""
     flux = shaft.torque_constant
     diameter = constants.diameter
     blade = constants.density * diameter**4 / (2.0 * math.pi * shaft.inertia)
@@ -141,52 +175,58 @@ def surge_acceleration(
 
 
 @scalar
-def shaft_acceleration(shaft_speed_after, speed, side):
-    """dw/dt [rad/s^2]; at standstill the Coulomb friction holds the shaft until the drive exceeds it."""
+def shaft_acceleration(shaft_speed, speed, side):
+    """dw/dt [rad/s^2]; Coulomb friction holds a standing shaft until the drive exceeds it."""
     rate = (
         side.drive
-        - (side.damping - side.coupling * speed) * shaft_speed_after
-        - side.load * shaft_speed_after * shaft_speed_after
+        - (side.damping - side.coupling * speed) * shaft_speed
+        - side.load * shaft_speed * shaft_speed
     )
-    return max(rate, 0.0) if shaft_speed_after <= 0.0 else rate
+    return max(rate, 0.0) if shaft_speed <= 0.0 else rate
 
 
 @scalar
 def disturbance_memory(constants):
-    """Share of the disturbance that outlives a sample, and standard deviation of what joins it: an exact OU step."""
+    """Share of the disturbance that outlives a sample, and standard deviation of what joins it.
+
+    Together they make an exact step of the Ornstein-Uhlenbeck process.
+    """
     memory = math.exp(-SAMPLE_TIME / constants.disturbance_time)
     return memory, constants.disturbance_std * math.sqrt(1.0 - memory * memory)
 
 
 @scalar
-def armature_current(shaft, shaft_speed_after, voltage):
+def armature_current(shaft, shaft_speed, voltage):
     """Current [A], inductance neglected as in the thesis."""
-    return (voltage - shaft.torque_constant * shaft_speed_after) / shaft.resistance
+    return (voltage - shaft.torque_constant * shaft_speed) / shaft.resistance
 
 
 @scalar
 def electrical_energy(shaft, angle, voltage):
-    """Integral of voltage times current over a sample in which the shaft turned by `angle` [J]; negative in braking."""
+    """Electrical energy of a sample in which the shaft turned by `angle` [J]; negative in braking."""
     return voltage * (voltage * SAMPLE_TIME - shaft.torque_constant * angle) / shaft.resistance
 
 
 @scalar
 def equilibrium_shaft_speed(alpha, beta, speed, constants):
-    """Shaft speed [rad/s] at which thrust and drag balance, at most the largest command; zero without thrust."""
+    """Shaft speed [rad/s] at which thrust and drag balance, at most that of the largest command.
+
+    Zero for a vehicle without thrust.
+    """
     rpm = math.sqrt(-alpha / beta) * speed if beta > 0.0 else 0.0
     return min(rpm, constants.maximum_rpm) / RPM
 
 
 @scalar
-def equilibrium_voltage(shaft, shaft_speed_after, speed, constants):
-    """Voltage [V] that balances friction and propeller at a steady shaft speed, within the supply; zero at rest."""
-    still = motor(shaft, constants, 0.0)
-    torque = shaft.inertia * (
-        (still.damping - still.coupling * speed + still.load * shaft_speed_after)
-        * shaft_speed_after
-        - still.drive
-    )
-    voltage = torque * shaft.resistance / shaft.torque_constant if shaft_speed_after > 0.0 else 0.0
+def equilibrium_voltage(shaft, shaft_speed, speed, constants):
+    """Voltage [V] that keeps a shaft speed against friction and propeller, within the supply.
+
+    Zero for a standing shaft.
+    """
+    unpowered = motor(shaft, constants, 0.0)
+    damping = unpowered.damping - unpowered.coupling * speed + unpowered.load * shaft_speed
+    torque = shaft.inertia * (damping * shaft_speed - unpowered.drive)
+    voltage = torque * shaft.resistance / shaft.torque_constant if shaft_speed > 0.0 else 0.0
     return min(voltage, constants.maximum_voltage)
 
 
@@ -243,7 +283,10 @@ def shaft_speed_after(start, side, mean_speed, slope, time):
 def shafts_and_acceleration(
     motion, start, jerk, bend, twist, drag, disturbance, port, starboard, time
 ):
-    """Shaft speeds, acceleration and its remainder at `time`, under u' = start + jerk t + bend t^2 + twist t^3."""
+    """Shaft speeds, acceleration and its remainder at `time` [s] within a substep.
+
+    The surge speed follows u' = start + jerk t + bend t^2 + twist t^3.
+    """
     speed = motion.speed + time * (
         start + time * (0.5 * jerk + time * (THIRD * bend + time * (0.25 * twist)))
     )
@@ -254,20 +297,19 @@ def shafts_and_acceleration(
     starboard_shaft_speed = shaft_speed_after(
         motion.starboard_shaft_speed, starboard, mean, slope, time
     )
-    force = surge_acceleration(
+    acceleration = surge_acceleration(
         speed, port_shaft_speed, starboard_shaft_speed, drag, disturbance, port, starboard
     )
-    return (
-        port_shaft_speed,
-        starboard_shaft_speed,
-        force,
-        (force - start - jerk * time) * (1.0 / (time * time)),
-    )
+    remainder = (acceleration - start - jerk * time) * (1.0 / (time * time))
+    return port_shaft_speed, starboard_shaft_speed, acceleration, remainder
 
 
 @scalar
 def substep(motion, drag, disturbance, port, starboard, time):
-    """The motion after `time`: closed-form shafts at the Lobatto points, quadrature of order 6 for speed and angles."""
+    """The motion after `time` [s].
+
+    Closed-form shafts at the Lobatto points, quadrature of order 6 for speed and angles.
+    """
     u = motion.speed
     port_0 = motion.port_shaft_speed
     starboard_0 = motion.starboard_shaft_speed
@@ -289,24 +331,19 @@ def substep(motion, drag, disturbance, port, starboard, time):
     )
     end = END_WEIGHT * time
     inner = INNER_WEIGHT * time
-    return Motion(
-        u + end * (first + last) + inner * (second + third),
-        port_3,
-        starboard_3,
-        motion.port_angle + end * (port_0 + port_3) + inner * (port_1 + port_2),
-        motion.starboard_angle
-        + end * (starboard_0 + starboard_3)
-        + inner * (starboard_1 + starboard_2),
-    )
+    speed_ahead = u + end * (first + last) + inner * (second + third)
+    port_angle = motion.port_angle + end * (port_0 + port_3) + inner * (port_1 + port_2)
+    starboard_angle = motion.starboard_angle + end * (starboard_0 + starboard_3)
+    starboard_angle += inner * (starboard_1 + starboard_2)
+    return Motion(speed_ahead, port_3, starboard_3, port_angle, starboard_angle)
 
 
 @kernel
 def advance(motion, drag, disturbance, port, starboard):
-    """The `Motion` one sample (0.1 s) later, voltages and disturbance held.
+    """The `Motion` one sample (0.1 s) later, under constant voltages and disturbance.
 
-    Within 1e-6 of the exact solution for the presets under every fault; a much stiffer shaft (a
-    tenth of the inertia) costs accuracy, not stability. Errors of other schemes: ``python -m
-    training.studies.integrators``.
+    Within 1e-6 of the exact solution for the presets under every fault; a much stiffer shaft, of a
+    tenth of the inertia, costs accuracy, not stability.
 
     drag is alpha + gamma delta^2 [1/m], disturbance an acceleration [m/s^2], port and starboard are
     `Motor` s.
@@ -318,17 +355,17 @@ def advance(motion, drag, disturbance, port, starboard):
 
 @scalar
 def clipped(value, low, high):
-    """The value, kept within [low, high]."""
+    """The value, moved to the nearer end of [low, high] if it lies outside."""
     return min(max(value, low), high)
 
 
 @scalar
 def rpm_command(constants, speed_command, speed, delta_squared):
-    """Sliding mode speed control on the nominal hull (form of Healey & Lienard 1993): shaft speed command [rpm].
+    """Shaft speed command [rpm] by sliding mode control of the surge speed on the nominal hull.
 
-    It feeds the drag forward at the measured speed, but not above the boundary layer: a vehicle
-    with less drag than nominal, or a wrong reading, would otherwise be pushed the more the faster
-    it is.
+    The form is that of Healey & Lienard (1993). The drag is fed forward at the measured speed, but
+    not above the boundary layer: a vehicle with less drag than nominal, or a wrong reading, would
+    otherwise be driven the harder the faster it is.
     """
     ahead = min(speed, speed_command + constants.boundary_layer)
     drag = (constants.alpha + constants.gamma * delta_squared) * ahead * abs(ahead)
@@ -340,22 +377,28 @@ def rpm_command(constants, speed_command, speed, delta_squared):
 
 @scalar
 def voltage_command(constants, error, integral):
-    """PI control of the shaft speed: voltage [V] and the new integral, which stops where the voltage saturates."""
+    """Voltage [V] by PI control of the shaft speed, and the new integral.
+
+    The integral stops where the voltage saturates.
+    """
     proportional = constants.proportional_gain * error
-    wanted = proportional + integral + constants.integral_gain * SAMPLE_TIME * error
-    voltage = clipped(wanted, 0.0, constants.maximum_voltage)
+    unlimited = proportional + integral + constants.integral_gain * SAMPLE_TIME * error
+    voltage = clipped(unlimited, 0.0, constants.maximum_voltage)
     return voltage, voltage - proportional
 
 
 @scalar
-def low_pass(kept, reading, share):
-    """First-order low-pass: the kept value moves by `share` of the way to the reading."""
-    return kept + share * (reading - kept)
+def low_pass(filtered, reading, share):
+    """First-order low-pass: the filtered value moves by `share` of the way to the reading."""
+    return filtered + share * (reading - filtered)
 
 
 @scalar
-def reading(truth, bias, gain, noise, stuck, dropout, normal, chance, held):
-    """What the interface delivers: a lost sample reads zero, a stuck one repeats the last; one chance decides both."""
+def reading(truth, bias, gain, noise, stuck, dropout, normal, chance, last_reading):
+    """What a sensor reports of the true value.
+
+    A dropped sample reads zero, a stuck one repeats the last reading; one chance decides both.
+    """
     fresh = gain * truth + bias + noise * normal
-    kept = held if chance < stuck else fresh
-    return 0.0 if chance < dropout else kept
+    repeated_or_fresh = last_reading if chance < stuck else fresh
+    return 0.0 if chance < dropout else repeated_or_fresh

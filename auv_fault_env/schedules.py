@@ -11,7 +11,8 @@ import numpy as np
 
 from auv_fault_env.errors import finite_in_range, known_name, pair_in_range, refusal, whole_number
 from auv_fault_env.faults import CATALOGUE, fault_of
-from auv_fault_env.noise import episode_keys, uniforms
+from auv_fault_env.layout import EpisodePlan, SeverityProfile
+from auv_fault_env.noise import STREAMS, episode_keys, uniforms
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class FaultEvent:
 
 
 Schedule = tuple[FaultEvent, ...]
-PROFILE = ("onset", "severity", "ramp", "end", "period", "duty")
+PROFILE = SeverityProfile._fields
 
 
 def event_of(value: FaultEvent | Mapping) -> FaultEvent:
@@ -145,14 +146,25 @@ def load_schedule(path: str | Path) -> Schedule:
 
 
 class Events(NamedTuple):
-    """Schedules of many lanes: catalogue rows (n_lanes, n_events), -1 for none, and profiles (n_lanes, n_events, 6)."""
+    """The schedules of many lanes as arrays."""
 
-    fault: np.ndarray
-    profile: np.ndarray
+    fault: np.ndarray  # (n_lanes, n_events) row of the catalogue, -1 for none
+    profile: np.ndarray  # (n_lanes, n_events, 6), each a `SeverityProfile`
+
+
+def profile_of(events: Events | EpisodePlan) -> SeverityProfile:
+    """The profiles of all events as one `SeverityProfile` of arrays (n_lanes, n_events)."""
+    return SeverityProfile(*np.moveaxis(events.profile, -1, 0))
+
+
+def first_onset(events: Events | EpisodePlan) -> np.ndarray:
+    """Onset [s] of the first event of each lane (n_lanes,), infinite for a healthy lane."""
+    onset = np.where(events.fault >= 0, profile_of(events).onset, math.inf)
+    return onset.min(axis=1, initial=math.inf)
 
 
 def no_events(n_lanes: int, n_events: int) -> Events:
-    """Healthy lanes."""
+    """The events of healthy lanes: slots without a fault."""
     profile = np.zeros((n_lanes, n_events, len(PROFILE)))
     profile[:, :, PROFILE.index("onset")] = math.inf
     return Events(np.full((n_lanes, n_events), -1), profile)
@@ -223,8 +235,7 @@ class ScheduleSampler:
     repaired: float = 0.1
     life: tuple[float, float] = (5.0, 20.0)
 
-    DRAWS = 10  # uniform numbers per event
-    EVENTS = 2  # events per lane at most
+    EVENTS = 2  # of a lane at most
 
     def __post_init__(self):
         for name in ("healthy", "compound", "incipient", "intermittent", "repaired"):
@@ -265,38 +276,58 @@ class ScheduleSampler:
         return np.stack([first, np.searchsorted(edges[:-1], rest, side="right")], axis=1)
 
     def sample_events(self, key: np.ndarray) -> Events:
-        """Schedules for lanes with the given noise keys (n_lanes,)."""
-        u = uniforms(key, 1, self.EVENTS * self.DRAWS).reshape(-1, self.EVENTS, self.DRAWS)
-        within = lambda column, limits: limits[0] + (limits[1] - limits[0]) * u[:, :, column]  # noqa: E731
-        fault = self._faults(u[:, :, 0])
-        onset = within(1, self.onset)
-        intermittent = u[:, :, 5] < self.intermittent
-        columns = {
-            "onset": onset,
-            "severity": within(2, self.severity),
-            "ramp": np.where(u[:, :, 3] < self.incipient, within(4, self.ramp), 0.0),
-            "end": np.where(u[:, :, 8] < self.repaired, onset + within(9, self.life), math.inf),
-            "period": np.where(intermittent, within(6, self.period), 0.0),
-            "duty": np.where(intermittent, within(7, self.duty), 1.0),
-        }
-        profile = np.stack([columns[name] for name in PROFILE], axis=-1)
-        chance = uniforms(key, 2, 2)
-        present = np.stack(
-            [
-                chance[:, 0] >= self.healthy,
-                (chance > [self.healthy, 1 - self.compound]).all(axis=1),
-            ],
-            1,
+        """Events of many lanes at random, from their noise keys (n_lanes,)."""
+        n_columns = len(EventUniforms._fields)
+        numbers = uniforms(key, STREAMS["fault_events"], self.EVENTS * n_columns)
+        numbers = numbers.reshape(-1, self.EVENTS, n_columns)
+        u = EventUniforms(*np.moveaxis(numbers, -1, 0))
+        fault = self._faults(u.fault)
+        onset = _within(self.onset, u.onset)
+        is_intermittent = u.intermittent < self.intermittent
+        profile = SeverityProfile(
+            onset=onset,
+            severity=_within(self.severity, u.severity),
+            ramp=np.where(u.incipient < self.incipient, _within(self.ramp, u.ramp), 0.0),
+            end=np.where(u.repaired < self.repaired, onset + _within(self.life, u.life), math.inf),
+            period=np.where(is_intermittent, _within(self.period, u.period), 0.0),
+            duty=np.where(is_intermittent, _within(self.duty, u.duty), 1.0),
         )
-        present[:, 1] &= fault[:, 1] != fault[:, 0]
+        is_present = self._presence(key, fault)
         empty = no_events(*fault.shape)
         return Events(
-            np.where(present, fault, empty.fault),
-            np.where(present[..., None], profile, empty.profile),
+            np.where(is_present, fault, empty.fault),
+            np.where(is_present[..., None], np.stack(profile, axis=-1), empty.profile),
         )
 
+    def _presence(self, key: np.ndarray, fault: np.ndarray) -> np.ndarray:
+        """Whether each of two candidate faults (n_lanes, 2) strikes."""
+        u = uniforms(key, STREAMS["number_of_faults"], 2)
+        is_faulty = u[:, 0] >= self.healthy
+        is_compound = (u > [self.healthy, 1 - self.compound]).all(axis=1)
+        return np.stack([is_faulty, is_compound & (fault[:, 1] != fault[:, 0])], axis=1)
+
     def sample(self, seed: int) -> Schedule:
-        """The schedule that the first episode of an environment with this seed draws."""
+        """The schedule of the first episode of an environment with this seed."""
         whole_number("seed", seed, 0)
         key = episode_keys(np.array([seed % 2**64], np.uint64), np.zeros(1, np.uint64))
         return schedules_of(self.sample_events(key))[0]
+
+
+class EventUniforms(NamedTuple):
+    """The uniform numbers in (0, 1) that decide one event."""
+
+    fault: np.ndarray
+    onset: np.ndarray
+    severity: np.ndarray
+    incipient: np.ndarray
+    ramp: np.ndarray
+    intermittent: np.ndarray
+    period: np.ndarray
+    duty: np.ndarray
+    repaired: np.ndarray
+    life: np.ndarray
+
+
+def _within(limits: tuple[float, float], uniform: np.ndarray) -> np.ndarray:
+    """Uniform numbers in (0, 1) moved to a range."""
+    return limits[0] + (limits[1] - limits[0]) * uniform

@@ -11,18 +11,19 @@ from auv_fault_env.faults import NORMAL, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import PARAMETERS
 from auv_fault_env.physics import RPM
+from auv_fault_env.schedules import first_onset
 
 # Noise-free state by memory row and unit factor.
 STATE: dict[str, tuple[int, float]] = {
     "speed": (layout.SPEED, 1.0),
     "acceleration": (layout.ACCELERATION, 1.0),
     "disturbance": (layout.DISTURBANCE, 1.0),
-    "port_voltage": (layout.PORT_STATE + layout.VOLTAGE, 1.0),
-    "port_current": (layout.PORT_STATE + layout.CURRENT, 1.0),
-    "port_rpm": (layout.PORT_STATE + layout.SHAFT_SPEED, RPM),
-    "starboard_voltage": (layout.STARBOARD_STATE + layout.VOLTAGE, 1.0),
-    "starboard_current": (layout.STARBOARD_STATE + layout.CURRENT, 1.0),
-    "starboard_rpm": (layout.STARBOARD_STATE + layout.SHAFT_SPEED, RPM),
+    "port_voltage": (layout.PORT_VOLTAGE, 1.0),
+    "port_current": (layout.PORT_CURRENT, 1.0),
+    "port_rpm": (layout.PORT_SHAFT_SPEED, RPM),
+    "starboard_voltage": (layout.STARBOARD_VOLTAGE, 1.0),
+    "starboard_current": (layout.STARBOARD_CURRENT, 1.0),
+    "starboard_rpm": (layout.STARBOARD_SHAFT_SPEED, RPM),
 }
 
 
@@ -66,8 +67,7 @@ class FleetTruth(Mapping):
         return {name: factor * self._row(index) for name, (index, factor) in STATE.items()}
 
     def _onset(self) -> np.ndarray:
-        plan = self._fleet.plan
-        return np.where(plan.fault >= 0, plan.profile[:, :, 0], np.inf).min(axis=1, initial=np.inf)
+        return first_onset(self._fleet.plan)
 
     def _severity(self) -> dict[str, np.ndarray]:
         plan = self._fleet.plan
