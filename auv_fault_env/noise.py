@@ -19,7 +19,7 @@ STREAMS = {
     "number_of_faults": 2,
     "mission": 3,
     "steering": 4,
-    "healthy_onset": 5,
+    "stand_in_onset": 5,
     "random_instants": 6,
     "constant_speed": 7,
 }

@@ -15,16 +15,16 @@ from scipy.stats import qmc
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.errors import refusal
-from auv_fault_env.faults import CATALOGUE, classes, matrices
-from auv_fault_env.parameters import ENERGY_WEIGHT, HULL, PARAMETERS, SHAFT, SIDES, Vehicle, nominal
+from auv_fault_env.faults import CATALOGUE, classes, fault_effect, matrices
+from auv_fault_env.parameters import HULL, PARAMETERS, SHAFT, SIDES, Vehicle, nominal
 from auv_fault_env.physics import (
-    PlantConstants,
-    Shaft,
     armature_current,
     equilibrium_shaft_speed,
     equilibrium_voltage,
     motor,
+    plant_constants,
     shaft_acceleration,
+    shaft_at,
     surge_acceleration,
 )
 from diagnosers.diagnoser import Belief
@@ -55,20 +55,6 @@ class Capability(NamedTuple):
 
 
 @scalar
-def _shaft(parameters, first):
-    return Shaft(
-        parameters[first],
-        parameters[first + 1],
-        parameters[first + 2],
-        parameters[first + 3],
-        parameters[first + 4],
-        parameters[first + 5],
-        parameters[first + 6],
-        parameters[first + 7],
-    )
-
-
-@scalar
 def _turned(shaft, spin, speed, constants):
     """Power [W], current [A] and `Motor` of a shaft held at a speed, and whether the supply suffices for it."""
     voltage = equilibrium_voltage(shaft, spin, speed, constants)
@@ -95,8 +81,8 @@ def _fill(parameters, speeds, constants, reachable, power, current):
         for draw in range(parameters.shape[1]):
             own = parameters[lane, draw]
             alpha = own[ALPHA]
-            port = _shaft(own, PORT)
-            starboard = _shaft(own, STARBOARD)
+            port = shaft_at(own, PORT, 1)
+            starboard = shaft_at(own, STARBOARD, 1)
             for k in range(speeds.shape[1]):
                 found = _steady(speeds[lane, k], alpha, port, starboard, constants)
                 power[lane, draw, k], current[lane, draw, k] = found
@@ -127,9 +113,7 @@ def capability(parameters: np.ndarray, speeds: np.ndarray, vehicle: Vehicle) -> 
     n_lanes, n_draws, _ = parameters.shape
     shape = n_lanes, n_draws, speeds.shape[1]
     able = Capability(np.empty(shape[:2]), np.empty(shape), np.empty(shape))
-    constants = PlantConstants(
-        *(getattr(vehicle, name) for name in PlantConstants._fields[:-1]), ENERGY_WEIGHT
-    )
+    constants = plant_constants(vehicle)
     _fill(
         np.ascontiguousarray(parameters), np.ascontiguousarray(speeds, np.float64), constants, *able
     )
@@ -162,7 +146,8 @@ def sample_parameters(belief: Belief, vehicle: Vehicle, shafts: int = 2) -> np.n
     specs = list(PARAMETERS.values())[:PLANT]
     band = np.array([spec.band for spec in specs]) * (2.0 * points[:, 2:] - 1.0)
     healthy = np.array(list(nominal(vehicle).values())[:PLANT]) * (1.0 + band)
-    values = healthy * (1.0 + severity * (scale[chosen] - 1.0)) + severity * offset[chosen]
+    factor, shift = fault_effect(severity, scale[chosen], offset[chosen])
+    values = healthy * factor + shift
     return np.clip(values, [spec.low for spec in specs], [spec.high for spec in specs])
 
 

@@ -10,6 +10,7 @@ from auv_fault_env.channels import CHANNELS, READINGS
 from auv_fault_env.errors import refusal, whole_number
 from auv_fault_env.faults import NORMAL
 from auv_fault_env.fleet import Fleet
+from auv_fault_env.missions import follow_mission
 from auv_fault_env.schedules import FaultEvent
 from diagnosers.diagnoser import Belief, Diagnoser
 from diagnosers.registry import load
@@ -47,7 +48,7 @@ def _fleet_run(seed: int) -> np.ndarray:
     observation = fleet.reset(range(seed, seed + len(SCHEDULES)), schedules=SCHEDULES)
     run = [observation]
     while len(run) < N_SAMPLES:
-        run.append(fleet.step(run[-1][:, :1] * [1.0, 0.0, 0.0]))
+        run.append(fleet.step(follow_mission(run[-1])))
     return np.array(run, np.float64)
 
 

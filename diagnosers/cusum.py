@@ -16,6 +16,7 @@ from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import whole_number
 from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.fleet import Fleet
+from auv_fault_env.missions import follow_mission
 from auv_fault_env.parameters import SAMPLE_RATE, Vehicle, vehicle_of
 from auv_fault_env.schedules import FaultEvent
 from diagnosers.diagnoser import Belief, Recursive
@@ -186,7 +187,7 @@ class Cusum(Recursive):
         state = self._advance(self.initial(len(cases)), observation.astype(np.float64))
         patterns = []
         for k in range(1, int(SAMPLE_RATE * (ONSET + AGES[-1])) + 1):
-            observation = fleet.step(observation[:, :1] * [1.0, 0.0, 0.0])
+            observation = fleet.step(follow_mission(observation))
             state = self._advance(state, observation.astype(np.float64))
             if k in [int(SAMPLE_RATE * (ONSET + age)) for age in AGES]:
                 patterns.append(np.log1p(state.charts / LIMITS))

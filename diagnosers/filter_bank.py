@@ -16,7 +16,6 @@ from auv_fault_env.compiling import n_threads
 from auv_fault_env.errors import finite_in_range, known_name, pair_in_range, refusal
 from auv_fault_env.faults import CATALOGUE, fault_of
 from auv_fault_env.parameters import (
-    ENERGY_WEIGHT,
     HULL,
     PARAMETERS,
     SAMPLE_TIME,
@@ -26,7 +25,7 @@ from auv_fault_env.parameters import (
     nominal,
     vehicle_of,
 )
-from auv_fault_env.physics import PlantConstants as Plant
+from auv_fault_env.physics import PlantConstants, plant_constants
 from diagnosers.bank.algebra import N_PACKED, N_STATES, SEVERITY, SPREAD, entry
 from diagnosers.bank.hypotheses import OWN, SURGE, HypothesisTable, hypothesis_table
 from diagnosers.bank.kernel import BankState, step_lanes
@@ -44,7 +43,7 @@ LEAST_SEVERITY = 0.1
 class BankConstants(NamedTuple):
     """What the compiled code gets of a bank besides its table; sensors (8, 4): full scale, noise and resolution."""
 
-    water: Plant
+    water: PlantConstants
     opening: float
     disturbance_variance: float
     disturbance_memory: float
@@ -158,7 +157,7 @@ class FilterBank(Recursive):
     def constants(self) -> BankConstants:
         """What the compiled code gets: water, noise and disturbance of the nominal vehicle."""
         vehicle = vehicle_of(self.vehicle)
-        water = Plant(*(getattr(vehicle, name) for name in Plant._fields[:-1]), ENERGY_WEIGHT)
+        water = plant_constants(vehicle)
         memory = math.exp(-SAMPLE_TIME / vehicle.disturbance_time)
         scales = [(CHANNELS[name].low, CHANNELS[name].high) for name in READINGS]
         fine = [

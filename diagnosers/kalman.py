@@ -21,7 +21,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.errors import finite_in_range, refusal
 from auv_fault_env.parameters import PRESETS, SAMPLE_TIME, Vehicle
@@ -37,7 +37,7 @@ LIMIT = 10.0
 PARAMETERS = ("alpha", "beta", "gamma")
 N_STATES = 5  # speed, the three parameters, and one of each filter's own
 READINGS = ("speed", "acceleration", "port_rpm", "starboard_rpm", "rudder", "stern_plane")
-COLUMNS = tuple(list(CHANNELS).index(name) for name in READINGS)
+COLUMNS = tuple(INDEX[name] for name in READINGS)
 
 
 class Estimate(NamedTuple):

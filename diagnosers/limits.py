@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle, vehicle_of
 from diagnosers.diagnoser import Belief, Recursive, same_severity
 from diagnosers.symptoms import sensor_symptoms
@@ -33,7 +33,7 @@ SYMPTOMS = (*LEVELS, *EDGES, "trend", "step", *sensor_symptoms.SYMPTOMS)
 # columns of the levels
 VOLTAGES = [0, 2]
 LOADS = [1, 3]
-SPEED, ACCELERATION = (list(CHANNELS).index(name) for name in ("speed", "acceleration"))
+SPEED, ACCELERATION = (INDEX[name] for name in ("speed", "acceleration"))
 
 FORGET = exp(-SAMPLE_TIME / 2.0)  # of the levels and the speed's trend, per sample
 # V, N m, V, N m, m/s^2: limits beside the healthy band

@@ -20,7 +20,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.errors import finite_in_range, refusal
 from auv_fault_env.parameters import PRESETS, SAMPLE_TIME, SIDES, Vehicle
@@ -34,8 +34,8 @@ PROPELLER = PARAMETERS.index("propeller_torque")
 LOW = 0.1
 HIGH = 5.0
 LOSS = -0.2  # least propeller torque, relative: below zero for the noise around a lost propeller
-SPEED = list(CHANNELS).index("speed")
-FIRST = tuple(list(CHANNELS).index(f"{side}_voltage") for side in SIDES)  # then current and rpm
+SPEED = INDEX["speed"]
+FIRST = tuple(INDEX[f"{side}_voltage"] for side in SIDES)  # then current and rpm
 
 
 class MotorEstimate(NamedTuple):

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import INDEX
 from auv_fault_env.faults import labels as tables
 from auv_fault_env.parameters import SIDES
 from diagnosers.diagnoser import Belief, Recursive, same_severity
@@ -29,10 +29,9 @@ PACKAGED = WEIGHTS / "raw_network.safetensors"
 ARCHITECTURE = tensor_shapes(4, 6, 4)
 SCALE = (2.0, 0.5, 300.0, 0.3)  # V, A, rpm, m/s: about those of 0.3 m/s, the middle of the missions
 COLUMNS = tuple(
-    [list(CHANNELS).index(f"{side}_{name}") for name in ("voltage", "current", "rpm")]
-    for side in SIDES
+    [INDEX[f"{side}_{name}"] for name in ("voltage", "current", "rpm")] for side in SIDES
 )
-SPEED = list(CHANNELS).index("speed")
+SPEED = INDEX["speed"]
 
 NORMAL, FRICTION, DRAG, PROPELLER = range(4)
 HYPOTHESES = {  # modes of (port, starboard)

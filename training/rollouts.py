@@ -6,12 +6,15 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.channels import CHANNELS
+from auv_fault_env.episodes import severities_over_time
 from auv_fault_env.faults import CATALOGUE, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.layout import EpisodePlan
-from auv_fault_env.missions import Mission
+from auv_fault_env.missions import Mission, follow_mission
 from auv_fault_env.parameters import SAMPLE_TIME
-from auv_fault_env.schedules import PROFILE, Events, Schedule
+from auv_fault_env.schedules import Events, Schedule, first_onset, profile_of
+
+TIME_TOLERANCE = 1e-9  # s, by which a sample time may miss an onset at that time
 
 
 class Rollout(NamedTuple):
@@ -58,13 +61,11 @@ def roll_out(
     observations = np.empty((n_samples, fleet.n_lanes, len(CHANNELS)), np.float32)
     observations[0] = observation
     for k in range(1, n_samples):
-        action = observation[:, :1] * [1.0, 0.0, 0.0]
+        action = follow_mission(observation)
         observation = fleet.step(action if actions is None else action + actions[k])
         observations[k] = observation
     label, severity = label_and_severity(fleet.plan, n_samples)
-    onset = np.where(fleet.plan.fault >= 0, fleet.plan.profile[:, :, 0], np.inf).min(
-        axis=1, initial=np.inf
-    )
+    onset = first_onset(fleet.plan)
     return Rollout(observations, label, severity, onset, fleet.plan.healthy.copy())
 
 
@@ -75,20 +76,17 @@ def label_and_severity(plan: EpisodePlan | Events, n_samples: int) -> tuple[np.n
     not healthy.
     """
     # a sample shows the severities of the step that led to it
-    time = np.arange(-1, n_samples - 1) * SAMPLE_TIME
+    time = np.arange(-1, n_samples - 1) * SAMPLE_TIME + TIME_TOLERANCE
     names = list(classes())
     of_fault = np.array([names.index(fault.diagnosis) for fault in CATALOGUE.values()])
+    permanent = profile_of(plan)._replace(period=np.zeros(plan.fault.shape))
+    profiles = np.stack(permanent, axis=-1)
     label = np.zeros((n_samples, len(plan.fault)), np.int64)
     worst = np.zeros(label.shape, np.float32)
-    for fault, profile in zip(plan.fault.T, plan.profile.swapaxes(0, 1), strict=True):
-        onset, severity, ramp, end = (
-            profile[:, PROFILE.index(name)] for name in ("onset", "severity", "ramp", "end")
-        )
-        since = time[:, None] - onset + 1e-9
-        grown = severity * np.clip(since / np.maximum(ramp, 1e-9), 0.0, 1.0)
-        grown = np.where((fault >= 0) & (since >= 0.0) & (time[:, None] < end), grown, 0.0)
-        label = np.where(grown > worst, of_fault[fault], label)
-        worst = np.maximum(worst, grown.astype(np.float32))
+    for event, fault in enumerate(plan.fault.T):
+        severity = severities_over_time(time, profiles[:, [event]])
+        label = np.where(severity > worst, of_fault[fault], label)
+        worst = np.maximum(worst, severity.astype(np.float32))
     return label, worst
 
 

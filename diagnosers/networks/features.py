@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS, COMMANDS, READINGS
+from auv_fault_env.channels import CHANNELS, COMMANDS, INDEX, READINGS
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.faults import classes
 from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle
@@ -45,7 +45,7 @@ N_COMMANDS = len(COMMANDS)
 N_READINGS = len(READINGS)
 NOISE = tuple(CHANNELS[name].noise for name in READINGS)
 SPEED_NOISE = CHANNELS["speed"].noise
-SPEED = list(CHANNELS).index("speed")
+SPEED = INDEX["speed"]
 COMMAND, RUDDER, STERN_PLANE = (
     COMMANDS.index(name) for name in ("speed_command", "rudder", "stern_plane")
 )

@@ -12,16 +12,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.errors import refusal
-from auv_fault_env.parameters import SAMPLE_TIME, SHAFT, SIDES, Vehicle
+from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle
 from auv_fault_env.physics import (
     RPM,
     Shaft,
     armature_current,
     clipped,
     motor,
+    nominal_shaft,
     shaft_acceleration,
     surge_acceleration,
 )
@@ -70,7 +71,7 @@ def plant_of(vehicle: Vehicle) -> tuple[Plant, Shaft]:
     constant tau; its speed changes at the end by ``1/(tau (exp(T/tau) - 1))`` of the change over
     the sample: 0.3/s on the NPS AUV II, where the chord's 1/T would be 10/s.
     """
-    shaft = Shaft(**{name: getattr(vehicle, name) for name in SHAFT} | {"beta": vehicle.beta / 2})
+    shaft = nominal_shaft(vehicle)
     rate = (
         vehicle.torque_constant**2 / vehicle.resistance + vehicle.viscous_friction
     ) / vehicle.inertia
@@ -149,7 +150,7 @@ def _residuals(previous, observation, plant, shaft, columns, values, std):
 
 
 _READ = ("rudder", "stern_plane", "speed", "acceleration", "port_voltage", "starboard_voltage")
-_COLUMNS = tuple(list(CHANNELS).index(name) for name in _READ)
+_COLUMNS = tuple(INDEX[name] for name in _READ)
 
 
 def residuals(previous: np.ndarray, observation: np.ndarray, vehicle: Vehicle) -> Residuals:

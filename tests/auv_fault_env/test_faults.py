@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from auv_fault_env import CATALOGUE, CHANNELS, MISSIONS, PARAMETERS, PRESETS, classes, labels
-from auv_fault_env.channels import READINGS
+from auv_fault_env.channels import INDEX, READINGS
 from auv_fault_env.faults import Fault
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import SIDES, nominal
@@ -149,7 +149,7 @@ def test_broken_sensors_read_as_documented(channel):
     kinds = ("bias", "scale", "stuck", "dropout")
     schedules = [(FaultEvent(f"sensor_{kind}:{channel}", ONSET, 1.0),) for kind in kinds]
     observations, parameters = ride(*schedules, seed=2, **QUIET | {"healthy_band": 1.0})
-    column = list(CHANNELS).index(channel)
+    column = INDEX[channel]
     onset = round(10 * ONSET)
     assert (observations[onset + 1 :, 2, column] == observations[onset, 2, column]).all()
     assert (observations[onset + 1 :, 3, column] == 0.0).all() and (
@@ -163,7 +163,7 @@ def test_broken_sensors_read_as_documented(channel):
 def test_severity_is_the_share_of_lost_samples(kind):
     event = FaultEvent(f"sensor_{kind}:port_rpm", 0.0, 0.3)
     observations, _ = ride((event,), seed=8, steps=4000, disturbance=0.0)
-    rpm = observations[:, 0, list(CHANNELS).index("port_rpm")]
+    rpm = observations[:, 0, INDEX["port_rpm"]]
     lost = (np.diff(rpm) == 0.0) if kind == "stuck" else (rpm[1:] == 0.0)
     assert abs(lost.mean() - 0.3) < 3.29 * (0.3 * 0.7 / lost.size) ** 0.5
 
@@ -175,7 +175,7 @@ def test_noise_fault_grows_the_noise_tenfold():
     observations = fleet.reset(
         range(2000), schedules=[(event,)] * 1000 + [()] * 1000, missions=missions
     )
-    current = observations[:, list(CHANNELS).index("port_current")]
+    current = observations[:, INDEX["port_current"]]
     sigma = CHANNELS["port_current"].noise
     assert np.std(current[:1000]) == pytest.approx(10 * sigma, rel=0.1)
     assert np.std(current[1000:]) == pytest.approx(sigma, rel=0.1)

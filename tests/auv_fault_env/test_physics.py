@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from auv_fault_env import Fleet, Mission, lanes, layout, physics
 from auv_fault_env.parameters import FOOT, PRESETS, SIDES, Vehicle, nominal
-from auv_fault_env.physics import RPM, Motion, Motor, PlantConstants, Shaft
+from auv_fault_env.physics import RPM, Motion, Motor, Shaft, plant_constants
 
 from . import reference
 from .reference import PLANT_FAULTS, Inputs
@@ -21,16 +21,12 @@ THESIS = PRESETS["thesis1992"]
 EACH_PRESET = pytest.mark.parametrize("preset", PRESETS)
 
 
-def constants_of(vehicle):
-    return PlantConstants(*(getattr(vehicle, name, 0.0) for name in PlantConstants._fields))
-
-
 def shafts_of(parameters):
     return [Shaft(*(parameters[f"{side}_{name}"] for name in Shaft._fields)) for side in SIDES]
 
 
 def motors_of(vehicle, parameters, *voltages):
-    constants = constants_of(vehicle)
+    constants = plant_constants(vehicle)
     return [
         physics.motor(shaft, constants, v)
         for shaft, v in zip(shafts_of(parameters), voltages, strict=True)

@@ -7,7 +7,7 @@ from scipy import stats
 from auv_fault_env import CATALOGUE, Fleet, MissionSampler, ScheduleSampler, classes
 from auv_fault_env.env import PropulsionVectorEnv
 from auv_fault_env.noise import episode_keys
-from auv_fault_env.schedules import PROFILE, from_json, to_json
+from auv_fault_env.schedules import from_json, profile_of, to_json
 
 N_LANES = 20_000
 RISK = 1e-4
@@ -17,7 +17,7 @@ KEY = episode_keys(np.arange(N_LANES, dtype=np.uint64), np.zeros(N_LANES, np.uin
 def drawn(**distribution):
     """Catalogue rows (n_lanes, 2), -1 for none, and the profile's columns by name (n_lanes, 2)."""
     events = ScheduleSampler(**distribution).sample_events(KEY)
-    return events.fault, dict(zip(PROFILE, np.moveaxis(events.profile, -1, 0), strict=True))
+    return events.fault, profile_of(events)._asdict()
 
 
 def assert_share(hits, share):

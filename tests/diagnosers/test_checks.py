@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import diagnosers
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.errors import InputError
 from diagnosers import REGISTRY, Belief, Entry, Recursive, check_diagnoser
 
-SPEED = list(CHANNELS).index("speed")
+SPEED = INDEX["speed"]
 
 
 @dataclass(frozen=True)

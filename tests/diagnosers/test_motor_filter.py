@@ -7,6 +7,7 @@ import pytest
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.fleet import Fleet
+from auv_fault_env.missions import follow_mission
 from auv_fault_env.parameters import PARAMETERS, PRESETS
 from auv_fault_env.schedules import FaultEvent
 from diagnosers.motor_filter import MotorFilter
@@ -38,7 +39,7 @@ def run(change=None, n_lanes=32, n_samples=600, schedule=()):
         healthy[:, list(PARAMETERS).index(name)] *= factor
     fleet.set_healthy(healthy)
     while len(rows) < n_samples:
-        rows.append(fleet.step(rows[-1][:, :1] * [1.0, 0.0, 0.0]))
+        rows.append(fleet.step(follow_mission(rows[-1])))
     return np.array(rows, np.float64)
 
 

@@ -3,7 +3,7 @@ import re
 import numpy as np
 import pytest
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.faults import classes
 from diagnosers import make
 from diagnosers.networks import feed_forward
@@ -28,7 +28,7 @@ def test_inputs_are_those_of_one_shaft_and_the_speed():
     for name, value in dict(
         speed=0.3, port_voltage=2.0, starboard_current=1.0, starboard_rpm=300.0
     ).items():
-        observation[0, list(CHANNELS).index(name)] = value
+        observation[0, INDEX[name]] = value
     np.testing.assert_allclose(inputs(observation), [[1, 0, 0, 1], [0, 2, 1, 1]])
 
 

@@ -10,7 +10,7 @@ from auv_fault_env.channels import CHANNELS, READINGS
 from auv_fault_env.errors import InputError
 from auv_fault_env.faults import CATALOGUE, classes
 from auv_fault_env.fleet import Fleet
-from auv_fault_env.missions import MISSIONS
+from auv_fault_env.missions import MISSIONS, follow_mission
 from auv_fault_env.parameters import PARAMETERS, PRESETS, SHAFT
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import load
@@ -114,7 +114,7 @@ def test_a_wider_band_forgives_more(name):
     healthy = fleet.plan.healthy.copy()
     healthy[:, [list(PARAMETERS).index(f"{side}_{name}") for side in ("port", "starboard")]] *= 1.4
     fleet.set_healthy(healthy)
-    rows = [row := fleet.step(row[:, :1] * [1.0, 0.0, 0.0]) for _ in range(300)]
+    rows = [row := fleet.step(follow_mission(row)) for _ in range(300)]
     narrow, wide = (
         log_probability(FilterBank(band={name: width}), rows)[-1, 0] for width in (0.01, 0.6)
     )

@@ -12,7 +12,7 @@ from auv_fault_env.channels import MAXIMUM_COMMAND
 from auv_fault_env.env import PropulsionVectorEnv
 from auv_fault_env.errors import finite_in_range, known_name, refusal, whole_number
 from auv_fault_env.missions import MissionSampler
-from auv_fault_env.noise import uniforms
+from auv_fault_env.noise import STREAMS, uniforms
 from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from auv_fault_env.schedules import Events, ScheduleSampler
 from auv_fault_env.truth import FleetTruth
@@ -26,7 +26,6 @@ from training.stimuli.policy_inputs import FLOOR, HIGH, LOW, MISSION_SPEED, feat
 DECISION = round(SAMPLE_RATE)  # samples of a decision, one second
 MAX_DECISIONS = 120  # decisions of an episode at most
 SCHEDULES = ScheduleSampler(healthy=0.3, onset=(5.0, 40.0))
-STEADY = 7  # stream of a lane's noise key, beside those of fleet and suites
 CONSTANT_SPEEDS = (0.2, 0.5)  # [m/s]
 MODES = {mode.value: mode for mode in (AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP)}
 
@@ -37,7 +36,7 @@ class Missions(MissionSampler):
     def sample_legs(self, key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Legs (n_lanes, n_legs, 2) and start speeds (n_lanes,) for lanes with the given noise keys (n_lanes,)."""
         legs, start_speed = super().sample_legs(key)
-        chance, place = uniforms(key, STEADY, 2).T
+        chance, place = uniforms(key, STREAMS["constant_speed"], 2).T
         speed = CONSTANT_SPEEDS[0] + (CONSTANT_SPEEDS[1] - CONSTANT_SPEEDS[0]) * place
         legs[:, :, 1] = np.where(chance[:, None] < 0.5, speed[:, None], legs[:, :, 1])
         return legs, np.where(chance < 0.5, speed, start_speed)

@@ -20,7 +20,7 @@ from auv_fault_env.channels import MAXIMUM_DEFLECTION
 from auv_fault_env.errors import InputError, finite_in_range, known_name, refusal, whole_number
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import Mission, MissionSampler
-from auv_fault_env.noise import episode_keys, uniforms
+from auv_fault_env.noise import STREAMS, episode_keys, uniforms
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.schedules import Schedule, ScheduleSampler, schedule_of, to_json
 from training.metrics.records import HORIZON
@@ -44,10 +44,6 @@ ONE_FAULT = ScheduleSampler(healthy=0.0, compound=0.0, intermittent=0.0, repaire
 HEALTHY_PARTS = ("threshold", "counting")
 COLUMNS = ("seed", "faults", "legs", "start_speed")
 LAST_STAND_IN_ONSET = 30.0  # s, latest instant that stands for an onset on healthy lanes
-# streams of a lane's noise key, beside those of the fleet
-STEERING = 4
-STAND_IN_ONSET = 5
-INSTANTS = 6
 NAME = re.compile(r"[\w-]{1,60}")
 LARGEST_SEED = 2**62  # leaves room for healthy lanes after it
 CLOSING = re.compile(r' "hash": "([0-9a-f]{64})"\n}\n\Z')
@@ -106,7 +102,7 @@ class Conditions:
 
     def deflections(self, seeds: Sequence[int]) -> np.ndarray:
         """Rudder and stern plane [rad] of the lanes with these seeds, (n_samples, n_lanes, 2): square waves."""
-        u = uniforms(keys(seeds), STEERING, 7)
+        u = uniforms(keys(seeds), STREAMS["steering"], 7)
         steered = u[:, :1] < self.steering.share
         half = 2.0 + 10.0 * u[:, 3:5]
         phase = 24.0 * u[:, 5:7]

@@ -17,7 +17,7 @@ from tqdm import tqdm
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
 from auv_fault_env.parameters import SAMPLE_TIME, Vehicle
-from auv_fault_env.schedules import PROFILE, ScheduleSampler
+from auv_fault_env.schedules import ScheduleSampler, profile_of
 from diagnosers import Diagnoser, make
 from training.metrics import sample_at
 from training.metrics.records import Record, Recorder, Truth, concatenate_lanes, ordered_belief
@@ -159,11 +159,7 @@ def run_lanes(
     )
     at = instants, np.arange(n)
     truth = Truth(rollout.label.max(axis=0), onset, rollout.label[at], rollout.severity[at])
-    full = (
-        fleet.plan.profile[:, 0, PROFILE.index("severity")]
-        if faulty
-        else np.full(n, TOLD_ON_HEALTHY)
-    )
+    full = profile_of(fleet.plan).severity[:, 0] if faulty else np.full(n, TOLD_ON_HEALTHY)
     return Episodes(rollout, truth, instants, full)
 
 

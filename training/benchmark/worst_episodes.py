@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import INDEX
 from auv_fault_env.faults import classes
 from auv_fault_env.parameters import SAMPLE_TIME
 from training import metrics
@@ -27,7 +27,7 @@ def worst_episodes(
     observations, *_ = simulate_trial(
         trial._replace(episodes=tuple(trial.episodes[lane] for lane in lanes))
     )
-    shown = observations[::EVERY, :, [list(CHANNELS).index(name) for name in READ]]
+    shown = observations[::EVERY, :, [INDEX[name] for name in READ]]
     alarm = metrics.alarms(faulty.log_normal[:, lanes], judged.threshold, PERSISTENCE)
     return [
         {

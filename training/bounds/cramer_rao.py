@@ -13,7 +13,7 @@ import numpy as np
 
 from auv_fault_env.faults import fault_of
 from auv_fault_env.fleet import Fleet
-from auv_fault_env.missions import MISSIONS
+from auv_fault_env.missions import MISSIONS, follow_mission
 from auv_fault_env.parameters import PARAMETERS, SIDES
 from auv_fault_env.truth import FleetTruth
 from diagnosers.kalman import ParameterFilter, SurgeFilter
@@ -138,7 +138,7 @@ def _record(prior: Sequence[float], seeds: Sequence[int], n_samples: int, missio
         state = FleetTruth(fleet)["state"]
         truth[k] = np.column_stack([state["speed"], relative, state["disturbance"]])
         observations[k] = observation
-        observation = fleet.step(observation[:, :1] * [1.0, 0.0, 0.0])
+        observation = fleet.step(follow_mission(observation))
     return truth, observations
 
 

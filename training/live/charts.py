@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import INDEX
 from auv_fault_env.faults import NORMAL, classes
 from auv_fault_env.parameters import SIDES
 from training.live.history import WINDOW, History
@@ -121,7 +121,7 @@ CHARTS: dict[str, Callable[[History, bool], Options]] = {
 
 
 def _channel(history: History, name: str) -> np.ndarray:
-    return history.observation[:, list(CHANNELS).index(name)]
+    return history.observation[:, INDEX[name]]
 
 
 def _sides(history: History, quantity: str) -> dict[str, Options]:

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS, MAXIMUM_COMMAND
+from auv_fault_env.channels import INDEX, MAXIMUM_COMMAND
 from auv_fault_env.errors import finite_in_range
 from auv_fault_env.parameters import FOOT, SAMPLE_RATE
 from diagnosers import Belief
@@ -20,7 +20,7 @@ EPISODE_TIME = 65.0  # s, over which a budget is kept: an episode of the suites
 N_SAMPLES = round(EPISODE_TIME * SAMPLE_RATE)
 # m/s, offset of a stimulus that decides by itself: beyond it the mission would be another one
 LARGEST_OFFSET = 0.25
-MISSION_SPEED = list(CHANNELS).index("mission_speed")
+MISSION_SPEED = INDEX["mission_speed"]
 
 
 @dataclass(frozen=True)

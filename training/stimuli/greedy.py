@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS, READINGS
-from auv_fault_env.faults import CATALOGUE, classes, matrices
+from auv_fault_env.channels import CHANNELS, INDEX, READINGS
+from auv_fault_env.faults import CATALOGUE, classes, fault_effect, matrices
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import PRESETS, SAMPLE_RATE, SAMPLE_TIME, nominal
 from diagnosers import Belief
@@ -33,9 +33,7 @@ LEAST_LEFT = 1e-12  # of the allowance: below it, any offset is beyond price
 SHARE = -math.expm1(-SAMPLE_TIME / VEHICLE.speed_filter_time)
 DECISION = round(SAMPLE_RATE)  # samples for which an offset is held
 PRICE = 20.0  # nat that a whole allowance must bring; so a healthy vehicle's is hardly touched
-SPEED, ACCELERATION, COMMAND = (
-    list(CHANNELS).index(name) for name in ("speed", "acceleration", "speed_command")
-)
+SPEED, ACCELERATION, COMMAND = (INDEX[name] for name in ("speed", "acceleration", "speed_command"))
 
 
 class Plan(NamedTuple):
@@ -114,7 +112,8 @@ class Greedy(ClosedLoop):
         severity = np.take_along_axis(belief.severity_mean, likeliest, axis=1)[..., None]
         scale, offset = (effect[likeliest] for effect in effects())
         healthy = np.array(list(nominal(VEHICLE).values()))
-        parameters = healthy * (1.0 + severity * (scale - 1.0)) + severity * offset
+        factor, shift = fault_effect(severity, scale, offset)
+        parameters = healthy * factor + shift
         logarithm = np.take_along_axis(belief.log_probability, likeliest, axis=1)
         probability = np.exp(logarithm - np.logaddexp.reduce(logarithm, axis=1, keepdims=True))
         acceleration, command, mission = observation[

@@ -15,13 +15,13 @@ from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.parameters import HULL, PARAMETERS, SENSOR, SHAFT, SIDES
 from auv_fault_env.physics import (
     RPM,
-    Shaft,
     armature_current,
     constants_from_array,
     equilibrium_voltage,
     low_pass,
     motor,
     rpm_command,
+    shaft_at,
     surge_acceleration,
 )
 
@@ -51,22 +51,6 @@ class Now(NamedTuple):
 
 
 @scalar
-def shaft_of(parameters, first):
-    """The shaft whose parameters begin there."""
-    p = parameters
-    return Shaft(
-        p[first],
-        p[first + 1],
-        p[first + 2],
-        p[first + 3],
-        p[first + 4],
-        p[first + 5],
-        p[first + 6],
-        p[first + 7],
-    )
-
-
-@scalar
 def read(parameters, row, truth):
     """What the sensor of a row of `READINGS` reads."""
     sensor = SENSORS + row * N_SENSOR
@@ -90,8 +74,8 @@ def spin_of(parameters, row, rpm):
 def look(parameters, speed, rpm, force, constants, readings):
     """Write the readings (8,) at this true speed, shaft speed command and disturbance; returns the acceleration."""
     readings[SPEED] = read(parameters, SPEED, speed)
-    port = shaft_of(parameters, PORT)
-    starboard = shaft_of(parameters, STARBOARD)
+    port = shaft_at(parameters, PORT, 1)
+    starboard = shaft_at(parameters, STARBOARD, 1)
     port_spin = spin_of(parameters, PORT_VOLTAGE + 2, rpm)
     starboard_spin = spin_of(parameters, STARBOARD_VOLTAGE + 2, rpm)
     sides = motor(port, constants, 0.0), motor(starboard, constants, 0.0)

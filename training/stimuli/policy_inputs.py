@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS, MAXIMUM_COMMAND
+from auv_fault_env.channels import INDEX, MAXIMUM_COMMAND
 from auv_fault_env.faults import classes
 from diagnosers import Belief
 from diagnosers.kalman import Estimate
@@ -14,7 +14,7 @@ FLOOR = -20.0  # nats: least log probability that counts, in the reward too
 HIGHEST_ODDS = math.asinh(-FLOOR)
 LAST_TIME = math.log1p(600.0)
 MOST_LEFT = math.log1p(EPISODE_TIME * (MAXIMUM_COMMAND / LARGEST_OFFSET) ** 2)
-MISSION_SPEED, SPEED = (list(CHANNELS).index(name) for name in ("mission_speed", "speed"))
+MISSION_SPEED, SPEED = (INDEX[name] for name in ("mission_speed", "speed"))
 
 BOUNDS: dict[str, tuple[float, float]] = {
     **{f"log_odds:{name}": (-HIGHEST_ODDS, HIGHEST_ODDS) for name in classes()},

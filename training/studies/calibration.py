@@ -16,7 +16,7 @@ import pyarrow.csv
 import tyro
 from tqdm import tqdm
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.errors import finite_in_range
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
@@ -139,7 +139,7 @@ def write_foreign_log(path: Path, observations: np.ndarray) -> None:
     table = {"zeit": 1000.0 * time}
     for channel, (name, unit) in FOREIGN_COLUMNS.items():
         # the shortest decimal numbers that stand for the float32 readings
-        readings = observations[:, list(CHANNELS).index(channel)].astype(str).astype(float)
+        readings = observations[:, INDEX[channel]].astype(str).astype(float)
         table[name] = readings / UNITS[CHANNELS[channel].unit][unit]
     options = pyarrow.csv.WriteOptions(delimiter=";")
     pyarrow.csv.write_csv(pa.table(table), path, options)

@@ -18,9 +18,9 @@ from tqdm import tqdm
 
 from auv_fault_env import physics
 from auv_fault_env.compiling import OPTIONS, scalar
-from auv_fault_env.faults import CATALOGUE
+from auv_fault_env.faults import CATALOGUE, fault_effect
 from auv_fault_env.parameters import PARAMETERS, PRESETS, SAMPLE_TIME, SIDES, Vehicle, nominal
-from auv_fault_env.physics import Motion, Motor, PlantConstants, Shaft
+from auv_fault_env.physics import Motion, Motor, Shaft, plant_constants
 from training.studies.run import command_line
 
 PLANT_FAULTS = [
@@ -67,16 +67,16 @@ def graded(substeps: int, grading: float = 1.0) -> np.ndarray:
     return SAMPLE_TIME * np.diff((np.arange(substeps + 1) / substeps) ** grading)
 
 
-def faulted(healthy: dict[str, float], severity: dict[str, float]) -> dict[str, float]:
+def faulty_parameters(healthy: dict[str, float], severities: dict[str, float]) -> dict[str, float]:
     """The parameters under plant faults of given severities."""
-    values = dict(healthy)
-    for name, s in severity.items():
-        values |= {
-            key: values[key] * (1 + s * (factor - 1))
-            for key, factor in CATALOGUE[name].scale.items()
-        }
-        values |= {key: values[key] + s * shift for key, shift in CATALOGUE[name].offset.items()}
-    return values
+    parameters = dict(healthy)
+    for name, severity in severities.items():
+        fault = CATALOGUE[name]
+        for key in (*fault.scale, *fault.offset):
+            scale = fault.scale.get(key, 1.0)
+            factor, shift = fault_effect(severity, scale, fault.offset.get(key, 0.0))
+            parameters[key] = parameters[key] * factor + shift
+    return parameters
 
 
 def random_compound(vehicle: Vehicle, rng: np.random.Generator) -> dict[str, float]:
@@ -86,7 +86,7 @@ def random_compound(vehicle: Vehicle, rng: np.random.Generator) -> dict[str, flo
         key: value * (1 + PARAMETERS[key].band * rng.uniform(-1, 1))
         for key, value in nominal(vehicle).items()
     }
-    return faulted(healthy, {str(name): rng.uniform() for name in names})
+    return faulty_parameters(healthy, {str(name): rng.uniform() for name in names})
 
 
 def fleet_of(n: int, rng: np.random.Generator) -> Iterator[tuple[Vehicle, dict[str, float]]]:
@@ -99,7 +99,9 @@ def fleet_of(n: int, rng: np.random.Generator) -> Iterator[tuple[Vehicle, dict[s
         fixed = case < len(cases)
         yield (
             vehicle,
-            faulted(nominal(vehicle), cases[case]) if fixed else random_compound(vehicle, rng),
+            faulty_parameters(nominal(vehicle), cases[case])
+            if fixed
+            else random_compound(vehicle, rng),
         )
 
 
@@ -119,9 +121,7 @@ def problem_of(args: Args) -> Problem:
     motors = np.empty((args.samples, 2, 5, n))
     drag = np.empty((args.samples, n))
     for k, (vehicle, values) in enumerate(fleet_of(n, rng)):
-        constants = PlantConstants(
-            *(getattr(vehicle, name, 0.0) for name in PlantConstants._fields)
-        )
+        constants = plant_constants(vehicle)
         drag[:, k] = values["alpha"] + values["gamma"] * rng.uniform(0.0, 0.32, args.samples)
         for side, name in enumerate(SIDES):
             shaft = Shaft(*(values[f"{name}_{parameter}"] for parameter in Shaft._fields))

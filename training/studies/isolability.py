@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from auv_fault_env.channels import CHANNELS, READINGS
+from auv_fault_env.channels import INDEX, READINGS
 from auv_fault_env.errors import finite_in_range
 from auv_fault_env.faults import CATALOGUE, NORMAL, classes
 from auv_fault_env.missions import MISSIONS, Mission, mission_of
@@ -132,7 +132,7 @@ def without(lanes: Lanes, channel: str) -> Lanes:
     if channel in SURGE_SENSORS:
         healthy[:, names.index(f"{channel}_noise")] *= DEAF
     else:
-        observations[:, :, list(CHANNELS).index(channel)] = 0.0
+        observations[:, :, INDEX[channel]] = 0.0
         healthy[:, names.index(f"{channel}_dropout")] = 1.0
     return lanes._replace(observations=observations, healthy=healthy)
 

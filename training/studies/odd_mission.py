@@ -16,10 +16,10 @@ import pyarrow.csv
 import tyro
 from tqdm import tqdm
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import INDEX
 from auv_fault_env.errors import finite_in_range
 from auv_fault_env.fleet import Fleet
-from auv_fault_env.missions import MissionSampler
+from auv_fault_env.missions import MissionSampler, follow_mission
 from auv_fault_env.parameters import PARAMETERS, PRESETS, SAMPLE_RATE
 from training.field.calibration.calibration import calibrated
 from training.field.diagnosis.diagnosis import (
@@ -97,7 +97,7 @@ def write_missions(folder: Path, arguments: OddMission) -> list[Path]:
     for path, rows in zip(paths, observations[::DECIMATION].swapaxes(0, 1), strict=True):
         columns = {"t_s": np.arange(len(rows)) / VEHICLE.sample_rate}
         for channel, (name, decimals) in COLUMNS.items():
-            columns[name] = rows[:, list(CHANNELS).index(channel)].round(decimals)
+            columns[name] = rows[:, INDEX[channel]].round(decimals)
         pyarrow.csv.write_csv(pa.table(columns), path)
     return paths
 
@@ -110,7 +110,7 @@ def simulated(lanes: Sequence[int], n_samples: int, load: float) -> np.ndarray:
     healthy[-1, [list(PARAMETERS).index(name) for name in TRIPLED]] *= load
     fleet.set_healthy(healthy)
     while len(observations) < n_samples:
-        observations.append(fleet.step(observations[-1][:, :1] * [1.0, 0.0, 0.0]))
+        observations.append(fleet.step(follow_mission(observations[-1])))
     return np.array(observations)
 
 

@@ -19,7 +19,7 @@ from tqdm import tqdm
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import finite_in_range
 from auv_fault_env.fleet import Fleet
-from auv_fault_env.missions import MissionSampler
+from auv_fault_env.missions import MissionSampler, follow_mission
 from auv_fault_env.parameters import PRESETS, SAMPLE_TIME
 from training.field.vehicle_file import Column, VehicleFile, write_vehicle
 from training.report.page import print_tables
@@ -107,7 +107,7 @@ def lines(arguments: StreamStudy) -> Iterator[bytes]:
         yield (
             ",".join([f"{k * SAMPLE_TIME:.1f}", *map(repr, observation[0].tolist())]) + "\n"
         ).encode()
-        observation = fleet.step(observation[:, :1] * [1.0, 0.0, 0.0])
+        observation = fleet.step(follow_mission(observation))
 
 
 def resident(process: int) -> float:

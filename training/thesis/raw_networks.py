@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import INDEX
 from auv_fault_env.fleet import Fleet
-from auv_fault_env.missions import MISSIONS
+from auv_fault_env.missions import MISSIONS, follow_mission
 from auv_fault_env.parameters import PARAMETERS
 from auv_fault_env.schedules import FaultEvent, Schedule
 from diagnosers.networks.fault_map import MODES_5_1
@@ -35,7 +35,7 @@ RUNS = ("start_normal", "start_friction", "start_drag", "start_propeller")
 # What the readings are divided by: just above the largest of the runs, so that all inputs lie in
 # [0, 1] but for noise.
 FULL_SCALE = {"port_voltage": 6.0, "port_current": 1.5, "port_rpm": 650.0, "speed": 0.5}
-COLUMNS = [list(CHANNELS).index(name) for name in FULL_SCALE]
+COLUMNS = [INDEX[name] for name in FULL_SCALE]
 TARGETS = np.repeat(np.eye(len(MODES_5_1)), POINTS, axis=0)
 TRUE_MODE = np.repeat(np.arange(len(MODES_5_1)), POINTS)
 DRAG = MODES_5_1.index("increased drag")
@@ -162,7 +162,7 @@ def _simulate(faults: Sequence[Fault]) -> np.ndarray:
     fleet.set_healthy(healthy)
     readings = [observation]
     for _ in range(POINTS - 1):
-        observation = fleet.step(observation[:, :1] * [1.0, 0.0, 0.0])
+        observation = fleet.step(follow_mission(observation))
         readings.append(observation)
     return np.stack(readings, axis=1)[..., COLUMNS]
 

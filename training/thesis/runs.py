@@ -6,7 +6,7 @@ import numpy as np
 from tqdm import tqdm
 
 from auv_fault_env.fleet import Fleet
-from auv_fault_env.missions import MISSIONS
+from auv_fault_env.missions import MISSIONS, follow_mission
 from auv_fault_env.schedules import FaultEvent, Schedule
 from diagnosers.consistency import nis
 from diagnosers.kalman import PARAMETERS, Estimate, ParameterFilter
@@ -78,7 +78,7 @@ def record(sensor_noise: float, seeds: list[int], bar: tqdm) -> Recording:
     readings = [observation]
     estimates = [kalman.update(kalman.initial(n_lanes), observation)]
     for _ in range(STEPS):
-        observation = fleet.step(observation[:, :1] * [1.0, 0.0, 0.0])
+        observation = fleet.step(follow_mission(observation))
         readings.append(observation)
         estimates.append(kalman.update(estimates[-1], observation))
         bar.update()

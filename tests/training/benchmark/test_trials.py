@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.errors import InputError
 from auv_fault_env.faults import CATALOGUE, classes
 from auv_fault_env.missions import Mission
@@ -185,7 +185,7 @@ def test_stimuli_are_tried_on_the_same_vehicles_with_the_same_rudder():
 def test_commanded_speed_stays_within_the_channel(speed):
     episodes = (Episode(4_999_000_000, (), Mission(((0.0, speed),))),)
     observations, *_ = simulate_trial(trial(part=COUNTING, episodes=episodes))
-    command = observations[:, :, list(CHANNELS).index("speed_command")]
+    command = observations[:, :, INDEX["speed_command"]]
     assert command.min() >= 0.0 and command.max() <= 1.0
 
 

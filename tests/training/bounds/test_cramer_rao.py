@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.parameters import PRESETS, SAMPLE_TIME
 from diagnosers.kalman import SurgeFilter
 from training.bounds import cramer_rao
@@ -17,7 +17,7 @@ def standing(n_samples: int, rpm: float) -> tuple[np.ndarray, np.ndarray]:
     observations = np.zeros((n_samples, 1, len(CHANNELS)))
     truth[:, :, 1:4] = 1.0
     for side in ("port", "starboard"):
-        observations[:, :, list(CHANNELS).index(f"{side}_rpm")] = rpm
+        observations[:, :, INDEX[f"{side}_rpm"]] = rpm
     return truth, observations
 
 

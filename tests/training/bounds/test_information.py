@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.errors import InputError
 from auv_fault_env.faults import CATALOGUE, classes
 from auv_fault_env.fleet import Fleet
@@ -35,7 +35,7 @@ def test_the_fault_shows_first_where_the_lanes_say():
     twin = lanes_of("sensor_bias:speed", 0.0)
     first = faulty.first_faulty_sample[0]
     np.testing.assert_array_equal(faulty.observations[:first], twin.observations[:first])
-    speed = list(CHANNELS).index("speed")
+    speed = INDEX["speed"]
     shift = faulty.observations[first, :, speed] - twin.observations[first, :, speed]
     np.testing.assert_allclose(
         shift, 0.5 * CATALOGUE["sensor_bias:speed"].offset["speed_bias"], atol=1e-6

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import INDEX
 from training import cli
 from training.field.vehicle_file import read_vehicle, write_vehicle
 
@@ -84,7 +84,7 @@ def test_poor_log_is_calibrated_as_far_as_it_goes(paths, tmp_path):
     np.nan_to_num(poor, copy=False)
     lines = [
         "time,v",
-        *(f"{0.1 * k:.1f},{row[list(CHANNELS).index('speed')]}" for k, row in enumerate(poor)),
+        *(f"{0.1 * k:.1f},{row[INDEX['speed']]}" for k, row in enumerate(poor)),
     ]
     (tmp_path / "poor.csv").write_text("\n".join(lines))
     (tmp_path / "poor.toml").write_text(

@@ -8,6 +8,7 @@ import pytest
 
 import auv_fault_env
 from auv_fault_env import CHANNELS, FaultEvent, Fleet, to_json
+from auv_fault_env.missions import follow_mission
 from training import cli
 from training.commands import simulate
 
@@ -52,7 +53,7 @@ def test_rows_are_the_fleet_itself(tmp_path):
     fleet = Fleet(2)
     observation = fleet.reset([5, 6], schedules=[()] * 2, missions=[mission] * 2)
     for k in range(30):
-        observation = fleet.step(observation[:, :1] * [1.0, 0.0, 0.0])
+        observation = fleet.step(follow_mission(observation))
         assert columns["speed"][k] == observation[0, 4]
         assert columns["speed"][30 + k] == observation[1, 4]
     assert columns["time"][29] == 3.0

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.faults import NORMAL, classes
 from diagnosers import Belief
 from training.live.charts import CHARTS
@@ -58,7 +58,7 @@ def test_the_last_minute_is_shown(history):
 
 
 def test_lines_carry_their_channel(history):
-    column = list(CHANNELS).index("starboard_rpm")
+    column = INDEX["starboard_rpm"]
     line = named(CHARTS["rpm"](history, False), "starboard")
     assert line["data"] == [
         [time, column + 12.0 * k] for k, time in enumerate((69.7, 69.8, 69.9, 70.0))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auv_fault_env import CATALOGUE, CHANNELS, FaultEvent, Fleet
-from auv_fault_env.channels import READINGS
+from auv_fault_env.channels import INDEX, READINGS
 from auv_fault_env.faults import matrices
 from auv_fault_env.parameters import PRESETS, nominal
 from auv_fault_env.physics import constants_from_array
@@ -12,7 +12,7 @@ from training.stimuli.greedy_model import LOOK, Now, expected_information, infor
 
 SPEED = 0.3
 STEP_UP = 0.05
-FIRST = list(CHANNELS).index(READINGS[0])
+FIRST = INDEX[READINGS[0]]
 # Largest error of a change; those of voltage and current while the motor still speeds up, which the
 # model leaves out.
 TOLERANCE = dict(zip(READINGS, (0.01, 0.004, 0.12, 0.08, 12.0, 0.12, 0.08, 12.0), strict=True))

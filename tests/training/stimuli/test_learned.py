@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auv_fault_env import FaultEvent, Fleet, classes
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import INDEX
 from auv_fault_env.errors import InputError
 from diagnosers import Belief, make, storage
 from training.active_env.sb3 import ActiveVecEnv
@@ -64,7 +64,7 @@ def test_it_acts_as_the_policy_does_in_its_environment(policy):
         for sample in range(10 * k, 10 * k + 10):
             offset = stimulus.offset(sample, reading, bank.update(reading))
             moved += float(np.abs(offset).mean())
-            command = reading[:, list(CHANNELS).index("mission_speed")] + offset
+            command = reading[:, INDEX["mission_speed"]] + offset
             reading = fleet.step(np.column_stack([command, np.zeros((3, 2))]))
         # actions are float32 there
         np.testing.assert_allclose(reading, env.venv.env._readings, rtol=1e-6, atol=1e-6)

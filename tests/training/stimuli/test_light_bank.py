@@ -3,6 +3,7 @@
 import numpy as np
 
 from auv_fault_env import FaultEvent, Fleet, classes
+from auv_fault_env.missions import follow_mission
 from diagnosers import check_diagnoser, make
 from training.stimuli.light_bank import PRIOR, SUSPECTED, UNSUSPECTED, light_bank, suspected
 
@@ -48,5 +49,5 @@ def bank_after(bank, event, n_samples):
     bank.reset(4)
     for _ in range(n_samples):
         belief = bank.update(reading)
-        reading = fleet.advance(reading[:, :1].astype(float) * [1.0, 0.0, 0.0])
+        reading = fleet.advance(follow_mission(reading))
     return belief

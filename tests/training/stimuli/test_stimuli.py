@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auv_fault_env import MISSIONS, FaultEvent, Fleet, classes
-from auv_fault_env.channels import CHANNELS, MAXIMUM_COMMAND
+from auv_fault_env.channels import CHANNELS, INDEX, MAXIMUM_COMMAND
 from auv_fault_env.errors import InputError
 from diagnosers import Belief, make
 from training.stimuli import BUDGET, EPISODE_TIME, STIMULI, Thesis
@@ -14,11 +14,9 @@ from training.stimuli.d_optimal import candidates, d_optimal, log_information
 from training.stimuli.triggered import EXCITATION_TIME, Triggered
 from training.stimuli.waveforms import multisine, prbs, square
 
-MISSION_SPEED = list(CHANNELS).index("mission_speed")
+MISSION_SPEED = INDEX["mission_speed"]
 OBSERVATION = np.zeros((3, len(CHANNELS)))
-OBSERVATION[
-    :, [list(CHANNELS).index(name) for name in ("mission_speed", "speed_command", "speed")]
-] = 0.3
+OBSERVATION[:, [INDEX[name] for name in ("mission_speed", "speed_command", "speed")]] = 0.3
 CLOSED = [name for name, stimulus in STIMULI.items() if issubclass(stimulus, ClosedLoop)]
 TRIGGERED = [name for name, stimulus in STIMULI.items() if issubclass(stimulus, Triggered)]
 N_SAMPLES = round(EPISODE_TIME * 10)

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 import pytest
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.faults import CATALOGUE, classes
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers import make
@@ -41,7 +41,7 @@ def test_the_loop_is_that_of_the_benchmark():
     path = in_the_loop(STIMULI["greedy"](0.1), "filter_bank", episodes, STANDARD.conditions)
     np.testing.assert_array_equal(path.log_normal.astype(np.float32), record.log_normal)
     np.testing.assert_array_equal(path.top, record.fault)
-    command = observations[1:, :, list(CHANNELS).index("speed_command")]
+    command = observations[1:, :, INDEX["speed_command"]]
     np.testing.assert_allclose((path.mission + path.offset)[:-1], command, atol=1e-6)
     deviation = np.sqrt(np.mean(np.square(path.speed - path.mission), axis=0))
     np.testing.assert_allclose(deviation, speed_rms, rtol=0.02)

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.parameters import SIDES, Vehicle
-from auv_fault_env.physics import RPM
-from training.field.calibration.plant import Part, constants_of, doubt, factors, nothing, shaft_of
+from auv_fault_env.physics import RPM, nominal_shaft, plant_constants
+from training.field.calibration.plant import Part, doubt, factors, nothing
 from training.field.calibration.prediction import shaft_residuals
 from training.field.calibration.robust_fit import Problem, identified
 from training.field.calibration.samples import Samples
@@ -145,7 +145,7 @@ def shaft(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Residuals and predictions of `shaft_residuals`, (n_samples, 2) each, at these values of the fit."""
     out = np.empty((len(log.read), 2)), np.empty((len(log.read), 2))
-    plant = shaft_of(vehicle)._replace(**physical(vehicle, values)), constants_of(vehicle)
+    plant = nominal_shaft(vehicle)._replace(**physical(vehicle, values)), plant_constants(vehicle)
     shaft_residuals(log.starts, log.inputs, log.read, log.speed, *plant, log.noise, *out)
     return out
 

@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.parameters import ENERGY_WEIGHT, SHAFT, Vehicle
-from auv_fault_env.physics import PlantConstants, Shaft
+from auv_fault_env.parameters import Vehicle
 from training.field.calibration.robust_fit import LEAST_BLOCKS, NO_FIT, Fit
 from training.field.calibration.samples import BLOCK
 from training.field.vehicle_file import QUANTITIES
@@ -23,19 +22,6 @@ class Part(NamedTuple):
     fit: Fit
     unit: Mapping[str, float]
     why: Mapping[str, tuple[str, str]]
-
-
-def shaft_of(vehicle: Vehicle) -> Shaft:
-    """One of the two equal shafts."""
-    values = {name: float(getattr(vehicle, name)) for name in SHAFT}
-    return Shaft(**values | {"beta": vehicle.beta / 2})
-
-
-def constants_of(vehicle: Vehicle) -> PlantConstants:
-    """Water, hull, controllers and disturbance."""
-    return PlantConstants(
-        *(float(getattr(vehicle, name)) for name in PlantConstants._fields[:-1]), ENERGY_WEIGHT
-    )
 
 
 def factors(vehicle: Vehicle, name: str) -> tuple[float, float]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import savgol_filter
 
-from auv_fault_env.channels import CHANNELS, READINGS
+from auv_fault_env.channels import INDEX, READINGS
 from auv_fault_env.parameters import SAMPLE_RATE, SIDES
 from auv_fault_env.physics import RPM
 from training.field.logs.log import Log
@@ -35,7 +35,7 @@ class Samples(NamedTuple):
 
     def channel(self, name: str, held: bool = False) -> np.ndarray:
         """Readings of a channel, (n_samples,)."""
-        return (self.held if held else self.reading)[:, list(CHANNELS).index(name)]
+        return (self.held if held else self.reading)[:, INDEX[name]]
 
     def exists(self, name: str) -> bool:
         """Whether the channel was ever read."""

@@ -12,8 +12,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from auv_fault_env.parameters import Vehicle
+from auv_fault_env.physics import nominal_shaft, plant_constants
 from diagnosers.kalman import opening_share
-from training.field.calibration.plant import Part, constants_of, doubt, factors, nothing, shaft_of
+from training.field.calibration.plant import Part, doubt, factors, nothing
 from training.field.calibration.prediction import speed_innovations
 from training.field.calibration.robust_fit import Problem, identified
 from training.field.calibration.samples import Samples
@@ -122,8 +123,8 @@ def innovations(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Innovation, its standard deviation and predicted speed of `speed_innovations`, (n_samples,) each."""
     constants = physical(vehicle, values)
-    shaft = shaft_of(vehicle)._replace(beta=constants.pop("beta", vehicle.beta) / 2)
-    plant = shaft, constants_of(vehicle)._replace(**constants), opening_share(vehicle)
+    shaft = nominal_shaft(vehicle)._replace(beta=constants.pop("beta", vehicle.beta) / 2)
+    plant = shaft, plant_constants(vehicle)._replace(**constants), opening_share(vehicle)
     inputs = (
         samples.starts,
         np.ascontiguousarray(reading),

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import INDEX
 from auv_fault_env.faults import classes
 from auv_fault_env.parameters import SIDES
 from diagnosers import Belief
@@ -136,10 +136,7 @@ def figure(
 
 def measured(log: Log, channels: dict[str, str]) -> dict[str, Any]:
     """Lines of the channels that were read, by their name in the panel."""
-    columns = {
-        name: log.observation[:, list(CHANNELS).index(channel)]
-        for name, channel in channels.items()
-    }
+    columns = {name: log.observation[:, INDEX[channel]] for name, channel in channels.items()}
     return {
         name: line(log.time, values)
         for name, values in columns.items()
