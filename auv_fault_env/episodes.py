@@ -91,7 +91,7 @@ def next_change(step, time, profile):
 
 @scalar
 def update_severities(lane, step, plan):
-    """Write the severities of a lane; returns whether one has changed, and the next change's step."""
+    """Write the severities of a lane; returns whether one has changed, and the next update."""
     time = step / SAMPLE_RATE
     next_update = NEVER
     has_changed = False

@@ -1,4 +1,4 @@
-"""The project's one manner of refusing input: the thing, the value got, what is allowed, the remedy."""
+"""Refusals of input in one form: the thing, its value, what is allowed, the remedy."""
 
 import contextlib
 import difflib
@@ -6,9 +6,11 @@ import math
 import numbers
 from collections.abc import Iterable, Mapping, Sequence
 
+LONGEST_VALUE = 200  # characters of a value that an error shows
+
 
 class InputError(ValueError):
-    """Input from outside that is refused; the command line prints it as one line and exits with code 2."""
+    """Input that is refused; the command line prints it as one line and exits with code 2."""
 
 
 def refusal(thing: str, got, allowed: str, remedy: str) -> InputError:
@@ -18,17 +20,18 @@ def refusal(thing: str, got, allowed: str, remedy: str) -> InputError:
     'severity: got 1.5; allowed is 0 to 1; give a fraction'
     """
     shown = " ".join(repr(got).split())
-    shown = shown if len(shown) <= 200 else shown[:200] + " ..."
+    if len(shown) > LONGEST_VALUE:
+        shown = shown[:LONGEST_VALUE] + " ..."
     return InputError(f"{thing}: got {shown}; allowed is {allowed}; {remedy}")
 
 
 def known_name(kind: str, name, names: Iterable[str]) -> str:
-    """The name if it is registered, else a refusal with the nearest name and the whole list.
+    """The name if it is registered, else a refusal with the nearest name and all names.
 
-    >>> known_name("side", "prot", ["port", "starboard"])
+    >>> known_name("side", "prot", ["port", "starboard"])  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     ...
-    auv_fault_env.errors.InputError: side: got 'prot'; allowed is one of port, starboard; did you mean 'port'?
+    auv_fault_env.errors.InputError: side: got 'prot'; ...; did you mean 'port'?
     """
     names = list(names)
     if isinstance(name, str) and name in names:
@@ -41,13 +44,14 @@ def known_name(kind: str, name, names: Iterable[str]) -> str:
 def finite_in_range(thing: str, value, low: float, high: float) -> float:
     """The value as a float if it is a finite number in [low, high], else a refusal.
 
-    >>> finite_in_range("severity", float("nan"), 0, 1)
+    >>> finite_in_range("severity", float("nan"), 0, 1)  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     ...
-    auv_fault_env.errors.InputError: severity: got nan; allowed is a number from 0 to 1; give one in that range
+    auv_fault_env.errors.InputError: severity: got nan; allowed is a number from 0 to 1; ...
     """
     number = math.nan
-    if isinstance(value, numbers.Real) and not isinstance(value, bool):
+    is_number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+    if is_number:
         with contextlib.suppress(OverflowError):
             number = float(value)
     if not low <= number <= high:
@@ -58,21 +62,23 @@ def finite_in_range(thing: str, value, low: float, high: float) -> float:
 def whole_number(thing: str, value, low: int = 1) -> int:
     """The value as an int if it is a whole number from `low`, else a refusal.
 
-    >>> whole_number("number of lanes", 2.5)
+    >>> whole_number("lanes", 2.5)
     Traceback (most recent call last):
     ...
-    auv_fault_env.errors.InputError: number of lanes: got 2.5; allowed is a whole number from 1; give one
+    auv_fault_env.errors.InputError: lanes: got 2.5; allowed is a whole number from 1; give one
     """
-    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < low:
+    is_whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
+    if not is_whole or value < low:
         raise refusal(thing, value, f"a whole number from {low}", "give one")
     return int(value)
 
 
 def pair_in_range(thing: str, value, low: float, high: float) -> tuple[float, float]:
-    """The pair (from, to) if both are finite numbers in [low, high] and in this order, else a refusal."""
+    """The pair (from, to) if both are finite numbers in [low, high], in order, else a refusal."""
     if isinstance(value, str) or not isinstance(value, Sequence) or len(value) != 2:
         raise refusal(thing, value, "a pair (from, to)", "give two numbers")
-    first, last = (finite_in_range(thing, end, low, high) for end in value)
+    first = finite_in_range(thing, value[0], low, high)
+    last = finite_in_range(thing, value[1], low, high)
     if first > last:
         raise refusal(thing, value, "a pair (from, to) in ascending order", "swap them")
     return first, last
@@ -80,11 +86,8 @@ def pair_in_range(thing: str, value, low: float, high: float) -> tuple[float, fl
 
 def one_per_lane(thing: str, values, n_lanes: int, remedy: str = "give one each") -> Sequence:
     """The values if there is one for each lane, else a refusal."""
-    if (
-        isinstance(values, str | bytes | Mapping)
-        or not hasattr(values, "__len__")
-        or not hasattr(values, "__getitem__")
-    ):
+    is_sequence = hasattr(values, "__len__") and hasattr(values, "__getitem__")
+    if not is_sequence or isinstance(values, str | bytes | Mapping):
         raise refusal(thing, values, f"a sequence of {n_lanes}, one per lane", remedy)
     if len(values) != n_lanes:
         raise refusal(f"number of {thing}", len(values), f"{n_lanes}, one per lane", remedy)

@@ -1,8 +1,10 @@
-"""The catalogue: a fault is data, and everything else (classes, tables, matrices, tests) follows from it.
+"""The catalogue of faults. A fault is data.
 
-At severity s a parameter becomes ``healthy * prod(1 + s (scale - 1)) + sum(s offset)`` over the active faults, so
-severity 0 is healthy and faults compose; a compound stops at a parameter's physical limit. To add a
-fault, add an entry to `CATALOGUE`; nothing else needs an edit::
+At severity s a parameter becomes ``healthy * prod(1 + s (scale - 1)) + sum(s offset)`` over the
+faults that are present: severity 0 is healthy, and faults compose. A compound stops at the physical
+limits of a parameter.
+
+To add a fault, add an entry to `CATALOGUE`, at any time before the next reset::
 
     CATALOGUE["ice_on_hull"] = Fault(
         "ice_on_hull",
@@ -11,6 +13,11 @@ fault, add an entry to `CATALOGUE`; nothing else needs an edit::
         about="Ice roughens the hull and the rudders.",
         source="estimate",
     )
+
+The entry alone gives the diagnosis class, schedules and their files, sampled episodes, the truth,
+the picture, and a hypothesis of the filter bank for every diagnoser that is made afterwards. A
+trained network has no output for the new class: its probability comes from the evidence of the
+filter bank until the network is trained again.
 """
 
 from collections.abc import Mapping
@@ -29,7 +36,7 @@ NORMAL = "normal"
 
 @dataclass(frozen=True)
 class Fault:
-    """What a fault does at severity 1, and where it stands in the thesis' tables of operating modes.
+    """What a fault does at severity 1.
 
     Attributes
     ----------
@@ -46,9 +53,9 @@ class Fault:
     source
         Where the magnitude comes from.
     table_5_1
-        Mode of the thesis' Table 5.1, if it knows the fault.
+        Mode of Table 5.1 of the thesis, None if it has none.
     table_5_2
-        Mode of the thesis' Table 5.2, if it knows the fault.
+        Mode of Table 5.2 of the thesis, None if it has none.
     """
 
     name: str
@@ -70,7 +77,7 @@ class Fault:
 
     @property
     def diagnosis(self) -> str:
-        """Diagnosis class: the kinds of sensor fault share one class per channel, any other fault is its own."""
+        """Diagnosis class: one for all faults of a sensor, else one for each fault."""
         return self.component if self.component.startswith("sensor:") else self.name
 
 
@@ -135,7 +142,7 @@ def _side_faults(side: str) -> list[Fault]:
     ]
 
 
-# Shifts at severity 1: about what a supply, a shunt or a counter loses when it fails outright.
+# Shifts at severity 1 by unit: about what a supply, a shunt or a counter loses when it fails.
 BIAS = {"m/s": 0.15, "m/s^2": 0.03, "V": 1.0, "A": 0.4, "rpm": 60.0}
 
 
@@ -194,7 +201,7 @@ def fault_effect(severity, scale, offset):
 
 
 def fault_of(name: str) -> Fault:
-    """The fault of that name; an unknown name is refused with the nearest one and the list."""
+    """The fault of that name; an unknown name is refused with the nearest one and all names."""
     return CATALOGUE[known_name("fault", name, CATALOGUE)]
 
 
@@ -204,7 +211,9 @@ def classes() -> tuple[str, ...]:
 
 
 def labels() -> dict[str, tuple[str | None, str | None]]:
-    """For every class its mode in Table 5.1 (raw network) and in Table 5.2 (Kalman network), None where unknown there.
+    """Modes of every class in Table 5.1 (raw network) and in Table 5.2 (Kalman network).
+
+    None where the table has no mode for the class.
 
     >>> labels()["propeller_loss:port"]
     ('degraded propeller', 'severe propulsion failure')
@@ -214,7 +223,7 @@ def labels() -> dict[str, tuple[str | None, str | None]]:
 
 
 def matrices() -> Catalogue:
-    """The catalogue as the kernel reads it, in the catalogue's order."""
+    """The catalogue as arrays for the kernel, in its order."""
     names = list(PARAMETERS)
     scale = np.ones((len(CATALOGUE), len(names)))
     offset = np.zeros((len(CATALOGUE), len(names)))

@@ -299,7 +299,7 @@ def copy_results(block, width, first, observations, outcomes):
 def step_block(
     block, first, key, step, next_update, actions, limits, constants, observations, outcomes
 ):
-    """One sample of the block that begins with lane `first`; returns how many lanes need an update."""
+    """One sample of the block from lane `first` on; returns how many lanes need an update."""
     width = min(LANES, key.size - first)
     key = key[first:]
     step = step[first:]
@@ -324,7 +324,7 @@ def step_block(
 def step_blocks(
     first, last, memory, key, step, next_update, actions, limits, constants, observations, outcomes
 ):
-    """One sample of the blocks from `first` to before `last`; returns how many lanes need an update.
+    """One sample of the blocks `first` to `last` - 1; returns how many lanes need an update.
 
     Plain arrays come in, because unpacking named tuples at the border to Python costs more than a
     lane's step; constants is a `PlantConstants` as an array. It releases the interpreter's lock, so

@@ -1,15 +1,16 @@
-"""Every constant of the vehicle once: unit, meaning, source; presets; validation; the healthy band.
+"""The constants of a vehicle with unit, meaning and source; presets; parameters that faults change.
 
-SI inside. The thesis' customary units are converted here and nowhere else. Shaft speed is in rpm in
-``beta``, as in the thesis and every vehicle log, and in rad/s in the motor constants.
+SI units; those of the thesis are converted here and nowhere else. Shaft speed is in rpm in ``beta``,
+as in the thesis and every vehicle log, and in rad/s in the motor constants.
 
 Sources
 -------
-[T]  "Neural network based propulsion system fault diagnostics for the NPS AUV II", NPS thesis, June 1992.
+[T]  "Neural network based propulsion system fault diagnostics for the NPS AUV II", NPS thesis,
+     June 1992.
 [N]  NPS AUV II hydrodynamic file of the NPSNET simulator, 1995.
-[H]  Healey & Lienard, "Multivariable sliding mode control for autonomous diving and steering of unmanned underwater
-     vehicles", IEEE J. Oceanic Eng. 18(3), 1993, doi:10.1109/JOE.1993.236372: form of the speed
-     controller.
+[H]  Healey & Lienard, "Multivariable sliding mode control for autonomous diving and steering of
+     unmanned underwater vehicles", IEEE J. Oceanic Eng. 18(3), 1993, doi:10.1109/JOE.1993.236372:
+     form of the speed controller.
 [E]  An estimate or a default of this project, where the sources are silent.
 """
 
@@ -31,31 +32,31 @@ SIDES = ("port", "starboard")
 def blade_pair_inertia(
     hub=0.010, tip=2 * INCH, chord=0.025, thickness=0.003, density=8500.0, elements=9
 ) -> float:
-    """Polar inertia [kg m^2] of a two-bladed propeller, each blade summed over nine rectangles as in [T].
+    """Polar inertia [kg m^2] of a two-bladed propeller, a sum over rectangles as in [T].
 
     The thesis gives the method, not the blade: a 4 inch brass blade of 25 mm chord and 3 mm mean
     thickness is assumed, without entrained water.
     """
     width = (tip - hub) / elements
     radii = [hub + (k + 0.5) * width for k in range(elements)]
-    return 2 * sum(
-        density * chord * thickness * width * (r * r + width * width / 12) for r in radii
-    )
+    mass = density * chord * thickness * width
+    return 2 * sum(mass * (r * r + width * width / 12) for r in radii)
 
 
 def quantity(
     value: float, unit: str, about: str, source: str, low: float, high: float, band: float = 0.0
 ):
-    """A field of `Vehicle`: default value, unit, meaning, source, physical limits, half-width of the healthy band."""
-    return field(
-        default=value,
-        metadata=dict(unit=unit, about=about, source=source, low=low, high=high, band=band),
-    )
+    """A field of `Vehicle`: low and high are physical limits, band half the width of the healthy band.
+
+    The band is relative to the value.
+    """
+    metadata = dict(unit=unit, about=about, source=source, low=low, high=high, band=band)
+    return field(default=value, metadata=metadata)
 
 
 @dataclass(frozen=True)
 class Vehicle:
-    """A healthy vehicle: hull, one shaft (both sides are alike), sensors' surroundings and controller gains.
+    """A healthy vehicle: hull, shafts and motors (both sides are alike), water and controller gains.
 
     A variant is ``dataclasses.replace(PRESETS["thesis1992"], alpha=-0.1)``; a value outside its
     physical limits raises `ValueError`. Units, meanings and sources are in each field's metadata:
@@ -64,44 +65,93 @@ class Vehicle:
 
     # fmt: off
     name: str = "thesis1992"
-    alpha: float = quantity(-0.0333 / 1.35 / FOOT, "1/m", "surge drag coefficient", "T IV.C: -0.0333 1/ft is +35 %", -10.0, -1e-4, 0.05)
-    beta: float = quantity(2.1906e-7 / 0.65 * FOOT, "(m/s^2)/rpm^2", "thrust coefficient, both propellers", "T IV.C: 2.1906e-7 (ft/s^2)/rpm^2 is -35 %", 0.0, 1e-5, 0.03)
-    gamma: float = quantity(-0.0722 / FOOT, "1/(m rad^2)", "rudder and plane drag coefficient", "N: not in the thesis", -100.0, 0.0)
-    c1: float = quantity(0.0465, "1", "torque coefficient at zero advance", "T III.C.3", 0.0, 1.0, 0.03)
-    c2: float = quantity(0.0285, "1", "fall of the torque coefficient with the advance ratio", "T III.C.3", 0.0, 1.0, 0.03)
+    alpha: float = quantity(
+        -0.0333 / 1.35 / FOOT, "1/m", "surge drag coefficient", "T IV.C: -0.0333 1/ft is +35 %",
+        -10.0, -1e-4, 0.05,
+    )
+    beta: float = quantity(
+        2.1906e-7 / 0.65 * FOOT, "(m/s^2)/rpm^2", "thrust coefficient, both propellers",
+        "T IV.C: 2.1906e-7 (ft/s^2)/rpm^2 is -35 %", 0.0, 1e-5, 0.03,
+    )
+    gamma: float = quantity(
+        -0.0722 / FOOT, "1/(m rad^2)", "rudder and plane drag coefficient", "N: not in the thesis",
+        -100.0, 0.0,
+    )
+    c1: float = quantity(
+        0.0465, "1", "torque coefficient at zero advance", "T III.C.3", 0.0, 1.0, 0.03,
+    )
+    c2: float = quantity(
+        0.0285, "1", "fall of the torque coefficient with the advance ratio", "T III.C.3", 0.0, 1.0,
+        0.03,
+    )
     resistance: float = quantity(1.01, "ohm", "terminal resistance", "T App. A", 1e-3, 100.0, 0.02)
-    torque_constant: float = quantity(8.67 * OUNCE_INCH, "N m/A", "torque constant K_T, and as V s/rad the back-EMF constant K_b", "T App. A: 8.67 oz-in/A = 0.0612; K_b is printed as 0.061", 1e-4, 10.0, 0.01)
-    coulomb_friction: float = quantity(1.79 * OUNCE_INCH, "N m", "Coulomb friction of motor and shaft", "T App. A: 1.79 oz-in", 0.0, 10.0, 0.10)
-    viscous_friction: float = quantity(0.0, "N m s/rad", "viscous friction of motor and shaft", "E: Appendix A has one friction figure, taken as Coulomb", 0.0, 1.0, 0.10)
-    inertia: float = quantity(2.3e-3 * OUNCE_INCH + blade_pair_inertia(), "kg m^2", "armature and propeller", "T App. A: 2.3e-3 oz-in-s^2; propeller E", 1e-6, 1.0)
-    density: float = quantity(1.94 * 515.378819, "kg/m^3", "water density", "N: 1.94 slug/ft^3", 900.0, 1100.0)
+    torque_constant: float = quantity(
+        8.67 * OUNCE_INCH, "N m/A", "torque constant K_T, and as V s/rad the back-EMF constant K_b",
+        "T App. A: 8.67 oz-in/A = 0.0612; K_b is printed as 0.061", 1e-4, 10.0, 0.01,
+    )
+    coulomb_friction: float = quantity(
+        1.79 * OUNCE_INCH, "N m", "Coulomb friction of motor and shaft", "T App. A: 1.79 oz-in",
+        0.0, 10.0, 0.10,
+    )
+    viscous_friction: float = quantity(
+        0.0, "N m s/rad", "viscous friction of motor and shaft",
+        "E: Appendix A has one friction figure, taken as Coulomb", 0.0, 1.0, 0.10,
+    )
+    inertia: float = quantity(
+        2.3e-3 * OUNCE_INCH + blade_pair_inertia(), "kg m^2", "armature and propeller",
+        "T App. A: 2.3e-3 oz-in-s^2; propeller E", 1e-6, 1.0,
+    )
+    density: float = quantity(
+        1.94 * 515.378819, "kg/m^3", "water density", "N: 1.94 slug/ft^3", 900.0, 1100.0,
+    )
     diameter: float = quantity(4 * INCH, "m", "propeller diameter", "T III.B: 4 inch", 0.01, 10.0)
     wake_fraction: float = quantity(0.1, "1", "wake fraction", "T III.C.3", 0.0, 0.9)
-    maximum_voltage: float = quantity(24.0, "V", "supply voltage", "T III.B: 0 to 24 V", 1.0, 1000.0)
-    disturbance_std: float = quantity(0.001, "m/s^2", "standard deviation of the disturbing acceleration", "E: moves the speed by about 1 cm/s at held shaft speed", 0.0, 1.0)
-    disturbance_time: float = quantity(5.0, "s", "correlation time of the disturbance", "E: swell", 0.1, 1000.0)
-    speed_filter_time: float = quantity(1.0, "s", "speed controller: time constant of the filter on the measured speed", "E: the paddle wheel's noise would chatter the shafts", 1e-3, 100.0)
-    reaching_rate: float = quantity(0.03, "m/s^2", "speed controller, sliding mode: reaching rate", "E: form of H", 0.0, 10.0)
-    boundary_layer: float = quantity(0.15, "m/s", "speed controller, sliding mode: boundary layer", "E: form of H", 1e-3, 10.0)
-    maximum_rpm: float = quantity(1500.0, "rpm", "largest shaft speed command", "E: within reach of 24 V at rest", 10.0, 1e5)
-    proportional_gain: float = quantity(0.002, "V/rpm", "shaft speed controller: proportional gain", "E", 0.0, 10.0)
-    integral_gain: float = quantity(0.03, "V/(rpm s)", "shaft speed controller: integral gain", "E", 0.0, 100.0)
+    maximum_voltage: float = quantity(
+        24.0, "V", "supply voltage", "T III.B: 0 to 24 V", 1.0, 1000.0,
+    )
+    disturbance_std: float = quantity(
+        0.001, "m/s^2", "standard deviation of the disturbing acceleration",
+        "E: moves the speed by about 1 cm/s at held shaft speed", 0.0, 1.0,
+    )
+    disturbance_time: float = quantity(
+        5.0, "s", "correlation time of the disturbance", "E: swell", 0.1, 1000.0,
+    )
+    speed_filter_time: float = quantity(
+        1.0, "s", "speed controller: time constant of the filter on the measured speed",
+        "E: the paddle wheel's noise would chatter the shafts", 1e-3, 100.0,
+    )
+    reaching_rate: float = quantity(
+        0.03, "m/s^2", "speed controller, sliding mode: reaching rate", "E: form of H", 0.0, 10.0,
+    )
+    boundary_layer: float = quantity(
+        0.15, "m/s", "speed controller, sliding mode: boundary layer", "E: form of H", 1e-3, 10.0,
+    )
+    maximum_rpm: float = quantity(
+        1500.0, "rpm", "largest shaft speed command", "E: within reach of 24 V at rest", 10.0, 1e5,
+    )
+    proportional_gain: float = quantity(
+        0.002, "V/rpm", "shaft speed controller: proportional gain", "E", 0.0, 10.0,
+    )
+    integral_gain: float = quantity(
+        0.03, "V/(rpm s)", "shaft speed controller: integral gain", "E", 0.0, 100.0,
+    )
     # fmt: on
 
     def __post_init__(self):
         for spec in fields(self):
             if spec.metadata:
-                finite_in_range(
-                    spec.name, getattr(self, spec.name), spec.metadata["low"], spec.metadata["high"]
-                )
-        advance = (
-            60.0 * (self.beta / -self.alpha) ** 0.5 / self.diameter * (1.0 - self.wake_fraction)
-        )
-        if self.c2 and self.c2 * advance >= self.c1:
-            allowed = f"below {self.c1 / advance:.3g}, where the propeller would drive the motor in steady motion"
+                low = spec.metadata["low"]
+                high = spec.metadata["high"]
+                finite_in_range(spec.name, getattr(self, spec.name), low, high)
+        speed_per_rpm = (self.beta / -self.alpha) ** 0.5
+        advance_ratio = 60.0 * speed_per_rpm / self.diameter * (1.0 - self.wake_fraction)
+        if self.c2 and self.c2 * advance_ratio >= self.c1:
+            largest = self.c1 / advance_ratio
+            allowed = f"below {largest:.3g}, where the propeller would drive the motor"
             raise refusal("c2", self.c2, allowed, "lower c2 or raise c1")
+        least_inertia = 1e-6 * self.torque_constant**2 / self.resistance
         if self.inertia * self.resistance < 1e-6 * self.torque_constant**2:
-            allowed = f"from {1e-6 * self.torque_constant**2 / self.resistance:.3g}, a motor time constant of 1 us"
+            allowed = f"from {least_inertia:.3g}, a motor time constant of 1 us"
             raise refusal("inertia", self.inertia, allowed, "raise it")
 
 
@@ -114,7 +164,7 @@ PRESETS: dict[str, Vehicle] = {
 
 
 def vehicle_of(preset: str | Vehicle) -> Vehicle:
-    """The vehicle of a preset's name; a `Vehicle` is returned as it is. Unknown name: `ValueError` with the list."""
+    """The vehicle of that preset, or the `Vehicle` itself; unknown names are refused."""
     return preset if isinstance(preset, Vehicle) else PRESETS[known_name("preset", preset, PRESETS)]
 
 
@@ -163,7 +213,7 @@ def _sensor_parameters(channel: str) -> dict[str, Parameter]:
     }
 
 
-# The order is the memory layout of a lane: layout.py counts on it.
+# The rows of `layout` follow this order.
 PARAMETERS: dict[str, Parameter] = {
     **{name: _plant_parameter(name) for name in HULL},
     **{f"{side}_{name}": _plant_parameter(name) for side in SIDES for name in SHAFT},
@@ -172,7 +222,10 @@ PARAMETERS: dict[str, Parameter] = {
 
 
 def nominal(vehicle: Vehicle, sensor_noise: float = 1.0) -> dict[str, float]:
-    """Healthy value of every parameter of `PARAMETERS`, in its order; ``beta`` is shared evenly between the sides."""
+    """Healthy value of every parameter, in the order of `PARAMETERS`.
+
+    The sides have half of ``beta`` each.
+    """
     shaft = {name: getattr(vehicle, name) for name in SHAFT} | {"beta": vehicle.beta / 2}
     values = {name: getattr(vehicle, name) for name in HULL}
     values |= {f"{side}_{name}": shaft[name] for side in SIDES for name in SHAFT}

@@ -203,7 +203,10 @@ def armature_current(shaft, shaft_speed, voltage):
 
 @scalar
 def electrical_energy(shaft, angle, voltage):
-    """Electrical energy of a sample in which the shaft turned by `angle` [J]; negative in braking."""
+    """Electrical energy [J] of a sample in which the shaft turned by `angle` [rad].
+
+    Negative while the motor brakes.
+    """
     return voltage * (voltage * SAMPLE_TIME - shaft.torque_constant * angle) / shaft.resistance
 
 
@@ -232,7 +235,7 @@ def equilibrium_voltage(shaft, shaft_speed, speed, constants):
 
 @scalar
 def mission_reward(deviation, energy, constants):
-    """The mission's reward: minus the squared speed deviation and the weighted electrical energy."""
+    """Reward of a step: minus the squared speed deviation and the weighted electrical energy."""
     return -(deviation * deviation) - constants.energy_weight * energy
 
 
