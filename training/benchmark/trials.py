@@ -11,14 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.fleet import Fleet
-from auv_fault_env.noise import uniforms
-from auv_fault_env.schedules import PROFILE, events_of
+from auv_fault_env.noise import STREAMS, uniforms
+from auv_fault_env.schedules import events_of, first_onset
 from auv_fault_env.truth import FleetTruth
 from diagnosers import Belief, Diagnoser
 from training.benchmark.suites import (
-    INSTANTS,
     LAST_STAND_IN_ONSET,
-    STAND_IN_ONSET,
     Conditions,
     Episode,
     keys,
@@ -156,11 +154,12 @@ def lane_truth(conditions: Conditions, episodes: Sequence[Episode]) -> LaneTruth
     lanes = np.arange(len(episodes))
     key = keys([episode.seed for episode in episodes])
     label, severity = label_and_severity(events, n_samples)
-    first_onset = events.profile[:, :, PROFILE.index("onset")].min(axis=1, initial=np.inf)
+    onset = first_onset(events)
     width = LAST_STAND_IN_ONSET - FIRST_STAND_IN_ONSET
-    stand_in = FIRST_STAND_IN_ONSET + width * uniforms(key, STAND_IN_ONSET, 1)[:, 0]
-    onset = np.where(np.isfinite(first_onset), first_onset, stand_in)
-    random = (uniforms(key, INSTANTS, N_RANDOM).T * n_samples).astype(np.int64)
+    stand_in = FIRST_STAND_IN_ONSET + width * uniforms(key, STREAMS["stand_in_onset"], 1)[:, 0]
+    onset = np.where(np.isfinite(onset), onset, stand_in)
+    fraction = uniforms(key, STREAMS["random_instants"], N_RANDOM).T
+    random = (fraction * n_samples).astype(np.int64)
     instants = np.vstack([sample_at(onset + SEVERITY_AT), random])
     worst = severity.max(axis=0)
     at_instants = Truth(

@@ -16,15 +16,15 @@ import numpy as np
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.faults import BIAS
-from auv_fault_env.parameters import ENERGY_WEIGHT, FOOT, SAMPLE_TIME, SHAFT, Vehicle, vehicle_of
+from auv_fault_env.parameters import FOOT, SAMPLE_TIME, SHAFT, Vehicle, vehicle_of
 from auv_fault_env.physics import (
     RPM,
-    PlantConstants,
     Shaft,
     armature_current,
     equilibrium_shaft_speed,
     equilibrium_voltage,
     motor,
+    plant_constants,
     shaft_acceleration,
 )
 
@@ -126,8 +126,7 @@ def _linearised(vehicle: Vehicle, speed: float) -> tuple[np.ndarray, np.ndarray]
     The state is voltage, current, shaft speed [rad/s] and surge speed; shapes are (6, 4) and (6,
     n_faults).
     """
-    values = [getattr(vehicle, name) for name in PlantConstants._fields[:-1]]
-    constants = PlantConstants(*values, ENERGY_WEIGHT)
+    constants = plant_constants(vehicle)
     healthy = {name: getattr(vehicle, name) for name in SHAFT}
     healthy_shaft = Shaft(**healthy)
     shaft_speed = equilibrium_shaft_speed(vehicle.alpha, vehicle.beta, speed, constants)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import INDEX
 from auv_fault_env.faults import NORMAL, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME, Vehicle
@@ -29,7 +29,7 @@ LATER_ADVICE_INTERVAL = round(60.0 * SAMPLE_RATE)
 # 1/s and m/s, of the guidance that holds the advised speed
 TRIM_RATE = 0.05
 LARGEST_TRIM = 0.3
-SPEED_READING = list(CHANNELS).index("speed")
+SPEED_READING = INDEX["speed"]
 # log probability of a class that is known to be false
 EXCLUDED = -100.0
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import INDEX
 from auv_fault_env.parameters import FOOT, PRESETS, SAMPLE_RATE
 from training.thesis.runs import Recording
 
@@ -73,7 +73,7 @@ class Comparison:
 
     def reading(self, run: str, channel: str) -> np.ndarray:
         """Reading without noise over time, (n_samples,)."""
-        return self.clean.readings[:, self.runs.index(run), 0, list(CHANNELS).index(channel)]
+        return self.clean.readings[:, self.runs.index(run), 0, INDEX[channel]]
 
     def line(
         self, run: str, channel: str, label: str, n_samples: int | None = None
@@ -83,7 +83,7 @@ class Comparison:
         Speeds are in ft/s if the label of the axis names that unit.
         """
         unit = 1 / FOOT if "ft/s" in label else 1.0
-        column = list(CHANNELS).index(channel)
+        column = INDEX[channel]
         noisy = unit * self.noisy.readings[:n_samples, self.runs.index(run), :, column]
         lines = {
             "clean": unit * self.reading(run, channel)[:n_samples],

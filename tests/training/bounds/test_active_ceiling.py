@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from auv_fault_env.channels import CHANNELS, MAXIMUM_COMMAND
+from auv_fault_env.channels import CHANNELS, INDEX, MAXIMUM_COMMAND
 from training.bounds import active_ceiling
 from training.bounds.active_ceiling import (
     LEVELS,
@@ -93,7 +93,7 @@ def test_a_free_profile_gets_nearer_to_the_best_and_never_further():
 
 def test_offsets_are_repeated_as_far_as_the_channel_goes():
     observation = np.zeros((2, len(CHANNELS)))
-    observation[:, list(CHANNELS).index("mission_speed")] = 0.3, 0.9
+    observation[:, INDEX["mission_speed"]] = 0.3, 0.9
     stimulus = RepeatedOffsets(profiles=np.array([[0.1, -0.4], [0.2, -0.4]]))
     np.testing.assert_allclose(stimulus.offset(0, observation, None), [0.1, MAXIMUM_COMMAND - 0.9])
     np.testing.assert_allclose(stimulus.offset(3, observation, None), [-0.3, -0.4])

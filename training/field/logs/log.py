@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS, COMMANDS
+from auv_fault_env.channels import CHANNELS, COMMANDS, INDEX
 from auv_fault_env.errors import known_name, refusal
 from auv_fault_env.parameters import SAMPLE_TIME
 from training.field.logs.clock import TimeAxis, time_axis
@@ -95,7 +95,7 @@ def observations_of(values: Mapping[str, np.ndarray]) -> np.ndarray:
         columns["speed_command"] = values["mission_speed"]
     columns |= values
     for channel, column in columns.items():
-        observations[:, list(CHANNELS).index(channel)] = column
+        observations[:, INDEX[channel]] = column
     return observations
 
 

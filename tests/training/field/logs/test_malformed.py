@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auv_fault_env import CHANNELS, PRESETS
+from auv_fault_env.channels import INDEX
 from auv_fault_env.errors import InputError
 from training.field.logs.files import read_table
 from training.field.logs.log import Log, read_log
@@ -262,7 +263,7 @@ def test_repaired_and_said(path, content, words):
     assert_sound(log)
     for word in words:
         assert any(word in line for line in log.remarks), log.remarks
-    values = log.observation[:, list(CHANNELS).index("speed")]
+    values = log.observation[:, INDEX["speed"]]
     assert np.nanmedian(values) == pytest.approx(0.4, abs=0.01)
 
 
