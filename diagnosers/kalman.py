@@ -1,9 +1,9 @@
-"""Kalman filters of the surge equation, batched over lanes: the thesis' parameter filter and an EKF with the speed.
+"""Kalman filters of the surge equation: the thesis' parameter filter, and an EKF with the speed.
 
 Both rest on ``du/dt = alpha u|u| + beta n|n| + gamma u|u| delta^2 + d``; ``n|n|`` is the mean of
 both shafts [rpm^2], ``delta^2 = rudder^2 + stern_plane^2``, ``beta`` that of both propellers
-together. `ParameterFilter` reads the accelerometer, each measured acceleration being an equation in
-the parameters; `SurgeFilter` does without it.
+together. `ParameterFilter` uses the accelerometer: each measured acceleration is an equation in
+the parameters. `SurgeFilter` does without it.
 
 A filter is a frozen configuration, an `Estimate` an immutable tuple of arrays, ``update`` a pure
 function: a batch of lanes gives bit for bit what each lane gives alone. Parameters are estimated
@@ -26,29 +26,36 @@ from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.errors import finite_in_range, refusal
 from auv_fault_env.parameters import PRESETS, SAMPLE_TIME, Vehicle
 
-# least scale of the sensor noise: keeps every variance positive in noise-free runs
-NOISE_FLOOR = 1e-3
+NOISE_FLOOR = 1e-3  # least scale of the sensor noise: keeps variances positive in noise-free runs
 DISTURBANCE_FLOOR = 1e-6  # m/s^2, least standard deviation of the disturbance, for the same reason
-START_SPEED_STD = 1.0  # m/s, what is known of the speed before the first reading
-# of a jump between two readings: standard deviation of a mean anywhere between them
-BETWEEN_STD = 12**-0.5
-# of a parameter from nominal, relative: keeps the integration stable whatever the readings say
-LIMIT = 10.0
+START_SPEED_STD = 1.0  # m/s, of the speed before the first reading
+BETWEEN_STD = 12**-0.5  # of a value anywhere between two readings, per their difference
+MAX_DEVIATION = 10.0  # of a parameter from nominal, relative: keeps the integration stable
 PARAMETERS = ("alpha", "beta", "gamma")
 N_STATES = 5  # speed, the three parameters, and one of each filter's own
+U, ALPHA, BETA, GAMMA, OWN = range(N_STATES)
 READINGS = ("speed", "acceleration", "port_rpm", "starboard_rpm", "rudder", "stern_plane")
+SPEED, ACCELERATION, PORT_RPM, STARBOARD_RPM, RUDDER, STERN_PLANE = range(len(READINGS))
 COLUMNS = tuple(INDEX[name] for name in READINGS)
+CROSS, GAIN, REMAINDER = range(3)  # rows of scratch: P h, K and S K - P h
 
 
 class Estimate(NamedTuple):
-    """What a filter knows after an observation; n_states and their names are those of ``filter.states``.
+    """The estimate of a filter after an observation; ``filter.states`` names the states.
 
-    mean (n_lanes, n_states) and covariance (n_lanes, n_states, n_states): parameters relative to
-    nominal, speed m/s, disturbance m/s^2. innovation and innovation_variance (n_lanes,): last
-    measurement minus its prediction, and its variance, in the measurement's unit. log_likelihood
-    (n_lanes,): log density of the last measurement given those before; their sum is a hypothesis'
-    evidence where a sample is one measurement (`SurgeFilter`). memory (n_lanes,): the reading that
-    the next update integrates from.
+    Attributes
+    ----------
+    mean, covariance
+        (n_lanes, n_states) and (n_lanes, n_states, n_states): parameters relative to nominal, speed
+        in m/s, disturbance in m/s^2.
+    innovation, innovation_variance
+        (n_lanes,): last measurement minus its prediction, and its variance, in the measurement's
+        unit.
+    log_likelihood
+        (n_lanes,), log density of the last measurement given those before; where a sample is one
+        measurement (`SurgeFilter`), their sum is the evidence of a hypothesis.
+    last_input
+        (n_lanes,), the input at the last sample, from which the next update integrates.
     """
 
     mean: np.ndarray
@@ -56,11 +63,11 @@ class Estimate(NamedTuple):
     innovation: np.ndarray
     innovation_variance: np.ndarray
     log_likelihood: np.ndarray
-    memory: np.ndarray
+    last_input: np.ndarray
 
 
 class FilterConstants(NamedTuple):
-    """What the compiled code gets of a configuration: SI units and rpm, variances per sample, ``walk`` relative."""
+    """A configuration for the kernel: SI units and rpm, variances per sample, ``walk`` relative."""
 
     step: float
     opening: float
@@ -77,9 +84,9 @@ class FilterConstants(NamedTuple):
 
 
 def opening_share(vehicle: Vehicle) -> float:
-    """Share of a sample's first value in the mean over the sample, of a shaft that settles exponentially.
+    """Share of a sample's first value in the mean over the sample, of a shaft that settles.
 
-    Voltage is held over the sample T, so thrust starts towards a new value at once, with the
+    Voltage is constant over the sample T, so thrust starts towards a new value at once, with the
     motor's time constant tau: ``s = tau/T - 1/(exp(T/tau) - 1)``, 0.19 on the NPS AUV II (tau = 19
     ms); 1/2, the trapezoid's, for a slow motor.
     """
@@ -99,8 +106,8 @@ def _dot(left, right):
 
 
 @scalar
-def _condition(mean, covariance, row, innovation, variance, work):
-    """Condition one lane on a scalar measurement ``z = row x + v``; returns the innovation's variance.
+def _condition(mean, covariance, gradient, innovation, variance, scratch):
+    """Condition one lane on a scalar measurement ``z = h x + v``; return the innovation's variance.
 
     Joseph form ``(I - K h) P (I - K h)^T + K r K^T``, multiplied out: ``P + S K K^T - K (P h)^T -
     (P h) K^T``, which rounding of the gain K changes in second order only; one triangle is computed
@@ -108,177 +115,193 @@ def _condition(mean, covariance, row, innovation, variance, work):
     """
     total = variance
     for i in range(N_STATES):
-        work[0, i] = _dot(covariance[i], row)
-        total += row[i] * work[0, i]
+        scratch[CROSS, i] = _dot(covariance[i], gradient)
+        total += gradient[i] * scratch[CROSS, i]
     inverse = 1.0 / total
     for i in range(N_STATES):
-        crossed = work[0, i]
-        gain = crossed * inverse
+        cross = scratch[CROSS, i]
+        gain = cross * inverse
         mean[i] += gain * innovation
-        work[1, i] = gain
-        work[2, i] = gain * total - crossed
+        scratch[GAIN, i] = gain
+        scratch[REMAINDER, i] = gain * total - cross
         for j in range(i + 1):
-            covariance[i, j] += gain * work[2, j] - crossed * work[1, j]
+            covariance[i, j] += gain * scratch[REMAINDER, j] - cross * scratch[GAIN, j]
             covariance[j, i] = covariance[i, j]
     return total
 
 
 @scalar
 def _walk(mean, covariance, constants):
-    """Random walk of the parameters over one sample, slower the nearer a variance is to its ceiling."""
-    for i in range(3):
-        mean[i + 1] = min(max(mean[i + 1], 1.0 - LIMIT), 1.0 + LIMIT)
-        covariance[i + 1, i + 1] += constants.walk[i] * max(
-            0.0, 1.0 - covariance[i + 1, i + 1] / constants.ceiling[i]
-        )
+    """Let the parameters walk over a sample, slower the nearer a variance is to its ceiling."""
+    for k in range(len(PARAMETERS)):
+        i = ALPHA + k
+        mean[i] = min(max(mean[i], 1.0 - MAX_DEVIATION), 1.0 + MAX_DEVIATION)
+        room = max(0.0, 1.0 - covariance[i, i] / constants.ceiling[k])
+        covariance[i, i] += constants.walk[k] * room
 
 
 @scalar
 def _inputs(readings):
-    """Thrust input (mean ``n|n|`` of the shafts), the sum of the shafts' ``n^2`` and the squared deflection."""
-    port = readings[2]
-    starboard = readings[3]
-    rudder = readings[4]
-    plane = readings[5]
+    """Thrust input (mean ``n|n|`` of the shafts), sum of their ``n^2``, squared deflection."""
+    port = readings[PORT_RPM]
+    starboard = readings[STARBOARD_RPM]
+    rudder = readings[RUDDER]
+    plane = readings[STERN_PLANE]
     thrust = 0.5 * (port * abs(port) + starboard * abs(starboard))
     return thrust, port * port + starboard * starboard, rudder * rudder + plane * plane
 
 
 @scalar
-def _condition_on_speed(mean, covariance, readings, constants, row, work):
-    """Condition on the paddle wheel; returns innovation and its variance."""
-    row[:] = 0.0
-    row[0] = 1.0
-    innovation = readings[0] - mean[0]
-    return innovation, _condition(mean, covariance, row, innovation, constants.speed_variance, work)
+def _condition_on_speed(mean, covariance, readings, constants, gradient, scratch):
+    """Condition on the paddle wheel; return innovation and its variance."""
+    gradient[:] = 0.0
+    gradient[U] = 1.0
+    innovation = readings[SPEED] - mean[U]
+    variance = constants.speed_variance
+    return innovation, _condition(mean, covariance, gradient, innovation, variance, scratch)
 
 
 @scalar
-def _predict_parameters(mean, covariance, previous, readings, constants):
-    """Let parameters walk, the speed follow the measured accelerations less their errors; draw the new error."""
+def _predict_parameters(mean, covariance, last_acceleration, readings, constants):
+    """Predict parameters, speed (from measured accelerations less errors) and the new error."""
     c = constants
     _walk(mean, covariance, c)
     opening = c.step * c.opening
     closing = c.step * (1.0 - c.opening)
-    mean[0] += opening * (previous - mean[4]) + closing * readings[1]
-    mean[4] = 0.0
-    variance = (
-        covariance[0, 0] - 2.0 * opening * covariance[0, 4] + opening * opening * covariance[4, 4]
-    )
-    jump = readings[1] - previous
+    mean[U] += opening * (last_acceleration - mean[OWN]) + closing * readings[ACCELERATION]
+    mean[OWN] = 0.0
+    variance = covariance[U, U] - 2.0 * opening * covariance[U, OWN]
+    variance += opening * opening * covariance[OWN, OWN]
+    jump = readings[ACCELERATION] - last_acceleration
     # noise alone jumps by sqrt(2) sigma
     unexplained = max(0.0, jump * jump - 9.0 * c.acceleration_variance)
-    variance += (
-        closing * closing * c.acceleration_variance + c.step * c.step * BETWEEN_STD**2 * unexplained
-    )
-    for i in range(1, 4):
-        covariance[0, i] = covariance[i, 0] = covariance[i, 0] - opening * covariance[i, 4]
-        covariance[4, i] = covariance[i, 4] = 0.0
-    covariance[0, 0] = variance
-    covariance[4, 4] = c.acceleration_variance
-    covariance[0, 4] = covariance[4, 0] = -closing * c.acceleration_variance
+    between = c.step * c.step * BETWEEN_STD**2 * unexplained
+    variance += closing * closing * c.acceleration_variance + between
+    for i in (ALPHA, BETA, GAMMA):
+        with_speed = covariance[i, U] - opening * covariance[i, OWN]
+        covariance[i, U] = with_speed
+        covariance[U, i] = with_speed
+        covariance[i, OWN] = 0.0
+        covariance[OWN, i] = 0.0
+    covariance[U, U] = variance
+    covariance[OWN, OWN] = c.acceleration_variance
+    with_error = -closing * c.acceleration_variance
+    covariance[OWN, U] = with_error
+    covariance[U, OWN] = with_error
 
 
 @scalar
-def _condition_on_acceleration(mean, covariance, readings, constants, row, work):
-    """Condition on the measured acceleration; returns innovation and its variance."""
+def _condition_on_acceleration(mean, covariance, readings, constants, gradient, scratch):
+    """Condition on the measured acceleration; return innovation and its variance."""
     c = constants
     thrust, squares, deflection = _inputs(readings)
-    drag = mean[0] * abs(mean[0])
-    by_rpm = c.beta * mean[2]
-    row[0] = 2.0 * abs(mean[0]) * (c.alpha * mean[1] + c.gamma * deflection * mean[3])
-    row[1] = c.alpha * drag
-    row[2] = c.beta * thrust
-    row[3] = c.gamma * drag * deflection
-    row[4] = 1.0
+    speed = mean[U]
+    square = speed * abs(speed)
+    by_rpm = c.beta * mean[BETA]
+    drag = c.alpha * mean[ALPHA] + c.gamma * deflection * mean[GAMMA]
+    gradient[U] = 2.0 * abs(speed) * drag
+    gradient[ALPHA] = c.alpha * square
+    gradient[BETA] = c.beta * thrust
+    gradient[GAMMA] = c.gamma * square * deflection
+    gradient[OWN] = 1.0
     variance = by_rpm * by_rpm * squares * c.rpm_variance
+    # white noise of the same density at low frequencies as the disturbance
     variance += c.disturbance_variance * (1.0 + c.disturbance_memory) / (1.0 - c.disturbance_memory)
-    innovation = readings[1] - row[1] * mean[1] - row[2] * mean[2] - row[3] * mean[3] - mean[4]
-    return innovation, _condition(mean, covariance, row, innovation, variance, work)
+    innovation = readings[ACCELERATION] - gradient[ALPHA] * mean[ALPHA]
+    innovation = innovation - gradient[BETA] * mean[BETA]
+    innovation = innovation - gradient[GAMMA] * mean[GAMMA] - mean[OWN]
+    return innovation, _condition(mean, covariance, gradient, innovation, variance, scratch)
 
 
 @scalar
-def _integrate(mean, opening_thrust, thrust, deflection, constants, row):
-    """Advance the mean speed over one sample by the midpoint rule; ``row`` becomes its gradient by the state."""
+def _integrate(mean, opening_thrust, thrust, deflection, constants, gradient):
+    """Advance the mean speed over a sample by the midpoint rule; fill its gradient by the state."""
     c = constants
-    drag = c.alpha * mean[1] + c.gamma * deflection * mean[3]
+    drag = c.alpha * mean[ALPHA] + c.gamma * deflection * mean[GAMMA]
     drive = c.beta * (c.opening * opening_thrust + (1.0 - c.opening) * thrust)
-    push = drive * mean[2] + mean[4]
+    push = drive * mean[BETA] + mean[OWN]
     half = 0.5 * c.step
-    middle = mean[0] + half * (drag * mean[0] * abs(mean[0]) + push)
+    middle = mean[U] + half * (drag * mean[U] * abs(mean[U]) + push)
     square = middle * abs(middle)
     gain = 1.0 + half * 2.0 * drag * abs(middle)
-    row[0] = 1.0 + c.step * 2.0 * drag * abs(middle) * (1.0 + half * 2.0 * drag * abs(mean[0]))
-    row[1] = c.step * gain * c.alpha * square
-    row[2] = c.step * gain * drive
-    row[3] = c.step * gain * c.gamma * deflection * square
-    row[4] = c.step * gain
-    mean[0] += c.step * (drag * square + push)
+    of_start = 1.0 + half * 2.0 * drag * abs(mean[U])
+    gradient[U] = 1.0 + c.step * 2.0 * drag * abs(middle) * of_start
+    gradient[ALPHA] = c.step * gain * c.alpha * square
+    gradient[BETA] = c.step * gain * drive
+    gradient[GAMMA] = c.step * gain * c.gamma * deflection * square
+    gradient[OWN] = c.step * gain
+    mean[U] += c.step * (drag * square + push)
 
 
 @scalar
-def _predict_surge(mean, covariance, previous, readings, constants, row, work):
-    """Draw this sample's parameters and disturbance, then carry speed and covariance over the sample."""
+def _predict_surge(mean, covariance, last_thrust, readings, constants, gradient, scratch):
+    """Predict parameters and disturbance, then speed and covariance over the sample."""
     c = constants
     _walk(mean, covariance, c)
-    mean[4] *= c.disturbance_memory
+    mean[OWN] *= c.disturbance_memory
     for i in range(N_STATES):
-        covariance[i, 4] *= c.disturbance_memory
-        covariance[4, i] *= c.disturbance_memory
-    covariance[4, 4] += (1.0 - c.disturbance_memory * c.disturbance_memory) * c.disturbance_variance
+        covariance[i, OWN] *= c.disturbance_memory
+        covariance[OWN, i] *= c.disturbance_memory
+    joining = 1.0 - c.disturbance_memory * c.disturbance_memory
+    covariance[OWN, OWN] += joining * c.disturbance_variance
     thrust, squares, deflection = _inputs(readings)
-    by_rpm = c.step * c.beta * mean[2]
-    jump = thrust - previous
+    by_rpm = c.step * c.beta * mean[BETA]
+    jump = thrust - last_thrust
     variance = by_rpm * by_rpm * (squares * c.rpm_variance + BETWEEN_STD**2 * jump * jump)
-    _integrate(mean, previous, thrust, deflection, c, row)
+    _integrate(mean, last_thrust, thrust, deflection, c, gradient)
     for i in range(N_STATES):
-        work[0, i] = _dot(covariance[i], row)
+        scratch[CROSS, i] = _dot(covariance[i], gradient)
     for i in range(N_STATES):
-        variance += row[i] * work[0, i]
-        covariance[0, i] = covariance[i, 0] = work[0, i]
-    covariance[0, 0] = variance
+        variance += gradient[i] * scratch[CROSS, i]
+        covariance[i, U] = scratch[CROSS, i]
+        covariance[U, i] = scratch[CROSS, i]
+    covariance[U, U] = variance
 
 
 @kernel
 def _update_parameters(
-    mean, covariance, innovation, variance, memory, observation, columns, constants
+    mean, covariance, innovation, variance, last_input, observation, columns, constants
 ):
     """Update every lane of the parameter filter in place."""
-    row = np.empty(N_STATES)
-    work = np.empty((3, N_STATES))
+    gradient = np.empty(N_STATES)
+    scratch = np.empty((3, N_STATES))
     readings = np.empty(len(columns))
     for lane in range(len(mean)):
         for k in range(len(columns)):
             readings[k] = observation[lane, columns[k]]
         x = mean[lane]
         p = covariance[lane]
-        _predict_parameters(x, p, memory[lane], readings, constants)
-        memory[lane] = readings[1]
-        _condition_on_speed(x, p, readings, constants, row, work)
+        _predict_parameters(x, p, last_input[lane], readings, constants)
+        last_input[lane] = readings[ACCELERATION]
+        _condition_on_speed(x, p, readings, constants, gradient, scratch)
         innovation[lane], variance[lane] = _condition_on_acceleration(
-            x, p, readings, constants, row, work
+            x, p, readings, constants, gradient, scratch
         )
 
 
 @kernel
-def _update_surge(mean, covariance, innovation, variance, memory, observation, columns, constants):
+def _update_surge(
+    mean, covariance, innovation, variance, last_input, observation, columns, constants
+):
     """Update every lane of the state-and-parameter filter in place."""
-    row = np.empty(N_STATES)
-    work = np.empty((3, N_STATES))
+    gradient = np.empty(N_STATES)
+    scratch = np.empty((3, N_STATES))
     readings = np.empty(len(columns))
     for lane in range(len(mean)):
         for k in range(len(columns)):
             readings[k] = observation[lane, columns[k]]
         x = mean[lane]
         p = covariance[lane]
-        _predict_surge(x, p, memory[lane], readings, constants, row, work)
-        memory[lane] = _inputs(readings)[0]
-        innovation[lane], variance[lane] = _condition_on_speed(x, p, readings, constants, row, work)
+        _predict_surge(x, p, last_input[lane], readings, constants, gradient, scratch)
+        last_input[lane] = _inputs(readings)[0]
+        innovation[lane], variance[lane] = _condition_on_speed(
+            x, p, readings, constants, gradient, scratch
+        )
 
 
 @dataclass(frozen=True)
 class _Filter:
-    """Configuration and shape of both filters; they differ in states, start and compiled update."""
+    """Configuration and shape of both filters; they differ in states, start and kernel."""
 
     vehicle: Vehicle = PRESETS["thesis1992"]
     sensor_noise: float = 1.0
@@ -297,62 +320,60 @@ class _Filter:
 
     @cached_property
     def constants(self) -> FilterConstants:
-        """What the compiled code gets: the nominal vehicle, noise variances, random walk and its ceiling."""
+        """The kernel's constants: nominal vehicle, noise variances, random walk and its ceiling."""
         vehicle = self.vehicle
         noise = max(self.sensor_noise, NOISE_FLOOR)
-        variances = [
-            (noise * CHANNELS[name].noise) ** 2 for name in ("speed", "acceleration", "port_rpm")
-        ]
-        disturbance = max(self.disturbance * vehicle.disturbance_std, DISTURBANCE_FLOOR)
-        memory = exp(-SAMPLE_TIME / vehicle.disturbance_time)
-        walk = tuple(SAMPLE_TIME * std**2 for std in self.walk_std)
-        ceiling = tuple(std**2 for std in self.prior_std)
-        model = (SAMPLE_TIME, opening_share(vehicle), vehicle.alpha, vehicle.beta, vehicle.gamma)
-        return FilterConstants(*model, *variances, disturbance**2, memory, walk, ceiling)
+        disturbance_std = max(self.disturbance * vehicle.disturbance_std, DISTURBANCE_FLOOR)
+        return FilterConstants(
+            step=SAMPLE_TIME,
+            opening=opening_share(vehicle),
+            alpha=vehicle.alpha,
+            beta=vehicle.beta,
+            gamma=vehicle.gamma,
+            speed_variance=(noise * CHANNELS["speed"].noise) ** 2,
+            acceleration_variance=(noise * CHANNELS["acceleration"].noise) ** 2,
+            rpm_variance=(noise * CHANNELS["port_rpm"].noise) ** 2,
+            disturbance_variance=disturbance_std**2,
+            disturbance_memory=exp(-SAMPLE_TIME / vehicle.disturbance_time),
+            walk=tuple(SAMPLE_TIME * std**2 for std in self.walk_std),
+            ceiling=tuple(std**2 for std in self.prior_std),
+        )
 
     def initial(self, n_lanes: int) -> Estimate:
-        """Start n_lanes lanes before any observation: nominal parameters with ``prior_std``, speed unknown."""
-        c = self.constants
-        zero = np.zeros(n_lanes)
+        """The estimate before any observation: nominal parameters, speed unknown."""
+        constants = self.constants
+        zeros = np.zeros(n_lanes)
         mean = np.array([0.0, 1.0, 1.0, 1.0, 0.0])
-        covariance = np.diag([START_SPEED_STD**2, *c.ceiling, c.disturbance_variance])
-        tiled = np.tile(mean, (n_lanes, 1)), np.tile(covariance, (n_lanes, 1, 1))
-        return Estimate(*tiled, zero, np.ones(n_lanes), zero, zero)
+        variances = [START_SPEED_STD**2, *constants.ceiling, constants.disturbance_variance]
+        return Estimate(
+            mean=np.tile(mean, (n_lanes, 1)),
+            covariance=np.tile(np.diag(variances), (n_lanes, 1, 1)),
+            innovation=zeros,
+            innovation_variance=np.ones(n_lanes),
+            log_likelihood=zeros,
+            last_input=zeros,
+        )
 
     def update(self, estimate: Estimate, observation: np.ndarray) -> Estimate:
-        """Return the estimate after the next observation (n_lanes, n_channels), 0.1 s later, channels as in `CHANNELS`.
+        """The estimate after the next observation (n_lanes, n_channels), 0.1 s later.
 
-        Raises `ValueError` if the shape is not the estimate's. A silent channel's zeros count as
-        measurements.
+        Channels as in `CHANNELS`. Raises `ValueError` for another shape than the estimate's and for
+        readings that are not finite. The zeros of a disconnected sensor count as measurements.
         """
-        observation = np.ascontiguousarray(observation, dtype=np.float64)
-        if observation.shape != (shape := (len(estimate.mean), len(CHANNELS))):
-            raise refusal(
-                "observation's shape",
-                observation.shape,
-                f"{shape}",
-                "give one row per lane of the estimate",
-            )
-        if not np.isfinite(observation).all():
-            raise refusal(
-                "observation",
-                "NaN or infinity",
-                "finite readings",
-                "hold the last value or give zero",
-            )
+        observation = checked_observation(observation, len(estimate.mean))
         mean = estimate.mean.copy()
         covariance = estimate.covariance.copy()
-        memory = estimate.memory.copy()
+        last_input = estimate.last_input.copy()
         innovation = np.empty(len(mean))
         variance = np.empty(len(mean))
-        self.kernel(
-            mean, covariance, innovation, variance, memory, observation, COLUMNS, self.constants
-        )
-        log_likelihood = -0.5 * (np.log(2 * pi * variance) + innovation * innovation / variance)
-        return Estimate(mean, covariance, innovation, variance, log_likelihood, memory)
+        changed = mean, covariance, innovation, variance, last_input
+        self.kernel(*changed, observation, COLUMNS, self.constants)
+        misfit = innovation * innovation / variance
+        log_likelihood = -0.5 * (np.log(2 * pi * variance) + misfit)
+        return Estimate(mean, covariance, innovation, variance, log_likelihood, last_input)
 
     def physical(self, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
-        """Return mean (n_lanes, n_states) and covariance (n_lanes, n_states, n_states) in SI units and rpm.
+        """Mean (n_lanes, n_states) and covariance (n_lanes, n_states, n_states) in SI and rpm.
 
         Units as in `Vehicle`. Invert the relative covariance, not this one, which spans 14 decades.
         """
@@ -360,30 +381,51 @@ class _Filter:
         return estimate.mean * scale, estimate.covariance * np.outer(scale, scale)
 
 
+def checked_observation(observation: np.ndarray, n_lanes: int) -> np.ndarray:
+    """The observation as float64 if it is (n_lanes, n_channels) and finite, else a refusal."""
+    observation = np.ascontiguousarray(observation, dtype=np.float64)
+    shape = n_lanes, len(CHANNELS)
+    if observation.shape != shape:
+        remedy = "give one row per lane of the estimate"
+        raise refusal("observation's shape", observation.shape, f"{shape}", remedy)
+    if not np.isfinite(observation).all():
+        remedy = "repeat the last value or give zero"
+        raise refusal("observation", "NaN or infinity", "finite readings", remedy)
+    return observation
+
+
 @dataclass(frozen=True)
 class ParameterFilter(_Filter):
-    """The thesis' parameter filter (IV.B.2): each measured acceleration is an equation in (alpha, beta, gamma).
+    """The thesis' parameter filter (IV.B.2): each acceleration is an equation in the parameters.
 
-    ``du/dt = H theta + v``, ``H = [u|u|, n|n|, u|u| delta^2]`` of one instant, theta a random walk.
-    The paddle wheel's noise, squared in H, would pull alpha towards zero by several percent; so the
-    speed in H is a state too: measured acceleration integrated, corrected by the paddle wheel (1.5
-    mm/s instead of 1 cm/s; the bias falls below 1 %). The accelerometer's error enters both the
-    integral and the equation, so it is the fifth state, drawn anew every sample. The rpm counters'
-    noise enters the innovation's variance to first order.
-
-    ``sensor_noise`` and ``disturbance`` scale the standard deviations of `CHANNELS` and vehicle,
-    down to a floor. ``prior_std``: of (alpha, beta, gamma), relative, at the start; also the
-    ceiling of the random walk, which slows as a variance nears it, so nothing winds up unobserved.
-    0.3 makes a fault of 50 % an event of 1.7 sigma. ``walk_std``: random walk per square root of a
-    second, relative. 0.03 follows a jump of 35 % within two speed changes and hardly adds to the
-    scatter of a healthy estimate.
+    ``du/dt = H theta + v``, ``H = [u|u|, n|n|, u|u| delta^2]`` of one instant, theta = (alpha,
+    beta, gamma) a random walk. The paddle wheel's noise, squared in H, would pull alpha towards
+    zero by several percent; so the speed in H is a state too: measured acceleration integrated,
+    corrected by the paddle wheel (1.5 mm/s instead of 1 cm/s; the bias falls below 1 %). The
+    accelerometer's error enters both the integral and the equation, so it is the fifth state,
+    another one at every sample. The rpm counters' noise enters the innovation's variance to first
+    order.
 
     When it misleads: at constant speed only beta/alpha is observable, so a drag fault moves both
     until the speed changes; gamma does not move without deflection; a bias b of the accelerometer
-    is a force to it and shifts the speed by about 5 s x b; after a jump of a parameter the
-    covariance says nothing of the lag. The coloured disturbance is taken as white of the same
-    low-frequency density, (1 + rho)/(1 - rho) times its variance: honest for slow changes,
+    acts like a force and shifts the speed by about 5 s x b; after a jump of a parameter the
+    covariance does not show the lag. The coloured disturbance is replaced by white noise of the
+    same low-frequency density, (1 + rho)/(1 - rho) times its variance: right for slow changes,
     pessimistic for quick ones, and NIS falls to 0.05. Take likelihoods from `SurgeFilter`.
+
+    Attributes
+    ----------
+    vehicle
+        The nominal vehicle.
+    sensor_noise, disturbance
+        Scales of the standard deviations of `CHANNELS` and vehicle, down to a floor.
+    prior_std
+        Of (alpha, beta, gamma), relative, at the start; also the ceiling of the random walk, which
+        slows down as a variance nears it, so that nothing grows unobserved. 0.3 makes a fault of
+        50 % an event of 1.7 sigma.
+    walk_std
+        Random walk per square root of a second, relative. 0.03 follows a jump of 35 % within two
+        speed changes and hardly adds to the scatter of a healthy estimate.
     """
 
     states: ClassVar[tuple[str, ...]] = ("speed", *PARAMETERS, "acceleration_error")
@@ -392,16 +434,16 @@ class ParameterFilter(_Filter):
 
 @dataclass(frozen=True)
 class SurgeFilter(_Filter):
-    """Extended Kalman filter of (speed, alpha, beta, gamma, disturbance) from paddle wheel and shaft speeds alone.
+    """Extended Kalman filter of speed, parameters and disturbance, without the accelerometer.
 
-    The surge equation is integrated over the sample by the midpoint rule; thrust is the mean of
+    The surge equation is integrated over the sample by the midpoint rule. Thrust is the mean of
     ``n|n|`` between the readings that bound the sample (`opening_share`), uncertain by 0.29 of
-    their difference and by the counters' noise; d is an Ornstein-Uhlenbeck process held over a
-    sample, ``d' = rho d + sqrt(1 - rho^2) std w``. The measurement is the paddle wheel.
-    Configuration as in `ParameterFilter`.
+    their difference and by the counters' noise. The disturbance d is an Ornstein-Uhlenbeck process,
+    constant over a sample, ``d' = rho d + sqrt(1 - rho^2) std w``. The measurement is the paddle
+    wheel. Attributes as in `ParameterFilter`.
 
     When it misleads: as the parameter filter at constant speed and without deflection. A paddle
-    wheel's gain c reads as alpha/c and c beta. After a jump of a parameter, or with a prior far
+    wheel's gain c looks like alpha/c and c beta. After a jump of a parameter, or with a prior far
     above 0.3, its covariance is too small.
     """
 

@@ -1,13 +1,13 @@
-"""Kalman filter of what makes up a shaft: resistance, torque constant, friction and propeller torque of both sides.
+"""Kalman filter of the parameters of both shafts: resistance, torque constant, friction, propeller.
 
-Two equations hold at the end of every sample (`physics`), in parameters relative to nominal (1 = nominal)::
+Two equations hold at the end of every sample (`physics`), in parameters relative to nominal::
 
-    i = (f tau_c + q Q(w, u) + b w + J dw/dt) / (k K)       the current that carries the shaft's load
+    i = (f tau_c + q Q(w, u) + b w + J dw/dt) / (k K)       the current for the shaft's load
     V = r R i + k K w                                       Ohm's law
 
 The measured current never enters a gradient: as a regressor its noise, a tenth of its value at
 cruise, would pull r towards zero within seconds. The current in Ohm's law is therefore the one that
-the load asks for. A batch of lanes gives bit for bit what each lane gives alone.
+the load requires. A batch of lanes gives bit for bit what each lane gives alone.
 
 Source: Isermann & Freyermuth, "Process fault diagnosis based on process model knowledge", ASME J.
 Dyn. Sys., Meas., Control 113(4), 1991 (parameters of a motor as fault symptoms); filter as in
@@ -20,185 +20,231 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS, INDEX
+from auv_fault_env.channels import INDEX
 from auv_fault_env.compiling import kernel, scalar
-from auv_fault_env.errors import finite_in_range, refusal
+from auv_fault_env.errors import finite_in_range
 from auv_fault_env.parameters import PRESETS, SAMPLE_TIME, SIDES, Vehicle
 from auv_fault_env.physics import RPM, motor
+from diagnosers.kalman import checked_observation
 from diagnosers.symptoms.residuals import STANDSTILL, plant_of
 
 PARAMETERS = ("resistance", "torque_constant", "coulomb_friction", "propeller_torque")
-N = len(PARAMETERS)
-PROPELLER = PARAMETERS.index("propeller_torque")
-# of a parameter, relative: keeps currents finite whatever the readings say
+N_PARAMETERS = len(PARAMETERS)
+RESISTANCE, TORQUE_CONSTANT, COULOMB_FRICTION, PROPELLER_TORQUE = range(N_PARAMETERS)
+# of a parameter, relative: keeps currents finite whatever the readings are
 LOW = 0.1
 HIGH = 5.0
-LOSS = -0.2  # least propeller torque, relative: below zero for the noise around a lost propeller
-SPEED = INDEX["speed"]
-FIRST = tuple(INDEX[f"{side}_voltage"] for side in SIDES)  # then current and rpm
+LOW_PROPELLER_TORQUE = -0.2  # relative: below zero for the noise around a lost propeller
+SPEED_CHANNEL = INDEX["speed"]
+VOLTAGE_CHANNEL = tuple(INDEX[f"{side}_voltage"] for side in SIDES)
+VOLTAGE, CURRENT, RPM_READING = range(3)  # channels of a side, from that of the voltage
+OF_CURRENT, OF_VOLTAGE = range(2)  # the two measurements, in this order
+# rows of scratch: gradient of a prediction by the parameters, its derivatives by shaft speed and by
+# speed, covariance with the parameters, correction for the errors in the gradient
+GRADIENT, BY_SHAFT_SPEED, BY_SPEED, CROSS, CORRECTION = range(5)
 
 
 class MotorEstimate(NamedTuple):
-    """What the filter knows after an observation; sides as in `SIDES`, parameters as in `PARAMETERS`.
+    """The estimate after an observation; sides as in `SIDES`, parameters as in `PARAMETERS`.
 
-    mean (n_lanes, 2, 4) and covariance (n_lanes, 2, 4, 4): parameters relative to nominal.
-    innovation and innovation_variance (n_lanes, 2, 2): of the last current [A] and voltage [V],
-    each given all before it; zero, and that of the sensor, where the shaft stands, because then
-    nothing is learnt. memory (n_lanes, 2): last shaft speeds [rad/s], NaN before the first
-    observation.
+    Attributes
+    ----------
+    mean, covariance
+        (n_lanes, 2, 4) and (n_lanes, 2, 4, 4): parameters relative to nominal.
+    innovation, innovation_variance
+        (n_lanes, 2, 2): of the last current [A] and voltage [V], each given all before it. Where
+        the shaft stands, nothing is learnt: they are zero and the variance of the sensor.
+    last_shaft_speed
+        (n_lanes, 2) [rad/s], NaN before the first observation.
     """
 
     mean: np.ndarray
     covariance: np.ndarray
     innovation: np.ndarray
     innovation_variance: np.ndarray
-    memory: np.ndarray
+    last_shaft_speed: np.ndarray
 
 
 class Tuning(NamedTuple):
-    """Random walk per sample and ceiling of each parameter's variance, relative; factor on the sensors' variances."""
+    """A configuration for the kernel.
+
+    walk and ceiling: what a sample adds to the relative variance of each parameter, and its upper
+    limit. noise: factor on the variances of the sensors.
+    """
 
     walk: tuple[float, float, float, float]
     ceiling: tuple[float, float, float, float]
     noise: float
 
 
-@scalar
-def _condition(
-    mean, covariance, work, innovation, by_spin, by_speed, variance, spin_variance, speed_variance
-):
-    """Condition one shaft on a scalar measurement; returns the innovation's variance.
+class Measurement(NamedTuple):
+    """A scalar measurement, and how its prediction depends on the readings in its gradient."""
 
-    ``work`` holds the gradient by the parameters, its derivatives by shaft speed and speed, and
-    scratch. The errors of these two readings are in gradient and innovation alike, and their
-    product does not average out: it is subtracted (bias-compensated least squares: Soederstrom,
-    Automatica 43(6), 2007).
+    innovation: float
+    variance: float
+    by_shaft_speed: float
+    by_speed: float
+    shaft_speed_variance: float
+    speed_variance: float
+
+
+@scalar
+def _condition(mean, covariance, scratch, measurement):
+    """Condition one shaft on a measurement; return the innovation's variance.
+
+    The errors of shaft speed and speed are in gradient and innovation alike, and their product does
+    not average out: it is subtracted (bias-compensated least squares: Soederstrom, Automatica
+    43(6), 2007).
     """
-    total = variance + by_spin * by_spin * spin_variance + by_speed * by_speed * speed_variance
-    for i in range(N):
-        work[3, i] = work[4, i] = 0.0
-        for j in range(N):
-            shared = work[1, j] * by_spin * spin_variance + work[2, j] * by_speed * speed_variance
-            work[3, i] += covariance[i, j] * work[0, j]
-            work[4, i] += covariance[i, j] * shared
-        total += work[0, i] * work[3, i]
-    for i in range(N):
-        crossed = work[3, i]
-        moved = mean[i] + (crossed * innovation + work[4, i]) / total
-        mean[i] = min(max(moved, LOSS if i == PROPELLER else LOW), HIGH)
+    m = measurement
+    of_shaft_speed = m.by_shaft_speed * m.by_shaft_speed * m.shaft_speed_variance
+    total = m.variance + of_shaft_speed + m.by_speed * m.by_speed * m.speed_variance
+    for i in range(N_PARAMETERS):
+        scratch[CROSS, i] = 0.0
+        scratch[CORRECTION, i] = 0.0
+        for j in range(N_PARAMETERS):
+            shared = scratch[BY_SHAFT_SPEED, j] * m.by_shaft_speed * m.shaft_speed_variance
+            shared = shared + scratch[BY_SPEED, j] * m.by_speed * m.speed_variance
+            scratch[CROSS, i] += covariance[i, j] * scratch[GRADIENT, j]
+            scratch[CORRECTION, i] += covariance[i, j] * shared
+        total += scratch[GRADIENT, i] * scratch[CROSS, i]
+    for i in range(N_PARAMETERS):
+        cross = scratch[CROSS, i]
+        moved = mean[i] + (cross * m.innovation + scratch[CORRECTION, i]) / total
+        low = LOW_PROPELLER_TORQUE if i == PROPELLER_TORQUE else LOW
+        mean[i] = min(max(moved, low), HIGH)
         for j in range(i + 1):
-            covariance[i, j] -= crossed * work[3, j] / total
+            covariance[i, j] -= cross * scratch[CROSS, j] / total
             covariance[j, i] = covariance[i, j]
     return total
 
 
 @scalar
-def _load(mean, spin, speed, change, shaft, plant, work):
-    """Current [A] that the shaft's load asks for and its slopes by shaft speed and speed; fills ``work[:3]``."""
+def _predict_current(mean, shaft_speed, speed, change, shaft, plant, scratch):
+    """Current [A] that the shaft's load requires, and its slopes by shaft speed and by speed.
+
+    `change` is that of the shaft speed over the sample. Fills the gradient and its derivatives.
+    """
     side = motor(shaft, plant, 0.0)
-    flux = mean[1] * shaft.torque_constant
-    propeller = shaft.inertia * (side.load * spin - side.coupling * speed) * spin / flux
-    by_spin = shaft.inertia * (2.0 * side.load * spin - side.coupling * speed) / flux
-    by_speed = -shaft.inertia * side.coupling * spin / flux
-    rest = shaft.viscous_friction * spin + shaft.inertia * plant.settling * change
-    current = (mean[2] * shaft.coulomb_friction + rest) / flux + mean[3] * propeller
-    slope = mean[3] * by_spin + (shaft.viscous_friction + shaft.inertia * plant.settling) / flux
-    work[:3] = 0.0
-    work[0, 1] = -current / mean[1]
-    work[0, 2] = shaft.coulomb_friction / flux
-    work[0, 3] = propeller
-    work[1, 1] = -slope / mean[1]
-    work[1, 3] = by_spin
-    work[2, 1] = -mean[3] * by_speed / mean[1]
-    work[2, 3] = by_speed
-    return current, slope, mean[3] * by_speed
+    flux = mean[TORQUE_CONSTANT] * shaft.torque_constant
+    load = side.load * shaft_speed - side.coupling * speed
+    propeller = shaft.inertia * load * shaft_speed / flux
+    load_slope = 2.0 * side.load * shaft_speed - side.coupling * speed
+    propeller_slope = shaft.inertia * load_slope / flux
+    by_speed = -shaft.inertia * side.coupling * shaft_speed / flux
+    settling = shaft.inertia * plant.settling
+    viscous = shaft.viscous_friction * shaft_speed
+    torque = mean[COULOMB_FRICTION] * shaft.coulomb_friction + (viscous + settling * change)
+    relative = mean[PROPELLER_TORQUE]
+    current = torque / flux + relative * propeller
+    slope = relative * propeller_slope + (shaft.viscous_friction + settling) / flux
+    scratch[: BY_SPEED + 1] = 0.0
+    scratch[GRADIENT, TORQUE_CONSTANT] = -current / mean[TORQUE_CONSTANT]
+    scratch[GRADIENT, COULOMB_FRICTION] = shaft.coulomb_friction / flux
+    scratch[GRADIENT, PROPELLER_TORQUE] = propeller
+    scratch[BY_SHAFT_SPEED, TORQUE_CONSTANT] = -slope / mean[TORQUE_CONSTANT]
+    scratch[BY_SHAFT_SPEED, PROPELLER_TORQUE] = propeller_slope
+    scratch[BY_SPEED, TORQUE_CONSTANT] = -relative * by_speed / mean[TORQUE_CONSTANT]
+    scratch[BY_SPEED, PROPELLER_TORQUE] = by_speed
+    return current, slope, relative * by_speed
 
 
 @scalar
-def _observe(x, p, readings, speed, change, shaft, plant, noise, innovation, variance, work):
-    """Condition one turning shaft on its current and on its voltage."""
-    voltage = readings[0]
-    current = readings[1]
-    spin = readings[2] / RPM
-    spin_variance = noise * plant.spin_variance
+def _update_shaft(
+    mean, covariance, readings, speed, change, shaft, plant, noise, innovation, variance, scratch
+):
+    """Condition one moving shaft on its current and on its voltage."""
+    shaft_speed = readings[RPM_READING] / RPM
+    shaft_speed_variance = noise * plant.spin_variance
     speed_variance = noise * plant.speed_variance
-    load, by_spin, by_speed = _load(x, spin, speed, change, shaft, plant, work)
-    innovation[0] = current - load
-    variance[0] = _condition(
-        x,
-        p,
-        work,
-        innovation[0],
-        by_spin,
-        by_speed,
+    current, current_slope, current_by_speed = _predict_current(
+        mean, shaft_speed, speed, change, shaft, plant, scratch
+    )
+    innovation[OF_CURRENT] = readings[CURRENT] - current
+    measurement = Measurement(
+        innovation[OF_CURRENT],
         noise * plant.current_variance,
-        spin_variance,
+        current_slope,
+        current_by_speed,
+        shaft_speed_variance,
         speed_variance,
     )
-    load, by_spin, by_speed = _load(x, spin, speed, change, shaft, plant, work)
-    resistance = x[0] * shaft.resistance
-    flux = x[1] * shaft.torque_constant
-    work[:3] *= resistance
-    work[0, 0], work[0, 1] = shaft.resistance * load, work[0, 1] + shaft.torque_constant * spin
-    work[1, 0], work[1, 1] = shaft.resistance * by_spin, work[1, 1] + shaft.torque_constant
-    work[2, 0] = shaft.resistance * by_speed
-    by_spin = flux + resistance * by_spin
-    by_speed = resistance * by_speed
-    innovation[1] = voltage - resistance * load - flux * spin
-    variance[1] = _condition(
-        x,
-        p,
-        work,
-        innovation[1],
-        by_spin,
-        by_speed,
+    variance[OF_CURRENT] = _condition(mean, covariance, scratch, measurement)
+    current, current_slope, current_by_speed = _predict_current(
+        mean, shaft_speed, speed, change, shaft, plant, scratch
+    )
+    resistance = mean[RESISTANCE] * shaft.resistance
+    flux = mean[TORQUE_CONSTANT] * shaft.torque_constant
+    scratch[: BY_SPEED + 1] *= resistance
+    scratch[GRADIENT, RESISTANCE] = shaft.resistance * current
+    scratch[GRADIENT, TORQUE_CONSTANT] += shaft.torque_constant * shaft_speed
+    scratch[BY_SHAFT_SPEED, RESISTANCE] = shaft.resistance * current_slope
+    scratch[BY_SHAFT_SPEED, TORQUE_CONSTANT] += shaft.torque_constant
+    scratch[BY_SPEED, RESISTANCE] = shaft.resistance * current_by_speed
+    innovation[OF_VOLTAGE] = readings[VOLTAGE] - resistance * current - flux * shaft_speed
+    measurement = Measurement(
+        innovation[OF_VOLTAGE],
         noise * plant.voltage_variance,
-        spin_variance,
+        flux + resistance * current_slope,
+        resistance * current_by_speed,
+        shaft_speed_variance,
         speed_variance,
     )
+    variance[OF_VOLTAGE] = _condition(mean, covariance, scratch, measurement)
 
 
 @kernel
 def _update(
-    mean, covariance, innovation, variance, memory, observation, first, speed, shaft, plant, tuning
+    mean, covariance, innovation, variance, last_shaft_speed, observation, shaft, plant, tuning
 ):
     """Update every shaft of every lane in place."""
-    work = np.empty((5, N))
+    scratch = np.empty((5, N_PARAMETERS))
     for lane in range(len(mean)):
+        speed = observation[lane, SPEED_CHANNEL]
         for side in range(2):
             x = mean[lane, side]
             p = covariance[lane, side]
-            readings = observation[lane, first[side] :]
-            for i in range(N):
-                p[i, i] += tuning.walk[i] * max(0.0, 1.0 - p[i, i] / tuning.ceiling[i])
-            spin = readings[2] / RPM
-            change = 0.0 if np.isnan(memory[lane, side]) else spin - memory[lane, side]
-            memory[lane, side] = spin
+            readings = observation[lane, VOLTAGE_CHANNEL[side] :]
+            for i in range(N_PARAMETERS):
+                room = max(0.0, 1.0 - p[i, i] / tuning.ceiling[i])
+                p[i, i] += tuning.walk[i] * room
+            shaft_speed = readings[RPM_READING] / RPM
+            last = last_shaft_speed[lane, side]
+            change = 0.0 if np.isnan(last) else shaft_speed - last
+            last_shaft_speed[lane, side] = shaft_speed
             e = innovation[lane, side]
             s = variance[lane, side]
             e[:] = 0.0
-            s[0] = tuning.noise * plant.current_variance
-            s[1] = tuning.noise * plant.voltage_variance
-            if spin > STANDSTILL * plant.spin_variance**0.5:
-                u = observation[lane, speed]
-                _observe(x, p, readings, u, change, shaft, plant, tuning.noise, e, s, work)
+            s[OF_CURRENT] = tuning.noise * plant.current_variance
+            s[OF_VOLTAGE] = tuning.noise * plant.voltage_variance
+            if shaft_speed > STANDSTILL * plant.spin_variance**0.5:
+                noise = tuning.noise
+                _update_shaft(x, p, readings, speed, change, shaft, plant, noise, e, s, scratch)
 
 
 @dataclass(frozen=True)
 class MotorFilter:
     """Extended Kalman filter of `PARAMETERS` of both shafts from voltage, current, rpm and speed.
 
-    ``prior_std``: at the start, relative, and ceiling of the random walk, which slows as a variance
-    nears it. ``walk_std``: random walk per square root of a second, relative. ``sensor_noise``
-    scales the standard deviations of `CHANNELS`; it needs no floor, because the random walk keeps
-    every variance positive.
+    When it misleads: at constant speed only total load and voltage are observable, so friction
+    cannot be distinguished from propeller torque, nor resistance from torque constant, beyond what
+    the prior says; a fault moves both until the speed changes. Resistance then falls by some
+    percent in a minute, the faster the larger the walk of the load. A wrong reading appears as
+    parameters (a current sensor's gain as torque constant and load). At standstill nothing is
+    learnt. The healthy band is in the estimates: a healthy friction is 0.9 to 1.1.
 
-    When it misleads: at constant speed only total load and voltage are seen, so friction cannot be
-    told from propeller torque, nor resistance from torque constant, beyond what the prior says; a
-    fault moves both until the speed changes. Resistance then sinks by some percent in a minute, the
-    faster the larger the walk of the load. A wrong reading of a sensor reads as parameters (a
-    current sensor's gain as torque constant and load). At standstill nothing is learnt. The healthy
-    band is in the estimates: a healthy friction is 0.9 to 1.1.
+    Attributes
+    ----------
+    vehicle
+        The nominal vehicle.
+    sensor_noise
+        Scale of the standard deviations of `CHANNELS`. It needs no floor, because the random walk
+        keeps every variance positive.
+    prior_std
+        Of each parameter at the start, relative, and ceiling of the random walk, which slows down
+        as a variance nears it.
+    walk_std
+        Random walk per square root of a second, relative.
     """
 
     vehicle: Vehicle = PRESETS["thesis1992"]
@@ -215,44 +261,29 @@ class MotorFilter:
 
     @cached_property
     def tuning(self) -> Tuning:
-        """What the compiled code gets of the configuration."""
+        """The configuration for the kernel."""
         walk = tuple(SAMPLE_TIME * std**2 for std in self.walk_std)
         ceiling = tuple(std**2 for std in self.prior_std)
         return Tuning(walk, ceiling, self.sensor_noise**2)
 
     def initial(self, n_lanes: int) -> MotorEstimate:
-        """Start n_lanes lanes before any observation: nominal parameters with ``prior_std``."""
-        mean = np.ones((n_lanes, 2, N))
-        covariance = np.tile(np.diag(self.tuning.ceiling), (n_lanes, 2, 1, 1))
+        """The estimate before any observation: nominal parameters with ``prior_std``."""
         return MotorEstimate(
-            mean,
-            covariance,
-            np.zeros((n_lanes, 2, 2)),
-            np.ones((n_lanes, 2, 2)),
-            np.full((n_lanes, 2), np.nan),
+            mean=np.ones((n_lanes, 2, N_PARAMETERS)),
+            covariance=np.tile(np.diag(self.tuning.ceiling), (n_lanes, 2, 1, 1)),
+            innovation=np.zeros((n_lanes, 2, 2)),
+            innovation_variance=np.ones((n_lanes, 2, 2)),
+            last_shaft_speed=np.full((n_lanes, 2), np.nan),
         )
 
     def update(self, estimate: MotorEstimate, observation: np.ndarray) -> MotorEstimate:
-        """Return the estimate after the next observation (n_lanes, n_channels), 0.1 s later, channels as in `CHANNELS`.
+        """The estimate after the next observation (n_lanes, n_channels), 0.1 s later.
 
-        Raises `ValueError` if the shape is not the estimate's or a reading is not finite.
+        Channels as in `CHANNELS`. Raises `ValueError` for another shape than the estimate's and for
+        readings that are not finite.
         """
-        observation = np.ascontiguousarray(observation, dtype=np.float64)
-        if observation.shape != (shape := (len(estimate.mean), len(CHANNELS))):
-            raise refusal(
-                "observation's shape",
-                observation.shape,
-                f"{shape}",
-                "give one row per lane of the estimate",
-            )
-        if not np.isfinite(observation).all():
-            raise refusal(
-                "observation",
-                "NaN or infinity",
-                "finite readings",
-                "hold the last value or give zero",
-            )
+        observation = checked_observation(observation, len(estimate.mean))
         after = MotorEstimate(*(values.copy() for values in estimate))
         plant, shaft = plant_of(self.vehicle)
-        _update(*after, observation, FIRST, SPEED, shaft, plant, self.tuning)
+        _update(*after, observation, shaft, plant, self.tuning)
         return after

@@ -1,4 +1,4 @@
-"""A reference, not a competitor: the filter bank told what no diagnoser can know."""
+"""A reference, not a competitor: the filter bank that is given the true vehicle and severity."""
 
 from dataclasses import dataclass
 
@@ -8,51 +8,54 @@ from auv_fault_env.errors import refusal
 from auv_fault_env.parameters import PARAMETERS
 from diagnosers.filter_bank import FilterBank
 
-CERTAIN = 1e-4  # of the healthy band: what is left of it when the vehicle is known
+CERTAIN = 1e-4  # width of the band, in healthy bands, around the true vehicle
 
 
 @dataclass(frozen=True)
 class Oracle(FilterBank):
-    """The filter bank told the true healthy vehicle of each lane and, if wanted, how severe its fault will be.
+    """The filter bank, given the true healthy vehicle of each lane and perhaps the severity.
 
-    How near a diagnoser comes to it says how much is lost for want of knowing the vehicle; what it
-    cannot tell apart is alike in the readings. Untold it is the filter bank.
+    The distance of a diagnoser from it says how much is lost because the vehicle is unknown; what
+    the oracle cannot distinguish looks alike in the readings. Without the truth it is the filter
+    bank.
 
-    When it misleads: it knows the full severity, so while a fault still grows it is surer of it
-    than right; and it is no upper bound for a diagnoser that reads what the bank's model leaves
+    When it misleads: it has the full severity, so while a fault still grows it is more certain of
+    it than right; and it is no upper bound for a diagnoser that uses what the bank's model leaves
     out, such as the controllers' commands.
     """
 
     name = "oracle"
 
     def set_truth(self, healthy: np.ndarray, severity: np.ndarray | None = None) -> None:
-        """Tell the truth of every lane after a `reset`, whose state it replaces; the next reset forgets it.
+        """Set the truth of every lane after a `reset`, whose state it replaces.
+
+        The next reset forgets it.
 
         Parameters
         ----------
         healthy
             (n_lanes, n_parameters), ordered as `PARAMETERS`, in their units.
         severity
-            (n_lanes,), the full severity of the fault to come, 0 to 1; None keeps the grades.
+            (n_lanes,), the full severity of the fault to come, 0 to 1; None leaves the grades.
         """
         running = self.running
         running.require_reset("set_truth")
         n_lanes = len(running.observation)
-        healthy = _checked("healthy parameters", healthy, (n_lanes, len(PARAMETERS)))
+        healthy = _finite("healthy parameters", healthy, (n_lanes, len(PARAMETERS)))
         prior = running.state.prior
         if severity is not None:
-            severity = _checked("severities", severity, (n_lanes,))
+            severity = _finite("severities", severity, (n_lanes,))
             if severity.min() < 0.0 or severity.max() > 1.0:
                 raise refusal("severities", severity, "numbers from 0 to 1", "give fractions")
-            prior = np.stack([severity, np.zeros(n_lanes), severity], axis=1)[:, :, None]
-        running.state = self._begun(healthy, prior, CERTAIN)
+            certain = np.stack([severity, np.zeros(n_lanes), severity], axis=1)
+            prior = certain[:, :, None]
+        running.state = self._state_around(healthy, prior, CERTAIN)
 
 
-def _checked(thing: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """The values as float64 of their own if they are finite numbers of that shape, else a refusal."""
+def _finite(thing: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """A float64 copy of the values if they are finite numbers of that shape, else a refusal."""
     values = np.array(values, np.float64)
     if values.shape != shape or not np.isfinite(values).all():
-        raise refusal(
-            thing, values.shape, f"finite numbers of shape {shape}", "give one row per lane"
-        )
+        allowed = f"finite numbers of shape {shape}"
+        raise refusal(thing, values.shape, allowed, "give one row per lane")
     return values

@@ -1,32 +1,49 @@
-"""The algebra of a bank's filters: Gaussians of five states, the severity last, all filters of a subsystem at once.
+"""The algebra of the bank's filters: Gaussians of five states, the severity last, many at once.
 
-A table of filters is an array (20, n_columns): five rows of means, then the lower triangle of the
-covariance, row by row. A column is one filter of one lane, see `bank_pack`; the innermost loops run
-over the columns, and so vectorise. `part` is a range (first, last) of columns, unsigned: with
-numbers that might be negative they would not vectorise.
+A table of filters is an array ``x`` (N_MOMENTS, n_columns): five rows of means, then the lower
+triangle of the covariance, row by row. A column is one filter of one lane (`bank.pack`); the
+innermost loops run over the columns, and so vectorise. ``columns`` is a range (first, last) of
+unsigned numbers: with signed ones the loops would not vectorise. ``work`` is the memory of
+`bank.pack`.
 
 Sources: Blom & Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian
-switching coefficients", IEEE Trans. Autom. Control 33(8), 1988, doi:10.1109/9.1299 (mixing);
-Jeffrey, "The Logic of Decision", McGraw-Hill 1965, ch. 11 (belief kinematics, here in `inform`).
+switching coefficients", IEEE Trans. Autom. Control 33(8), 1988, doi:10.1109/9.1299 (`mix`);
+Jeffrey, "The Logic of Decision", McGraw-Hill 1965, ch. 11 (`replace_severity`).
 """
 
 import math
+from typing import NamedTuple
+
+import numpy as np
 
 from auv_fault_env.compiling import inlined, scalar
 from auv_fault_env.noise import logarithm
 
 N_STATES = 5
 SEVERITY = N_STATES - 1
-SPREAD = N_STATES + SEVERITY * (SEVERITY + 3) // 2  # row of the severity's variance
-N_PACKED = SPREAD + 1
-CEILING = 36.0  # of a squared normalised innovation: what one outlier may say
-FARTHEST = 0.9  # of a deviation from the nominal vehicle, relative; healthy ones are within 0.1
+SEVERITY_VARIANCE = N_STATES + SEVERITY * (SEVERITY + 3) // 2  # row of a table of filters
+N_MOMENTS = SEVERITY_VARIANCE + 1
+MAX_SQUARED_INNOVATION = 36.0  # normalised: the weight of one outlier is bounded
+MAX_DEVIATION = 0.9  # from the nominal vehicle, relative; healthy vehicles are within 0.1
+MIN_VARIANCE = 1e-12  # of a severity; below, it is certain
 LOG_TWO_PI = math.log(2.0 * math.pi)
-LEAST_VARIANCE = 1e-12  # of a severity; below, it is known
+
+
+class Measurement(NamedTuple):
+    """One measurement of every filter.
+
+    gradient (N_STATES, n_columns), of the prediction by the states; innovation, variance (of the
+    noise) and available (1 or 0), each (n_columns,).
+    """
+
+    gradient: np.ndarray
+    innovation: np.ndarray
+    variance: np.ndarray
+    available: np.ndarray
 
 
 @scalar
-def entry(i, j):
+def covariance_row(i, j):
     """Row of the covariance of states i and j."""
     high = max(i, j)
     low = min(i, j)
@@ -34,124 +51,152 @@ def entry(i, j):
 
 
 @scalar
-def widened(variance, prior, walk):
-    """A severity's variance after a sample's random walk, which slows as it nears the prior's; zero stays zero."""
-    step = walk * max(0.0, 1.0 - variance / max(prior, LEAST_VARIANCE))
+def variance_after_walk(variance, prior, walk):
+    """Variance of a severity after one sample of its random walk; zero stays zero.
+
+    The walk slows down as the variance nears that of the prior.
+    """
+    step = walk * max(0.0, 1.0 - variance / max(prior, MIN_VARIANCE))
     return variance + step if variance > 0.0 else 0.0
 
 
 @inlined
-def mix(x, part, normal, share, centre, variance, walk):
-    """Merge each filter with its share of vehicles that have just left the lane's normal filter, `normal` (like x).
+def mix(x, columns, work, walk):
+    """Mix each filter with the normal filter of its lane, by ``work.mixing_probability``.
 
-    Newcomers have the prior's severity, mean `centre` and `variance`, each (n_columns,). Then the
-    severity walks.
+    That is the probability that the vehicle, if the hypothesis is true, left the normal hypothesis
+    at this sample. Its severity then has the moments ``work.prior``. Last, the severity walks.
     """
-    first, last = part
+    first, last = columns
+    normal = work.normal
+    probability = work.mixing_probability
+    prior_mean = work.prior[0]
+    prior_variance = work.prior[1]
     for i in range(N_STATES - 1, -1, -1):
         for j in range(i, -1, -1):
-            row = entry(i, j)
-            for f in range(first, last):
-                from_i = (centre[f] if i == SEVERITY else normal[i, f]) - x[i, f]
-                from_j = (centre[f] if j == SEVERITY else normal[j, f]) - x[j, f]
-                other = normal[row, f]
+            row = covariance_row(i, j)
+            for c in range(first, last):
+                mean_i = prior_mean[c] if i == SEVERITY else normal[i, c]
+                distance_i = mean_i - x[i, c]
+                mean_j = prior_mean[c] if j == SEVERITY else normal[j, c]
+                distance_j = mean_j - x[j, c]
+                covariance = normal[row, c]
                 if i == SEVERITY:
-                    other = variance[f] if j == SEVERITY else 0.0
-                keep = 1.0 - share[f]
-                x[row, f] = keep * x[row, f] + share[f] * (other + keep * from_i * from_j)
+                    covariance = prior_variance[c] if j == SEVERITY else 0.0
+                stay = 1.0 - probability[c]
+                stayed = stay * x[row, c]
+                switched = covariance + stay * distance_i * distance_j
+                x[row, c] = stayed + probability[c] * switched
     for i in range(N_STATES):
-        for f in range(first, last):
-            x[i, f] += share[f] * ((centre[f] if i == SEVERITY else normal[i, f]) - x[i, f])
-    for f in range(first, last):
-        x[SPREAD, f] = widened(x[SPREAD, f], variance[f], walk)
+        for c in range(first, last):
+            mean = prior_mean[c] if i == SEVERITY else normal[i, c]
+            x[i, c] += probability[c] * (mean - x[i, c])
+    for c in range(first, last):
+        variance = x[SEVERITY_VARIANCE, c]
+        x[SEVERITY_VARIANCE, c] = variance_after_walk(variance, prior_variance[c], walk)
 
 
 @inlined
-def inform(x, part, severity, variance, shift, growth):
-    """Give the severities the means and variances (n_columns,) learnt elsewhere; the other states follow.
+def replace_severity(x, columns, work):
+    """Replace mean and variance of the severities by ``work.severity``; the other states follow.
 
-    What they are at a given severity stays as it was (Jeffrey's rule): exact if the subsystems are
-    independent at a given severity. `shift` and `growth` are scratch.
+    Their distribution at a given severity stays (Jeffrey's rule), which is exact if the subsystems
+    are independent at a given severity.
     """
-    first, last = part
-    for f in range(first, last):
-        known = x[SPREAD, f]
-        scale = 1.0 / known if known > LEAST_VARIANCE else 0.0
-        shift[f] = (severity[f] - x[SEVERITY, f]) * scale
-        growth[f] = (variance[f] - known) * scale * scale
+    first, last = columns
+    mean = work.severity[0]
+    variance = work.severity[1]
+    shift = work.severity_shift
+    growth = work.variance_growth
+    for c in range(first, last):
+        before = x[SEVERITY_VARIANCE, c]
+        scale = 1.0 / before if before > MIN_VARIANCE else 0.0
+        shift[c] = (mean[c] - x[SEVERITY, c]) * scale
+        growth[c] = (variance[c] - before) * scale * scale
     for i in range(SEVERITY):
-        crossed = entry(SEVERITY, i)
-        for f in range(first, last):
-            x[i, f] += x[crossed, f] * shift[f]
+        row_i = covariance_row(SEVERITY, i)
+        for c in range(first, last):
+            x[i, c] += x[row_i, c] * shift[c]
         for j in range(i + 1):
-            row = entry(i, j)
-            other = entry(SEVERITY, j)
-            for f in range(first, last):
-                x[row, f] += x[crossed, f] * x[other, f] * growth[f]
+            row = covariance_row(i, j)
+            row_j = covariance_row(SEVERITY, j)
+            for c in range(first, last):
+                x[row, c] += x[row_i, c] * x[row_j, c] * growth[c]
     for i in range(SEVERITY):
-        crossed = entry(SEVERITY, i)
-        for f in range(first, last):
-            x[crossed, f] *= 1.0 + growth[f] * x[SPREAD, f]
-    for f in range(first, last):
-        x[SPREAD, f] += growth[f] * x[SPREAD, f] * x[SPREAD, f]
-        x[SEVERITY, f] = severity[f]
+        row_i = covariance_row(SEVERITY, i)
+        for c in range(first, last):
+            x[row_i, c] *= 1.0 + growth[c] * x[SEVERITY_VARIANCE, c]
+    for c in range(first, last):
+        before = x[SEVERITY_VARIANCE, c]
+        x[SEVERITY_VARIANCE, c] += growth[c] * before * before
+        x[SEVERITY, c] = mean[c]
 
 
 @inlined
-def bound(x, part, first_row):
-    """Keep the healthy deviations, from `first_row` on, where parameters keep their sign: far off, filters diverge."""
+def clip_deviations(x, columns, first_row):
+    """Keep the healthy deviations, from `first_row` on, where no parameter changes its sign."""
+    first, last = columns
     for i in range(first_row, SEVERITY):
-        for f in range(part[0], part[1]):
-            x[i, f] = min(max(x[i, f], -FARTHEST), FARTHEST)
+        for c in range(first, last):
+            x[i, c] = min(max(x[i, c], -MAX_DEVIATION), MAX_DEVIATION)
 
 
 @inlined
-def cross(x, part, gradient, crossed):
-    """Covariances (5, n_columns) of the states with a quantity of that gradient (5, n_columns)."""
-    first, last = part
-    for i in range(N_STATES):
-        a = entry(i, 0)
-        b = entry(i, 1)
-        c = entry(i, 2)
-        d = entry(i, 3)
-        e = entry(i, 4)
-        for f in range(first, last):
-            head = x[a, f] * gradient[0, f] + x[b, f] * gradient[1, f] + x[c, f] * gradient[2, f]
-            crossed[i, f] = head + x[d, f] * gradient[3, f] + x[e, f] * gradient[4, f]
+def covary(x, columns, gradient, covariance):
+    """Fill the covariances of the states with a quantity of that gradient.
 
-
-@inlined
-def condition(x, part, gradient, innovation, variance, delivered, crossed, gain, evidence):
-    """Condition on one measurement of every filter whose sensor has delivered (1, else 0); add its log density.
-
-    Gradient (5, n_columns); innovation and variance of the noise (n_columns,). An innovation beyond
-    six standard deviations counts as six: one outlier, or a moment that the model does not know,
-    must not decide.
+    Both (N_STATES, n_columns).
     """
-    first, last = part
-    cross(x, part, gradient, crossed)
-    for f in range(first, last):
-        head = (
-            gradient[0, f] * crossed[0, f]
-            + gradient[1, f] * crossed[1, f]
-            + gradient[2, f] * crossed[2, f]
-        )
-        total = variance[f] + head + gradient[3, f] * crossed[3, f] + gradient[4, f] * crossed[4, f]
-        # rounding must not make a covariance speak of less than no doubt
-        total = max(total, variance[f])
-        square = innovation[f] * innovation[f] / total
-        bounded = (
-            innovation[f]
-            if square <= CEILING
-            else math.copysign(math.sqrt(CEILING * total), innovation[f])
-        )
-        evidence[f] -= delivered[f] * 0.5 * (LOG_TWO_PI + logarithm(total) + min(square, CEILING))
-        innovation[f] = bounded
-        gain[f] = delivered[f] / total
+    first, last = columns
     for i in range(N_STATES):
-        for f in range(first, last):
-            x[i, f] += gain[f] * crossed[i, f] * innovation[f]
+        row_0 = covariance_row(i, 0)
+        row_1 = covariance_row(i, 1)
+        row_2 = covariance_row(i, 2)
+        row_3 = covariance_row(i, 3)
+        row_4 = covariance_row(i, 4)
+        for c in range(first, last):
+            total = x[row_0, c] * gradient[0, c]
+            total += x[row_1, c] * gradient[1, c]
+            total += x[row_2, c] * gradient[2, c]
+            total += x[row_3, c] * gradient[3, c]
+            total += x[row_4, c] * gradient[4, c]
+            covariance[i, c] = total
+
+
+@inlined
+def condition(x, columns, measurement, work):
+    """Condition every filter on a measurement where available; add its log density to the evidence.
+
+    An innovation beyond six standard deviations counts as six: one outlier, or a moment that the
+    model does not describe, must not decide.
+    """
+    first, last = columns
+    gradient, innovation, variance, available = measurement
+    covariance = work.covariance
+    gain = work.gain
+    covary(x, columns, gradient, covariance)
+    for c in range(first, last):
+        by_states = gradient[0, c] * covariance[0, c]
+        by_states += gradient[1, c] * covariance[1, c]
+        by_states += gradient[2, c] * covariance[2, c]
+        total = variance[c] + by_states
+        total += gradient[3, c] * covariance[3, c]
+        total += gradient[4, c] * covariance[4, c]
+        # rounding must not make the states' part of the variance negative
+        total = max(total, variance[c])
+        square = innovation[c] * innovation[c] / total
+        bounded = innovation[c]
+        if square > MAX_SQUARED_INNOVATION:
+            largest = math.sqrt(MAX_SQUARED_INNOVATION * total)
+            bounded = math.copysign(largest, innovation[c])
+        misfit = LOG_TWO_PI + logarithm(total) + min(square, MAX_SQUARED_INNOVATION)
+        work.evidence[c] -= available[c] * 0.5 * misfit
+        innovation[c] = bounded
+        gain[c] = available[c] / total
+    for i in range(N_STATES):
+        for c in range(first, last):
+            x[i, c] += gain[c] * covariance[i, c] * innovation[c]
         for j in range(i + 1):
-            row = entry(i, j)
-            for f in range(first, last):
-                x[row, f] -= gain[f] * crossed[i, f] * crossed[j, f]
+            row = covariance_row(i, j)
+            for c in range(first, last):
+                x[row, c] -= gain[c] * covariance[i, c] * covariance[j, c]

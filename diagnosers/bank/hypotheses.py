@@ -1,4 +1,4 @@
-"""What a filter bank holds possible: the normal vehicle, and every fault of the catalogue in some grades of severity.
+"""The hypotheses of a filter bank: the normal vehicle, and every fault in some grades of severity.
 
 The vehicle falls into three subsystems, surge and the two motors. Each is observed by a small
 filter of its own, and a hypothesis has one in every subsystem that its fault touches; elsewhere it
@@ -10,120 +10,177 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.faults import CATALOGUE, classes, matrices
+from auv_fault_env.faults import CATALOGUE, Fault, classes, matrices
 from auv_fault_env.parameters import HULL, PARAMETERS, SENSOR, SHAFT, SIDES
 
 SURGE, PORT, STARBOARD = range(3)
+N_SUBSYSTEMS = 3
 
 
-def _sensors(*channels: str) -> tuple[str, ...]:
+def _of_sensors(*channels: str) -> tuple[str, ...]:
+    """The parameters of these sensors."""
     return tuple(f"{channel}_{name}" for channel in channels for name in SENSOR)
 
 
-# The parameters of a subsystem, in the order in which its filter reads them, and those that it sees
-# through the others.
-OWN: dict[int, tuple[str, ...]] = {
-    SURGE: (*HULL, *(f"{side}_beta" for side in SIDES), *_sensors("speed", "acceleration")),
-    **{
-        subsystem: (
-            *(f"{side}_{name}" for name in SHAFT if name != "beta"),
-            *_sensors(f"{side}_voltage", f"{side}_current", f"{side}_rpm"),
-        )
-        for subsystem, side in zip((PORT, STARBOARD), SIDES, strict=True)
-    },
+def _of_motor(side: str) -> tuple[str, ...]:
+    """The parameters of a motor, its propeller's torque and its three sensors."""
+    shaft = tuple(f"{side}_{name}" for name in SHAFT if name != "beta")
+    return shaft + _of_sensors(f"{side}_voltage", f"{side}_current", f"{side}_rpm")
+
+
+# the parameters of each subsystem, in the order of the rows of its filters
+OWN_PARAMETERS: dict[int, tuple[str, ...]] = {
+    SURGE: (*HULL, *(f"{side}_beta" for side in SIDES), *_of_sensors("speed", "acceleration")),
+    PORT: _of_motor("port"),
+    STARBOARD: _of_motor("starboard"),
 }
-SEEN: dict[int, tuple[str, ...]] = {
-    SURGE: _sensors(*(f"{side}_rpm" for side in SIDES)),
-    PORT: _sensors("speed"),
-    STARBOARD: _sensors("speed"),
+# the parameters of the sensors from which a subsystem takes what another one determines
+INPUT_PARAMETERS: dict[int, tuple[str, ...]] = {
+    SURGE: _of_sensors(*(f"{side}_rpm" for side in SIDES)),
+    PORT: _of_sensors("speed"),
+    STARBOARD: _of_sensors("speed"),
 }
-N_ROWS = max(map(len, OWN.values()))
+N_PARAMETER_ROWS = max(map(len, OWN_PARAMETERS.values()))
 
 
 class HypothesisTable(NamedTuple):
-    """The hypotheses as the kernel reads them.
+    """The hypotheses as arrays for the kernel.
 
     Hypothesis 0 is the normal vehicle, as is the first filter of each subsystem.
-    log_hazard (n_hypotheses,): logarithm of the chance per sample that a normal vehicle turns to
-    it. diagnosis (n_hypotheses,): index of its class. grade (n_hypotheses,): index of its grade of
-    severity. first (4,): the filters of subsystem m are first[m] to first[m + 1]. hypothesis
-    (n_filters,): whose filter it is. slot (3, n_hypotheses): the filter of each hypothesis in each
-    subsystem. rows (3, N_ROWS): which of `PARAMETERS` a subsystem reads. slope, offset (N_ROWS,
-    n_filters): what severity 1 adds to these parameters, as a share of the healthy value and
-    plainly. owns_speed (n_filters,): a motor's filter takes the surge speed from its own
-    hypothesis, whose paddle wheel fails.
+
+    Attributes
+    ----------
+    log_hazard
+        (n_hypotheses,), log probability per sample that a normal vehicle turns to it.
+    class_index
+        (n_hypotheses,), index of its diagnosis class.
+    grade
+        (n_hypotheses,), index of its grade of severity.
+    first_filter
+        (4,): the filters of subsystem m are first_filter[m] to before first_filter[m + 1].
+    hypothesis
+        (n_filters,), the hypothesis of each filter.
+    filter
+        (3, n_hypotheses), the filter of each hypothesis in each subsystem.
+    parameter
+        (3, N_PARAMETER_ROWS), index in `PARAMETERS` of each row of a subsystem.
+    slope, offset
+        (N_PARAMETER_ROWS, n_filters), what severity 1 adds to a parameter, as a share of the
+        healthy value and absolutely.
+    estimates_speed
+        (n_filters,), whether a motor's filter takes the surge speed from the surge filter of its
+        hypothesis, because the paddle wheel is faulty, and not from the reading.
     """
 
     log_hazard: np.ndarray
-    diagnosis: np.ndarray
+    class_index: np.ndarray
     grade: np.ndarray
-    first: np.ndarray
+    first_filter: np.ndarray
     hypothesis: np.ndarray
-    slot: np.ndarray
-    rows: np.ndarray
+    filter: np.ndarray
+    parameter: np.ndarray
     slope: np.ndarray
     offset: np.ndarray
-    owns_speed: np.ndarray
+    estimates_speed: np.ndarray
+
+
+_tables: dict[tuple[int, float, tuple[str, ...]], tuple[tuple[Fault, ...], HypothesisTable]] = {}
+
+
+def current_table(n_grades: int, hazard: float, faults: tuple[str, ...]) -> HypothesisTable:
+    """`hypothesis_table` of the catalogue as it is now, built anew only when that has changed."""
+    key = n_grades, hazard, faults
+    catalogue = tuple(CATALOGUE.values())
+    known_catalogue, table = _tables.get(key, (None, None))
+    if table is None or known_catalogue != catalogue:
+        table = hypothesis_table(n_grades, hazard, faults)
+        _tables[key] = catalogue, table
+    return table
+
+
+def hypothesis_table(n_grades: int, hazard: float, faults: Sequence[str]) -> HypothesisTable:
+    """The table of these faults, ``1 + n_faults * n_grades`` hypotheses.
+
+    Parameters
+    ----------
+    n_grades
+        Grades of severity.
+    hazard
+        Probability per sample that a normal vehicle turns to any of the faults.
+    faults
+        Names in the catalogue.
+    """
+    diagnoses = [CATALOGUE[name].diagnosis for name in faults]
+    class_names = list(classes())
+    class_of_fault = np.array([class_names.index(name) for name in diagnoses], np.int64)
+    fault = np.repeat(np.arange(len(faults)), n_grades)
+    grade = np.tile(np.arange(n_grades), len(faults))
+    n_hypotheses = 1 + fault.size
+    filter_of = np.zeros((N_SUBSYSTEMS, n_hypotheses), np.int64)
+    parameter = np.zeros((N_SUBSYSTEMS, N_PARAMETER_ROWS), np.int64)
+    first_filter = [0]
+    hypothesis = []
+    slope = []
+    offset = []
+    estimates_speed = []
+    speed_fault = _touched(faults, _of_sensors("speed"))
+    for subsystem, names in OWN_PARAMETERS.items():
+        touched = _touched(faults, names + INPUT_PARAMETERS[subsystem])
+        faulty = 1 + np.flatnonzero(touched[fault])
+        with_filter = np.concatenate([[0], faulty])
+        fault_of_filter = fault[faulty - 1]
+        filter_of[subsystem] = first_filter[-1]
+        filter_of[subsystem, with_filter] = first_filter[-1] + np.arange(with_filter.size)
+        parameter[subsystem, : len(names)] = _indices(names)
+        subsystem_slope, subsystem_offset = _effects(faults, fault_of_filter, names)
+        slope.append(subsystem_slope)
+        offset.append(subsystem_offset)
+        estimates_speed.append(np.concatenate([[False], speed_fault[fault_of_filter]]))
+        hypothesis.append(with_filter)
+        first_filter.append(first_filter[-1] + with_filter.size)
+    return HypothesisTable(
+        log_hazard=_log_hazard(diagnoses, n_grades, hazard),
+        class_index=np.concatenate([[0], class_of_fault[fault]]),
+        grade=np.concatenate([[0], grade]),
+        first_filter=np.array(first_filter, np.uint64),  # unsigned, so that loops vectorise
+        hypothesis=np.concatenate(hypothesis),
+        filter=filter_of,
+        parameter=parameter,
+        slope=np.concatenate(slope).T.copy(),
+        offset=np.concatenate(offset).T.copy(),
+        estimates_speed=np.concatenate(estimates_speed),
+    )
 
 
 def _log_hazard(diagnoses: list[str], n_grades: int, hazard: float) -> np.ndarray:
     """Hazard shared evenly by the classes, then by the faults of a class, then by the grades."""
-    share = [
-        hazard / (len(set(diagnoses)) * diagnoses.count(name) * n_grades) for name in diagnoses
-    ]
+    n_classes = len(set(diagnoses))
+    share = [hazard / (n_classes * diagnoses.count(name) * n_grades) for name in diagnoses]
     return np.log(np.concatenate([[1.0 - hazard], np.repeat(share, n_grades)]))
 
 
 def _touched(faults: Sequence[str], names: tuple[str, ...]) -> np.ndarray:
-    """Which faults change one of these parameters, (n_faults,)."""
+    """Whether each fault changes one of these parameters, (n_faults,)."""
     changed = ({*CATALOGUE[name].scale, *CATALOGUE[name].offset} for name in faults)
     return np.array([not parameters.isdisjoint(names) for parameters in changed])
 
 
-def hypothesis_table(n_grades: int, hazard: float, faults: Sequence[str]) -> HypothesisTable:
-    """The hypotheses of these faults, ``1 + n_faults * n_grades``; hazard is that of all of them per sample."""
+def _indices(names: tuple[str, ...]) -> list[int]:
+    """Indices of these parameters in `PARAMETERS`."""
     order = list(PARAMETERS)
-    diagnoses = [CATALOGUE[name].diagnosis for name in faults]
-    chosen = [list(CATALOGUE).index(name) for name in faults]
-    scale, shift = (effect[chosen] for effect in matrices()[:2])
-    n_hypotheses = 1 + len(faults) * n_grades
-    fault = np.repeat(np.arange(len(faults)), n_grades)
-    slot = np.zeros((3, n_hypotheses), np.int64)
-    rows = np.zeros((3, N_ROWS), np.int64)
-    first = [0]
-    hypothesis = []
-    slope = []
-    offset = []
-    owns_speed = []
-    for subsystem, names in OWN.items():
-        owners = np.concatenate(
-            [[0], 1 + np.flatnonzero(_touched(faults, names + SEEN[subsystem])[fault])]
-        )
-        slot[subsystem] = first[-1]
-        slot[subsystem, owners] = first[-1] + np.arange(owners.size)
-        rows[subsystem, : len(names)] = [order.index(name) for name in names]
-        effects = np.zeros((2, owners.size, N_ROWS))
-        effects[0, 1:, : len(names)] = (scale - 1.0)[fault[owners[1:] - 1]][
-            :, rows[subsystem, : len(names)]
-        ]
-        effects[1, 1:, : len(names)] = shift[fault[owners[1:] - 1]][
-            :, rows[subsystem, : len(names)]
-        ]
-        slope.append(effects[0])
-        offset.append(effects[1])
-        owns_speed.append(
-            np.concatenate([[False], _touched(faults, _sensors("speed"))[fault[owners[1:] - 1]]])
-        )
-        hypothesis.append(owners)
-        first.append(first[-1] + owners.size)
-    names = list(classes())
-    return HypothesisTable(
-        _log_hazard(diagnoses, n_grades, hazard),
-        np.concatenate([[0], np.array([names.index(name) for name in diagnoses])[fault]]),
-        np.concatenate([[0], np.tile(np.arange(n_grades), len(faults))]),
-        np.array(first, np.uint64),  # unsigned, so that loops over filters vectorise
-        np.concatenate(hypothesis),
-        slot,
-        rows,
-        *(np.concatenate(parts).T.copy() for parts in (slope, offset, owns_speed)),
-    )
+    return [order.index(name) for name in names]
+
+
+def _effects(
+    faults: Sequence[str], fault_of_filter: np.ndarray, names: tuple[str, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Slope and offset of a subsystem, (n_filters, N_PARAMETER_ROWS); zero of the first filter."""
+    catalogue_row = [list(CATALOGUE).index(name) for name in faults]
+    rows = np.array(catalogue_row)[fault_of_filter, None]
+    columns = _indices(names)
+    effects = matrices()
+    slope = np.zeros((1 + fault_of_filter.size, N_PARAMETER_ROWS))
+    offset = np.zeros_like(slope)
+    slope[1:, : len(names)] = effects.scale[rows, columns] - 1.0
+    offset[1:, : len(names)] = effects.offset[rows, columns]
+    return slope, offset

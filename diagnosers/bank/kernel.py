@@ -1,4 +1,4 @@
-"""The loops of the filter bank: hypotheses and their filters on every lane, and the belief that follows."""
+"""The kernel of the filter bank: hypotheses and their filters on every lane, and the belief."""
 
 import math
 from typing import NamedTuple
@@ -9,35 +9,48 @@ from auv_fault_env.channels import READINGS
 from auv_fault_env.compiling import inlined, kernel, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import RPM
-from diagnosers.bank import motor, surge
-from diagnosers.bank.algebra import N_PACKED, SEVERITY, SPREAD, bound, entry, inform, mix, widened
-from diagnosers.bank.hypotheses import N_ROWS, PORT, STARBOARD, SURGE
-from diagnosers.bank.pack import columns_of, spread
-from diagnosers.bank.sensors import N_READINGS, look
+from diagnosers.bank import algebra, motor, surge
+from diagnosers.bank.algebra import N_MOMENTS, SEVERITY, SEVERITY_VARIANCE
+from diagnosers.bank.hypotheses import N_PARAMETER_ROWS, PORT, STARBOARD, SURGE
+from diagnosers.bank.pack import broadcast, columns_of
+from diagnosers.bank.sensors import N_READINGS, fill_sample
 
-RUN_IN = 60.0  # s of constant hazard; then it falls as 1/age: who has run so long is likely sound
+CONSTANT_HAZARD_TIME = 60.0  # s; then the hazard falls as 1/age: an old vehicle is likely sound
 IMPOSSIBLE = -1e30  # log probability of a class without hypotheses: finite, also as float32
-# first, by subsystem
-MOTOR_READING = (0, READINGS.index("port_voltage"), READINGS.index("starboard_voltage"))
-motor_update = motor.update
-surge_update = surge.update
+SPEED_CHANNEL = READINGS.index("speed")
+# first, by subsystem: voltage, then current and rpm
+MOTOR_CHANNEL = (0, READINGS.index("port_voltage"), READINGS.index("starboard_voltage"))
+# rows of `BankState.severity` and of `BankState.prior`
+MEAN, VARIANCE, LEAST = range(3)
 
 
 class BankState(NamedTuple):
-    """What a bank knows, lane first.
+    """State of a bank, lane first.
 
-    log_weight (n_lanes, n_hypotheses): log probabilities. severity (n_lanes, 2, n_hypotheses): mean
-    and variance. filters (n_lanes, 20, n_filters): means and packed covariances of five states.
-    turning (n_lanes, n_filters): the shaft speed [rad/s] that each motor filter believes in.
-    readings (n_lanes, 8): the last ones heard, NaN before. healthy (n_lanes, n_parameters): the
-    vehicle without its fault. prior (n_lanes, 3, n_grades): mean, variance and least value of the
-    severity by grade. age (n_lanes,): samples so far.
+    Attributes
+    ----------
+    log_posterior
+        (n_lanes, n_hypotheses), log probabilities.
+    severity
+        (n_lanes, 2, n_hypotheses), mean and variance.
+    filters
+        (n_lanes, N_MOMENTS, n_filters), means and packed covariances of five states.
+    shaft_speed
+        (n_lanes, n_filters), estimate of each motor filter [rad/s]; NaN before the first sample.
+    readings
+        (n_lanes, N_READINGS), the last ones, NaN before any.
+    healthy
+        (n_lanes, n_parameters), the vehicle without its fault.
+    prior
+        (n_lanes, 3, n_grades), mean, variance and least value of the severity by grade.
+    age
+        (n_lanes,), samples so far.
     """
 
-    log_weight: np.ndarray
+    log_posterior: np.ndarray
     severity: np.ndarray
     filters: np.ndarray
-    turning: np.ndarray
+    shaft_speed: np.ndarray
     readings: np.ndarray
     healthy: np.ndarray
     prior: np.ndarray
@@ -45,206 +58,219 @@ class BankState(NamedTuple):
 
 
 @scalar
-def log_sum(one, other):
-    """Logarithm of the sum of two numbers given by their logarithms."""
-    high = max(one, other)
-    low = min(one, other)
+def log_sum(log_a, log_b):
+    """Logarithm of the sum of two numbers, of which the logarithms are known."""
+    high = max(log_a, log_b)
+    low = min(log_a, log_b)
     return high + math.log1p(math.exp(low - high)) if low > -np.inf else high
 
 
 @inlined
-def switch(old, new, table, walk, newcomers):
-    """Let normal vehicles turn faulty: weights, severities, and every hypothesis' share of newcomers.
+def switch_hypotheses(old, new, table, walk, switch_probability):
+    """Let a normal vehicle turn faulty: log probabilities and severities of one lane.
 
-    The hazard falls with age. A constant one would give the vehicle up in the end, by exp(-hazard)
-    per sample, to any fault that is too slight to be told from the healthy band.
+    Fill the probability of each hypothesis that, if it is true, it began at this sample. The hazard
+    falls with age: a constant one would in the end, by exp(-hazard) per sample, move the posterior
+    from normal to any fault too slight to be distinguished from the healthy band.
     """
-    seasoned = max(1.0, old.age * SAMPLE_TIME / RUN_IN)
-    new.log_weight[0] = old.log_weight[0] + table.log_hazard[0] / seasoned
+    relative_age = max(1.0, old.age * SAMPLE_TIME / CONSTANT_HAZARD_TIME)
+    new.log_posterior[0] = old.log_posterior[0] + table.log_hazard[0] / relative_age
     new.severity[:, 0] = 0.0
-    newcomers[0] = 0.0
-    for j in range(1, table.log_hazard.size):
-        joining = old.log_weight[0] + table.log_hazard[j] - math.log(seasoned)
-        new.log_weight[j] = log_sum(old.log_weight[j], joining)
-        share = math.exp(joining - new.log_weight[j])
-        centre = old.prior[0, table.grade[j]]
-        variance = old.prior[1, table.grade[j]]
-        away = centre - old.severity[0, j]
-        keep = 1.0 - share
-        new.severity[0, j] = old.severity[0, j] + share * away
-        merged = keep * old.severity[1, j] + share * (variance + keep * away * away)
-        new.severity[1, j] = widened(merged, variance, walk)
-        newcomers[j] = share
+    switch_probability[0] = 0.0
+    for h in range(1, table.log_hazard.size):
+        log_switched = old.log_posterior[0] + table.log_hazard[h] - math.log(relative_age)
+        new.log_posterior[h] = log_sum(old.log_posterior[h], log_switched)
+        probability = math.exp(log_switched - new.log_posterior[h])
+        prior_mean = old.prior[MEAN, table.grade[h]]
+        prior_variance = old.prior[VARIANCE, table.grade[h]]
+        distance = prior_mean - old.severity[MEAN, h]
+        stay = 1.0 - probability
+        new.severity[MEAN, h] = old.severity[MEAN, h] + probability * distance
+        stayed = stay * old.severity[VARIANCE, h]
+        variance = stayed + probability * (prior_variance + stay * distance * distance)
+        new.severity[VARIANCE, h] = algebra.variance_after_walk(variance, prior_variance, walk)
+        switch_probability[h] = probability
 
 
 @inlined
-def take(m, old, table, work):
-    """Fill the columns of subsystem m from the lanes' filters and healthy vehicles."""
+def gather(subsystem, old, table, work):
+    """Fill the columns of a subsystem from the lanes' filters and healthy vehicles."""
     n_lanes = np.uint64(old.age.size)
-    first = table.first[m]
-    last = table.first[m + 1]
-    part = columns_of(m, table, n_lanes)
-    for i in range(N_PACKED):
-        for p in range(n_lanes):
+    first = table.first_filter[subsystem]
+    last = table.first_filter[subsystem + 1]
+    columns = columns_of(subsystem, table, n_lanes)
+    for i in range(N_MOMENTS):
+        for lane in range(n_lanes):
             for f in range(first, last):
-                work.filters[i, f * n_lanes + p] = old.filters[p, i, f]
+                work.filters[i, f * n_lanes + lane] = old.filters[lane, i, f]
     for i in range(SEVERITY):
-        spread(old.filters[:, i, first], part, work.normal[i])
+        broadcast(old.filters[:, i, first], columns, work.normal[i])
         for j in range(i + 1):
-            spread(old.filters[:, entry(i, j), first], part, work.normal[entry(i, j)])
-    for r in range(N_ROWS):
-        spread(old.healthy[:, table.rows[m, r]], part, work.base[r])
+            row = algebra.covariance_row(i, j)
+            broadcast(old.filters[:, row, first], columns, work.normal[row])
+    for r in range(N_PARAMETER_ROWS):
+        broadcast(old.healthy[:, table.parameter[subsystem, r]], columns, work.healthy[r])
 
 
 @inlined
-def give(new, work):
-    """Fill the lanes' filters from all columns; `turning` is told by motors alone, and stays zero in others."""
+def scatter(new, work):
+    """Fill the lanes' filters and shaft speeds from all columns; 0 is that of surge filters."""
     n_lanes = np.uint64(new.age.size)
-    n_filters = np.uint64(new.turning.shape[1])
-    for p in range(n_lanes):
+    n_filters = np.uint64(new.shaft_speed.shape[1])
+    for lane in range(n_lanes):
         for f in range(n_filters):
-            new.turning[p, f] = work.turning[f * n_lanes + p]
-        for i in range(N_PACKED):
+            new.shaft_speed[lane, f] = work.shaft_speed[f * n_lanes + lane]
+        for i in range(N_MOMENTS):
             for f in range(n_filters):
-                new.filters[p, i, f] = work.filters[i, f * n_lanes + p]
+                new.filters[lane, i, f] = work.filters[i, f * n_lanes + lane]
 
 
 @inlined
-def recall(m, old, new, table, walk, work):
-    """Bring the filters of subsystem m from the last sample to this one's switching and severities."""
+def mix_filters(subsystem, old, new, table, walk, work):
+    """Fill the columns of a subsystem: filters mixed with the normal one, severities updated."""
     n_lanes = np.uint64(old.age.size)
     x = work.filters
-    part = columns_of(m, table, n_lanes)
-    take(m, old, table, work)
-    for p in range(n_lanes):
-        for f in range(table.first[m], table.first[m + 1]):
-            column = f * n_lanes + p
-            j = table.hypothesis[f]
-            grade = table.grade[j]
-            work.prior[0, column] = old.prior[p, 0, grade]
-            work.prior[1, column] = old.prior[p, 1, grade]
-            work.severity[0, column] = old.severity[p, 0, j]
-            work.severity[1, column] = old.severity[p, 1, j]
-            work.share[column] = work.newcomers[p, j]
-            work.evidence[column] = 0.0
-    inform(x, part, work.severity[0], work.severity[1], work.shift, work.growth)
-    mix(x, part, work.normal, work.share, work.prior[0], work.prior[1], walk)
-    for p in range(n_lanes):
-        for f in range(table.first[m], table.first[m + 1]):
-            column = f * n_lanes + p
-            j = table.hypothesis[f]
-            work.severity[0, column] = new.severity[p, 0, j]
-            work.severity[1, column] = new.severity[p, 1, j]
-    inform(x, part, work.severity[0], work.severity[1], work.shift, work.growth)
+    columns = columns_of(subsystem, table, n_lanes)
+    gather(subsystem, old, table, work)
+    for lane in range(n_lanes):
+        for f in range(table.first_filter[subsystem], table.first_filter[subsystem + 1]):
+            c = f * n_lanes + lane
+            h = table.hypothesis[f]
+            grade = table.grade[h]
+            work.prior[MEAN, c] = old.prior[lane, MEAN, grade]
+            work.prior[VARIANCE, c] = old.prior[lane, VARIANCE, grade]
+            work.severity[MEAN, c] = old.severity[lane, MEAN, h]
+            work.severity[VARIANCE, c] = old.severity[lane, VARIANCE, h]
+            work.mixing_probability[c] = work.switch_probability[lane, h]
+            work.evidence[c] = 0.0
+    algebra.replace_severity(x, columns, work)
+    algebra.mix(x, columns, work, walk)
+    for lane in range(n_lanes):
+        for f in range(table.first_filter[subsystem], table.first_filter[subsystem + 1]):
+            c = f * n_lanes + lane
+            h = table.hypothesis[f]
+            work.severity[MEAN, c] = new.severity[lane, MEAN, h]
+            work.severity[VARIANCE, c] = new.severity[lane, VARIANCE, h]
+    algebra.replace_severity(x, columns, work)
 
 
 @inlined
-def learn(m, new, table, work):
-    """Tell the hypotheses what their filters of subsystem m have learnt of the severity."""
+def update_severity(subsystem, new, table, work):
+    """Set the severities of the hypotheses to those that their filters of a subsystem have now."""
     n_lanes = np.uint64(new.age.size)
     x = work.filters
-    for p in range(n_lanes):
-        for f in range(table.first[m] + np.uint64(1), table.first[m + 1]):
-            column = f * n_lanes + p
-            j = table.hypothesis[f]
-            new.severity[p, 0, j] = min(
-                max(x[SEVERITY, column], new.prior[p, 2, table.grade[j]]), 1.0
-            )
-            new.severity[p, 1, j] = x[SPREAD, column]
+    first_faulty = table.first_filter[subsystem] + np.uint64(1)
+    for lane in range(n_lanes):
+        for f in range(first_faulty, table.first_filter[subsystem + 1]):
+            c = f * n_lanes + lane
+            h = table.hypothesis[f]
+            mean = max(x[SEVERITY, c], new.prior[lane, LEAST, table.grade[h]])
+            new.severity[lane, MEAN, h] = min(mean, 1.0)
+            new.severity[lane, VARIANCE, h] = x[SEVERITY_VARIANCE, c]
 
 
 @inlined
-def update_motor(m, old, new, seen, table, constants, work):
-    """All filters of one motor."""
+def update_motor(subsystem, old, new, sample, table, constants, work):
+    """Take all filters of one motor through a sample."""
     n_lanes = np.uint64(old.age.size)
-    rpm = MOTOR_READING[m] + 2
-    part = columns_of(m, table, n_lanes)
-    recall(m, old, new, table, constants.walk, work)
-    for p in range(n_lanes):
-        predicted = old.turning[p, table.first[m]] * RPM  # of the normal vehicle
-        if seen.silent[rpm, p] and not math.isnan(predicted):
-            seen.reading[rpm, p] = predicted
-        for f in range(table.first[m], table.first[m + 1]):
-            column = f * n_lanes + p
-            own = table.slot[SURGE, table.hypothesis[f]]
-            before = old.turning[p, f]
-            before = seen.reading[rpm, p] / RPM if math.isnan(before) else before
-            work.start[column] = max(before, 0.0)
-            deaf = table.owns_speed[f] or seen.silent[0, p]
-            work.speed[column] = old.filters[p, 0, own] if deaf else seen.reading[0, p]
-    motor_update(work.filters, part, seen, MOTOR_READING[m], constants.water, work)
-    bound(work.filters, part, 0)
-    learn(m, new, table, work)
+    channel = MOTOR_CHANNEL[subsystem]
+    rpm_channel = channel + motor.OF_RPM
+    columns = columns_of(subsystem, table, n_lanes)
+    mix_filters(subsystem, old, new, table, constants.walk, work)
+    for lane in range(n_lanes):
+        of_normal = old.shaft_speed[lane, table.first_filter[subsystem]] * RPM
+        if sample.silent[rpm_channel, lane] and not math.isnan(of_normal):
+            sample.reading[rpm_channel, lane] = of_normal
+        for f in range(table.first_filter[subsystem], table.first_filter[subsystem + 1]):
+            c = f * n_lanes + lane
+            before = old.shaft_speed[lane, f]
+            if math.isnan(before):
+                before = sample.reading[rpm_channel, lane] / RPM
+            work.shaft_speed_before[c] = max(before, 0.0)
+            if table.estimates_speed[f] or sample.silent[SPEED_CHANNEL, lane]:
+                surge_filter = table.filter[SURGE, table.hypothesis[f]]
+                work.surge_speed[c] = old.filters[lane, surge.U, surge_filter]
+            else:
+                work.surge_speed[c] = sample.reading[SPEED_CHANNEL, lane]
+    motor.update(work.filters, columns, sample, channel, constants.water, work)
+    algebra.clip_deviations(work.filters, columns, 0)
+    update_severity(subsystem, new, table, work)
 
 
 @inlined
-def take_shaft(shaft, m, old, table, work):
-    """Fill what each surge filter believes of one shaft, (4, n_columns) as in `bank_surge.NOW`."""
+def gather_shaft(shaft, subsystem, old, table, work):
+    """Fill a motor's shaft speeds for each surge filter, (4, n_columns), see `surge.RPM_NOW`."""
     n_lanes = np.uint64(old.age.size)
-    for p in range(n_lanes):
-        for f in range(table.first[SURGE], table.first[SURGE + 1]):
-            own = np.uint64(table.slot[m, table.hypothesis[f]])
-            column = f * n_lanes + p
-            motor = own * n_lanes + p
-            before = old.turning[p, own]
-            shaft[0, column] = work.turning[motor] * RPM
-            shaft[1, column] = shaft[0, column] if math.isnan(before) else before * RPM
-            shaft[2, column] = work.turning_slope[motor] * RPM
-            shaft[3, column] = work.turning_noise[motor]
+    for lane in range(n_lanes):
+        for f in range(table.first_filter[SURGE], table.first_filter[SURGE + 1]):
+            motor_filter = np.uint64(table.filter[subsystem, table.hypothesis[f]])
+            c = f * n_lanes + lane
+            motor_column = motor_filter * n_lanes + lane
+            before = old.shaft_speed[lane, motor_filter]
+            now = work.shaft_speed[motor_column] * RPM
+            shaft[surge.RPM_NOW, c] = now
+            shaft[surge.RPM_BEFORE, c] = now if math.isnan(before) else before * RPM
+            shaft[surge.RPM_SLOPE, c] = work.shaft_speed_slope[motor_column] * RPM
+            shaft[surge.RPM_STD, c] = work.shaft_speed_noise[motor_column]
 
 
 @inlined
-def update_surge(old, new, seen, table, constants, work):
-    """All surge filters."""
-    part = columns_of(SURGE, table, old.age.size)
-    recall(SURGE, old, new, table, constants.walk, work)
-    for m, shaft in ((PORT, work.port), (STARBOARD, work.starboard)):
-        take_shaft(shaft, m, old, table, work)
-    surge_update(work.filters, part, seen, work.port, work.starboard, constants, work)
-    bound(work.filters, part, 2)  # behind speed and disturbance
-    learn(SURGE, new, table, work)
+def update_surge(old, new, sample, table, constants, work):
+    """Take all surge filters through a sample."""
+    columns = columns_of(SURGE, table, old.age.size)
+    mix_filters(SURGE, old, new, table, constants.walk, work)
+    for subsystem, shaft in ((PORT, work.port), (STARBOARD, work.starboard)):
+        gather_shaft(shaft, subsystem, old, table, work)
+    surge.update(work.filters, columns, sample, constants, work)
+    algebra.clip_deviations(work.filters, columns, surge.DRAG)
+    update_severity(SURGE, new, table, work)
 
 
 @inlined
-def weigh(log_weight, slot, evidence):
-    """Bayes' rule over the hypotheses, normalised."""
-    top = -np.inf
+def update_posterior(log_posterior, filter_of, evidence):
+    """Bayes' rule over the hypotheses of one lane, normalised."""
+    highest = -np.inf
     total = 0.0
-    for j in range(log_weight.size):
-        log_weight[j] += evidence[slot[0, j]] + evidence[slot[1, j]] + evidence[slot[2, j]]
-        top = max(top, log_weight[j])
-    for j in range(log_weight.size):
-        total += math.exp(log_weight[j] - top)
-    for j in range(log_weight.size):
-        log_weight[j] -= top + math.log(total)
+    for h in range(log_posterior.size):
+        log_likelihood = evidence[filter_of[SURGE, h]]
+        log_likelihood += evidence[filter_of[PORT, h]]
+        log_likelihood += evidence[filter_of[STARBOARD, h]]
+        log_posterior[h] += log_likelihood
+        highest = max(highest, log_posterior[h])
+    for h in range(log_posterior.size):
+        total += math.exp(log_posterior[h] - highest)
+    for h in range(log_posterior.size):
+        log_posterior[h] -= highest + math.log(total)
 
 
 @inlined
-def summarise(log_weight, severity, diagnosis, log_probability, mean, std):
-    """Fill a lane's belief: sums over the hypotheses of a class, and the mixture's moments of the severity."""
+def fill_belief(log_posterior, severity, class_index, log_probability, mean, std):
+    """Fill a lane's belief: sums over the hypotheses of a class, and moments of its severity."""
     log_probability[:] = IMPOSSIBLE
     mean[:] = 0.0
     std[:] = 0.0
-    for j in range(log_weight.size):
-        log_probability[diagnosis[j]] = log_sum(log_probability[diagnosis[j]], log_weight[j])
-    for j in range(1, log_weight.size):
-        share = math.exp(log_weight[j] - log_probability[diagnosis[j]])
-        s = severity[0, j]
-        mean[diagnosis[j]] += share * s
-        std[diagnosis[j]] += share * (s * s + severity[1, j])
-    for c in range(mean.size):
-        mean[c] = min(mean[c], 1.0)
-        std[c] = math.sqrt(max(std[c] - mean[c] * mean[c], 0.0))
+    for h in range(log_posterior.size):
+        k = class_index[h]
+        log_probability[k] = log_sum(log_probability[k], log_posterior[h])
+    for h in range(1, log_posterior.size):
+        k = class_index[h]
+        share = math.exp(log_posterior[h] - log_probability[k])
+        s = severity[MEAN, h]
+        mean[k] += share * s
+        std[k] += share * (s * s + severity[VARIANCE, h])
+    for k in range(mean.size):
+        mean[k] = min(mean[k], 1.0)
+        std[k] = math.sqrt(max(std[k] - mean[k] * mean[k], 0.0))
 
 
 @scalar
 def lanes_of(state, lanes):
     """Some lanes of a state (a slice), or one of them (its index), as views."""
     return BankState(
-        state.log_weight[lanes],
+        state.log_posterior[lanes],
         state.severity[lanes],
         state.filters[lanes],
-        state.turning[lanes],
+        state.shaft_speed[lanes],
         state.readings[lanes],
         state.healthy[lanes],
         state.prior[lanes],
@@ -252,34 +278,44 @@ def lanes_of(state, lanes):
     )
 
 
-@kernel
-def step_lanes(first, last, old, new, observation, table, constants, belief, work, seen):
-    """One sample of the lanes from `first` to before `last`: fill `new` and `belief` from `old` and the observation.
+@inlined
+def begin_sample(observation, old, new, sample, table, constants, work):
+    """Fill the sample and the last readings, and let hypotheses switch, on the lanes of a pack."""
+    fill_sample(observation, old.readings, constants.sensors, sample)
+    for lane in range(len(observation)):
+        for channel in range(N_READINGS):
+            known = sample.replaced[channel, lane] or not sample.silent[channel, lane]
+            new.readings[lane, channel] = sample.reading[channel, lane] if known else np.nan
+        old_lane = lanes_of(old, lane)
+        new_lane = lanes_of(new, lane)
+        switch_hypotheses(old_lane, new_lane, table, constants.walk, work.switch_probability[lane])
 
-    `seen` and `work` are memory for a pack of lanes, taken at once; the last pack overlaps the one
-    before if it must.
+
+@kernel
+def step_lanes(first, last, old, new, observation, table, constants, belief, work, sample):
+    """Take the lanes from `first` to before `last` through a sample: fill `new` and `belief`.
+
+    `sample` and `work` are memory for a pack of lanes, computed at once; the last pack overlaps the
+    one before if it must.
     """
-    n_lanes = seen.deflection.size
+    n_lanes = sample.deflection.size
     for start in range(first, last, n_lanes):
         begin = min(start, last - n_lanes)
         lanes = slice(begin, begin + n_lanes)
         before = lanes_of(old, lanes)
         after = lanes_of(new, lanes)
-        look(observation[lanes], before.readings, constants.sensors, seen)
-        for p in range(n_lanes):
-            for c in range(N_READINGS):
-                heard = seen.held[c, p] or not seen.silent[c, p]
-                after.readings[p, c] = seen.reading[c, p] if heard else np.nan
-            switch(
-                lanes_of(before, p), lanes_of(after, p), table, constants.walk, work.newcomers[p]
-            )
-        for m in (PORT, STARBOARD):
-            update_motor(m, before, after, seen, table, constants, work)
-        update_surge(before, after, seen, table, constants, work)
-        give(after, work)
-        for p in range(n_lanes):
-            weigh(after.log_weight[p], table.slot, work.evidence[p::n_lanes])
-            one = belief[0][begin + p], belief[1][begin + p], belief[2][begin + p]
-            summarise(
-                after.log_weight[p], after.severity[p], table.diagnosis, one[0], one[1], one[2]
+        begin_sample(observation[lanes], before, after, sample, table, constants, work)
+        for subsystem in (PORT, STARBOARD):
+            update_motor(subsystem, before, after, sample, table, constants, work)
+        update_surge(before, after, sample, table, constants, work)
+        scatter(after, work)
+        for lane in range(n_lanes):
+            update_posterior(after.log_posterior[lane], table.filter, work.evidence[lane::n_lanes])
+            fill_belief(
+                after.log_posterior[lane],
+                after.severity[lane],
+                table.class_index,
+                belief.log_probability[begin + lane],
+                belief.severity_mean[begin + lane],
+                belief.severity_std[begin + lane],
             )

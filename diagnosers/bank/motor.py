@@ -1,244 +1,290 @@
-"""The motors' filters in the bank: healthy deviations of four parameters and the severity, from current and rpm.
+"""The motor filters of the bank: deviations of four parameters, severity, from current and rpm.
 
-Given the voltage reading, the shaft equation's closed form (`physics.spin`) predicts the rpm
-reading, and Ohm's law the current. The voltage's noise enters both predictions, so both
-measurements are made independent first.
+Given the voltage reading, the shaft equation's closed form (`physics.shaft_speed_after`) predicts
+the rpm reading, and Ohm's law the current. The voltage's noise enters both predictions, so the
+measurements are first made independent.
 """
 
 import numpy as np
 
+from auv_fault_env import physics
 from auv_fault_env.compiling import fused, inlined, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
-from auv_fault_env.physics import RPM, Shaft, armature_current, motor, shaft_speed_after
-from diagnosers.bank.algebra import N_STATES, SEVERITY, condition
-from diagnosers.bank.pack import spread
-from diagnosers.bank.sensors import BIAS, GAIN, LEAST_GAIN, NOISE, deliver, meant, shown
+from auv_fault_env.physics import RPM
+from diagnosers.bank.algebra import N_STATES, SEVERITY, Measurement, condition
+from diagnosers.bank.pack import broadcast
+from diagnosers.bank.sensors import (
+    BIAS,
+    GAIN,
+    MIN_GAIN,
+    N_SENSOR_ROWS,
+    NOISE,
+    condition_on_availability,
+    reading_of,
+    truth_of,
+)
 
-# Rows of a motor's parameters, `hypotheses.OWN`
-(C1, C2, RESISTANCE, TORQUE_CONSTANT, COULOMB_FRICTION, VISCOUS_FRICTION, INERTIA) = range(7)
-# first row of each sensor
+# rows of the parameters, in the order of `hypotheses.OWN_PARAMETERS`; of a sensor the first one
+C1, C2, RESISTANCE, TORQUE_CONSTANT, COULOMB_FRICTION, VISCOUS_FRICTION, INERTIA = range(7)
 VOLTAGE = 7
 CURRENT = 12
 SPEED = 17
 N_MOTOR_ROWS = 22
-# `expected` reads them
-FORESEEING = (*range(7), *(row + k for row in (VOLTAGE, CURRENT, SPEED) for k in (BIAS, GAIN)))
-BELIEVING = (VOLTAGE + NOISE, SPEED + BIAS, SPEED + GAIN, SPEED + NOISE)  # `believe` does
+# rows that `predict` uses
+PREDICTION_ROWS = (
+    *range(7),
+    *(row + k for row in (VOLTAGE, CURRENT, SPEED) for k in (BIAS, GAIN)),
+)
+# rows that `estimate_shaft_speed` uses
+SHAFT_SPEED_ROWS = (VOLTAGE + NOISE, SPEED + BIAS, SPEED + GAIN, SPEED + NOISE)
 # parameters whose healthy deviation is a state
 DEVIATIONS = (TORQUE_CONSTANT, RESISTANCE, COULOMB_FRICTION, C1)
+# the three readings of a motor, in the order of `work.readings` and `work.available`
+OF_VOLTAGE, OF_CURRENT, OF_RPM = range(3)
+# rows of `work.predicted`: shaft speed [rad/s], readings of rpm and of current
+SHAFT_SPEED, RPM_READING, CURRENT_READING = range(3)
+# rows of `work.innovation`, `work.variance` and `work.by_voltage`
+FIRST, SECOND = range(2)  # rpm, then current
 STEP = 1e-4  # of the forward differences
-# rpm; below, the shaft may stand, and where it begins to turn no linear model tells
+# rpm; below, the shaft may stand, and where it starts to turn no linear model holds
 STANDING = 10.0
-STANDING_BLUR = 15.0  # rpm, standard deviation of the prediction there
-BLIND_BLUR = 1e4  # rpm, of a motor whose voltage nobody has ever heard: it is not judged
+STANDING_STD = 15.0  # rpm, of the prediction there
+BLIND_STD = 1e4  # rpm, before the first voltage reading: then the motor is not judged
 
 
 @inlined
-def impair(r, healthy, x, part, work):
-    """Write parameter r at the filters' severities from its healthy value (n_columns,), and its derivative by them."""
-    for f in range(part[0], part[1]):
-        work.by_severity[r, f] = healthy[f] * work.slope[r, f] + work.offset[r, f]
-        work.values[r, f] = healthy[f] + x[SEVERITY, f] * work.by_severity[r, f]
+def apply_severity(r, healthy, x, columns, work):
+    """Set parameter r from its healthy value (n_columns,) and the severity, and its derivative."""
+    first, last = columns
+    for c in range(first, last):
+        work.by_severity[r, c] = healthy[c] * work.slope[r, c] + work.offset[r, c]
+        work.parameters[r, c] = healthy[c] + x[SEVERITY, c] * work.by_severity[r, c]
 
 
 @inlined
-def form(x, part, work):
-    """Write the parameters (22, n_columns) at the filters' means, and their derivatives by severity."""
+def set_parameters(x, columns, work):
+    """Set the parameters to the filters' means, and their derivatives by severity."""
+    first, last = columns
     for i in range(SEVERITY):
-        for f in range(part[0], part[1]):
-            work.values[DEVIATIONS[i], f] = work.base[DEVIATIONS[i], f] * (1.0 + x[i, f])
+        row = DEVIATIONS[i]
+        for c in range(first, last):
+            work.parameters[row, c] = work.healthy[row, c] * (1.0 + x[i, c])
     for r in range(N_MOTOR_ROWS):
-        impair(r, work.values[r] if r in DEVIATIONS else work.base[r], x, part, work)
+        healthy = work.parameters[r] if r in DEVIATIONS else work.healthy[r]
+        apply_severity(r, healthy, x, columns, work)
 
 
 @scalar
-def expected(values, f, readings, heard_voltage, heard_rpm, start, speed, shift, water):
-    """The shaft speed [rad/s], and what rpm counter and current sensor should show, at a shift of the true voltage.
+def predict_readings(parameters, c, voltage_shift, water, work):
+    """Shaft speed [rad/s], and the readings of rpm and current, at a shift of the true voltage.
 
-    A lost voltage is replaced by what current and shaft speed say of it, a lost shaft speed by its
-    prediction.
+    A missing voltage is replaced by what current and shaft speed imply, a missing shaft speed by
+    its prediction.
     """
-    resistance = values[RESISTANCE, f]
-    flux = values[TORQUE_CONSTANT, f]
-    friction = values[COULOMB_FRICTION, f], values[VISCOUS_FRICTION, f]
-    shaft = Shaft(
+    has_voltage = work.available[OF_VOLTAGE, c] > 0.0
+    has_rpm = work.available[OF_RPM, c] > 0.0
+    resistance = parameters[RESISTANCE, c]
+    torque_constant = parameters[TORQUE_CONSTANT, c]
+    coulomb_friction = parameters[COULOMB_FRICTION, c]
+    viscous_friction = parameters[VISCOUS_FRICTION, c]
+    shaft = physics.Shaft(
         0.0,
-        values[C1, f],
-        values[C2, f],
+        parameters[C1, c],
+        parameters[C2, c],
         resistance,
-        flux,
-        friction[0],
-        friction[1],
-        values[INERTIA, f],
+        torque_constant,
+        coulomb_friction,
+        viscous_friction,
+        parameters[INERTIA, c],
     )
-    turning = max(meant(values, SPEED, f, readings[2, f]), 0.0) / RPM
-    read = meant(values, VOLTAGE, f, readings[0, f])
-    balanced = fused(resistance, meant(values, CURRENT, f, readings[1, f]), flux * turning)
-    voltage = shift + (read if heard_voltage > 0.0 else balanced)
-    predicted = shaft_speed_after(start, motor(shaft, water, voltage), speed, 0.0, SAMPLE_TIME)
-    current = armature_current(shaft, turning if heard_rpm > 0.0 else predicted, voltage)
-    return predicted, shown(values, SPEED, f, RPM * predicted), shown(values, CURRENT, f, current)
+    measured = max(truth_of(parameters, SPEED, c, work.readings[OF_RPM, c]), 0.0) / RPM
+    measured_voltage = truth_of(parameters, VOLTAGE, c, work.readings[OF_VOLTAGE, c])
+    measured_current = truth_of(parameters, CURRENT, c, work.readings[OF_CURRENT, c])
+    implied_voltage = fused(resistance, measured_current, torque_constant * measured)
+    voltage = voltage_shift + (measured_voltage if has_voltage else implied_voltage)
+    before = work.shaft_speed_before[c]
+    side = physics.motor(shaft, water, voltage)
+    predicted = physics.shaft_speed_after(before, side, work.surge_speed[c], 0.0, SAMPLE_TIME)
+    current = physics.armature_current(shaft, measured if has_rpm else predicted, voltage)
+    rpm_reading = reading_of(parameters, SPEED, c, RPM * predicted)
+    return predicted, rpm_reading, reading_of(parameters, CURRENT, c, current)
 
 
 @inlined
-def expect(values, part, shift, water, work, out):
-    """`expected` of every filter into out (3, n_columns)."""
-    delivered = work.delivered
-    for f in range(part[0], part[1]):
-        heard = delivered[0, f], delivered[2, f]
-        one = expected(
-            values, f, work.readings, heard[0], heard[1], work.start[f], work.speed[f], shift, water
-        )
-        out[0, f], out[1, f], out[2, f] = one
+def predict(parameters, columns, voltage_shift, water, work, out):
+    """`predict_readings` of every filter into out (3, n_columns)."""
+    first, last = columns
+    for c in range(first, last):
+        prediction = predict_readings(parameters, c, voltage_shift, water, work)
+        out[SHAFT_SPEED, c], out[RPM_READING, c], out[CURRENT_READING, c] = prediction
 
 
 @inlined
-def slopes(part, trial, out, step, on_rpm, on_current):
-    """Forward differences (n_columns,) of the expected readings."""
-    for f in range(part[0], part[1]):
-        on_rpm[f] = (trial[1, f] - out[1, f]) / step
-        on_current[f] = (trial[2, f] - out[2, f]) / step
+def differences(columns, work, by_rpm, by_current):
+    """Fill the forward differences (n_columns,) of the predicted readings of rpm and current."""
+    first, last = columns
+    perturbed = work.perturbed
+    predicted = work.predicted
+    for c in range(first, last):
+        by_rpm[c] = (perturbed[RPM_READING, c] - predicted[RPM_READING, c]) / STEP
+        by_current[c] = (perturbed[CURRENT_READING, c] - predicted[CURRENT_READING, c]) / STEP
 
 
 @inlined
-def nudge(part, work):
-    """Fill the parameters that `expected` reads at `STEP` more of the severity."""
-    for r in FORESEEING:
-        for f in range(part[0], part[1]):
-            work.nudged[r, f] = work.values[r, f] + STEP * work.by_severity[r, f]
+def perturb_severity(columns, work):
+    """Fill the parameters that a prediction uses at `STEP` more of the severity."""
+    first, last = columns
+    for r in PREDICTION_ROWS:
+        for c in range(first, last):
+            step = STEP * work.by_severity[r, c]
+            work.perturbed_parameters[r, c] = work.parameters[r, c] + step
 
 
 @inlined
-def differentiate(x, part, water, work):
-    """Fill the expected readings, and their gradients by the states and by the voltage (index -1)."""
-    values = work.values
-    out = work.expected
-    trial = work.trial
-    kept = work.shift
-    expect(values, part, 0.0, water, work, out)
-    expect(values, part, STEP, water, work, trial)
-    slopes(part, trial, out, STEP, work.by_voltage[0], work.by_voltage[1])
-    for k in range(SEVERITY):
-        row = DEVIATIONS[k]
-        for f in range(part[0], part[1]):
-            kept[f] = values[row, f]
-            values[row, f] *= 1.0 + STEP / (1.0 + x[k, f])
-        expect(values, part, 0.0, water, work, trial)
-        slopes(part, trial, out, STEP, work.gradient[k], work.second[k])
-        for f in range(part[0], part[1]):
-            values[row, f] = kept[f]
-    nudge(part, work)
-    expect(work.nudged, part, 0.0, water, work, trial)
-    slopes(part, trial, out, STEP, work.gradient[SEVERITY], work.second[SEVERITY])
+def linearise(x, columns, water, work):
+    """Fill the predicted readings, and their gradients by the states and by the voltage."""
+    first, last = columns
+    parameters = work.parameters
+    unperturbed = work.unperturbed
+    perturbed = work.perturbed
+    predict(parameters, columns, 0.0, water, work, work.predicted)
+    predict(parameters, columns, STEP, water, work, perturbed)
+    differences(columns, work, work.by_voltage[FIRST], work.by_voltage[SECOND])
+    for i in range(SEVERITY):
+        row = DEVIATIONS[i]
+        for c in range(first, last):
+            unperturbed[c] = parameters[row, c]
+            parameters[row, c] *= 1.0 + STEP / (1.0 + x[i, c])
+        predict(parameters, columns, 0.0, water, work, perturbed)
+        differences(columns, work, work.gradient[i], work.current_gradient[i])
+        for c in range(first, last):
+            parameters[row, c] = unperturbed[c]
+    perturb_severity(columns, work)
+    predict(work.perturbed_parameters, columns, 0.0, water, work, perturbed)
+    differences(columns, work, work.gradient[SEVERITY], work.current_gradient[SEVERITY])
 
 
 @inlined
-def decorrelate(part, work):
-    """Fill innovations and variances of both measurements; take out of the current what the rpm reading explains."""
-    values = work.values
-    by_voltage = work.by_voltage
-    readings = work.readings
-    for f in range(part[0], part[1]):
-        ohms = values[RESISTANCE, f]
-        deaf = ohms * values[CURRENT + NOISE, f] / max(values[CURRENT + GAIN, f], LEAST_GAIN)
-        heard = values[VOLTAGE + NOISE, f] / max(values[VOLTAGE + GAIN, f], LEAST_GAIN)
-        blur = heard if work.delivered[0, f] > 0.0 else deaf
-        counter = values[SPEED + NOISE, f]
-        turning = values[CURRENT + GAIN, f] * values[TORQUE_CONSTANT, f] / (ohms * RPM)
-        turning *= counter * work.delivered[2, f] / max(values[SPEED + GAIN, f], LEAST_GAIN)
-        on_rpm = by_voltage[0, f] * blur
-        on_current = by_voltage[1, f] * blur
-        work.variance[0, f] = counter * counter + on_rpm * on_rpm + work.blur[f]
-        shared = fused(on_rpm, on_current, turning * counter)
-        ratio = work.delivered[2, f] * shared / work.variance[0, f]
-        own = fused(values[CURRENT + NOISE, f], values[CURRENT + NOISE, f], on_current**2)
-        work.variance[1, f] = own + turning**2 - ratio * shared
-        work.innovation[0, f] = readings[2, f] - work.expected[1, f]
-        work.innovation[1, f] = readings[1, f] - work.expected[2, f] - ratio * work.innovation[0, f]
-        work.shift[f] = ratio
-        work.delivered[1, f] *= work.delivered[0, f]
-    for i in range(N_STATES):
-        for f in range(part[0], part[1]):
-            work.second[i, f] -= work.shift[f] * work.gradient[i, f]
-
-
-@inlined
-def relocate(x, part, gradient, innovation, sign):
-    """Move an innovation by what its gradient says of the mean: before a condition with +1, after it with -1."""
-    for i in range(N_STATES):
-        for f in range(part[0], part[1]):
-            innovation[f] += sign * gradient[i, f] * x[i, f]
-
-
-@inlined
-def believe(x, part, work):
-    """Write the shaft speeds [rad/s] that the filters believe in, with slope by severity and noise, for surge."""
-    values = work.values
-    for r in BELIEVING:
-        impair(r, work.base[r], x, part, work)
-    for f in range(part[0], part[1]):
-        heard = work.delivered[2, f]
-        gain = max(values[SPEED + GAIN, f], LEAST_GAIN)
-        read = meant(values, SPEED, f, work.readings[2, f]) / RPM
-        work.turning[f] = read if heard > 0.0 else work.expected[0, f]
-        tilt = work.by_severity[SPEED, f] / RPM + work.by_severity[SPEED + GAIN, f] * read
-        work.turning_slope[f] = -heard * tilt / gain
-        blur = abs(work.by_voltage[0, f]) * values[VOLTAGE + NOISE, f]
-        work.turning_noise[f] = (values[SPEED + NOISE, f] if heard > 0.0 else blur) / gain
-
-
-@inlined
-def hear(part, seen, channel, work):
-    """Bring the readings to their columns, which filters take them, and how far the predicted rpm is from certain."""
-    n_lanes = np.uint64(seen.deflection.size)
-    for k in range(3):
-        spread(seen.reading[channel + k], part, work.readings[k])
-        deliver(
-            work.values, part, VOLTAGE + 5 * k, seen, channel + k, work.delivered[k], work.evidence
-        )
-    for p in range(n_lanes):
-        held = seen.held[channel, p]
-        blind = seen.silent[channel, p] and not held
-        standing = seen.reading[channel + 2, p] < STANDING
-        for f in range(part[0] + p, part[1], n_lanes):
-            work.blur[f] = BLIND_BLUR**2 if blind else STANDING_BLUR**2 if standing else 0.0
-            # the controller holds it between two readings
-            work.delivered[0, f] = 1.0 if held else work.delivered[0, f]
-
-
-@inlined
-def update(x, part, seen, channel, water, work):
-    """One sample of a motor's filters, its first reading being `channel`: adds to the evidence, writes `turning`."""
-    form(x, part, work)
-    hear(part, seen, channel, work)
-    differentiate(x, part, water, work)
-    decorrelate(part, work)
+def decorrelate(columns, work):
+    """Fill innovations and variances; subtract from the current what the rpm reading explains."""
+    first, last = columns
+    parameters = work.parameters
+    available = work.available
     innovation = work.innovation
     variance = work.variance
-    delivered = work.delivered
-    evidence = work.evidence
-    relocate(x, part, work.second, innovation[1], 1.0)
-    condition(
-        x,
-        part,
-        work.gradient,
-        innovation[0],
-        variance[0],
-        delivered[2],
-        work.crossed,
-        work.shift,
-        evidence,
+    readings = work.readings
+    predicted = work.predicted
+    for c in range(first, last):
+        resistance = parameters[RESISTANCE, c]
+        current_gain = max(parameters[CURRENT + GAIN, c], MIN_GAIN)
+        implied_std = resistance * parameters[CURRENT + NOISE, c] / current_gain
+        voltage_gain = max(parameters[VOLTAGE + GAIN, c], MIN_GAIN)
+        measured_std = parameters[VOLTAGE + NOISE, c] / voltage_gain
+        voltage_std = measured_std if available[OF_VOLTAGE, c] > 0.0 else implied_std
+        rpm_std = parameters[SPEED + NOISE, c]
+        gained = parameters[CURRENT + GAIN, c] * parameters[TORQUE_CONSTANT, c]
+        current_by_rpm = gained / (resistance * RPM)
+        rpm_error = rpm_std * available[OF_RPM, c]
+        current_by_rpm *= rpm_error / max(parameters[SPEED + GAIN, c], MIN_GAIN)
+        rpm_by_voltage = work.by_voltage[FIRST, c] * voltage_std
+        current_by_voltage = work.by_voltage[SECOND, c] * voltage_std
+        rpm_variance = rpm_std * rpm_std + rpm_by_voltage * rpm_by_voltage
+        variance[FIRST, c] = rpm_variance + work.rpm_variance[c]
+        shared = fused(rpm_by_voltage, current_by_voltage, current_by_rpm * rpm_std)
+        ratio = available[OF_RPM, c] * shared / variance[FIRST, c]
+        current_std = parameters[CURRENT + NOISE, c]
+        own = fused(current_std, current_std, current_by_voltage**2)
+        variance[SECOND, c] = own + current_by_rpm**2 - ratio * shared
+        innovation[FIRST, c] = readings[OF_RPM, c] - predicted[RPM_READING, c]
+        misfit = readings[OF_CURRENT, c] - predicted[CURRENT_READING, c]
+        innovation[SECOND, c] = misfit - ratio * innovation[FIRST, c]
+        work.ratio[c] = ratio
+        available[OF_CURRENT, c] *= available[OF_VOLTAGE, c]
+    for i in range(N_STATES):
+        for c in range(first, last):
+            work.current_gradient[i, c] -= work.ratio[c] * work.gradient[i, c]
+
+
+@inlined
+def shift_innovation(x, columns, gradient, innovation, sign):
+    """Add ``sign * gradient @ mean`` to an innovation: 1 before an update, -1 after it."""
+    first, last = columns
+    for i in range(N_STATES):
+        for c in range(first, last):
+            innovation[c] += sign * gradient[i, c] * x[i, c]
+
+
+@inlined
+def estimate_shaft_speed(x, columns, work):
+    """Fill the shaft speed [rad/s] of every filter, its slope by severity and its noise [rpm]."""
+    first, last = columns
+    parameters = work.parameters
+    by_severity = work.by_severity
+    for r in SHAFT_SPEED_ROWS:
+        apply_severity(r, work.healthy[r], x, columns, work)
+    for c in range(first, last):
+        available = work.available[OF_RPM, c]
+        gain = max(parameters[SPEED + GAIN, c], MIN_GAIN)
+        measured = truth_of(parameters, SPEED, c, work.readings[OF_RPM, c]) / RPM
+        work.shaft_speed[c] = measured if available > 0.0 else work.predicted[SHAFT_SPEED, c]
+        bias_slope = by_severity[SPEED + BIAS, c] / RPM
+        slope = bias_slope + by_severity[SPEED + GAIN, c] * measured
+        work.shaft_speed_slope[c] = -available * slope / gain
+        predicted_std = abs(work.by_voltage[FIRST, c]) * parameters[VOLTAGE + NOISE, c]
+        std = parameters[SPEED + NOISE, c] if available > 0.0 else predicted_std
+        work.shaft_speed_noise[c] = std / gain
+
+
+@inlined
+def gather_readings(columns, sample, channel, work):
+    """Fill readings, availability and the variance that the predicted rpm has beside the noise."""
+    first, last = columns
+    n_lanes = np.uint64(sample.deflection.size)
+    for k in range(3):
+        broadcast(sample.reading[channel + k], columns, work.readings[k])
+        condition_on_availability(
+            work.parameters,
+            columns,
+            VOLTAGE + N_SENSOR_ROWS * k,
+            sample,
+            channel + k,
+            work.available[k],
+            work.evidence,
+        )
+    for lane in range(n_lanes):
+        replaced = sample.replaced[channel, lane]
+        variance = 0.0
+        if sample.silent[channel, lane] and not replaced:
+            variance = BLIND_STD**2
+        elif sample.reading[channel + OF_RPM, lane] < STANDING:
+            variance = STANDING_STD**2
+        for c in range(first + lane, last, n_lanes):
+            work.rpm_variance[c] = variance
+            # the controller holds the voltage between two readings
+            if replaced:
+                work.available[OF_VOLTAGE, c] = 1.0
+
+
+@inlined
+def update(x, columns, sample, channel, water, work):
+    """Take the filters of a motor through one sample; add to the evidence, fill the shaft speeds.
+
+    `channel` is the motor's first reading, that of the voltage.
+    """
+    set_parameters(x, columns, work)
+    gather_readings(columns, sample, channel, work)
+    linearise(x, columns, water, work)
+    decorrelate(columns, work)
+    innovation = work.innovation
+    variance = work.variance
+    available = work.available
+    rpm = Measurement(work.gradient, innovation[FIRST], variance[FIRST], available[OF_RPM])
+    current_gradient = work.current_gradient
+    current = Measurement(
+        current_gradient, innovation[SECOND], variance[SECOND], available[OF_CURRENT]
     )
-    relocate(x, part, work.second, innovation[1], -1.0)
-    condition(
-        x,
-        part,
-        work.second,
-        innovation[1],
-        variance[1],
-        delivered[1],
-        work.crossed,
-        work.shift,
-        evidence,
-    )
-    believe(x, part, work)
+    shift_innovation(x, columns, current_gradient, innovation[SECOND], 1.0)
+    condition(x, columns, rpm, work)
+    shift_innovation(x, columns, current_gradient, innovation[SECOND], -1.0)
+    condition(x, columns, current, work)
+    estimate_shaft_speed(x, columns, work)

@@ -1,8 +1,8 @@
-"""Packs of lanes: the memory in which the filter bank's kernel works, and how numbers of a lane come to its filters.
+"""Packs of lanes: the memory in which the filter bank's kernel works.
 
 The lanes of a pack lie side by side along the filters, so that a small bank fills long loops too. A
-column is one filter of one lane: that of filter f and lane p is ``f * n_lanes + p``. So those of a
-subsystem are a range, a `part`.
+column is one filter of one lane: that of filter f and lane p is ``f * n_lanes + p``. So the columns
+of a subsystem are a range.
 """
 
 import math
@@ -13,69 +13,103 @@ from itertools import accumulate
 import numpy as np
 
 from auv_fault_env.compiling import inlined, scalar
-from diagnosers.bank.algebra import N_PACKED, N_STATES
-from diagnosers.bank.hypotheses import N_ROWS, HypothesisTable
+from diagnosers.bank.algebra import N_MOMENTS, N_STATES
+from diagnosers.bank.hypotheses import N_PARAMETER_ROWS, HypothesisTable
 
 # of a pack, about: enough to hide what starting a loop costs, few enough for the cache
 COLUMNS = 512
-TABLES = {  # rows by name, each of n_columns
-    **dict.fromkeys(("filters", "normal"), N_PACKED),
-    **dict.fromkeys(("base", "values", "by_severity", "nudged"), N_ROWS),
-    **dict.fromkeys(("gradient", "second", "crossed"), N_STATES),
-    **dict.fromkeys(("port", "starboard"), 4),
-    **dict.fromkeys(("readings", "expected", "trial", "delivered", "pushed"), 3),
-    **dict.fromkeys(("by_voltage", "innovation", "variance", "prior", "severity"), 2),
+# tables (n_rows, n_columns) of the memory by name
+N_ROWS = {
+    "filters": N_MOMENTS,
+    "normal": N_MOMENTS,  # the normal filter of the lane
+    "healthy": N_PARAMETER_ROWS,  # the vehicle without deviations and without fault
+    "parameters": N_PARAMETER_ROWS,  # at the means of the filter
+    "by_severity": N_PARAMETER_ROWS,  # their derivatives
+    "perturbed_parameters": N_PARAMETER_ROWS,
+    "gradient": N_STATES,
+    "current_gradient": N_STATES,
+    "covariance": N_STATES,  # of the states with a measurement
+    "port": 4,  # see `bank.surge.RPM_NOW`
+    "starboard": 4,
+    "readings": 3,
+    "predicted": 3,  # see `bank.motor.predict`
+    "perturbed": 3,
+    "available": 3,
+    "thrust": 3,  # see `bank.surge.THRUST`
+    "by_voltage": 2,
+    "innovation": 2,
+    "variance": 2,
+    "prior": 2,  # mean and variance of the severity
+    "severity": 2,
 }
-# each (n_columns,)
-ROWS = ("shift", "growth", "evidence", "share", "start", "speed", "blur", "deflection")
-BELIEVED = ("turning", "turning_slope", "turning_noise")  # of the motors, each (n_columns,)
-EFFECTS = ("slope", "offset")  # of the severity on the parameters, each (N_ROWS, n_columns)
-LAST = list(accumulate(TABLES.values()))
-PLACES = {  # of all these in one table
-    **{
-        name: slice(last - n_rows, last)
-        for (name, n_rows), last in zip(TABLES.items(), LAST, strict=True)
-    },
-    **{name: row for row, name in enumerate((*ROWS, *BELIEVED), LAST[-1])},
-}
+# single rows (n_columns,) of the memory
+SINGLE_ROWS = (
+    "severity_shift",
+    "variance_growth",
+    "gain",
+    "ratio",
+    "unperturbed",
+    "evidence",
+    "mixing_probability",
+    "shaft_speed_before",
+    "surge_speed",
+    "rpm_variance",
+    "deflection",
+    "shaft_speed",
+    "shaft_speed_slope",
+    "shaft_speed_noise",
+)
+EFFECTS = ("slope", "offset")  # of the severity on the parameters: tables of the hypotheses
+LAST_ROWS = list(accumulate(N_ROWS.values()))
+N_ALL_ROWS = LAST_ROWS[-1] + len(SINGLE_ROWS)
 
-KEPT = threading.local()
-# memory of a pack's update; does not outlive it
-Work = namedtuple("Work", (*PLACES, *EFFECTS, "newcomers"))
+# memory of one step of a pack; nothing in it outlives the step
+Work = namedtuple("Work", (*N_ROWS, *SINGLE_ROWS, *EFFECTS, "switch_probability"))
+_of_thread = threading.local()
 
 
 def workspace(table: HypothesisTable, n_lanes: int) -> Work:
-    """Room for a pack, the thread's own until it asks for another: to make it anew costs more than a single lane."""
-    kept = getattr(KEPT, "work", None)
-    if kept is None or kept[0] is not table.slope or kept[1] != n_lanes:
-        KEPT.work = kept = table.slope, n_lanes, new_workspace(table, n_lanes)
-    return kept[2]
+    """Memory for a pack, the thread's own; allocated anew only for another table or size."""
+    key, work = getattr(_of_thread, "workspace", (None, None))
+    if key is None or key[0] is not table.slope or key[1] != n_lanes:
+        work = new_workspace(table, n_lanes)
+        _of_thread.workspace = (table.slope, n_lanes), work
+    return work
 
 
 def new_workspace(table: HypothesisTable, n_lanes: int) -> Work:
-    """The table's effects of severity are already there, newcomers are (n_lanes, n_hypotheses), all else is zero."""
-    memory = np.zeros((LAST[-1] + len(ROWS) + len(BELIEVED), table.hypothesis.size * n_lanes))
-    effects = [np.repeat(getattr(table, name), n_lanes, axis=1) for name in EFFECTS]
-    newcomers = np.zeros((n_lanes, table.log_hazard.size))
-    return Work(*(memory[place] for place in PLACES.values()), *effects, newcomers)
+    """Memory for a pack: the table's effects of severity, all else zero.
+
+    ``switch_probability`` is (n_lanes, n_hypotheses).
+    """
+    memory = np.zeros((N_ALL_ROWS, table.hypothesis.size * n_lanes))
+    rows = {
+        name: memory[last - n_rows : last]
+        for (name, n_rows), last in zip(N_ROWS.items(), LAST_ROWS, strict=True)
+    }
+    rows |= {name: memory[row] for row, name in enumerate(SINGLE_ROWS, LAST_ROWS[-1])}
+    effects = {name: np.repeat(getattr(table, name), n_lanes, axis=1) for name in EFFECTS}
+    return Work(**rows, **effects, switch_probability=np.zeros((n_lanes, table.log_hazard.size)))
 
 
 def pack_size(n_lanes: int, n_filters: int) -> int:
-    """Lanes of a pack, at least one and at most `n_lanes` if there are any; all packs of a share have as many."""
+    """Lanes of a pack, the same for all packs of a share: at least 1, at most `n_lanes` if any."""
     n_packs = max(1, math.ceil(n_lanes / max(1, COLUMNS // n_filters)))
     return max(1, math.ceil(n_lanes / n_packs))
 
 
 @scalar
-def columns_of(m, table, n_lanes):
-    """The columns of subsystem m, as a range."""
-    return table.first[m] * np.uint64(n_lanes), table.first[m + 1] * np.uint64(n_lanes)
+def columns_of(subsystem, table, n_lanes):
+    """Range of the columns of a subsystem."""
+    lanes = np.uint64(n_lanes)
+    return table.first_filter[subsystem] * lanes, table.first_filter[subsystem + 1] * lanes
 
 
 @inlined
-def spread(of_lane, part, columns):
-    """Copy the numbers of each lane (n_lanes,) to all its columns (n_columns,) of a subsystem."""
+def broadcast(of_lane, columns, out):
+    """Copy the value of each lane (n_lanes,) to all its columns of a range of out (n_columns,)."""
+    first, last = columns
     n_lanes = np.uint64(of_lane.size)
-    for p in range(n_lanes):
-        for f in range((part[1] - part[0]) // n_lanes):
-            columns[part[0] + f * n_lanes + p] = of_lane[p]
+    for lane in range(n_lanes):
+        for f in range((last - first) // n_lanes):
+            out[first + f * n_lanes + lane] = of_lane[lane]

@@ -1,4 +1,4 @@
-"""What a bank takes from the sensors: readings that repeat or vanish, and how likely each hypothesis makes that."""
+"""The readings of a sample: which are silent or repeat, and how probable that is."""
 
 import math
 from typing import NamedTuple
@@ -8,102 +8,126 @@ import numpy as np
 from auv_fault_env.channels import COMMANDS, READINGS
 from auv_fault_env.compiling import inlined, scalar
 
-# of an observation
+# channels of an observation
 FIRST_READING = len(COMMANDS)
 N_READINGS = len(READINGS)
 RUDDER = COMMANDS.index("rudder")
 STERN_PLANE = COMMANDS.index("stern_plane")
-BIAS, GAIN, NOISE, STUCK, DROPOUT = range(5)  # rows of a sensor, counted from its first
-UNSURE = 0.01  # least share of the samples that a faulty sensor loses or delivers
-LEAST_GAIN = 1e-3
+# parameters of a sensor, counted from its first row
+BIAS, GAIN, NOISE, STUCK, DROPOUT = range(5)
+N_SENSOR_ROWS = 5
+# columns of `BankConstants.sensors`
+LOW, HIGH, NOISE_STD, RESOLUTION = range(4)
+FLOAT32_STEP = 2.0**-23  # relative distance of neighbouring values
+MIN_PROBABILITY = 0.01  # of a lost or of an available sample of a faulty sensor
+MIN_GAIN = 1e-3
 
 
-class Seen(NamedTuple):
-    """A sample of the lanes of a pack.
+class Sample(NamedTuple):
+    """The readings of one sample of the lanes of a pack.
 
-    Readings (8, n_lanes), which of them repeat the last one or are zero; which are silent, and of
-    these which have been heard before, whose last reading stands in; log_spacing (8, n_lanes), the
-    logarithm of the distance of values that the sensor can show there; deflection (n_lanes,),
-    rudder and stern plane, squared and summed [rad^2].
+    Attributes
+    ----------
+    reading
+        (N_READINGS, n_lanes); the last one where there is none now, 0 where there never was any.
+    repeated, zero
+        (N_READINGS, n_lanes), whether the reading equals the last one, and whether it is 0.
+    silent
+        (N_READINGS, n_lanes), whether there is no reading.
+    replaced
+        (N_READINGS, n_lanes), whether the last reading stands in for one that is silent.
+    log_spacing
+        (N_READINGS, n_lanes), logarithm of the distance of values that the sensor can report there.
+    deflection
+        (n_lanes,), rudder and stern plane, squared and summed [rad^2].
     """
 
     reading: np.ndarray
     repeated: np.ndarray
     zero: np.ndarray
     silent: np.ndarray
-    held: np.ndarray
+    replaced: np.ndarray
     log_spacing: np.ndarray
     deflection: np.ndarray
 
 
-def seen_by(n_lanes: int) -> Seen:
-    """Room for a sample."""
-    flags = (np.zeros((N_READINGS, n_lanes), bool) for _ in range(4))
-    return Seen(
-        np.zeros((N_READINGS, n_lanes)), *flags, np.zeros((N_READINGS, n_lanes)), np.zeros(n_lanes)
+def new_sample(n_lanes: int) -> Sample:
+    """Memory for a sample."""
+    shape = N_READINGS, n_lanes
+    return Sample(
+        reading=np.zeros(shape),
+        repeated=np.zeros(shape, bool),
+        zero=np.zeros(shape, bool),
+        silent=np.zeros(shape, bool),
+        replaced=np.zeros(shape, bool),
+        log_spacing=np.zeros(shape),
+        deflection=np.zeros(n_lanes),
     )
 
 
 @inlined
-def look(observation, last, sensors, seen):
-    """Fill `seen` from the observation (n_lanes, n_channels), NaN for silence, and the last readings, NaN before any.
+def fill_sample(observation, last, sensors, sample):
+    """Fill a sample from the observation (n_lanes, n_channels), where NaN means no reading.
 
-    sensors (8, 4): full scale, noise, and resolution where that is coarser than float32.
+    last (n_lanes, N_READINGS): the last readings, NaN before any. sensors (N_READINGS, 4): see
+    `LOW`.
     """
-    for p in range(len(last)):
-        rudder = observation[p, RUDDER]
-        plane = observation[p, STERN_PLANE]
-        seen.deflection[p] = rudder * rudder + plane * plane
-        for c in range(N_READINGS):
-            told = observation[p, FIRST_READING + c]
-            before = last[p, c]
-            silent = math.isnan(told)
-            held = silent and not math.isnan(before)
-            value = told if not silent else before if held else 0.0
-            clipped = value <= sensors[c, 0] or value >= sensors[c, 1]
-            seen.reading[c, p] = value
-            seen.silent[c, p] = silent
-            seen.held[c, p] = held
-            seen.repeated[c, p] = value == before and not clipped
-            seen.zero[c, p] = value == 0.0
-            seen.log_spacing[c, p] = math.log(
-                max(max(abs(value), sensors[c, 2]) * 2.0**-23, sensors[c, 3])
-            )
+    for lane in range(len(last)):
+        rudder = observation[lane, RUDDER]
+        plane = observation[lane, STERN_PLANE]
+        sample.deflection[lane] = rudder * rudder + plane * plane
+        for channel in range(N_READINGS):
+            now = observation[lane, FIRST_READING + channel]
+            before = last[lane, channel]
+            silent = math.isnan(now)
+            replaced = silent and not math.isnan(before)
+            value = now
+            if silent:
+                value = before if replaced else 0.0
+            clipped = value <= sensors[channel, LOW] or value >= sensors[channel, HIGH]
+            sample.reading[channel, lane] = value
+            sample.silent[channel, lane] = silent
+            sample.replaced[channel, lane] = replaced
+            sample.repeated[channel, lane] = value == before and not clipped
+            sample.zero[channel, lane] = value == 0.0
+            size = max(abs(value), sensors[channel, NOISE_STD])
+            spacing = max(size * FLOAT32_STEP, sensors[channel, RESOLUTION])
+            sample.log_spacing[channel, lane] = math.log(spacing)
 
 
 @inlined
-def deliver(values, part, sensor, seen, channel, delivered, evidence):
-    """Find which filters hold a reading for delivered (1, else 0), and add the log probability of that.
+def condition_on_availability(parameters, columns, sensor, sample, channel, available, evidence):
+    """Fill which filters take the reading for available (1, else 0); add the log probability.
 
-    `sensor` is the sensor's first row of values. A lost sample is a single value, where a delivered
-    one has a density: it counts over the spacing of such values. Of a silent sensor nothing is
-    learnt.
+    `sensor` is the sensor's first row of parameters. A lost sample is a single value, where an
+    available one has a density: it counts over the spacing of such values. Nothing is learnt from
+    a silent sensor.
     """
-    n_lanes = np.uint64(seen.deflection.size)
-    for p in range(n_lanes):
-        heard = not seen.silent[channel, p]
-        for f in range(part[0] + p, part[1], n_lanes):
-            stuck = values[sensor + STUCK, f]
-            dropout = values[sensor + DROPOUT, f]
-            delivered[f] = 1.0 if heard else 0.0
-            if heard and (stuck > 0.0 or dropout > 0.0):
-                share = (1.0 - stuck) * (1.0 - dropout)
-                if (seen.repeated[channel, p] and stuck > 0.0) or (
-                    seen.zero[channel, p] and dropout > 0.0
-                ):
-                    delivered[f] = 0.0
-                    share = 1.0 - share
-                    evidence[f] -= seen.log_spacing[channel, p]
-                evidence[f] += math.log(max(share, UNSURE))
+    n_lanes = np.uint64(sample.deflection.size)
+    for lane in range(n_lanes):
+        arrived = not sample.silent[channel, lane]
+        for c in range(columns[0] + lane, columns[1], n_lanes):
+            stuck = parameters[sensor + STUCK, c]
+            dropout = parameters[sensor + DROPOUT, c]
+            available[c] = 1.0 if arrived else 0.0
+            if arrived and (stuck > 0.0 or dropout > 0.0):
+                probability = (1.0 - stuck) * (1.0 - dropout)
+                looks_stuck = sample.repeated[channel, lane] and stuck > 0.0
+                if looks_stuck or (sample.zero[channel, lane] and dropout > 0.0):
+                    available[c] = 0.0
+                    probability = 1.0 - probability
+                    evidence[c] -= sample.log_spacing[channel, lane]
+                evidence[c] += math.log(max(probability, MIN_PROBABILITY))
 
 
 @scalar
-def shown(values, sensor, f, truth):
-    """What a sensor shows of a true value, without noise."""
-    return values[sensor + GAIN, f] * truth + values[sensor, f]
+def reading_of(parameters, sensor, c, truth):
+    """Reading of a true value, without noise."""
+    return parameters[sensor + GAIN, c] * truth + parameters[sensor + BIAS, c]
 
 
 @scalar
-def meant(values, sensor, f, reading):
-    """The true value behind a reading without noise."""
-    return (reading - values[sensor, f]) / max(values[sensor + GAIN, f], LEAST_GAIN)
+def truth_of(parameters, sensor, c, reading):
+    """True value behind a reading without noise."""
+    unbiased = reading - parameters[sensor + BIAS, c]
+    return unbiased / max(parameters[sensor + GAIN, c], MIN_GAIN)

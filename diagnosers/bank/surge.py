@@ -1,211 +1,250 @@
-"""The surge filters of the bank: speed, disturbance, healthy deviations of drag and thrust, and the severity.
+"""The surge filters of the bank: speed, disturbance, deviations of drag and thrust, severity.
 
 The equation and its integration are those of `kalman.SurgeFilter`; the accelerometer is a second
-measurement, of the acceleration at the sample's end. Thrust enters through the shaft speeds that
-each hypothesis believes in.
+measurement, of the acceleration at the sample's end. Thrust comes from the shaft speeds that the
+motor filters of each hypothesis estimate.
 """
 
 from auv_fault_env.compiling import inlined
 from auv_fault_env.parameters import SAMPLE_TIME
-from diagnosers.bank.algebra import N_STATES, SEVERITY, condition, cross, entry
-from diagnosers.bank.pack import spread
-from diagnosers.bank.sensors import GAIN, NOISE, deliver
+from diagnosers.bank.algebra import (
+    N_STATES,
+    SEVERITY,
+    Measurement,
+    condition,
+    covariance_row,
+    covary,
+)
+from diagnosers.bank.pack import broadcast
+from diagnosers.bank.sensors import BIAS, GAIN, NOISE, condition_on_availability
 from diagnosers.kalman import BETWEEN_STD
 
-# Rows of surge's parameters, `hypotheses.OWN`
+# rows of the parameters, in the order of `hypotheses.OWN_PARAMETERS`; of a sensor the first one
 ALPHA, GAMMA, PORT_BETA, STARBOARD_BETA = range(4)
-# first row of each sensor
 SPEED = 4
 ACCELERATION = 9
 N_SURGE_ROWS = 14
-U, D, DRAG, THRUST = range(4)  # states
-# rows of a shaft: speed [rpm] now and a sample ago, its slope, its noise
-NOW, BEFORE, BY_SEVERITY, BLUR = range(4)
-# rows of `push`: the acceleration, its slope by severity, its variance
-THRUSTING, TILT, SHAKEN = range(3)
+SPEED_CHANNEL, ACCELERATION_CHANNEL = range(2)  # among the readings
+U, D, DRAG, THRUST_DEVIATION = range(4)  # states: speed, disturbance, relative deviations
+# rows of `work.port` and `work.starboard`: shaft speed [rpm] at the end and at the start of the
+# sample, its slope by severity and its standard deviation
+RPM_NOW, RPM_BEFORE, RPM_SLOPE, RPM_STD = range(4)
+# rows of `work.thrust`: acceleration by both propellers, slope by severity, variance
+THRUST, THRUST_SLOPE, THRUST_VARIANCE = range(3)
+HALF_SAMPLE = 0.5 * SAMPLE_TIME
 
 
 @inlined
-def form(x, part, work):
-    """Write the parameters (14, n_columns) at the filters' means, and their derivatives by severity."""
+def set_parameters(x, columns, work):
+    """Set the parameters to the filters' means, and their derivatives by severity."""
+    first, last = columns
     for r in range(N_SURGE_ROWS):
-        state = DRAG if r == ALPHA else THRUST
+        state = DRAG if r == ALPHA else THRUST_DEVIATION
         varies = 1.0 if r in (ALPHA, PORT_BETA, STARBOARD_BETA) else 0.0
-        for f in range(part[0], part[1]):
-            healthy = work.base[r, f] * (1.0 + varies * x[state, f])
-            by_severity = healthy * work.slope[r, f] + work.offset[r, f]
-            work.values[r, f] = healthy + x[SEVERITY, f] * by_severity
-            work.by_severity[r, f] = by_severity
+        for c in range(first, last):
+            healthy = work.healthy[r, c] * (1.0 + varies * x[state, c])
+            by_severity = healthy * work.slope[r, c] + work.offset[r, c]
+            work.parameters[r, c] = healthy + x[SEVERITY, c] * by_severity
+            work.by_severity[r, c] = by_severity
 
 
 @inlined
-def push(part, port, starboard, opening, work):
-    """Fill the acceleration by both propellers, with slope by severity and variance by the noise of the rpm counters.
+def compute_thrust(columns, opening, work):
+    """Fill ``work.thrust``; its variance is that by the noise of the rpm counters.
 
-    `opening` is the share of the sample's start in it.
+    `opening` is the share of the sample's start in the acceleration.
     """
-    values = work.values
+    first, last = columns
+    parameters = work.parameters
     by_severity = work.by_severity
-    out = work.pushed
+    port = work.port
+    starboard = work.starboard
+    thrust = work.thrust
     closing = 1.0 - opening
-    for f in range(part[0], part[1]):
-        port_square = opening * port[BEFORE, f] ** 2 + closing * port[NOW, f] ** 2
-        starboard_square = opening * starboard[BEFORE, f] ** 2 + closing * starboard[NOW, f] ** 2
-        by_port = values[PORT_BETA, f]
-        by_starboard = values[STARBOARD_BETA, f]
-        slope = (
-            by_severity[PORT_BETA, f] * port_square
-            + by_severity[STARBOARD_BETA, f] * starboard_square
-        )
-        by_port_now = 2.0 * by_port * port[NOW, f]
-        by_starboard_now = 2.0 * by_starboard * starboard[NOW, f]
-        slope += by_port_now * port[BY_SEVERITY, f]
-        slope += by_starboard_now * starboard[BY_SEVERITY, f]
-        port_blur = by_port_now * port[BLUR, f]
-        starboard_blur = by_starboard_now * starboard[BLUR, f]
-        out[THRUSTING, f] = by_port * port_square + by_starboard * starboard_square
-        out[TILT, f] = slope
-        out[SHAKEN, f] = port_blur * port_blur + starboard_blur * starboard_blur
+    for c in range(first, last):
+        port_square = opening * port[RPM_BEFORE, c] ** 2 + closing * port[RPM_NOW, c] ** 2
+        starboard_before = opening * starboard[RPM_BEFORE, c] ** 2
+        starboard_square = starboard_before + closing * starboard[RPM_NOW, c] ** 2
+        port_beta = parameters[PORT_BETA, c]
+        starboard_beta = parameters[STARBOARD_BETA, c]
+        port_slope = by_severity[PORT_BETA, c] * port_square
+        slope = port_slope + by_severity[STARBOARD_BETA, c] * starboard_square
+        by_port_rpm = 2.0 * port_beta * port[RPM_NOW, c]
+        by_starboard_rpm = 2.0 * starboard_beta * starboard[RPM_NOW, c]
+        slope += by_port_rpm * port[RPM_SLOPE, c]
+        slope += by_starboard_rpm * starboard[RPM_SLOPE, c]
+        port_std = by_port_rpm * port[RPM_STD, c]
+        starboard_std = by_starboard_rpm * starboard[RPM_STD, c]
+        thrust[THRUST, c] = port_beta * port_square + starboard_beta * starboard_square
+        thrust[THRUST_SLOPE, c] = slope
+        thrust[THRUST_VARIANCE, c] = port_std * port_std + starboard_std * starboard_std
 
 
 @inlined
-def drift(x, part, memory, variance):
+def predict_disturbance(x, columns, memory, variance):
     """Let the disturbance decay to `memory` of itself, towards its stationary variance."""
+    first, last = columns
     for i in range(N_STATES):
-        row = entry(i, D)
+        row = covariance_row(i, D)
         factor = memory * memory if i == D else memory
-        for f in range(part[0], part[1]):
-            x[row, f] *= factor
-    for f in range(part[0], part[1]):
-        x[D, f] *= memory
-        x[entry(D, D), f] += (1.0 - memory * memory) * variance
+        for c in range(first, last):
+            x[row, c] *= factor
+    for c in range(first, last):
+        x[D, c] *= memory
+        x[covariance_row(D, D), c] += (1.0 - memory * memory) * variance
 
 
 @inlined
-def move(x, part, work):
-    """Carry the mean speed over the sample by the midpoint rule; fill its gradient."""
-    values = work.values
+def compute_process_noise(columns, work):
+    """Fill the variance that joins the speed over the sample.
+
+    It comes from the noise of the rpm counters and from the thrust's unknown course in between.
+    """
+    first, last = columns
+    port = work.port
+    starboard = work.starboard
+    for c in range(first, last):
+        port_jump = port[RPM_NOW, c] ** 2 - port[RPM_BEFORE, c] ** 2
+        jump = work.parameters[PORT_BETA, c] * port_jump
+        starboard_jump = starboard[RPM_NOW, c] ** 2 - starboard[RPM_BEFORE, c] ** 2
+        jump += work.parameters[STARBOARD_BETA, c] * starboard_jump
+        std = BETWEEN_STD * jump
+        variance = work.thrust[THRUST_VARIANCE, c] + std * std
+        work.variance[0, c] = SAMPLE_TIME * SAMPLE_TIME * variance
+
+
+@inlined
+def predict_speed(x, columns, work):
+    """Advance the mean speed over the sample by the midpoint rule; fill its gradient."""
+    first, last = columns
+    parameters = work.parameters
     by_severity = work.by_severity
     gradient = work.gradient
-    half = 0.5 * SAMPLE_TIME
-    for f in range(part[0], part[1]):
-        thrust = work.pushed[THRUSTING, f]
-        slope = work.pushed[TILT, f]
-        deflection = work.deflection[f]
-        drag = values[ALPHA, f] + values[GAMMA, f] * deflection
-        u = x[U, f]
-        middle = u + half * (drag * u * abs(u) + thrust + x[D, f])
+    for c in range(first, last):
+        thrust = work.thrust[THRUST, c]
+        slope = work.thrust[THRUST_SLOPE, c]
+        deflection = work.deflection[c]
+        drag = parameters[ALPHA, c] + parameters[GAMMA, c] * deflection
+        u = x[U, c]
+        middle = u + HALF_SAMPLE * (drag * u * abs(u) + thrust + x[D, c])
         square = middle * abs(middle)
-        pull = SAMPLE_TIME * drag * abs(middle)
-        gain = SAMPLE_TIME * (1.0 + pull)
-        gradient[U, f] = 1.0 + 2.0 * pull * (1.0 + SAMPLE_TIME * drag * abs(u))
-        gradient[D, f] = gain
-        gradient[DRAG, f] = gain * values[ALPHA, f] / (1.0 + x[DRAG, f]) * square
-        gradient[THRUST, f] = gain * thrust / (1.0 + x[THRUST, f])
-        slope += (by_severity[ALPHA, f] + by_severity[GAMMA, f] * deflection) * square
-        gradient[SEVERITY, f] = gain * slope
-        x[U, f] = u + SAMPLE_TIME * (drag * square + thrust + x[D, f])
+        damping = SAMPLE_TIME * drag * abs(middle)
+        gain = SAMPLE_TIME * (1.0 + damping)
+        gradient[U, c] = 1.0 + 2.0 * damping * (1.0 + SAMPLE_TIME * drag * abs(u))
+        gradient[D, c] = gain
+        gradient[DRAG, c] = gain * parameters[ALPHA, c] / (1.0 + x[DRAG, c]) * square
+        gradient[THRUST_DEVIATION, c] = gain * thrust / (1.0 + x[THRUST_DEVIATION, c])
+        drag_slope = by_severity[ALPHA, c] + by_severity[GAMMA, c] * deflection
+        slope += drag_slope * square
+        gradient[SEVERITY, c] = gain * slope
+        x[U, c] = u + SAMPLE_TIME * (drag * square + thrust + x[D, c])
 
 
 @inlined
-def roughen(part, port, starboard, work):
-    """Fill the noise that joins the speed: that of the rpm counters, and the propellers' jump within the sample."""
-    values = work.values
-    for f in range(part[0], part[1]):
-        jump = values[PORT_BETA, f] * (port[NOW, f] ** 2 - port[BEFORE, f] ** 2)
-        jump += values[STARBOARD_BETA, f] * (starboard[NOW, f] ** 2 - starboard[BEFORE, f] ** 2)
-        rough = BETWEEN_STD * jump
-        work.variance[0, f] = SAMPLE_TIME * SAMPLE_TIME * (work.pushed[SHAKEN, f] + rough * rough)
-
-
-@inlined
-def carry(x, part, gradient, crossed, variance):
-    """Carry the covariance over the sample: only the speed moves."""
-    cross(x, part, gradient, crossed)
-    for i in range(N_STATES):
-        for f in range(part[0], part[1]):
-            variance[f] += gradient[i, f] * crossed[i, f]
-    for i in range(1, N_STATES):
-        row = entry(U, i)
-        for f in range(part[0], part[1]):
-            x[row, f] = crossed[i, f]
-    for f in range(part[0], part[1]):
-        x[entry(U, U), f] = variance[f]
-
-
-@inlined
-def hear_speed(x, part, work):
-    """Fill gradient, innovation and variance of the paddle wheel."""
-    values = work.values
-    by_severity = work.by_severity
-    gradient = work.gradient
-    for f in range(part[0], part[1]):
-        gain = values[SPEED + GAIN, f]
-        gradient[U, f] = gain
-        gradient[D, f] = 0.0
-        gradient[DRAG, f] = 0.0
-        gradient[THRUST, f] = 0.0
-        gradient[SEVERITY, f] = by_severity[SPEED + GAIN, f] * x[U, f] + by_severity[SPEED, f]
-        work.innovation[0, f] = work.readings[0, f] - gain * x[U, f] - values[SPEED, f]
-        work.variance[0, f] = values[SPEED + NOISE, f] ** 2
-
-
-@inlined
-def hear_acceleration(x, part, work):
-    """Fill gradient, innovation and variance of the accelerometer."""
-    values = work.values
-    by_severity = work.by_severity
-    gradient = work.gradient
-    expected = work.expected[0]
-    for f in range(part[0], part[1]):
-        thrust = work.pushed[THRUSTING, f]
-        slope = work.pushed[TILT, f]
-        deflection = work.deflection[f]
-        gain = values[ACCELERATION + GAIN, f]
-        u = x[U, f]
-        drag = values[ALPHA, f] + values[GAMMA, f] * deflection
-        square = u * abs(u)
-        acceleration = drag * square + thrust + x[D, f]
-        gradient[U, f] = gain * 2.0 * drag * abs(u)
-        gradient[D, f] = gain
-        gradient[DRAG, f] = gain * values[ALPHA, f] / (1.0 + x[DRAG, f]) * square
-        gradient[THRUST, f] = gain * thrust / (1.0 + x[THRUST, f])
-        slope += (by_severity[ALPHA, f] + by_severity[GAMMA, f] * deflection) * square
-        by_sensor = (
-            by_severity[ACCELERATION + GAIN, f] * acceleration + by_severity[ACCELERATION, f]
-        )
-        gradient[SEVERITY, f] = gain * slope + by_sensor
-        expected[f] = acceleration
-    for f in range(part[0], part[1]):
-        gain = values[ACCELERATION + GAIN, f]
-        noise = values[ACCELERATION + NOISE, f] ** 2
-        work.innovation[0, f] = work.readings[1, f] - gain * expected[f] - values[ACCELERATION, f]
-        work.variance[0, f] = noise + gain * gain * work.pushed[SHAKEN, f]
-
-
-@inlined
-def update(x, part, seen, port, starboard, constants, work):
-    """One sample of all surge filters: adds to the evidence. Port and starboard (4, n_columns): see `NOW`."""
-    gradient = work.gradient
-    innovation = work.innovation[0]
+def predict_covariance(x, columns, work):
+    """Advance the covariance over the sample, in which only the speed changes."""
+    first, last = columns
+    covariance = work.covariance
     variance = work.variance[0]
+    covary(x, columns, work.gradient, covariance)
+    for i in range(N_STATES):
+        for c in range(first, last):
+            variance[c] += work.gradient[i, c] * covariance[i, c]
+    for i in range(1, N_STATES):
+        row = covariance_row(U, i)
+        for c in range(first, last):
+            x[row, c] = covariance[i, c]
+    for c in range(first, last):
+        x[covariance_row(U, U), c] = variance[c]
+
+
+@inlined
+def condition_on_speed(x, columns, work):
+    """Condition on the paddle wheel."""
+    first, last = columns
+    parameters = work.parameters
+    by_severity = work.by_severity
+    gradient = work.gradient
+    for c in range(first, last):
+        gain = parameters[SPEED + GAIN, c]
+        gradient[U, c] = gain
+        gradient[D, c] = 0.0
+        gradient[DRAG, c] = 0.0
+        gradient[THRUST_DEVIATION, c] = 0.0
+        gain_slope = by_severity[SPEED + GAIN, c] * x[U, c]
+        gradient[SEVERITY, c] = gain_slope + by_severity[SPEED + BIAS, c]
+        unbiased = work.readings[SPEED_CHANNEL, c] - gain * x[U, c]
+        work.innovation[0, c] = unbiased - parameters[SPEED + BIAS, c]
+        work.variance[0, c] = parameters[SPEED + NOISE, c] ** 2
+    condition(x, columns, _measurement(work), work)
+
+
+@inlined
+def condition_on_acceleration(x, columns, work):
+    """Condition on the accelerometer."""
+    first, last = columns
+    parameters = work.parameters
+    by_severity = work.by_severity
+    gradient = work.gradient
+    predicted = work.predicted[0]
+    for c in range(first, last):
+        thrust = work.thrust[THRUST, c]
+        slope = work.thrust[THRUST_SLOPE, c]
+        deflection = work.deflection[c]
+        gain = parameters[ACCELERATION + GAIN, c]
+        u = x[U, c]
+        drag = parameters[ALPHA, c] + parameters[GAMMA, c] * deflection
+        square = u * abs(u)
+        acceleration = drag * square + thrust + x[D, c]
+        gradient[U, c] = gain * 2.0 * drag * abs(u)
+        gradient[D, c] = gain
+        gradient[DRAG, c] = gain * parameters[ALPHA, c] / (1.0 + x[DRAG, c]) * square
+        gradient[THRUST_DEVIATION, c] = gain * thrust / (1.0 + x[THRUST_DEVIATION, c])
+        drag_slope = by_severity[ALPHA, c] + by_severity[GAMMA, c] * deflection
+        slope += drag_slope * square
+        gain_slope = by_severity[ACCELERATION + GAIN, c] * acceleration
+        sensor_slope = gain_slope + by_severity[ACCELERATION + BIAS, c]
+        gradient[SEVERITY, c] = gain * slope + sensor_slope
+        predicted[c] = acceleration
+    for c in range(first, last):
+        gain = parameters[ACCELERATION + GAIN, c]
+        noise = parameters[ACCELERATION + NOISE, c] ** 2
+        unbiased = work.readings[ACCELERATION_CHANNEL, c] - gain * predicted[c]
+        work.innovation[0, c] = unbiased - parameters[ACCELERATION + BIAS, c]
+        work.variance[0, c] = noise + gain * gain * work.thrust[THRUST_VARIANCE, c]
+    condition(x, columns, _measurement(work), work)
+
+
+@inlined
+def _measurement(work):
+    """The measurement that was just prepared."""
+    return Measurement(work.gradient, work.innovation[0], work.variance[0], work.available[0])
+
+
+@inlined
+def update(x, columns, sample, constants, work):
+    """Take all surge filters through one sample; add to the evidence.
+
+    ``work.port`` and ``work.starboard`` hold the shaft speeds, see `RPM_NOW`.
+    """
+    available = work.available[0]
     evidence = work.evidence
-    delivered = work.delivered[0]
-    scratch = work.shift
-    spread(seen.deflection, part, work.deflection)
-    for c in range(2):
-        spread(seen.reading[c], part, work.readings[c])
-    form(x, part, work)
-    drift(x, part, constants.disturbance_memory, constants.disturbance_variance)
-    push(part, port, starboard, constants.opening, work)
-    roughen(part, port, starboard, work)
-    move(x, part, work)
-    carry(x, part, gradient, work.crossed, variance)
-    deliver(work.values, part, SPEED, seen, 0, delivered, evidence)
-    hear_speed(x, part, work)
-    condition(x, part, gradient, innovation, variance, delivered, work.crossed, scratch, evidence)
-    deliver(work.values, part, ACCELERATION, seen, 1, delivered, evidence)
-    form(x, part, work)
-    push(part, port, starboard, 0.0, work)
-    hear_acceleration(x, part, work)
-    condition(x, part, gradient, innovation, variance, delivered, work.crossed, scratch, evidence)
+    broadcast(sample.deflection, columns, work.deflection)
+    for channel in (SPEED_CHANNEL, ACCELERATION_CHANNEL):
+        broadcast(sample.reading[channel], columns, work.readings[channel])
+    set_parameters(x, columns, work)
+    predict_disturbance(x, columns, constants.disturbance_memory, constants.disturbance_variance)
+    compute_thrust(columns, constants.opening, work)
+    compute_process_noise(columns, work)
+    predict_speed(x, columns, work)
+    predict_covariance(x, columns, work)
+    condition_on_availability(
+        work.parameters, columns, SPEED, sample, SPEED_CHANNEL, available, evidence
+    )
+    condition_on_speed(x, columns, work)
+    condition_on_availability(
+        work.parameters, columns, ACCELERATION, sample, ACCELERATION_CHANNEL, available, evidence
+    )
+    set_parameters(x, columns, work)
+    compute_thrust(columns, 0.0, work)
+    condition_on_acceleration(x, columns, work)

@@ -72,7 +72,7 @@ def test_a_batch_is_its_lanes_whatever_the_threads_and_the_neighbours_silence(
         np.testing.assert_array_equal(batch[:, lane], alone[:, 0])
 
 
-def test_nothing_is_read_of_what_an_earlier_step_left_in_the_kept_memory(monkeypatch):
+def test_nothing_is_read_of_what_an_earlier_step_left_in_the_memory(monkeypatch):
     observations = episodes(5, 12, FaultEvent("propeller_loss:port", 0.5, 1.0)).observations
     expected = beliefs(light_bank(), observations)
 
@@ -87,7 +87,7 @@ def test_nothing_is_read_of_what_an_earlier_step_left_in_the_kept_memory(monkeyp
     np.testing.assert_array_equal(beliefs(light_bank(), observations), expected)
 
 
-def test_the_kept_memory_is_that_of_the_catalogue_as_it_is(monkeypatch):
+def test_the_memory_is_that_of_the_catalogue_as_it_is(monkeypatch):
     observations = episodes(3, 40, FaultEvent("propeller_loss:port", 0.5, 1.0)).observations
     before = beliefs(FilterBank(), observations)
     fault = CATALOGUE["propeller_loss:port"]
@@ -160,8 +160,8 @@ def test_no_way_leads_back_to_normal():
     observation = episodes(1, 1).observations[0].astype(np.float64)
     n_hypotheses = bank.hypotheses().log_hazard.size
     faulty = np.where(np.arange(n_hypotheses) == 7, 0.0, -1e6)[None]
-    after, belief = bank.step(bank.initial(1)._replace(log_weight=faulty), observation)
-    assert after.log_weight[0].argmax() == 7
+    after, belief = bank.step(bank.initial(1)._replace(log_posterior=faulty), observation)
+    assert after.log_posterior[0].argmax() == 7
     # eight readings of six deviations: 144
     np.testing.assert_allclose(belief.log_probability[0, 0], -1e6, atol=150.0)
 
@@ -207,18 +207,18 @@ def test_a_new_catalogue_entry_gets_its_hypotheses(monkeypatch):
     after = bank.hypotheses()
     assert after.log_hazard.size == before.log_hazard.size + 3
     np.testing.assert_allclose(np.exp(after.log_hazard).sum(), 1.0)
-    assert after.diagnosis[-1] == list(classes()).index("ice_on_hull")
-    assert after.slot[SURGE, -1] != after.slot[SURGE, 0]
+    assert after.class_index[-1] == list(classes()).index("ice_on_hull")
+    assert after.filter[SURGE, -1] != after.filter[SURGE, 0]
     assert (
-        after.slot[PORT, -1] == after.slot[PORT, 0]
-        and after.slot[STARBOARD, -1] == after.slot[STARBOARD, 0]
+        after.filter[PORT, -1] == after.filter[PORT, 0]
+        and after.filter[STARBOARD, -1] == after.filter[STARBOARD, 0]
     )
     assert beliefs(bank, episodes(1, 2).observations).shape[2] == len(CLASSES) + 1
 
 
 def test_classes_share_the_hazard_evenly():
     hypotheses = hypothesis_table(3, 1e-3, list(CATALOGUE))
-    share = np.bincount(hypotheses.diagnosis, weights=np.exp(hypotheses.log_hazard))
+    share = np.bincount(hypotheses.class_index, weights=np.exp(hypotheses.log_hazard))
     np.testing.assert_allclose(share[1:], 1e-3 / (len(CLASSES) - 1))
 
 

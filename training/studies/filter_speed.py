@@ -17,10 +17,10 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers.bank import surge
-from diagnosers.bank.algebra import N_STATES, entry
-from diagnosers.bank.hypotheses import OWN, SURGE
+from diagnosers.bank.algebra import N_STATES, covariance_row
+from diagnosers.bank.hypotheses import OWN_PARAMETERS, SURGE
 from diagnosers.bank.pack import new_workspace
-from diagnosers.bank.sensors import N_READINGS, look, seen_by
+from diagnosers.bank.sensors import N_READINGS, fill_sample, new_sample
 from diagnosers.filter_bank import BankConstants, FilterBank
 from diagnosers.kalman import BETWEEN_STD
 from training.rollouts import roll_out
@@ -31,20 +31,20 @@ CHANNEL_OF_RPM = (8, 11)
 
 
 @kernel
-def update_lanes(filters, turning, last, observation, constants, work, seen):
-    """One sample of the surge filters of every lane, (n_lanes, 20, n_filters), in place; turning (n_lanes, 2) rpm."""
-    part = (np.uint64(0), np.uint64(filters.shape[2]))
+def update_lanes(filters, rpm, last, observation, constants, work, sample):
+    """One sample of the surge filters of every lane, (n_lanes, 20, n_filters), in place; rpm (n_lanes, 2)."""
+    columns = (np.uint64(0), np.uint64(filters.shape[2]))
     for lane in range(len(filters)):
-        look(observation[lane : lane + 1], last[lane : lane + 1], constants.sensors, seen)
+        fill_sample(observation[lane : lane + 1], last[lane : lane + 1], constants.sensors, sample)
         for side, shaft in enumerate((work.port, work.starboard)):
             now = observation[lane, CHANNEL_OF_RPM[side]]
-            shaft[0] = now
-            shaft[1] = turning[lane, side]
-            shaft[2] = 0.0
-            shaft[3] = 1.0
-            turning[lane, side] = now
-        last[lane] = seen.reading[:, 0]
-        surge.update(filters[lane], part, seen, work.port, work.starboard, constants, work)
+            shaft[surge.RPM_NOW] = now
+            shaft[surge.RPM_BEFORE] = rpm[lane, side]
+            shaft[surge.RPM_SLOPE] = 0.0
+            shaft[surge.RPM_STD] = 1.0
+            rpm[lane, side] = now
+        last[lane] = sample.reading[:, 0]
+        surge.update(filters[lane], columns, sample, constants, work)
 
 
 @dataclass
@@ -159,32 +159,32 @@ class Bank:
         bank = FilterBank()
         table = bank.hypotheses()
         state = bank.initial(self.n_lanes)
-        self.n_filters = int(table.first[SURGE + 1])
-        rows = len(OWN[SURGE])
+        self.n_filters = int(table.first_filter[SURGE + 1])
+        rows = len(OWN_PARAMETERS[SURGE])
         self.constants = bank.constants
-        self.base = state.healthy[0, table.rows[SURGE]]
+        self.base = state.healthy[0, table.parameter[SURGE]]
         self.filters = np.ascontiguousarray(state.filters[:, :, : self.n_filters])
         self.slope, self.offset = (
             part[:, : self.n_filters].copy() for part in (table.slope, table.offset)
         )
-        self.turning, self.last = (
+        self.rpm, self.last = (
             np.zeros((self.n_lanes, 2)),
             np.full((self.n_lanes, N_READINGS), np.nan),
         )
         self.work = new_workspace(table, 1)
-        self.seen = seen_by(1)
+        self.sample = new_sample(1)
         self.rows = slice(0, rows)
-        self.work.base[:] = self.base[:, None]
+        self.work.healthy[:] = self.base[:, None]
 
     def update(self, observation: np.ndarray) -> None:
         """One sample, (n_lanes, n_channels) float64, rudder and stern plane at zero."""
         update_lanes(
-            self.filters, self.turning, self.last, observation, self.constants, self.work, self.seen
+            self.filters, self.rpm, self.last, observation, self.constants, self.work, self.sample
         )
 
     def moments(self, lane: int, f: int) -> tuple[np.ndarray, np.ndarray]:
         """Mean (5,) and covariance (5, 5) of one filter."""
-        places = [[entry.py_func(i, j) for j in range(N_STATES)] for i in range(N_STATES)]
+        places = [[covariance_row.py_func(i, j) for j in range(N_STATES)] for i in range(N_STATES)]
         return self.filters[lane, :N_STATES, f].copy(), self.filters[lane, :, f][np.array(places)]
 
     def reference(self, lane: int, f: int) -> tuple[object, Callable[[np.ndarray], None]]:
