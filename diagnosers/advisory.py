@@ -1,20 +1,20 @@
-"""Advice to whoever plans the mission: continue, derate, return or abort, from what is believed of the vehicle.
+"""Advice to the mission planner: continue, derate, return or abort, from the belief.
 
-The rules, the first that applies. The goal is within range if 97.5 % of the vehicles possible under
-the belief reach it, home if a share 1 - `LOST` of them do, with `MARGIN` to spare and no motor
-beyond what it is rated for:
+The goal is within range if 97.5 % of the vehicles that are possible under the belief reach it, home
+if a share 1 - `MAX_RISK` of them do; in both cases with `MARGIN` to spare and no motor beyond its
+rating. The first rule that applies decides:
 
-==========
-============================================================================================================
-action     where ==========
-============================================================================================================
-abort      more than `LOST` of the possible vehicles cannot keep their way: none of their speeds
-exceeds the current by
-           `STEERAGE`
-continue   the goal is within range at the mission's speed; a reading that is probably false is
-named derate     the goal is within range at a lower speed; or at the mission's, but the speed
-reading is probably false return     home is within range abort      neither is ==========
-============================================================================================================
+abort
+    More than `MAX_RISK` of the possible vehicles cannot hold their position: none of their speeds
+    exceeds the current by `MIN_GROUND_SPEED`.
+continue
+    The goal is within range at the mission's speed, and the speed reading is probably right.
+derate
+    The goal is within range at the mission's speed or at a lower one.
+return
+    Home is within range.
+abort
+    Neither is.
 """
 
 from typing import NamedTuple
@@ -30,22 +30,18 @@ from diagnosers.diagnoser import Belief
 
 ACTIONS = ("continue", "derate", "return", "abort")
 CONTINUE, DERATE, RETURN, ABORT = range(len(ACTIONS))
-MARGIN = 1.05  # of a range over the way: the plant is never quite in steady motion
-STEERAGE = 0.1  # m/s over the ground, below which a vehicle cannot keep its way
-LOST = 0.1  # probability, of not coming home or of having lost its way, from which to abort
-QUANTILES = 0.025, 0.5, 0.975, LOST
-# which of them
-SURE = 0
-HIGH = 2
-PROBABLE = 3
-NAMED = 0.5  # probability from which a reading is named as false
-# of the stall current: what brushed motors of this size stand for long; an estimate, no source
-# gives it
-RATED = 0.2
+MARGIN = 1.05  # of a range over the distance: the plant is never quite in steady motion
+MIN_GROUND_SPEED = 0.1  # m/s, below which a vehicle cannot hold its position
+MAX_RISK = 0.1  # probability, of not coming home or of drifting, above which to abort
+QUANTILES = 0.025, 0.5, 0.975, MAX_RISK
+LOW, MEDIAN, HIGH, RISK = range(len(QUANTILES))
+PROBABLE = 0.5  # probability from which a fault is named
+# of the stall current: what brushed motors of this size stand for long; an estimate without source
+RATED_SHARE = 0.2
 N_AGREEING = 5  # advices in a row that must agree to change the action
-LEAST_POWER = 1e-9  # W, against division by zero
-STEPS = np.arange(1, 21) / 10  # speeds that are weighed, of the mission's
-MISSION = 9  # the step that is the mission's own speed
+MIN_POWER = 1e-9  # W, against division by zero
+RELATIVE_SPEEDS = np.arange(1, 21) / 10  # speeds that are compared, of the mission's
+MISSION = 9  # index of the mission's own speed
 SENSOR_PREFIX = "sensor:"
 SPEED_SENSOR = SENSOR_PREFIX + "speed"
 
@@ -58,7 +54,7 @@ class Situation(NamedTuple):
     speed
         Speed through the water that the mission asks for [m/s].
     distance_to_go, distance_home
-        Ways over the ground to the goal and back home [m].
+        Distances over the ground to the goal and back home [m].
     energy_left
         In the battery [J].
     hotel_load
@@ -86,7 +82,7 @@ LIMITS = {
 
 
 class Quantiles(NamedTuple):
-    """Median and 95 % interval over what is possible, (n_lanes,) each."""
+    """Median and 95 % interval over the possible vehicles, (n_lanes,) each."""
 
     low: np.ndarray
     median: np.ndarray
@@ -94,24 +90,24 @@ class Quantiles(NamedTuple):
 
 
 class Advice(NamedTuple):
-    """What to do, why, and what the vehicle can still do; all (n_lanes,).
+    """What to do, for what reason, and what the vehicle can still do; all (n_lanes,).
 
     Attributes
     ----------
     level
-        Index of the action in `ACTIONS`: the higher the graver.
-    why
+        Index of the action in `ACTIONS`: the higher, the more serious.
+    reason
         One sentence per lane.
     speed
-        Speed through the water to keep [m/s], 0 to abort. It is meant to be held: a controller
-        without integral action falls short of its command under a fault.
+        Speed through the water to choose [m/s], 0 to abort. It is to be the true speed: a
+        controller without integral action falls short of its command under a fault.
     distrusted
         Class of the reading that is probably false, such as ``sensor:speed``; empty if none is.
     reachable_speed
         Largest speed through the water [m/s].
     energy_per_metre, range
         At the mission's speed on the way to the goal, hotel load included [J/m], and how far the
-        battery so brings the vehicle [m]. Infinite and 0 where it makes no way.
+        battery then brings the vehicle [m]. Infinite and 0 where it makes no way.
     best_speed, best_energy_per_metre, best_range
         The same at the speed, up to twice the mission's, that brings it farthest.
     range_home
@@ -121,7 +117,7 @@ class Advice(NamedTuple):
     """
 
     level: np.ndarray
-    why: tuple[str, ...]
+    reason: tuple[str, ...]
     speed: np.ndarray
     distrusted: np.ndarray
     reachable_speed: Quantiles
@@ -144,9 +140,13 @@ def advise(
     situation: Situation,
     vehicle: Vehicle,
     shafts: int = 2,
-    before: Advice | None = None,
+    previous: Advice | None = None,
 ) -> Advice:
     """Advice for every lane.
+
+    It misleads where the diagnoser does: under a fault that is not in the catalogue, or under two
+    at once, the ranges are those of another vehicle. It does not include obstacles, tides to come
+    and the crew's own reasons.
 
     Parameters
     ----------
@@ -159,201 +159,233 @@ def advise(
     shafts
         1 or 2. On a vehicle with one shaft a fault of the port side is a fault of all its
         propulsion.
-    before
+    previous
         The last advice, about a second ago. With it the action does not flicker: it moves only as
-        far as each of the last `N_AGREEING` judgements would have it.
-
-    Misleads where the diagnoser does: a fault that is none of the catalogue, or two at once, and
-    the ranges are those of another vehicle. It knows nothing of obstacles, tides to come and the
-    crew's own reasons.
+        far as each of the last `N_AGREEING` judgements would move it.
     """
     if shafts not in (1, 2):
         raise refusal("shafts", shafts, "1 or 2", "say how many the vehicle has")
-    view = _view(belief, checked(situation, len(belief.log_probability)), vehicle, shafts)
-    level = _judged(view)
+    situation = _checked(situation, len(belief.log_probability))
+    assessment = _assess(belief, situation, vehicle, shafts)
+    level = _levels(assessment)
     proposals = np.repeat(level[:, None], N_AGREEING, axis=1)
-    if before is not None:
-        proposals[:, :-1] = before.proposals[:, 1:]
-        level = np.clip(before.level, proposals.min(axis=1), proposals.max(axis=1))
-    return _advice(view, level, proposals)
+    if previous is not None:
+        proposals[:, :-1] = previous.proposals[:, 1:]
+        level = np.clip(previous.level, proposals.min(axis=1), proposals.max(axis=1))
+    return _advice(assessment, level, proposals)
 
 
-def checked(situation: Situation, n_lanes: int) -> Situation:
+def _checked(situation: Situation, n_lanes: int) -> Situation:
     """The situation as float64 arrays (n_lanes,), each within `LIMITS`, else a refusal."""
-    values = {}
-    for name, (low, high) in LIMITS.items():
-        try:
-            value = np.broadcast_to(np.asarray(getattr(situation, name), np.float64), n_lanes)
-        except (TypeError, ValueError):
-            remedy = "give one number, or one per lane"
-            raise refusal(
-                name, getattr(situation, name), f"numbers of shape ({n_lanes},)", remedy
-            ) from None
-        wrong = ~((value >= low) & (value <= high))
-        if wrong.any():
-            allowed = f"a number from {low:g} to {high:g}"
-            raise refusal(
-                f"{name} of the situation",
-                float(value[wrong][0]),
-                allowed,
-                "give one in that range",
-            )
-        values[name] = value
-    return Situation(**values)
+    return Situation(*(_checked_field(situation, name, n_lanes) for name in Situation._fields))
+
+
+def _checked_field(situation: Situation, name: str, n_lanes: int) -> np.ndarray:
+    given = getattr(situation, name)
+    try:
+        values = np.broadcast_to(np.asarray(given, np.float64), n_lanes)
+    except (TypeError, ValueError):
+        remedy = "give one number, or one per lane"
+        raise refusal(name, given, f"numbers of shape ({n_lanes},)", remedy) from None
+    low, high = LIMITS[name]
+    wrong = ~((values >= low) & (values <= high))
+    if wrong.any():
+        allowed = f"a number from {low:g} to {high:g}"
+        first_wrong = float(values[wrong][0])
+        raise refusal(f"{name} of the situation", first_wrong, allowed, "give one in that range")
+    return values
 
 
 class Assessment(NamedTuple):
     """What an advice is made from.
 
-    situation; speeds (n_lanes, n_speeds) [m/s]; reachable_speed; lost (n_lanes,), whether to fear
-    that the way is; cool (n_lanes, n_speeds), whether the motors keep to their rating; onward and
-    homeward (4, n_lanes, n_speeds): quantiles of the way over the ground by energy [m/J]; to_go and
-    home (n_lanes, n_speeds): ranges [m] that are counted on, 0 where a motor would run too hot;
-    suspect, probability, severity (n_lanes,): index of the likeliest fault, and what is believed of
-    it; distrusted (n_lanes,) as in `Advice`.
+    Attributes
+    ----------
+    situation
+        Of every lane.
+    speeds
+        (n_lanes, n_speeds), the speeds that are compared [m/s].
+    reachable_speed
+        Quantiles over the possible vehicles [m/s].
+    may_drift
+        (n_lanes,), whether too many possible vehicles cannot hold their position.
+    within_rating
+        (n_lanes, n_speeds), whether the motors stay within their rating.
+    outward, homeward
+        (n_quantiles, n_lanes, n_speeds), quantiles of the way over the ground by energy [m/J].
+    safe_range, probable_range_home
+        (n_lanes, n_speeds), ranges [m] to plan with, 0 where a motor would exceed its rating.
+    fault, probability, severity
+        (n_lanes,), class index of the likeliest fault, its probability and its mean severity.
+    distrusted
+        As in `Advice`.
     """
 
     situation: Situation
     speeds: np.ndarray
     reachable_speed: Quantiles
-    lost: np.ndarray
-    cool: np.ndarray
-    onward: np.ndarray
+    may_drift: np.ndarray
+    within_rating: np.ndarray
+    outward: np.ndarray
     homeward: np.ndarray
-    to_go: np.ndarray
-    home: np.ndarray
-    suspect: np.ndarray
+    safe_range: np.ndarray
+    probable_range_home: np.ndarray
+    fault: np.ndarray
     probability: np.ndarray
     severity: np.ndarray
     distrusted: np.ndarray
 
     @property
-    def fits(self) -> np.ndarray:
-        """Whether the goal is within range at a speed up to the mission's, (n_lanes, MISSION + 1)."""
-        return (self.to_go >= MARGIN * self.situation.distance_to_go[:, None])[:, : MISSION + 1]
+    def goal_in_range(self) -> np.ndarray:
+        """Whether the goal is within range, (n_lanes, MISSION + 1): up to the mission's speed."""
+        needed = MARGIN * self.situation.distance_to_go[:, None]
+        return self.safe_range[:, : MISSION + 1] >= needed
+
+    @property
+    def home_in_range(self) -> np.ndarray:
+        """Whether home is within range at any speed, (n_lanes,)."""
+        needed = MARGIN * self.situation.distance_home[:, None]
+        return (self.probable_range_home >= needed).any(axis=1)
 
 
-def _view(belief: Belief, situation: Situation, vehicle: Vehicle, shafts: int) -> Assessment:
-    speeds = np.minimum(situation.speed[:, None] * STEPS, MAXIMUM_COMMAND)
-    able = capability(sample_parameters(belief, vehicle, shafts), speeds, vehicle)
-    lost = (able.reachable_speed < np.abs(situation.current)[:, None] + STEERAGE).mean(
-        axis=1
-    ) > LOST
-    rated = RATED * vehicle.maximum_voltage / vehicle.resistance
-    cool = np.quantile(able.current, QUANTILES[HIGH], axis=1) <= rated
-    onward, homeward = (
-        _metres_per_joule(able.power, situation, speeds, against) for against in (1.0, -1.0)
-    )
-    to_go, home = (
-        by_energy * situation.energy_left[:, None] * cool
-        for by_energy in (onward[SURE], homeward[PROBABLE])
-    )
-    reachable = _spread(np.quantile(able.reachable_speed, QUANTILES, axis=1))
+def _assess(belief: Belief, situation: Situation, vehicle: Vehicle, shafts: int) -> Assessment:
+    speeds = np.minimum(situation.speed[:, None] * RELATIVE_SPEEDS, MAXIMUM_COMMAND)
+    possible = capability(sample_parameters(belief, vehicle, shafts), speeds, vehicle)
+    needed_speed = np.abs(situation.current)[:, None] + MIN_GROUND_SPEED
+    drifting = possible.reachable_speed < needed_speed
+    rated_current = RATED_SHARE * vehicle.maximum_voltage / vehicle.resistance
+    motor_current = np.quantile(possible.current, QUANTILES[HIGH], axis=1)
+    within_rating = motor_current <= rated_current
+    outward = _metres_per_joule(possible.power, situation, speeds - situation.current[:, None])
+    homeward = _metres_per_joule(possible.power, situation, speeds + situation.current[:, None])
+    energy_left = situation.energy_left[:, None]
+    fault = 1 + belief.log_probability[:, 1:].argmax(axis=1)
+    lanes = np.arange(fault.size)
+    probability = np.exp(belief.log_probability[lanes, fault])
     return Assessment(
-        situation, speeds, reachable, lost, cool, onward, homeward, to_go, home, *_suspect(belief)
+        situation=situation,
+        speeds=speeds,
+        reachable_speed=_interval(np.quantile(possible.reachable_speed, QUANTILES, axis=1)),
+        may_drift=drifting.mean(axis=1) > MAX_RISK,
+        within_rating=within_rating,
+        outward=outward,
+        homeward=homeward,
+        safe_range=outward[LOW] * energy_left * within_rating,
+        probable_range_home=homeward[RISK] * energy_left * within_rating,
+        fault=fault,
+        probability=probability,
+        severity=belief.severity_mean[lanes, fault],
+        distrusted=_distrusted(fault, probability),
     )
 
 
 def _metres_per_joule(
-    power: np.ndarray, situation: Situation, speeds: np.ndarray, against: float
+    power: np.ndarray, situation: Situation, ground_speed: np.ndarray
 ) -> np.ndarray:
-    """Quantiles of the way over the ground by energy, (4, n_lanes, n_speeds), 0 where none is made."""
-    way = np.maximum(speeds - against * situation.current[:, None], 0.0)
-    demand = np.maximum(power + situation.hotel_load[:, None, None], LEAST_POWER)
+    """Quantiles of the way over the ground by energy, (4, n_lanes, n_speeds)."""
+    way = np.maximum(ground_speed, 0.0)
+    demand = np.maximum(power + situation.hotel_load[:, None, None], MIN_POWER)
     return np.quantile(way[:, None] / demand, QUANTILES, axis=1)
 
 
-def _suspect(belief: Belief) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The last four of a `Assessment`."""
-    suspect = 1 + belief.log_probability[:, 1:].argmax(axis=1)
-    lanes = np.arange(suspect.size)
-    probability = np.exp(belief.log_probability[lanes, suspect])
-    sensors = np.array([name if name.startswith(SENSOR_PREFIX) else "" for name in classes()])
-    distrusted = np.where(probability >= NAMED, sensors[suspect], "")
-    return suspect, probability, belief.severity_mean[lanes, suspect], distrusted
+def _distrusted(fault: np.ndarray, probability: np.ndarray) -> np.ndarray:
+    """Class of the sensor whose fault is probable, (n_lanes,); empty if none is."""
+    sensors = [name if name.startswith(SENSOR_PREFIX) else "" for name in classes()]
+    return np.where(probability >= PROBABLE, np.array(sensors)[fault], "")
 
 
-def _judged(view: Assessment) -> np.ndarray:
+def _levels(assessment: Assessment) -> np.ndarray:
     """The level of each lane by the rules alone, (n_lanes,)."""
-    fits_home = (view.home >= MARGIN * view.situation.distance_home[:, None]).any(axis=1)
-    at_speed = view.fits[:, MISSION] & (view.distrusted != SPEED_SENSOR)
-    rules = {ABORT: view.lost, CONTINUE: at_speed, DERATE: view.fits.any(axis=1), RETURN: fits_home}
+    goal_in_range = assessment.goal_in_range
+    speed_is_right = assessment.distrusted != SPEED_SENSOR
+    rules = {
+        ABORT: assessment.may_drift,
+        CONTINUE: goal_in_range[:, MISSION] & speed_is_right,
+        DERATE: goal_in_range.any(axis=1),
+        RETURN: assessment.home_in_range,
+    }
     return np.select(list(rules.values()), list(rules), ABORT)
 
 
-def _derated(view: Assessment) -> np.ndarray:
-    """The step of the speed to derate to: the fastest that will do, or the cheapest where the speed is uncertain."""
-    slower = view.fits[:, :MISSION]
+def _derated_speed(assessment: Assessment) -> np.ndarray:
+    """Index of the speed to derate to, (n_lanes,).
+
+    The fastest that reaches the goal; the cheapest where the speed reading is probably false.
+    """
+    slower = assessment.goal_in_range[:, :MISSION]
     fastest = MISSION - 1 - slower[:, ::-1].argmax(axis=1)
-    cheapest = view.to_go[:, : MISSION + 1].argmax(axis=1)
-    return np.where(slower.any(axis=1) & (view.distrusted != SPEED_SENSOR), fastest, cheapest)
+    cheapest = assessment.safe_range[:, : MISSION + 1].argmax(axis=1)
+    speed_is_right = assessment.distrusted != SPEED_SENSOR
+    return np.where(slower.any(axis=1) & speed_is_right, fastest, cheapest)
 
 
-def _advice(view: Assessment, level: np.ndarray, proposals: np.ndarray) -> Advice:
+def _advice(assessment: Assessment, level: np.ndarray, proposals: np.ndarray) -> Advice:
     lanes = np.arange(level.size)
-    energy = view.situation.energy_left
-    best = view.to_go.argmax(axis=1)
-    best_home = view.home.argmax(axis=1)
-    step = np.choose(level, [np.full_like(level, MISSION), _derated(view), best_home, best])
-    mission = view.onward[:, :, MISSION]
-    farthest = view.onward[:, lanes, best]
+    speeds = assessment.speeds
+    energy = assessment.situation.energy_left
+    best = assessment.safe_range.argmax(axis=1)
+    best_home = assessment.probable_range_home.argmax(axis=1)
+    mission = np.full_like(level, MISSION)
+    by_level = [mission, _derated_speed(assessment), best_home, best]
+    chosen = np.choose(level, by_level)
+    at_mission_speed = assessment.outward[:, :, MISSION]
+    at_best_speed = assessment.outward[:, lanes, best]
+    homeward = assessment.homeward[:, lanes, best_home]
     return Advice(
-        level,
-        tuple(_why(view, lane, level[lane], step[lane]) for lane in lanes),
-        np.where(level == ABORT, 0.0, view.speeds[lanes, step]),
-        view.distrusted,
-        view.reachable_speed,
-        _per_metre(mission),
-        _spread(energy * mission),
-        view.speeds[lanes, best],
-        _per_metre(farthest),
-        _spread(energy * farthest),
-        _spread(energy * view.homeward[:, lanes, best_home]),
-        proposals,
+        level=level,
+        reason=tuple(_reason(assessment, lane, level[lane], chosen[lane]) for lane in lanes),
+        speed=np.where(level == ABORT, 0.0, speeds[lanes, chosen]),
+        distrusted=assessment.distrusted,
+        reachable_speed=assessment.reachable_speed,
+        energy_per_metre=_joules_per_metre(at_mission_speed),
+        range=_interval(energy * at_mission_speed),
+        best_speed=speeds[lanes, best],
+        best_energy_per_metre=_joules_per_metre(at_best_speed),
+        best_range=_interval(energy * at_best_speed),
+        range_home=_interval(energy * homeward),
+        proposals=proposals,
     )
 
 
-def _spread(quantiles: np.ndarray) -> Quantiles:
-    return Quantiles(*quantiles[:PROBABLE])
+def _interval(quantiles: np.ndarray) -> Quantiles:
+    return Quantiles(*quantiles[: HIGH + 1])
 
 
-def _per_metre(by_energy: np.ndarray) -> Quantiles:
+def _joules_per_metre(metres_per_joule: np.ndarray) -> Quantiles:
     with np.errstate(divide="ignore"):  # where no way is made
-        return Quantiles(*(1.0 / by_energy[HIGH::-1]))
+        return Quantiles(*(1.0 / metres_per_joule[HIGH::-1]))
 
 
-def _why(view: Assessment, lane: int, level: int, step: int) -> str:
-    """The figures that speak for the action, and what else a planner should know of this lane."""
-    so = Situation(*(value[lane] for value in view.situation))
-    to_go = view.to_go[lane]
-    home = view.home[lane]
-    reasons = [
-        f"{to_go[MISSION]:.0f} m are within range at {so.speed:.2f} m/s, {so.distance_to_go:.0f} m are to go"
-    ]
+def _reason(assessment: Assessment, lane: int, level: int, chosen: int) -> str:
+    """The figures that support the action, and what else a planner needs to know of this lane."""
+    situation = Situation(*(values[lane] for values in assessment.situation))
+    to_goal = assessment.safe_range[lane]
+    home = assessment.probable_range_home[lane]
+    at_speed = f"at {situation.speed:.2f} m/s"
+    to_go = f"{situation.distance_to_go:.0f} m are to go"
+    reasons = [f"{to_goal[MISSION]:.0f} m are within range {at_speed}, {to_go}"]
     if level == DERATE:
-        reasons.append(f"{to_go[step]:.0f} m are at {view.speeds[lane, step]:.2f} m/s")
+        derated = assessment.speeds[lane, chosen]
+        reasons.append(f"{to_goal[chosen]:.0f} m are at {derated:.2f} m/s")
     if level >= RETURN:
-        reasons.append(f"{to_go.max():.0f} m are at the best speed")
-        reasons.append(
-            f"{home.max():.0f} m are probably within range on the way home of {so.distance_home:.0f} m"
-        )
-    if view.lost[lane]:
-        reach = view.reachable_speed.low[lane]
-        reasons.append(
-            f"it may reach only {reach:.2f} m/s, and the current is {so.current:.2f} m/s"
-        )
-    if not view.cool[lane, MISSION]:
-        reasons.append(f"at {so.speed:.2f} m/s a motor may draw more than it is rated for")
-    if view.probability[lane] >= NAMED:
-        reasons.append(_named(view, lane))
+        way_home = f"on the way home of {situation.distance_home:.0f} m"
+        reasons.append(f"{to_goal.max():.0f} m are at the best speed")
+        reasons.append(f"{home.max():.0f} m are probably within range {way_home}")
+    if assessment.may_drift[lane]:
+        reachable = f"it may reach only {assessment.reachable_speed.low[lane]:.2f} m/s"
+        reasons.append(f"{reachable}, and the current is {situation.current:.2f} m/s")
+    if not assessment.within_rating[lane, MISSION]:
+        reasons.append(f"{at_speed} a motor may draw more than it is rated for")
+    if assessment.probability[lane] >= PROBABLE:
+        reasons.append(_named_fault(assessment, lane))
     return "; ".join(reasons)
 
 
-def _named(view: Assessment, lane: int) -> str:
-    name = classes()[view.suspect[lane]]
-    likely = f"{name} is likely ({100 * view.probability[lane]:.0f} %"
+def _named_fault(assessment: Assessment, lane: int) -> str:
+    name = classes()[assessment.fault[lane]]
+    likely = f"{name} is likely ({100 * assessment.probability[lane]:.0f} %"
     if name == SPEED_SENSOR:
         return f"{likely}): that reading misleads, and at the cheapest speed its error costs least"
     if name.startswith(SENSOR_PREFIX):
         return f"{likely}): do not use that reading"
-    return f"{likely}, severity {view.severity[lane]:.2f})"
+    return f"{likely}, severity {assessment.severity[lane]:.2f})"

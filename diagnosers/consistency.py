@@ -1,4 +1,4 @@
-"""Is a filter honest about its errors? Normalised errors and innovations, and the band they should stay in.
+"""Normalised errors and innovations of a filter, and the band in which a consistent filter stays.
 
 Source: Bar-Shalom, Li & Kirubarajan, "Estimation with Applications to Tracking and Navigation",
 Wiley 2001, 5.4.
@@ -11,24 +11,28 @@ from diagnosers.kalman import Estimate
 
 
 def nees(estimate: Estimate, truth: np.ndarray) -> np.ndarray:
-    """Normalised estimation error squared (n_lanes,) of the first m states; truth (n_lanes, m) in the mean's units.
+    """Normalised estimation error squared (n_lanes,) of the first m states.
 
     Chi-square with m degrees of freedom if the filter's model is true, so its mean over lanes is m;
     above it the filter is overconfident. Misleads over time: successive values of one lane are
-    correlated.
+    correlated. `truth` is (n_lanes, m) in the units of the mean.
     """
     m = truth.shape[1]
     error = truth - estimate.mean[:, :m]
-    whitened = np.linalg.solve(estimate.covariance[:, :m, :m], error[..., None])[..., 0]
+    covariance = estimate.covariance[:, :m, :m]
+    whitened = np.linalg.solve(covariance, error[..., None])[..., 0]
     return np.einsum("li,li->l", error, whitened)
 
 
 def nis(estimate: Estimate) -> np.ndarray:
-    """Normalised innovation squared (n_lanes,), chi-square of one degree; blind to drag against thrust at cruise."""
+    """Normalised innovation squared (n_lanes,), chi-square of one degree of freedom.
+
+    Misleads at cruise: it does not show an error of drag and thrust in the same proportion.
+    """
     return estimate.innovation**2 / estimate.innovation_variance
 
 
-def band(freedom: int, n: int, level: float = 0.95) -> tuple[float, float]:
-    """Chi-square band of the mean of n independent values of ``freedom`` degrees of freedom each."""
+def consistency_band(freedom: int, n: int, level: float = 0.95) -> tuple[float, float]:
+    """Band of the mean of n independent chi-square values of ``freedom`` degrees of freedom."""
     low, high = chi2.interval(level, freedom * n)
     return float(low / n), float(high / n)

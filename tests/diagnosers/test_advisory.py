@@ -12,7 +12,7 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import PRESETS
 from diagnosers import Belief
 from diagnosers.advisory import ACTIONS, LIMITS, MARGIN, N_AGREEING, Quantiles, Situation, advise
-from diagnosers.capability import PLANT, capability
+from diagnosers.capability import N_PLANT, capability
 
 VEHICLE = PRESETS["thesis1992"]
 EASY = Situation(
@@ -102,8 +102,8 @@ def test_the_derated_speed_is_the_fastest_that_reaches_the_goal(tight):
     assert action(belief, kept) == "continue"
     assert action(belief, faster) == "derate"
     assert (
-        f"at {advice.speed[0]:.2f} m/s" in advice.why[0]
-        and "increased_drag is likely (100 %" in advice.why[0]
+        f"at {advice.speed[0]:.2f} m/s" in advice.reason[0]
+        and "increased_drag is likely (100 %" in advice.reason[0]
     )
 
 
@@ -134,7 +134,7 @@ def test_a_vehicle_that_has_lost_its_way_aborts(shafts, probability, current, ex
         belief_of("propeller_loss:port", 1.0, probability), situation, VEHICLE, shafts=shafts
     )
     assert got.action[0] == expected
-    assert ("it may reach only" in got.why[0]) == (expected == "abort")
+    assert ("it may reach only" in got.reason[0]) == (expected == "abort")
 
 
 @pytest.mark.parametrize("channel", READINGS)
@@ -142,7 +142,7 @@ def test_a_false_reading_is_named(channel):
     advice = advise(belief_of(f"sensor:{channel}", 0.8, 0.9), EASY, VEHICLE)
     assert (
         advice.distrusted[0] == f"sensor:{channel}"
-        and f"sensor:{channel} is likely (90 %)" in advice.why[0]
+        and f"sensor:{channel} is likely (90 %)" in advice.reason[0]
     )
     assert advice.action[0] == ("derate" if channel == "speed" else "continue")
     assert advice.speed[0] <= EASY.speed
@@ -153,7 +153,7 @@ def test_a_motor_is_spared_what_it_is_not_rated_for():
     stiff = replace(VEHICLE, coulomb_friction=0.25)
     advice = advise(belief_of(), EASY._replace(speed=0.9), stiff)
     assert advice.action[0] == "derate" and 0.3 < advice.speed[0] < 0.6
-    assert "rated" in advice.why[0]
+    assert "rated" in advice.reason[0]
 
 
 def test_with_memory_the_action_changes_only_when_every_recent_judgement_asks_for_it():
@@ -169,7 +169,7 @@ def test_with_memory_the_action_changes_only_when_every_recent_judgement_asks_fo
         + [fine, bad] * 3
         + [fine] * N_AGREEING
     ):
-        advice = advise(belief, EASY._replace(speed=0.3), VEHICLE, shafts=1, before=advice)
+        advice = advise(belief, EASY._replace(speed=0.3), VEHICLE, shafts=1, previous=advice)
         seen.append(str(advice.action[0]))
     quiet = N_AGREEING + N_AGREEING
     alarmed = 6 + N_AGREEING
@@ -193,7 +193,7 @@ def test_lanes_are_independent_of_each_other():
             situation._replace(energy_left=situation.energy_left[lane], distance_to_go=400.0),
             VEHICLE,
         )
-        assert alone.action[0] == together.action[lane] and alone.why[0] == together.why[lane]
+        assert alone.action[0] == together.action[lane] and alone.reason[0] == together.reason[lane]
         for one, all_lanes in zip(alone.range, together.range, strict=True):
             assert one[0] == all_lanes[lane]
 
@@ -202,7 +202,7 @@ def test_the_interval_holds_the_true_energy_of_healthy_vehicles():
     fleet = Fleet(400)
     fleet.reset(range(400), schedules=[()] * 400)
     true = capability(
-        fleet.plan.healthy[:, None, :PLANT], np.full((400, 1), EASY.speed), VEHICLE
+        fleet.plan.healthy[:, None, :N_PLANT], np.full((400, 1), EASY.speed), VEHICLE
     ).power[:, 0, 0]
     per_metre = advise(belief_of(), EASY, VEHICLE).energy_per_metre
     truly = (true + EASY.hotel_load) / EASY.speed

@@ -13,9 +13,9 @@ from auv_fault_env.parameters import PARAMETERS, PRESETS, SAMPLE_TIME, nominal
 from auv_fault_env.schedules import FaultEvent
 from auv_fault_env.truth import FleetTruth
 from diagnosers import Belief
-from diagnosers.capability import N_DRAWS, PLANT, capability, sample_parameters
+from diagnosers.capability import N_PLANT, N_VEHICLES, capability, sample_parameters
 
-NAMES = list(PARAMETERS)[:PLANT]
+NAMES = list(PARAMETERS)[:N_PLANT]
 PLANT_FAULTS = [
     name for name, fault in CATALOGUE.items() if not fault.component.startswith("sensor")
 ]
@@ -86,7 +86,7 @@ def test_a_class_has_its_share_of_the_possible_vehicles(share):
         {"normal": 1.0 - share + 1e-40, "propeller_loss:starboard": share}, severity=1.0
     )
     thrust = sample_parameters(belief, VEHICLE)[0, :, NAMES.index("starboard_beta")]
-    assert (thrust == 0.0).sum() == share * N_DRAWS
+    assert (thrust == 0.0).sum() == share * N_VEHICLES
 
 
 def test_severity_and_healthy_band_spread():

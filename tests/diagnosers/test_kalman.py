@@ -9,7 +9,7 @@ from scipy import stats
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.parameters import FOOT, PRESETS, SAMPLE_TIME
-from diagnosers.consistency import band, nees, nis
+from diagnosers.consistency import consistency_band, nees, nis
 from diagnosers.kalman import (
     BETWEEN_STD,
     DISTURBANCE_FLOOR,
@@ -243,11 +243,11 @@ def test_errors_and_innovations_are_as_large_as_the_filter_says(kalman):
     times = (50, 150, 300, 450)
     run = list(model_run(kalman, n_lanes, times[-1], seed=0))
     # 95 % for all instants together
-    low, high = band(TRUE_STATES[type(kalman)], n_lanes, 1 - 0.05 / len(times))
+    low, high = consistency_band(TRUE_STATES[type(kalman)], n_lanes, 1 - 0.05 / len(times))
     for time in times:
         assert low < nees(*run[time - 1]).mean() < high
     innovations = np.array([nis(estimate) for estimate, _ in run[50:]])
-    low, high = band(1, innovations.size)
+    low, high = consistency_band(1, innovations.size)
     assert low < innovations.mean() < high
 
 

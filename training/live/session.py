@@ -120,7 +120,7 @@ class Session:
             situation = Situation(
                 self.mission_speed, to_go, self.travelled, self.energy_left, HOTEL_LOAD
             )
-            self.advice = advise(belief, situation, self._fleet.vehicle, before=self.advice)
+            self.advice = advise(belief, situation, self._fleet.vehicle, previous=self.advice)
 
     @property
     def time(self) -> float:

@@ -36,7 +36,7 @@ def advised(advice: Advice) -> str:
         "range home": _spread(advice.range_home, "m", 0),
     }
     return "\n".join(
-        (*advice.why[0].split("; "), *(f"{name}: {figure}" for name, figure in figures.items()))
+        (*advice.reason[0].split("; "), *(f"{name}: {figure}" for name, figure in figures.items()))
     )
 
 

@@ -157,7 +157,7 @@ def run_missions(
                 last_belief = diagnoser.update(observation)
             if arm != IGNORED and k % interval == 0:
                 belief = true_belief(fleet) if arm == TRUTH_KNOWN else last_belief
-                runs.follow(advise(belief, runs.situation, vehicle, before=runs.advice))
+                runs.follow(advise(belief, runs.situation, vehicle, previous=runs.advice))
             observation = fleet.step(runs.command(observation[:, SPEED_READING]))
             runs.advance(FleetTruth(fleet)["state"]["speed"], fleet.outcomes[1])
             bar.update(int((~runs.is_underway).sum()) - bar.n)

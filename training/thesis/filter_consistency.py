@@ -15,7 +15,7 @@ from auv_fault_env.missions import MISSIONS
 from auv_fault_env.parameters import PARAMETERS as PLANT_PARAMETERS
 from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.truth import FleetTruth
-from diagnosers.consistency import band, nees, nis
+from diagnosers.consistency import consistency_band, nees, nis
 from diagnosers.kalman import PARAMETERS, ParameterFilter, SurgeFilter
 
 SETTLED = 50  # samples before the first test: the speed is known by then
@@ -118,7 +118,7 @@ def summary(name: str, seeds: int, seed: int) -> dict[str, Any]:
 def _summarise(statistic: np.ndarray, freedom: int) -> dict[str, Any]:
     """Summary of a statistic (steps, seeds) with so many degrees of freedom."""
     series = statistic.mean(axis=1)
-    low, high = band(freedom, statistic.shape[1])
+    low, high = consistency_band(freedom, statistic.shape[1])
     settled = series[SETTLED:]
     is_inside = (settled >= low) & (settled <= high)
     return {

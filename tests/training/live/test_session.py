@@ -151,7 +151,7 @@ def test_advice_comes_once_a_second_and_follows_the_belief():
     assert session.advice is first
     session.inject("propeller_loss:port")
     run(session, 20.0)
-    assert "propeller_loss:port is likely" in session.advice.why[0]
+    assert "propeller_loss:port is likely" in session.advice.reason[0]
     assert session.advice.reachable_speed.median[0] < 0.8 * first.reachable_speed.median[0]
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from diagnosers.consistency import band
+from diagnosers.consistency import consistency_band
 from training.thesis.filter_consistency import FILTERS, N_TRUE, SETTLED, run, summary
 
 
@@ -30,4 +30,4 @@ def test_a_filter_that_knows_too_little_noise_leaves_the_band(monkeypatch):
         (lambda **given: kind(sensor_noise=0.8, **given), disturbance),
     )
     _, innovations = run("surge filter", seeds=100, steps=200)
-    assert not np.prod(np.subtract(band(1, 100), innovations[SETTLED:].mean())) < 0
+    assert not np.prod(np.subtract(consistency_band(1, 100), innovations[SETTLED:].mean())) < 0
