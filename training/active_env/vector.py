@@ -1,4 +1,4 @@
-"""The active environment for many vehicles at once: a fleet of them, and one diagnoser that watches all."""
+"""The active environment for many vehicles: one fleet, and one diagnoser over all lanes."""
 
 from collections.abc import Sequence
 from typing import Any, ClassVar
@@ -17,40 +17,43 @@ from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from auv_fault_env.schedules import Events, ScheduleSampler
 from auv_fault_env.truth import FleetTruth
 from diagnosers import Recursive, make
-from training.active_env.watch import Watch
+from training.active_env.lane_monitor import LaneMonitor
 from training.rollouts import label_and_severity
-from training.stimuli.base import BUDGET, EPISODE_TIME, LARGEST_OFFSET
-from training.stimuli.declaration import DECLARE, NONE, Declaration
-from training.stimuli.policy_inputs import FLOOR, HIGH, LOW, MISSION_SPEED, features
+from training.stimuli.base import BUDGET, EPISODE_TIME, LARGEST_OFFSET, MISSION_SPEED
+from training.stimuli.declaration import DECLARATION_PROBABILITY, UNDECLARED, Declaration
+from training.stimuli.policy_inputs import FLOOR, HIGH, LOW, policy_features
 
 DECISION = round(SAMPLE_RATE)  # samples of a decision, one second
-MAX_DECISIONS = 120  # decisions of an episode at most
+DECISION_TIME = DECISION * SAMPLE_TIME  # s
+MAX_DECISIONS = 120  # of an episode
 SCHEDULES = ScheduleSampler(healthy=0.3, onset=(5.0, 40.0))
-CONSTANT_SPEEDS = (0.2, 0.5)  # [m/s]
-MODES = {mode.value: mode for mode in (AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP)}
+CONSTANT_SPEEDS = (0.2, 0.5)  # m/s, least and most
+AUTORESET_MODES = {mode.value: mode for mode in (AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP)}
 
 
-class Missions(MissionSampler):
-    """Half of the missions keep one speed of `CONSTANT_SPEEDS`, the others change it leg by leg."""
+class ActiveMissions(MissionSampler):
+    """Half of the missions keep one of the `CONSTANT_SPEEDS`, the others change it leg by leg."""
 
     def sample_legs(self, key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Legs (n_lanes, n_legs, 2) and start speeds (n_lanes,) for lanes with the given noise keys (n_lanes,)."""
+        """Legs (n_lanes, n_legs, 2) and start speeds (n_lanes,) for noise keys (n_lanes,)."""
         legs, start_speed = super().sample_legs(key)
         chance, place = uniforms(key, STREAMS["constant_speed"], 2).T
-        speed = CONSTANT_SPEEDS[0] + (CONSTANT_SPEEDS[1] - CONSTANT_SPEEDS[0]) * place
-        legs[:, :, 1] = np.where(chance[:, None] < 0.5, speed[:, None], legs[:, :, 1])
-        return legs, np.where(chance < 0.5, speed, start_speed)
+        slowest, fastest = CONSTANT_SPEEDS
+        speed = slowest + (fastest - slowest) * place
+        is_constant = chance < 0.5
+        legs[:, :, 1] = np.where(is_constant[:, None], speed[:, None], legs[:, :, 1])
+        return legs, np.where(is_constant, speed, start_speed)
 
 
 class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
-    """`ActiveDiagnosisEnv` for many vehicles at once, with one diagnoser over all: see there for all but what follows.
+    """`ActiveDiagnosisEnv` for many vehicles at once; what is not said here is as there.
 
     Lane k of ``reset(seed=s)`` is the single environment with seed s + k, and its next episodes are
-    that one's next. A lane that ends starts its next episode within the same step
+    the same, too. A lane that ends starts its next episode within the same step
     (`AutoresetMode.SAME_STEP`): its observation and information are those of the start;
     ``info["final_obs"]`` and ``info["final_info"]`` hold those of the end, on the lanes that
     ``info["_final_info"]`` marks. With ``autoreset_mode="NextStep"`` it starts on the next step,
-    whose action it ignores. Values in `info` are arrays (num_envs,); `truth` is a mapping of
+    which ignores its action. The entries of `info` are arrays (num_envs,); `truth` is a mapping of
     arrays, valid until the next step.
 
     `reset(options=...)` takes `schedule` and `mission` for all lanes, or `schedules` and `missions`
@@ -70,7 +73,7 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         amplitude: float = LARGEST_OFFSET,
         budget: float = BUDGET,
         cost_weight: float = 10.0,
-        declare: float = DECLARE,
+        declare: float = DECLARATION_PROBABILITY,
         autoreset_mode: str | AutoresetMode = AutoresetMode.SAME_STEP,
     ):
         self.max_episode_steps = whole_number("max_episode_steps", max_episode_steps)
@@ -78,32 +81,29 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         self.num_envs = self.propulsion.num_envs
         self.fleet = self.propulsion.fleet
         self.fleet.schedules = SCHEDULES
-        self.fleet.missions = Missions()
+        self.fleet.missions = ActiveMissions()
         self.amplitude = finite_in_range("amplitude", amplitude, 0.01, MAXIMUM_COMMAND)
         self.budget = finite_in_range("budget", budget, 0.001, MAXIMUM_COMMAND)
         self.cost_weight = finite_in_range("cost_weight", cost_weight, 0.0, 1e6)
         mode = getattr(autoreset_mode, "value", autoreset_mode)
-        self.metadata = self.metadata | {
-            "autoreset_mode": MODES[known_name("autoreset_mode", mode, MODES)]
-        }
+        mode = AUTORESET_MODES[known_name("autoreset_mode", mode, AUTORESET_MODES)]
+        self.metadata = self.metadata | {"autoreset_mode": mode}
         self.single_action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.single_observation_space = gym.spaces.Box(LOW, HIGH, dtype=np.float32)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         diagnoser = make(diagnoser) if isinstance(diagnoser, str) else diagnoser
-        self._watch, self._declaration = Watch(diagnoser), Declaration(self.num_envs, declare)
         self._classes = np.array(diagnoser.classes)
-        self._allocate(self.num_envs)
-
-    def _allocate(self, n: int):
-        self._lanes = np.arange(n)
-        self._readings = None
-        # class that is true after each decision
-        self._label = np.zeros((self.max_episode_steps + 1, n), np.int64)
-        self._steps = np.zeros(n, np.int64)
-        self._done = np.zeros(n, bool)
-        self._action = np.zeros(n)  # the last one
-        self._spent = np.zeros(n)  # sum of the costs
+        self._monitor = LaneMonitor(diagnoser)
+        self._declaration = Declaration(self.num_envs, declare)
+        self._lanes = np.arange(self.num_envs)
+        self._readings: np.ndarray | None = None
+        # index of the class that is true after each decision
+        self._true_class = np.zeros((self.max_episode_steps + 1, self.num_envs), np.int64)
+        self._n_decisions = np.zeros(self.num_envs, np.int64)
+        self._done = np.zeros(self.num_envs, bool)
+        self._last_action = np.zeros(self.num_envs)
+        self._total_cost = np.zeros(self.num_envs)
 
     def reset(
         self,
@@ -114,118 +114,137 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         """Start an episode on every lane."""
         super().reset(seed=seed if isinstance(seed, int) else None)
         self._readings, _ = self.propulsion.reset(seed=seed, options=options)
-        self._begin(self._lanes)
+        self._begin_episodes(self._lanes)
         self._done[:] = False
-        return self._features(), self._info(np.zeros((2, self.num_envs)))
+        cost, energy = np.zeros((2, self.num_envs))
+        return self._features(), self._info(cost, energy)
 
     def step(self, actions):
-        """Hold the actions (num_envs, 1) for a second; lanes that have ended start their next episode."""
+        """Hold the actions (num_envs, 1) for a second; ended lanes start their next episode."""
         if self._readings is None:
             raise gym.error.ResetNeeded(
                 "step: got no reset before; allowed is a step after a reset; call reset()"
             )
-        self._action, before = _checked(actions, (self.num_envs, 1))[:, 0], self._score()
-        cost, energy, deviation = self._drive()
-        self._steps += 1
-        self._spent += cost
-        reward = self._score() - before - self.cost_weight * deviation
-        ends = np.stack([self._declaration.declared != NONE, self._steps >= self.max_episode_steps])
-        if self.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP:
-            for values in (reward, cost, energy, *ends):
-                values[self._done] = 0
+        self._last_action = _checked(actions, (self.num_envs, 1))[:, 0]
+        score_before = self._score()
+        cost, energy, deviation = self._run_decision()
+        self._n_decisions += 1
+        self._total_cost += cost
+        reward = self._score() - score_before - self.cost_weight * deviation
+        terminated = self._declaration.declared != UNDECLARED
+        truncated = self._n_decisions >= self.max_episode_steps
+        mode = self.metadata["autoreset_mode"]
+        if mode is AutoresetMode.NEXT_STEP:
+            for result in (reward, cost, energy, terminated, truncated):
+                result[self._done] = 0
             self._restart(self._done)
-        self._done = ends.any(axis=0)
+        self._done = terminated | truncated
         observation = self._features()
-        info = self._info(np.stack([cost, energy]))
-        if self._done.any() and self.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP:
-            observation, info = self._renewed(observation, info)
-        return observation, reward, *ends, info
+        info = self._info(cost, energy)
+        if self._done.any() and mode is AutoresetMode.SAME_STEP:
+            observation, info = self._after_restart(observation, info)
+        return observation, reward, terminated, truncated, info
 
-    def _drive(self) -> np.ndarray:
-        """Run a second; mean squared command offset, energy [J], mean squared true deviation, (3, n_lanes)."""
+    def _run_decision(self) -> np.ndarray:
+        """Run a second: mean squared offset, energy [J], mean squared deviation, (3, n_lanes)."""
         sums = np.zeros((3, self.num_envs))
         command = np.zeros((self.num_envs, 3))
         for _ in range(DECISION):
-            mission = self._readings[:, MISSION_SPEED].astype(np.float64)
-            command[:, 0] = np.clip(mission + self.amplitude * self._action, 0.0, MAXIMUM_COMMAND)
+            mission_speed = self._readings[:, MISSION_SPEED].astype(np.float64)
+            speed_command = mission_speed + self.amplitude * self._last_action
+            command[:, 0] = np.clip(speed_command, 0.0, MAXIMUM_COMMAND)
             self._readings = self.fleet.advance(command)
-            self._watch.update(self._readings)
-            self._declaration.note(self._watch.belief.log_probability)
+            self._monitor.update(self._readings)
+            self._declaration.update(self._monitor.belief.log_probability)
             _, energy, deviation, _ = self.fleet.outcomes
-            sums += np.square(command[:, 0] - mission) / DECISION, energy, deviation / DECISION
+            squared_offset = np.square(command[:, 0] - mission_speed)
+            sums += squared_offset / DECISION, energy, deviation / DECISION
         return sums
 
     def _score(self) -> np.ndarray:
-        """Log probability of what is true, not below `FLOOR`, (n_lanes,)."""
-        true = self._label[self._steps.clip(max=self.max_episode_steps), self._lanes]
-        return np.maximum(self._watch.belief.log_probability[self._lanes, true], FLOOR)
+        """Log probability of the true class, at least `FLOOR`, (n_lanes,)."""
+        decision = self._n_decisions.clip(max=self.max_episode_steps)
+        true_class = self._true_class[decision, self._lanes]
+        log_probability = self._monitor.belief.log_probability[self._lanes, true_class]
+        return np.maximum(log_probability, FLOOR)
 
-    def _begin(self, lanes: np.ndarray):
-        """Start counting, watching and telling the truth anew on these lanes, whose first readings are there."""
-        self._watch.begin(lanes, self._readings)
-        self._declaration.begin(lanes)
-        events = Events(self.fleet.plan.fault[lanes], self.fleet.plan.profile[lanes])
-        self._label[:, lanes] = label_and_severity(events, self.max_episode_steps * DECISION + 1)[
-            0
-        ][::DECISION]
-        for values in (self._steps, self._action, self._spent):
-            values[lanes] = 0
+    def _begin_episodes(self, lanes: np.ndarray):
+        """Begin the episodes of these lanes, whose first readings are there."""
+        self._monitor.reset(lanes, self._readings)
+        self._declaration.reset(lanes)
+        plan = self.fleet.plan
+        events = Events(plan.fault[lanes], plan.profile[lanes])
+        label, _ = label_and_severity(events, self.max_episode_steps * DECISION + 1)
+        self._true_class[:, lanes] = label[::DECISION]
+        for counter in (self._n_decisions, self._last_action, self._total_cost):
+            counter[lanes] = 0
 
     def _restart(self, ended: np.ndarray):
+        """Start the next episode of the lanes that a mask (n_lanes,) marks."""
         lanes = np.flatnonzero(ended)
         if lanes.size:
             self.fleet.reset(lanes=lanes, observations=self._readings)
-            self._begin(lanes)
+            self._begin_episodes(lanes)
 
-    def _renewed(
+    def _after_restart(
         self, observation: np.ndarray, info: dict[str, Any]
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Observation and information after the lanes that have ended are restarted, those of the end beside them."""
+        """Restart the ended lanes: their new observation and information, with the final ones."""
         ended = self._done.copy()
-        last = np.full(self.num_envs, None)
+        final_observation = np.full(self.num_envs, None)
         for lane in np.flatnonzero(ended):
-            last[lane] = observation[lane]
-        final = info | {"truth": dict(info["truth"])} | {f"_{name}": ended for name in info}
+            final_observation[lane] = observation[lane]
+        masks = {f"_{name}": ended for name in info}
+        final_info = info | {"truth": dict(info["truth"])} | masks
         self._restart(ended)
-        info = self._info(np.where(ended, 0.0, np.stack([info["cost"], info["energy"]])))
-        ending = {"final_obs": last, "_final_obs": ended, "final_info": final, "_final_info": ended}
-        return self._features(), info | ending
+        cost = np.where(ended, 0.0, info["cost"])
+        energy = np.where(ended, 0.0, info["energy"])
+        info = self._info(cost, energy) | {
+            "final_obs": final_observation,
+            "_final_obs": ended,
+            "final_info": final_info,
+            "_final_info": ended,
+        }
+        return self._features(), info
 
     def _features(self) -> np.ndarray:
-        time = self._steps * (DECISION * SAMPLE_TIME)
-        left = np.maximum(
-            self.budget**2 * EPISODE_TIME - self._spent * (DECISION * SAMPLE_TIME), 0.0
-        )
-        return features(
-            self._watch.belief, self._watch.estimate, self._readings, self._action, time, left
+        allowance = self.budget**2 * EPISODE_TIME - self._total_cost * DECISION_TIME
+        return policy_features(
+            self._monitor.belief,
+            self._monitor.estimate,
+            self._readings,
+            self._last_action,
+            self._n_decisions * DECISION_TIME,
+            np.maximum(allowance, 0.0),
         )
 
-    def _info(self, paid: np.ndarray) -> dict[str, Any]:
-        """Information of the last second; paid (2, n_lanes): cost and energy."""
+    def _info(self, cost: np.ndarray, energy: np.ndarray) -> dict[str, Any]:
+        """Information of the last second."""
         return {
             "mission_speed": self._readings[:, MISSION_SPEED].astype(np.float64),
-            "energy": paid[1],
-            "cost": paid[0],
+            "energy": energy,
+            "cost": cost,
             "declared": self._classes[self._declaration.declared],
             "truth": FleetTruth(self.fleet),
         }
 
     def close_extras(self, **kwargs):
-        """End the fleet's threads."""
+        """End the threads of the fleet."""
         self.propulsion.close()
 
 
 def lane_info(info: dict[str, Any], lane: int) -> dict[str, Any]:
-    """One lane of a vector environment's information as plain numbers and words, `truth` in full."""
-    return {
-        name: lane_info(values, lane) if hasattr(values, "keys") else values[lane].item()
-        for name, values in info.items()
-        if not name.startswith(("_", "final_"))
-    }
+    """One lane of a vector environment's information as plain numbers and words."""
+    plain = {}
+    for name, entry in info.items():
+        if name.startswith(("_", "final_")):
+            continue
+        plain[name] = lane_info(entry, lane) if hasattr(entry, "keys") else entry[lane].item()
+    return plain
 
 
 def _checked(actions, shape: tuple[int, ...]) -> np.ndarray:
-    """The actions as float64 of their own in [-1, 1], if they are finite numbers of that shape, else a refusal."""
+    """A float64 copy of the actions, clipped to [-1, 1]; refused if not finite or of this shape."""
     try:
         actions = np.array(actions, np.float64)
     except (TypeError, ValueError):

@@ -22,7 +22,7 @@ from training.learning.page import page
 from training.learning.stimulus import StimulusTrainer
 from training.report.page import write_report
 from training.report.run_folder import checked_output, provenance, run_folder, write_json
-from training.stimuli.policy import LearnedPolicy
+from training.stimuli.policy import LearnedPolicy, policy_name
 from training.stimuli.policy_inputs import FEATURES
 
 SETTINGS = ("diagnoser", "budget", "seed", "steps")
@@ -31,7 +31,7 @@ SETTINGS = ("diagnoser", "budget", "seed", "steps")
 def main(arguments: TrainStimulus) -> None:
     """Train, or go on with a training that was broken off; a finished one is left as it is."""
     trainer = trainer_of(arguments)
-    name = name_of(arguments.diagnoser, arguments.seed)
+    name = policy_name(arguments.diagnoser, arguments.seed)
     output = checked_output(arguments.output or Path("runs") / f"train-{name}")
     unfinished = unfinished_folder(output)
     if arguments.restart:
@@ -52,11 +52,6 @@ def main(arguments: TrainStimulus) -> None:
         install(output, name)
 
 
-def name_of(diagnoser: str, seed: int) -> str:
-    """The name of a policy's files."""
-    return f"stimulus-{diagnoser}-{seed}"
-
-
 def trainer_of(arguments: TrainStimulus) -> StimulusTrainer:
     """The trainer that is asked for; bad arguments are refused."""
     seed = int(finite_in_range("seed", arguments.seed, 0, 2**62))
@@ -69,7 +64,7 @@ def trainer_of(arguments: TrainStimulus) -> StimulusTrainer:
 def _run(
     arguments: TrainStimulus, trainer: StimulusTrainer, output: Path, unfinished: Path
 ) -> dict[str, Any]:
-    name = name_of(arguments.diagnoser, arguments.seed)
+    name = policy_name(arguments.diagnoser, arguments.seed)
     with to_be_repeated(output, arguments.restart):
         progress = train(trainer, name, arguments.seed, unfinished)
         policy, figures = trainer.finish()
@@ -92,7 +87,7 @@ def card(
     made_with = provenance()
     made_with["versions"]["stable-baselines3"] = version("stable-baselines3")
     seconds = sum(epoch["seconds"] for epoch in progress.history)
-    decisions = len(progress.history) * (trainer.decisions + trainer.tried)
+    decisions = len(progress.history) * (trainer.decisions + trainer.validation_decisions)
     return {
         **{name: getattr(arguments, name) for name in SETTINGS},
         "command": f"auv-fault train-stimulus {options}",

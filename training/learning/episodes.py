@@ -1,4 +1,4 @@
-"""Episodes to train and to calibrate on: half with the thesis' stimulus, half with random missions and manoeuvres."""
+"""Training episodes: half with the thesis' stimulus, half with random missions and manoeuvres."""
 
 from collections.abc import Iterator
 
@@ -14,21 +14,24 @@ N_SAMPLES = 600  # 60 s
 def training_episodes(
     purpose: str, n_lanes: int, first: int = 0, schedules: ScheduleSampler | None = None
 ) -> Iterator[Rollout]:
-    """Two rollouts of half of n_lanes each, 60 s long: the thesis' speed changes, then random missions and manoeuvres.
+    """Two rollouts of 60 s, each of half of the lanes.
 
-    Band and noise are the fleet's defaults.
+    The first has the thesis' speed changes, the second random missions and manoeuvres. Band and
+    noise are the fleet's defaults.
 
     Parameters
     ----------
     purpose, first
-        Which seeds: `training.seeds.seeds` from the first-th on.
+        The seeds: `training.seeds.seeds` from the first-th on.
     n_lanes
         Lanes of both together, an even number.
     schedules
-        Distribution of the faults; the fleet's own if not given.
+        Distribution of the faults, by default the fleet's own.
     """
     chosen = seeds(purpose, n_lanes, first)
     half = n_lanes // 2
+    thesis_seeds = chosen[:half]
+    random_seeds = chosen[half:]
     fleet = Fleet(half, schedules=schedules)
-    yield roll_out(fleet, chosen[:half], N_SAMPLES, missions=[MISSIONS["thesis"]] * half)
-    yield roll_out(fleet, chosen[half:], N_SAMPLES, manoeuvres(chosen[half], N_SAMPLES, half))
+    yield roll_out(fleet, thesis_seeds, N_SAMPLES, missions=[MISSIONS["thesis"]] * half)
+    yield roll_out(fleet, random_seeds, N_SAMPLES, manoeuvres(random_seeds[0], N_SAMPLES, half))

@@ -1,4 +1,4 @@
-"""A start for the agent: what `training.stimuli.surge_ahead` would do, learnt from watching it."""
+"""A start for the agent: it imitates the rule of `training.stimuli.triggered_surge`."""
 
 from typing import NamedTuple
 
@@ -9,59 +9,88 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from auv_fault_env.faults import classes
 from training.learning.adam import AdamTraining
 from training.learning.constraint import ALLOWANCE, ConstrainedVecEnv
-from training.stimuli.base import LARGEST_OFFSET
-from training.stimuli.policy_inputs import log_probability_of
-from training.stimuli.surge_ahead import surge_ahead
+from training.stimuli.policy_inputs import allowance_of, log_probability_of
+from training.stimuli.triggered_surge import surge_offset
 
 PASSES = 8
 BATCH = 1024
 RATE = 1e-3
+VALUE_WEIGHT = 0.1  # of the error of the critic beside that of the actor
 N_CLASSES = len(classes())
 
 
 class Demonstration(NamedTuple):
-    """What was seen (n, n_features), done (n, 1), and gained from then on, discounted (n,)."""
+    """Decisions of the rule, to learn from.
 
-    seen: torch.Tensor
-    done: torch.Tensor
-    worth: torch.Tensor
+    Attributes
+    ----------
+    observations
+        (n, n_features).
+    actions
+        (n, 1).
+    returns
+        Discounted sum of the rewards from the decision on, (n,).
+    """
+
+    observations: torch.Tensor
+    actions: torch.Tensor
+    returns: torch.Tensor
 
 
-def demonstrate(env: ConstrainedVecEnv, decisions: int, discount: float) -> Demonstration:
-    """The rule by hand at work on every lane for so many decisions."""
-    seen = []
-    done = []
-    gains = []
+def demonstrate(env: ConstrainedVecEnv, n_decisions: int, discount: float) -> Demonstration:
+    """The rule at work on every lane for so many decisions."""
+    observations = []
+    actions = []
+    rewards = []
     ends = []
     observation = env.reset()
-    for _ in range(decisions):
-        left = np.expm1(observation[:, ALLOWANCE]) * LARGEST_OFFSET**2
-        action = (
-            surge_ahead(log_probability_of(observation[:, :N_CLASSES]), left) / env.amplitude
-        )[:, None]
-        seen.append(observation.copy())
-        done.append(action.astype(np.float32))
-        observation, gain, end, _ = env.step(done[-1])
-        gains.append(gain)
-        ends.append(end)
-    worth = np.zeros((decisions, env.num_envs), np.float32)
-    ahead = np.zeros(env.num_envs, np.float32)
-    for k in reversed(range(decisions)):
-        ahead = gains[k] + discount * np.where(ends[k], 0.0, ahead)
-        worth[k] = ahead
+    for _ in range(n_decisions):
+        action = _rule(observation, env.amplitude)
+        observations.append(observation.copy())
+        actions.append(action)
+        observation, reward, done, _ = env.step(action)
+        rewards.append(reward)
+        ends.append(done)
+    returns = _discounted_sums(rewards, ends, discount)
     return Demonstration(
-        *map(torch.from_numpy, (np.concatenate(seen), np.concatenate(done), worth.ravel()))
+        torch.from_numpy(np.concatenate(observations)),
+        torch.from_numpy(np.concatenate(actions)),
+        torch.from_numpy(returns.ravel()),
     )
 
 
-def imitate(policy: ActorCriticPolicy, learner: AdamTraining, lessons: Demonstration) -> None:
-    """Fit the actor's mean action to what was done, and the critic to what it was worth; from torch's generator."""
+def _rule(observation: np.ndarray, amplitude: float) -> np.ndarray:
+    """Actions (n_lanes, 1) float32 of the rule."""
+    log_probability = log_probability_of(observation[:, :N_CLASSES])
+    offset = surge_offset(log_probability, allowance_of(observation[:, ALLOWANCE]))
+    return (offset / amplitude)[:, None].astype(np.float32)
+
+
+def _discounted_sums(
+    rewards: list[np.ndarray], ends: list[np.ndarray], discount: float
+) -> np.ndarray:
+    """Sum of the rewards from each decision to the end of its episode, (n_decisions, n_lanes)."""
+    sums = np.zeros((len(rewards), len(rewards[0])), np.float32)
+    following = np.zeros(len(rewards[0]), np.float32)
+    for k in reversed(range(len(rewards))):
+        following = rewards[k] + discount * np.where(ends[k], 0.0, following)
+        sums[k] = following
+    return sums
+
+
+def imitate(
+    policy: ActorCriticPolicy, training: AdamTraining, demonstration: Demonstration
+) -> None:
+    """Fit the mean action to the actions, and the critic to the returns.
+
+    The order of the batches comes from torch's global generator.
+    """
+    mean_squared_error = torch.nn.functional.mse_loss
     for _ in range(PASSES):
-        for batch in torch.randperm(len(lessons.seen)).split(BATCH):
-            seen, done, worth = (part[batch] for part in lessons)
-            mean = policy.get_distribution(seen).distribution.mean
-            loss = torch.nn.functional.mse_loss(mean, done)
-            loss = loss + 0.1 * torch.nn.functional.mse_loss(
-                policy.predict_values(seen)[:, 0], worth
-            )
-            learner.descend(loss, RATE)
+        for batch in torch.randperm(len(demonstration.actions)).split(BATCH):
+            observations, actions, returns = (part[batch] for part in demonstration)
+            mean_action = policy.get_distribution(observations).distribution.mean
+            value = policy.predict_values(observations)[:, 0]
+            loss = mean_squared_error(mean_action, actions)
+            loss = loss + VALUE_WEIGHT * mean_squared_error(value, returns)
+            training.step(loss, RATE)

@@ -4,7 +4,6 @@ import re
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from functools import cache
 from itertools import chain, islice
 from math import cos, pi
@@ -21,6 +20,7 @@ from diagnosers.networks.features import FEATURES, Features
 from diagnosers.networks.integrated_network import Network
 from training.learning.adam import AdamTraining
 from training.learning.episodes import training_episodes
+from training.learning.reproducible import one_thread
 from training.rollouts import Rollout
 from training.seeds import SPAN
 
@@ -148,7 +148,7 @@ class IntegratedTrainer:
 
     def _descend(self, outputs: torch.Tensor, taught: Lesson, rate: float) -> float:
         loss, severity_loss = self.losses(outputs, taught)
-        self.learner.descend(loss + SEVERITY_WEIGHT * severity_loss, rate)
+        self.learner.step(loss + SEVERITY_WEIGHT * severity_loss, rate)
         return loss.item()
 
     def outputs(self, taught: Lesson) -> torch.Tensor:
@@ -205,17 +205,6 @@ class IntegratedTrainer:
             "sharpness": float(network.sharpness),
         }
         return Integrated(weights=network.tensors()), figures
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Torch on one thread: the cores simulate meanwhile, and the sums come out alike on any number of cores."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 def tried() -> list[int]:

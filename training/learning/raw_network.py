@@ -37,7 +37,7 @@ class RawNetworkTrainer:
 
     def __init__(self, seed: int) -> None:
         self.seed = seed
-        self.learner = AdamTraining(FeedForward(random_tensors(ARCHITECTURE, seed)))
+        self.training = AdamTraining(FeedForward(random_tensors(ARCHITECTURE, seed)))
         with np.errstate(divide="ignore"):
             self.log_shares = (
                 torch.from_numpy(np.log(class_shares(labels(), tuple(HYPOTHESES))))
@@ -55,13 +55,13 @@ class RawNetworkTrainer:
         for k, batch in enumerate(batches):
             done = (number + k / len(batches)) / self.epochs
             loss = self.loss(observations[batch], label[batch])
-            self.learner.descend(loss, RATE * 0.5 * (1.0 + cos(pi * min(done, 1.0))))
+            self.training.step(loss, RATE * 0.5 * (1.0 + cos(pi * min(done, 1.0))))
             losses.append(loss.item())
         return {"loss": float(np.mean(losses))}
 
     def loss(self, observations: np.ndarray, label: np.ndarray) -> torch.Tensor:
         """Mean negative log-probability of the true classes (n,), given observations (n, n_channels)."""
-        outputs = self.learner.network(torch.from_numpy(inputs(observations).astype(np.float32)))
+        outputs = self.training.network(torch.from_numpy(inputs(observations).astype(np.float32)))
         log_modes = torch.log_softmax(scores(outputs), dim=1)
         return -torch.logsumexp(log_modes + self.log_shares[torch.from_numpy(label)], dim=1).mean()
 
@@ -74,18 +74,18 @@ class RawNetworkTrainer:
 
     def state(self) -> dict[str, np.ndarray]:
         """Weights and moments of Adam, by name."""
-        return self.learner.state()
+        return self.training.state()
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Take over what `state` gave."""
-        self.learner.restore(state)
+        self.training.restore(state)
 
     def finish(self) -> tuple[RawNetwork, dict[str, Any]]:
         """The diagnoser, and its loss on the calibration seeds."""
         calibration = samples("calibration", LANES, 0, np.random.default_rng(0))
         with torch.inference_mode():
             loss = self.loss(*calibration).item()
-        return RawNetwork(self.learner.network.tensors()), {"calibration_loss": loss}
+        return RawNetwork(self.training.network.tensors()), {"calibration_loss": loss}
 
 
 def samples(

@@ -1,6 +1,7 @@
-"""What a stimulus is: by how much the commanded speed departs from the mission's, so that a fault shows sooner.
+"""The interface of a stimulus: the rule that offsets the commanded speed from the mission speed.
 
-All are compared under the same budget: the root mean square of the departure over an episode.
+A change of speed makes some faults show sooner. All stimuli are compared under the same budget, the
+root mean square of the offsets over an episode.
 """
 
 from abc import ABC, abstractmethod
@@ -16,19 +17,19 @@ from diagnosers import Belief
 
 # m/s: the thesis' 0.5 ft/s and 1.0 ft/s are a quarter of a foot per second off their mean
 BUDGET = 0.25 * FOOT
-EPISODE_TIME = 65.0  # s, over which a budget is kept: an episode of the suites
+EPISODE_TIME = 65.0  # s, over which a budget counts: an episode of the suites
 N_SAMPLES = round(EPISODE_TIME * SAMPLE_RATE)
-# m/s, offset of a stimulus that decides by itself: beyond it the mission would be another one
+# m/s, offset of a stimulus that decides by the belief: beyond it the mission would be another one
 LARGEST_OFFSET = 0.25
 MISSION_SPEED = INDEX["mission_speed"]
 
 
 @dataclass(frozen=True)
 class Stimulus(ABC):
-    """A speed offset around the mission speed at every sample; asked anew in every sample, for all lanes at once.
+    """The speed offset of every lane at every sample.
 
-    One that looks at the belief remembers the episode: it begins anew when it is asked for sample
-    0, and an instance serves one batch of lanes at a time.
+    A closed-loop stimulus remembers the episode: sample 0 starts a new one, and an instance serves
+    one batch of lanes at a time.
 
     Attributes
     ----------
@@ -36,7 +37,7 @@ class Stimulus(ABC):
         Number of the block of seeds that healthy lanes of a benchmark have under this stimulus;
         each stimulus has one of its own.
     budget
-        Greatest root mean square of the offsets of a lane over an episode of `EPISODE_TIME` [m/s].
+        Largest root mean square of the offsets of a lane over an episode of `EPISODE_TIME` [m/s].
     """
 
     name: ClassVar[str]
@@ -48,25 +49,25 @@ class Stimulus(ABC):
 
     @property
     def policy_digest(self) -> str:
-        """Digest of what it has learnt, empty for nothing: results depend on it."""
+        """Digest of the policy that it runs, on which results depend; empty without a policy."""
         return ""
 
     @abstractmethod
     def offset(self, sample: int, observation: np.ndarray, belief: Belief) -> np.ndarray:
-        """Offset [m/s] (n_lanes,) that is commanded from this sample to the next.
+        """Offset [m/s] (n_lanes,) of the command from this sample to the next.
 
         Parameters
         ----------
         sample
-            Its number, 0 at the start of the episode.
+            Number of the sample, 0 at the start of the episode.
         observation
-            What the vehicles read at it, (n_lanes, n_channels), channels as in `CHANNELS`.
+            (n_lanes, n_channels), channels as in `CHANNELS`.
         belief
-            What the diagnoser makes of the readings so far.
+            Of the diagnoser after this observation.
         """
 
 
 def within_channel(offset: np.ndarray | float, observation: np.ndarray) -> np.ndarray:
-    """The offsets (n_lanes,), no further than the speed command goes: 0 to `MAXIMUM_COMMAND` [m/s]."""
-    mission = observation[:, MISSION_SPEED].astype(np.float64)
-    return np.clip(offset, -mission, MAXIMUM_COMMAND - mission)
+    """Offsets (n_lanes,) clipped so that the command stays in 0 to `MAXIMUM_COMMAND` [m/s]."""
+    mission_speed = observation[:, MISSION_SPEED].astype(np.float64)
+    return np.clip(offset, -mission_speed, MAXIMUM_COMMAND - mission_speed)

@@ -1,11 +1,11 @@
-"""The stimulus that looks one step ahead: each second the offset that best tells the likeliest hypotheses apart.
+"""The stimulus that looks one step ahead: the offset that best separates the likeliest hypotheses.
 
-What a second's offset will tell is bounded from below by ``-sum_i p_i log sum_j p_j exp(-k_ij)``
-over hypotheses, k the Bhattacharyya distance of what they predict (Kolchinsky & Tracey, "Estimating
+The information of an offset is bounded from below by ``-sum_i p_i log sum_j p_j exp(-k_ij)`` over
+hypotheses, k the Bhattacharyya distance of their predictions (Kolchinsky & Tracey, "Estimating
 mixture entropy with pairwise distances", Entropy 19, 2017, 361, doi:10.3390/e19070361). The same
 distances bound the chance of an error (Blackmore & Williams, "Finite horizon control design for
-optimal discrimination between several models", IEEE CDC 2006), but that bound counts a rival by the
-root of its probability, and so would stir a healthy vehicle for the sake of the unlikely.
+optimal discrimination between several models", IEEE CDC 2006). That bound counts a rival by the
+root of its probability, and so would excite a healthy vehicle because of unlikely faults.
 """
 
 import math
@@ -24,102 +24,135 @@ from training.stimuli.closed_loop import ClosedLoop
 from training.stimuli.greedy_model import expected_information
 
 VEHICLE = PRESETS["thesis1992"]
-GRID = LARGEST_OFFSET * np.array(
-    [-1.0, -0.6, -0.4, -0.25, -0.12, 0.0, 0.12, 0.25, 0.4, 0.6, 1.0]
-)  # m/s
-LIKELIEST = 4  # hypotheses that are looked at
-LEAST_LEFT = 1e-12  # of the allowance: below it, any offset is beyond price
-# of a new reading in the filtered speed
-SHARE = -math.expm1(-SAMPLE_TIME / VEHICLE.speed_filter_time)
+# as shares of the largest offset, finer around zero
+SHARES = np.array([-1.0, -0.6, -0.4, -0.25, -0.12, 0.0, 0.12, 0.25, 0.4, 0.6, 1.0])
+OFFSETS = LARGEST_OFFSET * SHARES  # m/s
+N_HYPOTHESES = 4  # the likeliest classes, among which the offset decides
+LEAST_ALLOWANCE = 1e-12  # m^2/s^2 times samples: with less, every offset is too expensive
+# weight of a new reading in the filtered speed
+SPEED_WEIGHT = -math.expm1(-SAMPLE_TIME / VEHICLE.speed_filter_time)
 DECISION = round(SAMPLE_RATE)  # samples for which an offset is held
-PRICE = 20.0  # nat that a whole allowance must bring; so a healthy vehicle's is hardly touched
-SPEED, ACCELERATION, COMMAND = (INDEX[name] for name in ("speed", "acceleration", "speed_command"))
+PRICE = 20.0  # nats that the whole allowance must bring: a healthy vehicle hardly pays
+SPEED = INDEX["speed"]
+ACCELERATION = INDEX["acceleration"]
+COMMAND = INDEX["speed_command"]
 
 
-class Plan(NamedTuple):
-    """Of every lane, (n_lanes,): measured speed as the controller filters it, and the offset being held [m/s]."""
+class GreedyMemory(NamedTuple):
+    """Measured speed as the controller filters it, and the current offset, each (n_lanes,) [m/s]."""
 
-    speed: np.ndarray
-    held: np.ndarray
+    filtered_speed: np.ndarray
+    offset: np.ndarray
 
 
 @cache
-def effects() -> tuple[np.ndarray, np.ndarray]:
-    """What severity 1 of each class does to the parameters: scale and offset, (n_classes, n_parameters).
+def fault_effects() -> tuple[np.ndarray, np.ndarray]:
+    """Scale and offset of the parameters by each class at severity 1, (n_classes, n_parameters).
 
-    A sensor's class stands for a lost calibration: its other ails show alike at any speed.
+    A lost calibration stands for all faults of a sensor: the others look alike at any speed.
     """
     scale, offset, *_ = matrices()
-    rows = {fault.diagnosis: row for row, fault in reversed(list(enumerate(CATALOGUE.values())))}
-    rows |= {
-        f.diagnosis: row
-        for row, f in enumerate(CATALOGUE.values())
-        if f.name.startswith("sensor_scale")
-    }
-    order = [rows[name] for name in classes()[1:]]
-    nothing = np.ones((1, scale.shape[1])), np.zeros((1, scale.shape[1]))
-    return np.concatenate([nothing[0], scale[order]]), np.concatenate([nothing[1], offset[order]])
+    fault_of = {}
+    for row, fault in enumerate(CATALOGUE.values()):
+        if fault.name.startswith("sensor_scale"):
+            fault_of[fault.diagnosis] = row
+        fault_of.setdefault(fault.diagnosis, row)
+    rows = [fault_of[name] for name in classes()[1:]]
+    unit_scale = np.ones((1, scale.shape[1]))
+    no_offset = np.zeros((1, scale.shape[1]))
+    return np.concatenate([unit_scale, scale[rows]]), np.concatenate([no_offset, offset[rows]])
 
 
 @cache
-def surroundings() -> tuple[np.ndarray, np.ndarray]:
-    """The variances of a second's readings, (8,), and the constants of the plant as an array.
+def reading_variance() -> np.ndarray:
+    """Variance of each reading over a second, (n_readings,).
 
-    A second counts as one reading, not as ten: that stands for the spread of healthy vehicles,
-    which the model leaves out. The disturbance adds to the accelerometer's variance.
+    A second counts as one reading, not as ten: that stands for the healthy band, which the model
+    leaves out. The disturbance adds to the variance of the acceleration.
     """
     variance = np.array([CHANNELS[name].noise ** 2 for name in READINGS])
     variance[READINGS.index("acceleration")] += VEHICLE.disturbance_std**2
-    return variance, Fleet(1, VEHICLE).constants
+    return variance
+
+
+@cache
+def plant_constants() -> np.ndarray:
+    """The constants of the plant as an array."""
+    return Fleet(1, VEHICLE).constants
 
 
 class Greedy(ClosedLoop):
-    """Each second, for the next one, the offset of a grid that promises most for its price.
+    """Each second the offset, of a few, with the most expected information for its price.
 
-    The promise is what the readings of the next 4 s will tell at least of the four likeliest
-    classes, if it is held so long; the price is the share of the allowance that it takes, so that
-    the less is left, the more it must promise. What counts is how differently the readings
-    *change*, under each class with its believed severity.
+    The expected information is what the readings of the next 4 s will at least say about the four
+    likeliest classes if the offset stays. The price is its share of the allowance: the less is
+    left, the more information it takes. What counts is how differently the readings *change* under
+    each class with the mean severity of the belief.
 
-    When it misleads: the model knows the nominal vehicle only, sees no further than 4 s, and takes
-    the belief as given; a diagnoser that is sure of the wrong class is not helped. On a healthy
-    vehicle it stays silent as long as the belief does.
+    When it misleads: the model is that of the nominal vehicle, sees no further than 4 s, and takes
+    the belief as right; a diagnoser that is sure of the wrong class gets no help. On a healthy
+    vehicle the offset is zero as long as the belief is sure of `normal`.
     """
 
     name = "greedy"
     seed_block = 8
 
-    def initial_memory(self, n_lanes: int) -> Plan:
+    def initial_memory(self, n_lanes: int) -> GreedyMemory:
         """No speed yet, no offset."""
-        return Plan(np.full(n_lanes, np.nan), np.zeros(n_lanes))
+        return GreedyMemory(np.full(n_lanes, np.nan), np.zeros(n_lanes))
 
     def choose_offset(
-        self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: Plan
+        self,
+        sample: int,
+        observation: np.ndarray,
+        belief: Belief,
+        allowance: np.ndarray,
+        memory: GreedyMemory,
     ) -> np.ndarray:
-        """The offset that is held, chosen anew every second."""
+        """The current offset, chosen anew every second."""
         reading = observation[:, SPEED].astype(np.float64)
-        before = np.where(np.isnan(memory.speed), reading, memory.speed)
-        memory.speed[:] = before + SHARE * (reading - before)
+        before = np.where(np.isnan(memory.filtered_speed), reading, memory.filtered_speed)
+        memory.filtered_speed[:] = before + SPEED_WEIGHT * (reading - before)
         if sample % DECISION == 0:
-            memory.held[:] = self._choice(observation, belief, left, memory)
-        return memory.held
+            present = np.stack(
+                [
+                    memory.filtered_speed,
+                    observation[:, ACCELERATION].astype(np.float64),
+                    observation[:, COMMAND].astype(np.float64),
+                ],
+                axis=1,
+            )
+            mission_speed = observation[:, MISSION_SPEED].astype(np.float64)
+            memory.offset[:] = _best_offset(belief, present, mission_speed, allowance)
+        return memory.offset
 
-    def _choice(
-        self, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: Plan
-    ) -> np.ndarray:
-        """The best offset of the grid on each lane."""
-        likeliest = np.argsort(-belief.log_probability, axis=1, kind="stable")[:, :LIKELIEST]
-        severity = np.take_along_axis(belief.severity_mean, likeliest, axis=1)[..., None]
-        scale, offset = (effect[likeliest] for effect in effects())
-        healthy = np.array(list(nominal(VEHICLE).values()))
-        factor, shift = fault_effect(severity, scale, offset)
-        parameters = healthy * factor + shift
-        logarithm = np.take_along_axis(belief.log_probability, likeliest, axis=1)
-        probability = np.exp(logarithm - np.logaddexp.reduce(logarithm, axis=1, keepdims=True))
-        acceleration, command, mission = observation[
-            :, [ACCELERATION, COMMAND, MISSION_SPEED]
-        ].T.astype(np.float64)
-        now = np.stack([memory.speed, acceleration, command], axis=1)
-        gain = expected_information(parameters, probability, now, mission, GRID, *surroundings())
-        share = DECISION * np.square(GRID) / np.maximum(left, LEAST_LEFT)[:, None]
-        return GRID[(gain - PRICE * share).argmax(axis=1)]
+
+def _best_offset(
+    belief: Belief, present: np.ndarray, mission_speed: np.ndarray, allowance: np.ndarray
+) -> np.ndarray:
+    """The best of `OFFSETS` on each lane; `present` (n_lanes, 3) is as in `greedy_model`."""
+    order = np.argsort(-belief.log_probability, axis=1, kind="stable")
+    likeliest = order[:, :N_HYPOTHESES]
+    log_probability = np.take_along_axis(belief.log_probability, likeliest, axis=1)
+    log_total = np.logaddexp.reduce(log_probability, axis=1, keepdims=True)
+    information = expected_information(
+        _parameters_under(belief, likeliest),
+        np.exp(log_probability - log_total),
+        present,
+        mission_speed,
+        OFFSETS,
+        reading_variance(),
+        plant_constants(),
+    )
+    cost = DECISION * np.square(OFFSETS)
+    share = cost / np.maximum(allowance, LEAST_ALLOWANCE)[:, None]
+    return OFFSETS[(information - PRICE * share).argmax(axis=1)]
+
+
+def _parameters_under(belief: Belief, hypotheses: np.ndarray) -> np.ndarray:
+    """Parameters (n_lanes, n_hypotheses, n_parameters) under classes (n_lanes, n_hypotheses)."""
+    severity = np.take_along_axis(belief.severity_mean, hypotheses, axis=1)[..., None]
+    scale, offset = (effect[hypotheses] for effect in fault_effects())
+    healthy = np.array(list(nominal(VEHICLE).values()))
+    factor, shift = fault_effect(severity, scale, offset)
+    return healthy * factor + shift

@@ -1,8 +1,8 @@
-"""A cheap model of what each hypothesis would read if the speed command changed, for `training.stimuli.greedy`.
+"""A cheap model of the readings under each hypothesis after a change of the speed command.
 
-The plant's own equations (`auv_fault_env.physics`) in coarse steps: the shafts, which settle within
-half a second, follow their command at once; no noise, no disturbance; readings are those of sensors
-with gain and bias.
+For `training.stimuli.greedy`. The equations are those of the plant (`auv_fault_env.physics`) in
+coarse steps: the shafts, which settle within half a second, follow their command at once; no noise,
+no disturbance; sensors have gain and bias.
 """
 
 import math
@@ -26,24 +26,24 @@ from auv_fault_env.physics import (
 )
 
 STEP = 0.25  # s
-STEPS = 4  # steps to a look at the readings, one second
-LOOK = 4  # looks
+STEPS_PER_SECOND = 4
+N_SECONDS = 4  # the readings are predicted at the end of each
 N_READINGS = len(READINGS)
 N_SHAFT = len(SHAFT)
 N_SENSOR = len(SENSOR)
 PORT, STARBOARD = (list(PARAMETERS).index(f"{side}_{SHAFT[0]}") for side in SIDES)
-# first parameter of the sensors: bias and gain lead each one's
+# first parameter of the sensors; the parameters of each begin with bias and gain
 SENSORS = len(HULL) + len(SIDES) * N_SHAFT
-# rows of `READINGS`; current and rpm follow
+# rows of `READINGS`; current and rpm follow the voltage
 SPEED = 0
 ACCELERATION = 1
 PORT_VOLTAGE = 2
 STARBOARD_VOLTAGE = 5
-LEAST_GAIN = 0.1  # of a sensor, when its reading is taken for the truth
+LEAST_GAIN = 0.1  # of a sensor, where a true value is computed from its reading
 
 
-class Now(NamedTuple):
-    """What is known of the moment: measured speed as the controller has filtered it, measured acceleration, command."""
+class Present(NamedTuple):
+    """The present state: measured speed after the controller's filter, acceleration, command."""
 
     speed: float
     acceleration: float
@@ -51,104 +51,112 @@ class Now(NamedTuple):
 
 
 @scalar
-def read(parameters, row, truth):
-    """What the sensor of a row of `READINGS` reads."""
+def sensor_reading(parameters, row, quantity):
+    """The reading of the sensor of this row of `READINGS`."""
     sensor = SENSORS + row * N_SENSOR
-    return parameters[sensor + 1] * truth + parameters[sensor]
+    return parameters[sensor + 1] * quantity + parameters[sensor]
 
 
 @scalar
-def true_of(parameters, row, reading):
-    """What is true if that sensor reads this."""
+def true_value(parameters, row, reading):
+    """The true value behind a reading of the sensor of this row."""
     sensor = SENSORS + row * N_SENSOR
     return (reading - parameters[sensor]) / max(parameters[sensor + 1], LEAST_GAIN)
 
 
 @scalar
-def spin_of(parameters, row, rpm):
-    """Shaft speed [rad/s] that is regulated to a command by the counter of that row."""
-    return max(true_of(parameters, row, rpm), 0.0) / RPM
+def shaft_speed(parameters, row, rpm):
+    """Shaft speed [rad/s] at which the counter of this row reads the commanded rpm."""
+    return max(true_value(parameters, row, rpm), 0.0) / RPM
 
 
 @scalar
-def look(parameters, speed, rpm, force, constants, readings):
-    """Write the readings (8,) at this true speed, shaft speed command and disturbance; returns the acceleration."""
-    readings[SPEED] = read(parameters, SPEED, speed)
+def write_readings(parameters, speed, rpm, force, constants, readings):
+    """Write the readings (n_readings,) at this state; returns the true acceleration.
+
+    The state is true speed, commanded shaft speed [rpm] and disturbance.
+    """
+    readings[SPEED] = sensor_reading(parameters, SPEED, speed)
     port = shaft_at(parameters, PORT, 1)
     starboard = shaft_at(parameters, STARBOARD, 1)
-    port_spin = spin_of(parameters, PORT_VOLTAGE + 2, rpm)
-    starboard_spin = spin_of(parameters, STARBOARD_VOLTAGE + 2, rpm)
-    sides = motor(port, constants, 0.0), motor(starboard, constants, 0.0)
+    port_speed = shaft_speed(parameters, PORT_VOLTAGE + 2, rpm)
+    starboard_speed = shaft_speed(parameters, STARBOARD_VOLTAGE + 2, rpm)
+    motors = motor(port, constants, 0.0), motor(starboard, constants, 0.0)
     acceleration = surge_acceleration(
-        speed, port_spin, starboard_spin, parameters[0], force, sides[0], sides[1]
+        speed, port_speed, starboard_speed, parameters[0], force, motors[0], motors[1]
     )
-    readings[ACCELERATION] = read(parameters, ACCELERATION, acceleration)
-    for row, shaft, spin in (
-        (PORT_VOLTAGE, port, port_spin),
-        (STARBOARD_VOLTAGE, starboard, starboard_spin),
+    readings[ACCELERATION] = sensor_reading(parameters, ACCELERATION, acceleration)
+    for row, shaft, turning in (
+        (PORT_VOLTAGE, port, port_speed),
+        (STARBOARD_VOLTAGE, starboard, starboard_speed),
     ):
-        voltage = equilibrium_voltage(shaft, spin, speed, constants)
-        readings[row] = read(parameters, row, voltage)
-        readings[row + 1] = read(parameters, row + 1, armature_current(shaft, spin, voltage))
-        readings[row + 2] = read(parameters, row + 2, spin * RPM)
+        voltage = equilibrium_voltage(shaft, turning, speed, constants)
+        current = armature_current(shaft, turning, voltage)
+        readings[row] = sensor_reading(parameters, row, voltage)
+        readings[row + 1] = sensor_reading(parameters, row + 1, current)
+        readings[row + 2] = sensor_reading(parameters, row + 2, turning * RPM)
     return acceleration
 
 
 @scalar
-def respond(parameters, now, command, constants, readings, responses):
-    """Write the changes of the readings (LOOK, 8) from now to 1, 2, ... s after a new command.
+def write_changes(parameters, present, command, constants, readings, changes):
+    """Write the changes of the readings 1, 2, ... s after a new speed command.
 
-    A force makes up for what the hypothesis leaves open of the present acceleration: it is known
-    already, and tells nothing. readings (8,) is working memory.
+    A force accounts for the part of the present acceleration that the hypothesis does not explain:
+    it is known already, and carries no information.
+
+    Parameters
+    ----------
+    readings
+        Working memory, (n_readings,).
+    changes
+        Result, (n_seconds, n_readings).
     """
     share = 1.0 - math.exp(-STEP / constants.speed_filter_time)
-    kept = now.speed
-    speed = true_of(parameters, SPEED, kept)
-    rpm = rpm_command(constants, now.command, kept, 0.0)
-    force = true_of(parameters, ACCELERATION, now.acceleration)
-    force -= look(parameters, speed, rpm, 0.0, constants, readings)
-    look(parameters, speed, rpm, force, constants, readings)
-    for second in range(LOOK):
-        responses[second] = -readings
-    for second in range(LOOK):
-        for _ in range(STEPS):
-            rpm = rpm_command(constants, command, kept, 0.0)
-            speed += STEP * look(parameters, speed, rpm, force, constants, readings)
-            kept = low_pass(kept, read(parameters, SPEED, speed), share)
-        look(
-            parameters,
-            speed,
-            rpm_command(constants, command, kept, 0.0),
-            force,
-            constants,
-            readings,
-        )
-        responses[second] += readings
+    filtered_speed = present.speed
+    speed = true_value(parameters, SPEED, filtered_speed)
+    rpm = rpm_command(constants, present.command, filtered_speed, 0.0)
+    force = true_value(parameters, ACCELERATION, present.acceleration)
+    force -= write_readings(parameters, speed, rpm, 0.0, constants, readings)
+    write_readings(parameters, speed, rpm, force, constants, readings)
+    for second in range(N_SECONDS):
+        changes[second] = -readings
+    for second in range(N_SECONDS):
+        for _ in range(STEPS_PER_SECOND):
+            rpm = rpm_command(constants, command, filtered_speed, 0.0)
+            speed += STEP * write_readings(parameters, speed, rpm, force, constants, readings)
+            reading = sensor_reading(parameters, SPEED, speed)
+            filtered_speed = low_pass(filtered_speed, reading, share)
+        rpm = rpm_command(constants, command, filtered_speed, 0.0)
+        write_readings(parameters, speed, rpm, force, constants, readings)
+        changes[second] += readings
 
 
 @scalar
-def information(responses, probability, variance):
-    """Lower bound on what these readings tell of the hypotheses [nat]: ``-sum_i p_i log sum_j p_j exp(-k_ij)``.
+def information(changes, probability, variance):
+    """Lower bound of the information on the hypotheses [nat]: ``-sum_i p_i log sum_j p_j exp(-k_ij)``.
 
-    k_ij is the Bhattacharyya distance of two normals of equal variance.
+    k_ij is the Bhattacharyya distance of two normal distributions of equal variance.
     """
     total = 0.0
     for i in range(probability.size):
-        alike = 0.0
+        similarity = 0.0
         for j in range(probability.size):
             distance = 0.0
-            for second in range(LOOK):
+            for second in range(N_SECONDS):
                 for row in range(N_READINGS):
-                    gap = responses[i, second, row] - responses[j, second, row]
+                    gap = changes[i, second, row] - changes[j, second, row]
                     distance += gap * gap / (8.0 * variance[row])
-            alike += probability[j] * math.exp(-distance)
-        total -= probability[i] * math.log(alike)
+            similarity += probability[j] * math.exp(-distance)
+        total -= probability[i] * math.log(similarity)
     return total
 
 
 @kernel
-def expected_information(parameters, probability, now, mission, grid, variance, constants):
-    """What `LOOK` seconds of each offset will tell of the hypotheses at least [nat], (n_lanes, n_grid).
+def expected_information(
+    parameters, probability, present, mission_speed, offsets, variance, constants
+):
+    """Lower bound of the information of each offset over `N_SECONDS` [nat], (n_lanes, n_offsets).
 
     Parameters
     ----------
@@ -156,27 +164,27 @@ def expected_information(parameters, probability, now, mission, grid, variance, 
         Of the vehicle under each hypothesis, (n_lanes, n_hypotheses, n_parameters).
     probability
         (n_lanes, n_hypotheses), above 0, each row sums to 1.
-    now
-        (n_lanes, 3), see `Now`.
-    mission
-        Speed [m/s], (n_lanes,).
-    grid
-        Offsets to try [m/s], (n_grid,).
+    present
+        (n_lanes, 3), see `Present`.
+    mission_speed
+        (n_lanes,) [m/s].
+    offsets
+        To try, (n_offsets,) [m/s].
     variance
-        Of a second's readings, (8,).
+        Of the readings of a second, (n_readings,).
     constants
         `PlantConstants` of the nominal vehicle as an array.
     """
     n_lanes, n_hypotheses, _ = parameters.shape
-    shared = constants_from_array(constants)
+    plant = constants_from_array(constants)
     readings = np.empty(N_READINGS)
-    responses = np.empty((n_hypotheses, LOOK, N_READINGS))
-    out = np.empty((n_lanes, grid.size))
+    changes = np.empty((n_hypotheses, N_SECONDS, N_READINGS))
+    bounds = np.empty((n_lanes, offsets.size))
     for lane in range(n_lanes):
-        present = Now(now[lane, 0], now[lane, 1], now[lane, 2])
-        for g in range(grid.size):
+        state = Present(present[lane, 0], present[lane, 1], present[lane, 2])
+        for k in range(offsets.size):
+            command = max(mission_speed[lane] + offsets[k], 0.0)
             for h in range(n_hypotheses):
-                command = max(mission[lane] + grid[g], 0.0)
-                respond(parameters[lane, h], present, command, shared, readings, responses[h])
-            out[lane, g] = information(responses, probability[lane], variance)
-    return out
+                write_changes(parameters[lane, h], state, command, plant, readings, changes[h])
+            bounds[lane, k] = information(changes, probability[lane], variance)
+    return bounds

@@ -1,28 +1,27 @@
-"""The stimulus that was learnt: the offset that a trained policy chooses by what is believed."""
+"""The learned stimulus: a trained policy chooses the offset from belief and estimates."""
 
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from diagnosers import Belief, storage
+from diagnosers.filter_bank import FilterBank
 from diagnosers.kalman import Estimate, ParameterFilter
 from training.stimuli.closed_loop import ClosedLoop
-from training.stimuli.declaration import DECLARE, NONE, Declaration
-from training.stimuli.light_bank import suspected
-from training.stimuli.policy_inputs import features
-
-if TYPE_CHECKING:
-    from training.stimuli.policy import LearnedPolicy
+from training.stimuli.declaration import DECLARATION_PROBABILITY, UNDECLARED, Declaration
+from training.stimuli.light_bank import restrict_belief
+from training.stimuli.policy import LearnedPolicy, policy_name
+from training.stimuli.policy_inputs import policy_features
 
 
 @dataclass
-class Notes:
-    """What is known of every lane: the parameter filter's estimate, what is declared, and the action in force."""
+class LearnedMemory:
+    """Parameter filter's estimate, declaration, and current action (n_lanes,) of an episode."""
 
     estimate: Estimate
     declaration: Declaration
@@ -30,99 +29,95 @@ class Notes:
 
 
 class Learned(ClosedLoop):
-    """What `auv-fault train-stimulus` has made of the environment's rewards; the policies come with the package.
+    """The policy of a training with `auv-fault train-stimulus`; the policies come with the package.
 
-    It ends with the first declaration, as the episodes of its training did. These had a decision
-    per second; here the policy is asked at every sample, so that it goes ahead as soon as there is
-    doubt and stops as soon as there is none.
+    It ends with the first declaration, as the episodes of its training did. Those had one decision
+    per second; here the policy decides at every sample, and so starts as soon as there is doubt and
+    stops as soon as there is none.
 
-    A policy has seen the beliefs of one filter bank on simulated vehicles at 0.2 to 0.5 m/s. Beside
-    another diagnoser, whose beliefs move otherwise, it may excite for nothing, or sit still while
-    there is something to be told.
+    The training had the beliefs of one filter bank on simulated vehicles at 0.2 to 0.5 m/s. Beside
+    another diagnoser, with other beliefs, a policy may excite without a reason, or not excite where
+    it would help.
     """
 
     name = "learned"
     seed_block = 10
-    seed: ClassVar[int] = 0  # of the training
-    every: ClassVar[int] = 1  # samples for which an action is held
+    training_seed: ClassVar[int] = 0
+    samples_per_decision: ClassVar[int] = 1
 
     @property
     def _path(self) -> Path:
-        return storage.WEIGHTS / f"stimulus-filter_bank-{self.seed}.safetensors"
+        name = policy_name(FilterBank.name, self.training_seed)
+        return storage.WEIGHTS / f"{name}.safetensors"
 
     @cached_property
-    def _policy(self) -> "LearnedPolicy":
-        from training.stimuli.policy import LearnedPolicy  # PyTorch, for those alone who are asked
-
+    def _policy(self) -> LearnedPolicy:
         return LearnedPolicy.load(self._path)
 
     @cached_property
     def policy_digest(self) -> str:
-        """Digest of the policy's file."""
+        """Digest of the file of the policy."""
         return hashlib.sha256(self._path.read_bytes()).hexdigest()
 
-    def initial_memory(self, n_lanes: int) -> Notes:
-        """Nothing read, nothing declared, no action."""
-        return Notes(
-            ParameterFilter().initial(n_lanes), Declaration(n_lanes, DECLARE), np.zeros(n_lanes)
+    def initial_memory(self, n_lanes: int) -> LearnedMemory:
+        """The prior estimate, no declaration, no action."""
+        return LearnedMemory(
+            ParameterFilter().initial(n_lanes),
+            Declaration(n_lanes, DECLARATION_PROBABILITY),
+            np.zeros(n_lanes),
         )
 
     def choose_offset(
-        self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: Notes
+        self,
+        sample: int,
+        observation: np.ndarray,
+        belief: Belief,
+        allowance: np.ndarray,
+        memory: LearnedMemory,
     ) -> np.ndarray:
-        """The offset in force, until a fault is declared."""
-        memory.estimate = ParameterFilter().update(
-            memory.estimate, np.asarray(observation, np.float64)
-        )
-        memory.declaration.note(belief.log_probability)
-        if sample % self.every == 0:
-            time = np.full(len(left), sample * SAMPLE_TIME)
-            left = left * SAMPLE_TIME
-            seen = features(
-                suspected(belief), memory.estimate, observation, memory.action, time, left
+        """The offset of the current action, until a fault is declared."""
+        reading = np.asarray(observation, np.float64)
+        memory.estimate = ParameterFilter().update(memory.estimate, reading)
+        memory.declaration.update(belief.log_probability)
+        if sample % self.samples_per_decision == 0:
+            allowance = allowance * SAMPLE_TIME
+            features = policy_features(
+                restrict_belief(belief),
+                memory.estimate,
+                observation,
+                memory.action,
+                np.full(len(allowance), sample * SAMPLE_TIME),
+                allowance,
             )
-            most = np.sqrt(left) / self._policy.amplitude
-            memory.action = np.clip(self._policy.action(seen)[:, 0].astype(np.float64), -most, most)
-        return np.where(
-            memory.declaration.declared == NONE, self._policy.amplitude * memory.action, 0.0
-        )
+            action = self._policy.action(features)[:, 0].astype(np.float64)
+            largest = np.sqrt(allowance) / self._policy.amplitude
+            memory.action = np.clip(action, -largest, largest)
+        is_undeclared = memory.declaration.declared == UNDECLARED
+        return np.where(is_undeclared, self._policy.amplitude * memory.action, 0.0)
 
 
-class Learned1(Learned):
-    """The same from another seed of the training: how much of what is learnt is luck."""
-
-    name = "learned_1"
-    seed_block = 11
-    seed = 1
-
-
-class Learned2(Learned):
-    """As `Learned1`."""
-
-    name = "learned_2"
-    seed_block = 12
-    seed = 2
+def _learned_again(training_seed: int) -> type[Learned]:
+    """`Learned` with the policy of another training, to show how much of a result is chance."""
+    attributes = {
+        "__doc__": f"`Learned` with the policy of training seed {training_seed}.",
+        "__module__": __name__,
+        "name": f"learned_{training_seed}",
+        "seed_block": Learned.seed_block + training_seed,
+        "training_seed": training_seed,
+    }
+    return type(f"Learned{training_seed}", (Learned,), attributes)
 
 
-class Learned3(Learned):
-    """As `Learned1`."""
-
-    name = "learned_3"
-    seed_block = 13
-    seed = 3
-
-
-class Learned4(Learned):
-    """As `Learned1`."""
-
-    name = "learned_4"
-    seed_block = 14
-    seed = 4
+# by these names pickle finds the classes
+Learned1 = _learned_again(1)
+Learned2 = _learned_again(2)
+Learned3 = _learned_again(3)
+Learned4 = _learned_again(4)
 
 
 class LearnedHeld(Learned):
-    """`Learned` with a decision per second, as in its training: what it brings to be asked more often."""
+    """`Learned` with one decision per second, as in its training: what more decisions bring."""
 
     name = "learned_held"
     seed_block = 15
-    every = round(SAMPLE_RATE)
+    samples_per_decision = round(SAMPLE_RATE)

@@ -1,4 +1,4 @@
-"""Stimuli that run like clockwork, whatever is believed; each costs as much on a healthy vehicle."""
+"""The stimuli that follow a fixed wave, whatever the belief: they cost healthy vehicles as much."""
 
 from collections.abc import Callable
 from functools import partial
@@ -13,38 +13,37 @@ from training.stimuli.waveforms import multisine, prbs, square
 
 
 class Cruise(Stimulus):
-    """No stimulus: what any other is measured against. At constant speed some faults look alike."""
+    """No stimulus, the baseline of all others; at constant speed some faults look alike."""
 
     name = "cruise"
     seed_block = 0
 
     def offset(self, sample: int, observation: np.ndarray, belief: Belief) -> np.ndarray:
-        """Nothing."""
+        """Zeros."""
         return np.zeros(len(observation))
 
 
 class OpenLoop(Stimulus):
     """A wave of root mean square 1 times the budget, the same on all lanes.
 
-    The budget is kept over whole periods, and `EPISODE_TIME` has a whole number of them where the wave's
-    size varies; over another time the root mean square may differ.
+    Over whole periods the root mean square is the budget. Where the amplitude of the wave varies,
+    `EPISODE_TIME` is a whole number of periods; over another time the root mean square may differ.
     """
 
-    wave: ClassVar[Callable[[], np.ndarray]]  # a period, sample by sample, (n_samples,)
+    wave: ClassVar[Callable[[], np.ndarray]]
+    """Gives one period, sample by sample, (n_samples,)."""
 
     def offset(self, sample: int, observation: np.ndarray, belief: Belief) -> np.ndarray:
-        """The wave's value at this sample, as far as the channel goes."""
+        """The wave at this sample, clipped to the channel."""
         wave = self.wave()
-        return within_channel(
-            np.full(len(observation), self.budget * wave[sample % wave.size]), observation
-        )
+        offset = self.budget * wave[sample % wave.size]
+        return within_channel(np.full(len(observation), offset), observation)
 
 
 class Thesis(OpenLoop):
-    """The thesis' square wave (V.D): slower and faster than the mission by the budget, ten seconds each, slower first.
+    """The square wave of the thesis (V.D): ten seconds slower, ten seconds faster by the budget.
 
-    It knows neither what is believed nor when a fault is suspected, and so costs as much on a
-    healthy vehicle.
+    It does not depend on the belief, and so costs as much on a healthy vehicle.
     """
 
     name = "thesis"
@@ -53,7 +52,7 @@ class Thesis(OpenLoop):
 
 
 class Prbs(OpenLoop):
-    """A pseudo-random binary sequence: all frequencies up to a quarter of a hertz, never off duty."""
+    """A pseudo-random binary sequence: all frequencies up to a quarter of a hertz, without pause."""
 
     name = "prbs"
     seed_block = 2
@@ -61,7 +60,7 @@ class Prbs(OpenLoop):
 
 
 class Multisine(OpenLoop):
-    """Eight harmonics of equal size: smoother for the vehicle than steps, and its peaks are 1.7 times the budget."""
+    """Eight harmonics of equal amplitude: smoother than steps, with peaks of 1.7 times the budget."""
 
     name = "multisine"
     seed_block = 3
@@ -69,10 +68,10 @@ class Multisine(OpenLoop):
 
 
 class DOptimal(OpenLoop):
-    """The periodic profile that tells most of drag and thrust over an episode (`training.stimuli.d_optimal`).
+    """The periodic profile with most information on drag and thrust over an episode.
 
-    It is optimal for these two of a nominal vehicle at 1 ft/s; faults of motors and sensors do not
-    enter.
+    See `training.stimuli.d_optimal`. It is optimal for these two parameters of a nominal vehicle at
+    1 ft/s; faults of motors and sensors do not enter.
     """
 
     name = "d_optimal"

@@ -1,4 +1,4 @@
-"""What an agent has learnt about when to excite: a small network, run by PyTorch alone."""
+"""The learned policy: a small network from the features of `policy_inputs` to an action."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from auv_fault_env.channels import MAXIMUM_COMMAND
 from auv_fault_env.errors import finite_in_range, refusal
@@ -16,29 +15,41 @@ from training.stimuli.policy_inputs import FEATURES
 LAYERS = ("first", "second", "action")
 HIDDEN = 64
 WIDTHS = (len(FEATURES), HIDDEN, HIDDEN, 1)
-SHAPES: storage.Shapes = {
-    f"{layer}_{part}": shape
-    for layer, (inputs, outputs) in zip(LAYERS, pairwise(WIDTHS), strict=True)
-    for part, shape in (("weight", (outputs, inputs)), ("bias", (outputs,)))
-}
+
+
+def _shapes() -> storage.Shapes:
+    """Shapes of the tensors by name."""
+    shapes = {}
+    for layer, (n_inputs, n_outputs) in zip(LAYERS, pairwise(WIDTHS), strict=True):
+        shapes[f"{layer}_weight"] = (n_outputs, n_inputs)
+        shapes[f"{layer}_bias"] = (n_outputs,)
+    return shapes
+
+
+SHAPES = _shapes()
+
+
+def policy_name(diagnoser: str, seed: int) -> str:
+    """The name of the files of a policy, from its diagnoser and the seed of its training."""
+    return f"stimulus-{diagnoser}-{seed}"
 
 
 @dataclass(frozen=True)
 class LearnedPolicy:
-    """From the features of `auv_fault_env/ActiveDiagnosis-v0` to its action: two hidden layers, all tanh, no noise.
+    """Two hidden layers, all tanh, from the features of the active environment to its action.
 
-    It has learnt beside one diagnoser and within one budget. Beside another diagnoser, whose
-    beliefs move otherwise, it may excite for nothing; and the budget is kept on the average of the
-    episodes it was trained on, not in every one.
+    It has learned beside one diagnoser and within one budget. Beside another diagnoser, with other
+    beliefs, it may excite without a reason. The mean over its training episodes keeps the budget,
+    not every single one.
 
     Attributes
     ----------
     tensors
         Weights and biases, float32, of the shapes in `SHAPES`.
     diagnoser
-        Name of the diagnoser whose beliefs it has seen.
+        Name of the diagnoser beside which it has learned.
     budget
-        Root mean square of the speed offsets within which it was trained [m/s].
+        Root mean square of the speed offsets in its training [m/s].
     amplitude
         Speed offset [m/s] of the action 1.
     """
@@ -52,7 +63,19 @@ class LearnedPolicy:
         storage.check_tensors("the policy", self.tensors, SHAPES)
 
     def action(self, features: np.ndarray) -> np.ndarray:
-        """The actions (n_lanes, 1) float32, within -1 to 1, for features (n_lanes, n_features) as in `FEATURES`."""
+        """The actions of every lane, without noise.
+
+        Parameters
+        ----------
+        features
+            (n_lanes, n_features) as in `FEATURES`.
+
+        Returns
+        -------
+        (n_lanes, 1) float32, within -1 to 1.
+        """
+        import torch  # takes a second, and only policies need it
+
         features = np.asarray(features, np.float32)
         if features.ndim != 2 or features.shape[1] != len(FEATURES):
             raise refusal(
@@ -64,52 +87,58 @@ class LearnedPolicy:
         with torch.inference_mode():
             values = torch.from_numpy(features)
             for layer in LAYERS:
-                weight, bias = (
-                    torch.from_numpy(self.tensors[f"{layer}_{part}"]) for part in ("weight", "bias")
-                )
-                # the same for a lane, however many there are
-                summed = (values[:, None, :] * weight).sum(dim=2)
-                values = torch.tanh(summed + bias)
+                weight = torch.from_numpy(self.tensors[f"{layer}_weight"])
+                bias = torch.from_numpy(self.tensors[f"{layer}_bias"])
+                # no matrix product: the sum of a lane must not depend on the number of lanes
+                weighted_sum = (values[:, None, :] * weight).sum(dim=2)
+                values = torch.tanh(weighted_sum + bias)
             return values.numpy()
 
     def save(self, path: str | Path) -> None:
         """Write a safetensors file for `load`; its header names the features in their order."""
-        settings = {"diagnoser": self.diagnoser, "budget": self.budget, "amplitude": self.amplitude}
-        storage.write(path, self.tensors, {"features": FEATURES, **settings})
+        header = {
+            "features": FEATURES,
+            "diagnoser": self.diagnoser,
+            "budget": self.budget,
+            "amplitude": self.amplitude,
+        }
+        storage.write(path, self.tensors, header)
 
     @classmethod
     def load(cls, path: str | Path) -> "LearnedPolicy":
-        """The policy that `save` wrote; a damaged file, or one with other features, is refused in one line."""
+        """The policy in a file of `save`.
+
+        Raises
+        ------
+        InputError
+            For a damaged file, or a policy with other features.
+        """
         tensors, header = storage.read(path)
         header = header if isinstance(header, dict) else {}
-        layout = header.get("features")
-        if layout != list(FEATURES):
-            allowed = (
-                f"the {len(FEATURES)} of training.stimuli.policy_inputs.FEATURES in their order"
-            )
+        features = header.get("features")
+        remedy = "train it anew"
+        if features != list(FEATURES):
+            where = "training.stimuli.policy_inputs.FEATURES"
+            allowed = f"the {len(FEATURES)} of {where} in their order"
             raise refusal(
-                f"features of the policy {path}", _unlike(layout), allowed, "train it anew"
+                f"features of the policy {path}", _first_difference(features), allowed, remedy
             )
         diagnoser = header.get("diagnoser")
         if not isinstance(diagnoser, str):
-            raise refusal(f"diagnoser of the policy {path}", diagnoser, "a name", "train it anew")
-        numbers = (
-            finite_in_range(
-                f"{name} of the policy {path}", header.get(name), 0.001, MAXIMUM_COMMAND
-            )
-            for name in ("budget", "amplitude")
-        )
-        return cls(storage.check_tensors(path, tensors, SHAPES), diagnoser, *numbers)
+            raise refusal(f"diagnoser of the policy {path}", diagnoser, "a name", remedy)
+        speeds = {}
+        for name in ("budget", "amplitude"):
+            thing = f"{name} of the policy {path}"
+            speeds[name] = finite_in_range(thing, header.get(name), 0.001, MAXIMUM_COMMAND)
+        return cls(storage.check_tensors(path, tensors, SHAPES), diagnoser, **speeds)
 
 
-def _unlike(layout: Any) -> Any:
-    """What of a layout of features is not as it should be: the first place, short enough for one line."""
-    if not isinstance(layout, list):
-        return layout
-    place = next(
-        (k for k, pair in enumerate(zip(layout, FEATURES, strict=False)) if pair[0] != pair[1]),
-        None,
-    )
-    return f"{len(layout)} features" + (
-        "" if place is None else f", number {place + 1} {layout[place]!r}"
-    )
+def _first_difference(features: Any) -> Any:
+    """The first difference of a header's features from `FEATURES`, short enough for one line."""
+    if not isinstance(features, list):
+        return features
+    count = f"{len(features)} features"
+    for number, (found, expected) in enumerate(zip(features, FEATURES, strict=False), start=1):
+        if found != expected:
+            return f"{count}, number {number} {found!r}"
+    return count

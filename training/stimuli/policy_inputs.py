@@ -1,4 +1,4 @@
-"""What the active agent sees: belief, estimates with their uncertainty, mission and budget."""
+"""The inputs of a policy: belief, estimates with their uncertainty, mission and allowance."""
 
 import math
 
@@ -8,13 +8,14 @@ from auv_fault_env.channels import INDEX, MAXIMUM_COMMAND
 from auv_fault_env.faults import classes
 from diagnosers import Belief
 from diagnosers.kalman import Estimate
-from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET
+from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET, MISSION_SPEED
 
-FLOOR = -20.0  # nats: least log probability that counts, in the reward too
+# nats: log odds count within +-20, and log probabilities from -20 on, in the reward too
+FLOOR = -20.0
 HIGHEST_ODDS = math.asinh(-FLOOR)
 LAST_TIME = math.log1p(600.0)
-MOST_LEFT = math.log1p(EPISODE_TIME * (MAXIMUM_COMMAND / LARGEST_OFFSET) ** 2)
-MISSION_SPEED, SPEED = (INDEX[name] for name in ("mission_speed", "speed"))
+HIGHEST_ALLOWANCE = math.log1p(EPISODE_TIME * (MAXIMUM_COMMAND / LARGEST_OFFSET) ** 2)
+SPEED = INDEX["speed"]
 
 BOUNDS: dict[str, tuple[float, float]] = {
     **{f"log_odds:{name}": (-HIGHEST_ODDS, HIGHEST_ODDS) for name in classes()},
@@ -27,68 +28,81 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "speed_error": (-1.0, 1.0),
     "last_offset": (-1.0, 1.0),
     "time": (0.0, LAST_TIME),
-    "left": (0.0, MOST_LEFT),
+    "left": (0.0, HIGHEST_ALLOWANCE),
 }
 FEATURES: tuple[str, ...] = tuple(BOUNDS)
 LOW, HIGH = np.array(list(BOUNDS.values()), np.float32).T
 
 
 def compressed_log_odds(log_probability: np.ndarray) -> np.ndarray:
-    """Log odds of every class (n_lanes, n_classes), bent by asinh: graded around even chances and far away as well."""
-    certain = np.minimum(log_probability, -np.finfo(float).tiny)
-    odds = certain - np.log(-np.expm1(certain))
-    return np.arcsinh(np.clip(odds, FLOOR, -FLOOR))
+    """The asinh of the log odds of every class, (n_lanes, n_classes).
+
+    Its resolution is best around even odds.
+    """
+    below_one = np.minimum(log_probability, -np.finfo(float).tiny)
+    log_odds = below_one - np.log(-np.expm1(below_one))
+    return np.arcsinh(np.clip(log_odds, FLOOR, -FLOOR))
 
 
-def log_probability_of(bent: np.ndarray) -> np.ndarray:
-    """Log probabilities from bent log odds, within their range."""
-    return -np.logaddexp(0.0, -np.sinh(np.asarray(bent, np.float64)))
+def log_probability_of(compressed: np.ndarray) -> np.ndarray:
+    """The log probabilities behind compressed log odds."""
+    log_odds = np.sinh(np.asarray(compressed, np.float64))
+    return -np.logaddexp(0.0, -log_odds)
 
 
-def compressed_allowance(left: np.ndarray) -> np.ndarray:
-    """Logarithm of 1 + the time [s] for which the offset `LARGEST_OFFSET` could be held with what is left [m^2/s]."""
-    return np.log1p(left / LARGEST_OFFSET**2)
+def compressed_allowance(allowance: np.ndarray) -> np.ndarray:
+    """The log of 1 + the time [s] for which the allowance [m^2/s] covers `LARGEST_OFFSET`."""
+    return np.log1p(allowance / LARGEST_OFFSET**2)
 
 
-def features(
+def allowance_of(compressed: np.ndarray) -> np.ndarray:
+    """The allowance [m^2/s] behind a compressed one."""
+    return np.expm1(compressed) * LARGEST_OFFSET**2
+
+
+def policy_features(
     belief: Belief,
     estimate: Estimate,
     observation: np.ndarray,
-    last_offset: np.ndarray,
+    last_action: np.ndarray,
     time: np.ndarray,
-    left: np.ndarray,
+    allowance: np.ndarray,
 ) -> np.ndarray:
-    """The features, (n_lanes, n_features) float32, in the order of `FEATURES`, within their bounds.
+    """The features in the order of `FEATURES`, clipped to their bounds.
 
     Parameters
     ----------
     belief, estimate
-        Of the diagnoser and of the parameter filter; `severity` is that of the most probable fault.
+        Of the diagnoser and of the parameter filter; the feature `severity` is that of the most
+        probable fault.
     observation
-        The last readings, (n_lanes, n_channels).
-    last_offset
-        The last action in force, (n_lanes,), -1 to 1.
+        The last one, (n_lanes, n_channels).
+    last_action
+        (n_lanes,), -1 to 1.
     time
-        Since the episode's start [s], (n_lanes,); its feature is log(1 + time).
-    left
-        Of the squared offsets that a budget allows [m^2/s], (n_lanes,); its feature is
+        Since the start of the episode, (n_lanes,) [s]; the feature is log(1 + time).
+    allowance
+        Squared offsets that the budget has left, (n_lanes,) [m^2/s]; the feature `left` is
         `compressed_allowance`.
+
+    Returns
+    -------
+    (n_lanes, n_features) float32.
     """
     lanes = np.arange(len(observation))
-    top = 1 + belief.log_probability[:, 1:].argmax(axis=1)
+    top_fault = 1 + belief.log_probability[:, 1:].argmax(axis=1)
     columns = [
-        belief.severity_mean[lanes, top],
+        belief.severity_mean[lanes, top_fault],
         estimate.mean[:, 1],
         np.sqrt(estimate.covariance[:, 1, 1]),
         estimate.mean[:, 2],
         np.sqrt(estimate.covariance[:, 2, 2]),
         observation[:, MISSION_SPEED],
         observation[:, SPEED] - observation[:, MISSION_SPEED],
-        last_offset,
+        last_action,
         np.log1p(time),
-        compressed_allowance(left),
+        compressed_allowance(allowance),
     ]
-    table = np.concatenate(
-        [compressed_log_odds(belief.log_probability), np.stack(columns, axis=1)], axis=1
-    )
-    return np.clip(table.astype(np.float32), LOW, HIGH)
+    log_odds = compressed_log_odds(belief.log_probability)
+    features = np.concatenate([log_odds, np.stack(columns, axis=1)], axis=1)
+    return np.clip(features.astype(np.float32), LOW, HIGH)

@@ -1,4 +1,4 @@
-"""Stimuli that leave the mission alone until a fault is suspected, and then spend what the budget has left."""
+"""The stimuli that cruise until a fault is suspected, and then spend what the budget has left."""
 
 import math
 from collections.abc import Callable
@@ -14,52 +14,67 @@ from training.stimuli.closed_loop import ClosedLoop
 from training.stimuli.d_optimal import d_optimal
 from training.stimuli.waveforms import prbs, square
 
-# s, over which the allowance that is left is spread when the suspicion arises: a period of the
-# thesis'
-EXCITATION_TIME = 20.0
-SPELL_SAMPLES = round(EXCITATION_TIME * SAMPLE_RATE)
-SUSPICION = math.log(0.5)  # log p(normal) below which a spell begins
-CALM = math.log(0.9)  # and above which it ends
+EXCITATION_TIME = 20.0  # s, a period of the thesis' wave
+N_SAMPLES = round(EXCITATION_TIME * SAMPLE_RATE)
+START_BELOW = math.log(0.5)  # log p(normal) below which an excitation starts
+STOP_ABOVE = math.log(0.9)  # and above which it stops
 
 
-class Spell(NamedTuple):
-    """Of every lane: samples since its spell began (n_lanes,), -1 for none, and the spell's amplitude [m/s]."""
+class Excitation(NamedTuple):
+    """The excitation of every lane.
 
-    phase: np.ndarray
+    Attributes
+    ----------
+    age
+        Samples since it started, (n_lanes,); -1 where there is none.
+    amplitude
+        Root mean square of its offsets, (n_lanes,) [m/s].
+    """
+
+    age: np.ndarray
     amplitude: np.ndarray
 
 
 class Triggered(ClosedLoop):
-    """Cruise until p(normal) falls below 0.5, then a wave for `EXCITATION_TIME`, or until p(normal) is above 0.9 again.
+    """Cruise until p(normal) < 0.5, then a wave for `EXCITATION_TIME` or until p(normal) > 0.9.
 
-    Its amplitude spreads the allowance that is left over the spell, up to `LARGEST_OFFSET`. So a small
-    budget buys a strong stimulus for a short time, and an early false suspicion takes from a later
-    true one.
+    The amplitude spends the whole allowance within the excitation, up to `LARGEST_OFFSET`. So a
+    small budget buys a strong stimulus for a short time, and an early false suspicion takes from a
+    later true one.
     """
 
-    wave: ClassVar[Callable[[], np.ndarray]]  # a period of root mean square 1, sample by sample
+    wave: ClassVar[Callable[[], np.ndarray]]
+    """Gives one period of root mean square 1, sample by sample."""
 
-    def initial_memory(self, n_lanes: int) -> Spell:
-        """No spell anywhere."""
-        return Spell(np.full(n_lanes, -1), np.zeros(n_lanes))
+    def initial_memory(self, n_lanes: int) -> Excitation:
+        """No excitation."""
+        return Excitation(np.full(n_lanes, -1), np.zeros(n_lanes))
 
     def choose_offset(
-        self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: Spell
+        self,
+        sample: int,
+        observation: np.ndarray,
+        belief: Belief,
+        allowance: np.ndarray,
+        memory: Excitation,
     ) -> np.ndarray:
-        """The wave where a spell is on."""
+        """The wave where an excitation is running."""
         log_normal = belief.log_probability[:, 0]
-        (phase, amplitude) = memory
+        age = memory.age
+        amplitude = memory.amplitude
+        age[age >= 0] += 1
+        stops = (log_normal > STOP_ABOVE) | (age >= N_SAMPLES)
+        age[stops] = -1
+        starts = (age < 0) & (log_normal < START_BELOW)
+        age[starts] = 0
+        whole_allowance = np.sqrt(allowance[starts] / N_SAMPLES)
+        amplitude[starts] = np.minimum(whole_allowance, LARGEST_OFFSET)
         wave = self.wave()
-        phase[phase >= 0] += 1
-        phase[(log_normal > CALM) | (phase >= SPELL_SAMPLES)] = -1
-        begins = (phase < 0) & (log_normal < SUSPICION)
-        phase[begins] = 0
-        amplitude[begins] = np.minimum(np.sqrt(left[begins] / SPELL_SAMPLES), LARGEST_OFFSET)
-        return np.where(phase >= 0, amplitude * wave[phase % wave.size], 0.0)
+        return np.where(age >= 0, amplitude * wave[age % wave.size], 0.0)
 
 
 class TriggeredThesis(Triggered):
-    """The thesis' square wave once a fault is suspected, slower first."""
+    """The square wave of the thesis once a fault is suspected, slower first."""
 
     name = "triggered_thesis"
     seed_block = 5
@@ -75,7 +90,7 @@ class TriggeredPrbs(Triggered):
 
 
 class TriggeredDOptimal(Triggered):
-    """Once a fault is suspected, the profile that tells most of drag and thrust within a spell."""
+    """The D-optimal profile over an excitation once a fault is suspected."""
 
     name = "triggered_d_optimal"
     seed_block = 7

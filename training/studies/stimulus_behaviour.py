@@ -24,7 +24,7 @@ from training.seeds import seeds
 from training.stimuli import STIMULI, Stimulus
 from training.stimuli.base import LARGEST_OFFSET
 from training.stimuli.open_loop import Cruise
-from training.stimuli.surge_ahead import HULL_AND_PROPELLERS
+from training.stimuli.triggered_surge import HULL_AND_PROPELLERS
 from training.studies.stimulus_comparisons import paired, resampled_means, with_agent
 from training.studies.told_onset import ToldOnset
 

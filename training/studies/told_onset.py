@@ -30,7 +30,12 @@ class ToldOnset(ClosedLoop):
         """It remembers nothing."""
 
     def choose_offset(
-        self, sample: int, observation: np.ndarray, belief: Belief, left: np.ndarray, memory: None
+        self,
+        sample: int,
+        observation: np.ndarray,
+        belief: Belief,
+        allowance: np.ndarray,
+        memory: None,
     ) -> np.ndarray:
         """Ahead where it is time."""
         return np.where(sample >= sample_at(self.onset), LARGEST_OFFSET, 0.0)

@@ -16,7 +16,7 @@ from auv_fault_env import FaultEvent, Fleet, classes
 from auv_fault_env.errors import InputError
 from diagnosers.kalman import ParameterFilter
 from training.active_env import FEATURES, NAME, ActiveDiagnosisEnv, ActiveDiagnosisVectorEnv
-from training.active_env.vector import CONSTANT_SPEEDS, Missions
+from training.active_env.vector import CONSTANT_SPEEDS, ActiveMissions
 from training.stimuli.declaration import Declaration
 from training.stimuli.policy_inputs import BOUNDS, FLOOR, compressed_log_odds
 
@@ -51,7 +51,7 @@ def until_its_end(env, actions, **reset):
     return rows
 
 
-def swings(n, lanes=None, seed=0):
+def random_actions(n, lanes=None, seed=0):
     """Random actions (n, lanes, 1), or (n, 1) for a single environment."""
     return np.random.default_rng(seed).uniform(
         -1.0, 1.0, (n, 1) if lanes is None else (n, lanes, 1)
@@ -111,7 +111,7 @@ def by_hand(seed, offsets, schedule):
 
 
 def test_a_decision_is_ten_samples_of_plant_diagnoser_and_filter():
-    actions = swings(8)
+    actions = random_actions(8)
     event = FaultEvent(**GONE[0])
     env = ActiveDiagnosisEnv(cost_weight=7.0, budget=0.1)
     run = until_its_end(env, actions, seed=5, options={"schedule": GONE, "mission": 0.3048})
@@ -130,11 +130,11 @@ def test_a_decision_is_ten_samples_of_plant_diagnoser_and_filter():
             gain = max(belief[0][0, now], FLOOR) - max(hand[k - 1][0][0][0, then], FLOOR)
             assert reward == pytest.approx(gain - 7.0 * deviation)
         top = 1 + belief[0][0, 1:].argmax()
-        told = dict(zip(FEATURES, observation, strict=True))
+        named = dict(zip(FEATURES, observation, strict=True))
         np.testing.assert_allclose(
             observation[: len(names)], compressed_log_odds(belief[0])[0], rtol=1e-6
         )
-        wanted = {
+        expected = {
             "severity": belief[1][0, top],
             "alpha": estimate.mean[0, 1],
             "beta_std": estimate.covariance[0, 2, 2] ** 0.5,
@@ -144,7 +144,9 @@ def test_a_decision_is_ten_samples_of_plant_diagnoser_and_filter():
             "time": np.log1p(k),
             "left": np.log1p(max(0.1**2 * 65.0 - cost, 0.0) / 0.25**2),
         }
-        assert {name: told[name] for name in wanted} == pytest.approx(wanted, rel=1e-5, abs=1e-6)
+        assert {name: named[name] for name in expected} == pytest.approx(
+            expected, rel=1e-5, abs=1e-6
+        )
 
 
 def log_probabilities(observation):
@@ -158,7 +160,9 @@ def log_probabilities(observation):
 def test_rewards_sum_to_the_difference_of_log_probability_minus_the_cost(schedule):
     options = {"schedule": schedule, "mission": "cruise"}
     dear, free = (
-        until_its_end(ActiveDiagnosisEnv(cost_weight=weight), swings(12), seed=3, options=options)
+        until_its_end(
+            ActiveDiagnosisEnv(cost_weight=weight), random_actions(12), seed=3, options=options
+        )
         for weight in (1000.0, 0.0)
     )
     total, cost = (sum(row[1] for row in run) for run in (dear, free))
@@ -177,7 +181,9 @@ def test_between_its_bursts_an_intermittent_fault_is_true():
     env.reset(seed=3, options={"schedule": BURSTS, "mission": "cruise"})
     # sample 20 shows the step before the onset at 2.0 s, sample 90 the last one before the repair
     # at 9.0 s
-    np.testing.assert_array_equal(env._label[:12, 0] > 0, [False] * 3 + [True] * 7 + [False] * 2)
+    np.testing.assert_array_equal(
+        env._true_class[:12, 0] > 0, [False] * 3 + [True] * 7 + [False] * 2
+    )
 
 
 def test_a_right_and_a_wrong_declaration_end_the_episode():
@@ -209,26 +215,26 @@ def test_a_declaration_wants_one_class_for_ten_samples_in_a_row():
     declaration = Declaration(2, 0.9)
     likely = np.full((2, 3), np.log(1e-3))
 
-    def note(column, n):
+    def believe(column, n):
         belief = likely.copy()
         belief[:, column] = np.log(0.95)
         for _ in range(n):
-            declaration.note(belief)
+            declaration.update(belief)
 
-    note(1, 9)
-    note(2, 9)
-    note(0, 5)
-    note(2, 9)
+    believe(1, 9)
+    believe(2, 9)
+    believe(0, 5)
+    believe(2, 9)
     assert declaration.declared.tolist() == [0, 0]
-    note(2, 1)
-    note(1, 20)
+    believe(2, 1)
+    believe(1, 20)
     assert declaration.declared.tolist() == [2, 2]
-    declaration.begin(np.array([1]))
+    declaration.reset(np.array([1]))
     assert declaration.declared.tolist() == [2, 0]
 
 
 def test_lanes_equal_single_environments_through_their_resets():
-    actions = swings(26, LANES)
+    actions = random_actions(26, LANES)
     vector = ride(ActiveDiagnosisVectorEnv(LANES, 12), actions, seed=SEED)
     for lane in range(LANES):
         env = gym.make(NAME, max_episode_steps=12, horizon=12)
@@ -253,7 +259,7 @@ def test_lanes_equal_single_environments_through_their_resets():
 
 
 def test_reset_on_the_next_step_is_the_same_with_a_step_between():
-    actions = swings(20, LANES)
+    actions = random_actions(20, LANES)
     same, later = (
         ActiveDiagnosisVectorEnv(LANES, 6, autoreset_mode=mode) for mode in ("SameStep", "NextStep")
     )
@@ -289,7 +295,7 @@ def test_vector_wrappers_of_gymnasium_drive_it():
 
 
 def test_the_same_seed_gives_the_same_run_and_another_one_another():
-    first, again, other = (ride(gym.make(NAME), swings(5), seed=seed) for seed in (1, 1, 2))
+    first, again, other = (ride(gym.make(NAME), random_actions(5), seed=seed) for seed in (1, 1, 2))
     for one, two in zip(first, again, strict=True):
         assert one[0].tobytes() == two[0].tobytes() and one[1:] == two[1:]
     assert first[-1][0].tobytes() != other[-1][0].tobytes()
@@ -302,16 +308,16 @@ def test_episodes_are_drawn_as_documented():
     assert 0.24 < np.isinf(onset).mean() < 0.36
     assert 5.0 <= onset.min() and 35.0 < onset[np.isfinite(onset)].max() <= 40.0
     legs = env.fleet.plan.legs[:, :, 1]
-    steady = (legs == legs[:, :1]).all(axis=1)
-    assert 0.42 < steady.mean() < 0.58
-    assert CONSTANT_SPEEDS[0] <= legs[steady].min() and legs[steady].max() <= CONSTANT_SPEEDS[1]
-    assert isinstance(env.fleet.missions, Missions)
+    constant = (legs == legs[:, :1]).all(axis=1)
+    assert 0.42 < constant.mean() < 0.58
+    assert CONSTANT_SPEEDS[0] <= legs[constant].min() and legs[constant].max() <= CONSTANT_SPEEDS[1]
+    assert isinstance(env.fleet.missions, ActiveMissions)
 
 
 @pytest.mark.parametrize("name", ["filter_bank", "integrated", "null"])
 def test_diagnosers_by_name(name):
     env = ActiveDiagnosisVectorEnv(2, 3, diagnoser=name)
-    for observation, *_ in ride(env, swings(4, 2), seed=1):
+    for observation, *_ in ride(env, random_actions(4, 2), seed=1):
         assert env.observation_space.contains(observation)
 
 

@@ -9,7 +9,8 @@ from diagnosers import storage
 from training import cli
 from training.learning import stimulus
 from training.learning.checkpoint import FILE, LOG
-from training.learning.stimulus import SETTINGS, VALIDATION_DECISIONS, StimulusTrainer, seeded
+from training.learning.reproducible import seeded_generators
+from training.learning.stimulus import SETTINGS, VALIDATION_DECISIONS, StimulusTrainer
 from training.seeds import purpose_of
 from training.stimuli.policy import LearnedPolicy
 from training.stimuli.policy_inputs import FEATURES, HIGH, LOW
@@ -169,13 +170,13 @@ def test_validation_counts_one_whole_episode_of_each_vehicle(monkeypatch):
     assert trainer.validate() == {"loss": 0.05}
     assert sorted(one.lane for one in seen) == list(range(12))
     assert all(one.decisions == VALIDATION_DECISIONS or one.declared for one in seen)
-    assert len(trainer.trial.outcomes.ended) > 12
+    assert len(trainer.validation_env.outcomes.ended) > 12
 
 
 def test_training_and_validation_have_seeds_of_their_own(monkeypatch):
     trainer = StimulusTrainer(0)
     used = []
-    for env in (trainer.env, trainer.trial):
+    for env in (trainer.env, trainer.validation_env):
         fleet = env.venv.env.propulsion.fleet
         reset = fleet.reset
         monkeypatch.setattr(
@@ -196,9 +197,9 @@ def test_global_generators_are_left_as_they_were():
     torch = pytest.importorskip("torch")
     state = torch.random.get_rng_state()
     numbers = np.random.get_state()[1].copy()  # noqa: NPY002
-    with seeded(5):
+    with seeded_generators(5):
         drawn = torch.rand(1), np.random.rand()  # noqa: NPY002
-    with seeded(5):
+    with seeded_generators(5):
         assert (torch.rand(1), np.random.rand()) == drawn  # noqa: NPY002
     assert torch.equal(torch.random.get_rng_state(), state)
     assert np.array_equal(np.random.get_state()[1], numbers)  # noqa: NPY002

@@ -7,7 +7,12 @@ from auv_fault_env import classes
 from diagnosers import Belief, Recursive
 from training.active_env.sb3 import ActiveVecEnv
 from training.active_env.vector import ActiveDiagnosisVectorEnv
-from training.learning.constraint import ALLOWANCE, DECLARATION_REWARD, RATE, ConstrainedVecEnv
+from training.learning.constraint import (
+    ALLOWANCE,
+    DECLARATION_REWARD,
+    PRICE_RATE,
+    ConstrainedVecEnv,
+)
 from training.learning.outcomes import HEALTHY_SHARE
 from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET
 
@@ -97,18 +102,18 @@ def test_price_follows_the_overdraft_of_the_healthy(share, overdraft):
     env, _ = constrained()
     env.price = 0.1
     seen = [env.step(np.full((3, 1), 0.5, np.float32))[0] for _ in range(4)]
-    env.ascend(np.array(seen), np.full((4, 3), share * HEALTHY_SHARE * BUDGET / AMPLITUDE))
+    env.update_price(np.array(seen), np.full((4, 3), share * HEALTHY_SHARE * BUDGET / AMPLITUDE))
     # 1 at most: the square would be 8 over
-    assert env.price == pytest.approx(0.1 + RATE * overdraft, abs=1e-6)
+    assert env.price == pytest.approx(0.1 + PRICE_RATE * overdraft, abs=1e-6)
 
 
 def test_what_faulty_vehicles_do_and_what_the_allowance_forbids_is_no_overdraft():
     for env, seen in (constrained(GONE[:1]), constrained(budget=0.001)):
         env.price = 0.1
         env.step(np.ones((3, 1), np.float32))
-        env._sound = [np.array([env.venv.env.budget**2, np.nan, np.nan])]
-        env.ascend(seen[None], np.array([[0.0, 1.0, 1.0]]))
-        assert env.price == pytest.approx(0.1 - RATE, abs=1e-6)
+        env._healthy_budgets = [np.array([env.venv.env.budget**2, np.nan, np.nan])]
+        env.update_price(seen[None], np.array([[0.0, 1.0, 1.0]]))
+        assert env.price == pytest.approx(0.1 - PRICE_RATE, abs=1e-6)
 
 
 def test_price_and_overdraft_are_relative_to_the_budget_of_the_episode():
@@ -121,19 +126,19 @@ def test_price_and_overdraft_are_relative_to_the_budget_of_the_episode():
     free = still.step(np.zeros((50, 1), np.float32))[1]
     assert np.ptp(budget) > 0.03
     np.testing.assert_allclose(reward, free - 0.5 * 0.1**2, atol=1e-5)
-    env.ascend(observation[None], np.sqrt(1.5) * HEALTHY_SHARE * (budget / AMPLITUDE)[None])
-    assert env.price == pytest.approx(0.5 + RATE * 0.5, abs=1e-6)
+    env.update_price(observation[None], np.sqrt(1.5) * HEALTHY_SHARE * (budget / AMPLITUDE)[None])
+    assert env.price == pytest.approx(0.5 + PRICE_RATE * 0.5, abs=1e-6)
 
 
 def test_price_never_falls_below_nothing_and_forgets_the_rollout_before():
     env, _ = constrained()
     env.price = 0.0
     observation = env.step(np.zeros((3, 1), np.float32))[0][None]
-    env.ascend(observation, np.zeros((1, 3)))
+    env.update_price(observation, np.zeros((1, 3)))
     assert env.price == 0.0
     env.step(np.ones((3, 1), np.float32))
-    env.ascend(observation, np.ones((1, 3)))
-    assert env.price == pytest.approx(RATE)
+    env.update_price(observation, np.ones((1, 3)))
+    assert env.price == pytest.approx(PRICE_RATE)
 
 
 def test_reset_begins_to_count_anew():

@@ -10,12 +10,13 @@ from training.active_env.sb3 import ActiveVecEnv
 from training.active_env.vector import ActiveDiagnosisVectorEnv
 from training.learning.constraint import ConstrainedVecEnv
 from training.learning.imitation import demonstrate, imitate
-from training.learning.stimulus import StimulusTrainer, seeded
+from training.learning.reproducible import seeded_generators
+from training.learning.stimulus import StimulusTrainer
 from training.stimuli import STIMULI
 from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET
 from training.stimuli.light_bank import light_bank
 from training.stimuli.policy_inputs import compressed_log_odds, log_probability_of
-from training.stimuli.surge_ahead import GAIN, surge_ahead
+from training.stimuli.triggered_surge import GAIN, surge_offset
 
 
 def probabilities(**chances):
@@ -24,7 +25,7 @@ def probabilities(**chances):
 
 
 def ahead(log_probability, budget=0.1):
-    return surge_ahead(log_probability, np.array([EPISODE_TIME * budget**2]))[0]
+    return surge_offset(log_probability, np.array([EPISODE_TIME * budget**2]))[0]
 
 
 def test_it_goes_ahead_by_the_odds_and_the_budget_where_doubt_is_of_hull_and_propellers():
@@ -67,12 +68,12 @@ def test_the_stimulus_follows_the_odds():
 def test_worth_is_the_discounted_sum_of_what_follows():
     env = ConstrainedVecEnv(ActiveVecEnv(ActiveDiagnosisVectorEnv(3, 4, "random", cost_weight=0.0)))
     env.seed(1)
-    lessons = demonstrate(env, 10, 0.5)
-    worth = lessons.worth.reshape(10, 3)
+    demonstration = demonstrate(env, 10, 0.5)
+    worth = demonstration.returns.reshape(10, 3)
     gains = []
     env.seed(1)
     env.reset()
-    for done in lessons.done.reshape(10, 3, 1):
+    for done in demonstration.actions.reshape(10, 3, 1):
         gains.append(env.step(done.numpy())[1])
     for first in (0, 4):  # an episode is four decisions
         expected = sum(0.5**k * gains[first + k] for k in range(4))
@@ -85,21 +86,23 @@ def test_actor_and_critic_learn_what_was_done_and_what_it_was_worth():
         ActiveVecEnv(ActiveDiagnosisVectorEnv(64, diagnoser=light_bank(), cost_weight=0.0))
     )
     env.seed(1)
-    lessons = demonstrate(env, 60, 0.9)
+    demonstration = demonstrate(env, 60, 0.9)
     policy = trainer.model.policy
 
     def errors():
         with torch.inference_mode():
-            mean = policy.get_distribution(lessons.seen).distribution.mean
-            values = policy.predict_values(lessons.seen)[:, 0]
+            mean = policy.get_distribution(demonstration.observations).distribution.mean
+            values = policy.predict_values(demonstration.observations)[:, 0]
         return [
             float((a - b).square().mean())
-            for a, b in ((mean, lessons.done), (values, lessons.worth))
+            for a, b in ((mean, demonstration.actions), (values, demonstration.returns))
         ]
 
     before = errors()
-    with seeded(0):
-        imitate(policy, trainer.learner, lessons)
+    with seeded_generators(0):
+        imitate(policy, trainer.training, demonstration)
     after = errors()
-    assert lessons.done.max() > 0.5
-    assert after[0] < 0.5 * float(lessons.done.square().mean()) and after[1] < 0.9 * before[1]
+    assert demonstration.actions.max() > 0.5
+    assert (
+        after[0] < 0.5 * float(demonstration.actions.square().mean()) and after[1] < 0.9 * before[1]
+    )

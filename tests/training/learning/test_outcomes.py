@@ -18,7 +18,7 @@ def followed(*seconds):
     """Outcomes of one lane that ends with the last of these."""
     outcomes = Outcomes(1)
     for k, one in enumerate(seconds, start=1):
-        outcomes.note([one], np.array([k == len(seconds)]))
+        outcomes.update([one], np.array([k == len(seconds)]))
     return outcomes.ended
 
 
@@ -52,9 +52,9 @@ def test_any_other_end_is_censored(last, faulty):
 def test_lanes_begin_anew_by_themselves():
     outcomes = Outcomes(2)
     first = [info(PORT, PORT, onset=0.0, cost=0.1), info(cost=0.2)]
-    cost, label = outcomes.note(first, np.array([True, False]))
+    cost, label = outcomes.update(first, np.array([True, False]))
     assert cost.tolist() == [0.1, 0.2] and label.tolist() == [PORT, "normal"]
-    outcomes.note([info(cost=0.4), info(cost=0.3)], np.array([True, True]))
+    outcomes.update([info(cost=0.4), info(cost=0.3)], np.array([True, True]))
     ended = outcomes.ended
     assert [(one.lane, one.decisions, one.faulty) for one in ended] == [
         (0, 1, True),

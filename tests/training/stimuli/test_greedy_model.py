@@ -8,7 +8,13 @@ from auv_fault_env.channels import INDEX, READINGS
 from auv_fault_env.faults import matrices
 from auv_fault_env.parameters import PRESETS, nominal
 from auv_fault_env.physics import constants_from_array
-from training.stimuli.greedy_model import LOOK, Now, expected_information, information, respond
+from training.stimuli.greedy_model import (
+    N_SECONDS,
+    Present,
+    expected_information,
+    information,
+    write_changes,
+)
 
 SPEED = 0.3
 STEP_UP = 0.05
@@ -45,51 +51,51 @@ def test_changes_of_the_readings_are_those_of_the_plant(fault):
         reading = fleet.step([[SPEED, 0.0, 0.0]])
     before = reading[0, FIRST:].astype(float)
     changes = []
-    for k in range(10 * LOOK):
+    for k in range(10 * N_SECONDS):
         reading = fleet.step([[SPEED + STEP_UP, 0.0, 0.0]])
         if k % 10 == 9:
             changes.append(reading[0, FIRST:] - before)
-    found = np.empty((LOOK, len(READINGS)))
-    now = Now(before[0], before[1], SPEED)
-    respond(
+    predicted = np.empty((N_SECONDS, len(READINGS)))
+    present = Present(before[0], before[1], SPEED)
+    write_changes(
         parameters_of(fault, 0.5),
-        now,
+        present,
         SPEED + STEP_UP,
         constants_from_array(CONSTANTS),
         np.empty(len(READINGS)),
-        found,
+        predicted,
     )
-    worst = dict(zip(READINGS, np.abs(found - changes).max(axis=0), strict=True))
+    worst = dict(zip(READINGS, np.abs(predicted - changes).max(axis=0), strict=True))
     assert {name: error for name, error in worst.items() if error > TOLERANCE[name]} == {}
-    assert found[-1, 0] > 0.01 and found[0, 1] > 0.002
+    assert predicted[-1, 0] > 0.01 and predicted[0, 1] > 0.002
 
 
 def test_information_of_two_hypotheses_is_bounded_by_their_entropy_and_below_the_exact_value():
-    responses = np.zeros((2, LOOK, len(READINGS)))
+    changes = np.zeros((2, N_SECONDS, len(READINGS)))
     even = np.array([0.5, 0.5])
-    assert information(responses, even, VARIANCE) == pytest.approx(0.0, abs=1e-12)
-    responses[1, 0, 0] = 1.0
-    assert information(responses, even, VARIANCE) == pytest.approx(np.log(2.0))
+    assert information(changes, even, VARIANCE) == pytest.approx(0.0, abs=1e-12)
+    changes[1, 0, 0] = 1.0
+    assert information(changes, even, VARIANCE) == pytest.approx(np.log(2.0))
     # two normals two sigma apart, equally likely
-    responses[1, 0, 0] = 2.0 * CHANNELS["speed"].noise
-    told = information(responses, even, VARIANCE)
-    assert told == pytest.approx(-np.log(0.5 + 0.5 * np.exp(-0.5)))  # k = 4/8
+    changes[1, 0, 0] = 2.0 * CHANNELS["speed"].noise
+    bound = information(changes, even, VARIANCE)
+    assert bound == pytest.approx(-np.log(0.5 + 0.5 * np.exp(-0.5)))  # k = 4/8
     x = np.linspace(-8.0, 10.0, 20001)
     density = [np.exp(-0.5 * (x - mean) ** 2) / np.sqrt(2.0 * np.pi) for mean in (0.0, 2.0)]
     mixture = 0.5 * (density[0] + density[1])
     exact = sum(0.5 * np.trapezoid(one * np.log(one / mixture), x) for one in density)
-    assert 0.5 * exact < told < exact
+    assert 0.5 * exact < bound < exact
 
 
-def test_without_a_change_of_command_in_steady_motion_nothing_is_told():
+def test_without_a_change_of_command_in_steady_motion_there_is_no_information():
     vehicles = np.array(
         [[parameters_of("increased_drag", 0.8), parameters_of("propeller_loss:port", 0.2)]]
     )
-    now = np.array([[SPEED, 0.0, SPEED]])
+    present = np.array([[SPEED, 0.0, SPEED]])
     mission = np.array([SPEED])
     grid = np.array([-0.03, 0.0, 0.05])
-    told = expected_information(
-        vehicles, np.array([[0.4, 0.6]]), now, mission, grid, VARIANCE, CONSTANTS
+    bound = expected_information(
+        vehicles, np.array([[0.4, 0.6]]), present, mission, grid, VARIANCE, CONSTANTS
     )
-    assert told[0, 1] == pytest.approx(0.0, abs=1e-9)
-    assert (told[0, [0, 2]] > 0.1).all()
+    assert bound[0, 1] == pytest.approx(0.0, abs=1e-9)
+    assert (bound[0, [0, 2]] > 0.1).all()

@@ -124,7 +124,7 @@ def test_a_missing_or_damaged_policy_is_refused(tmp_path, monkeypatch):
 def test_every_policy_of_the_package_was_trained_with_its_own_seed(name):
     stimulus = STIMULI[name]()
     policy = LearnedPolicy.load(
-        storage.WEIGHTS / f"stimulus-filter_bank-{stimulus.seed}.safetensors"
+        storage.WEIGHTS / f"stimulus-filter_bank-{stimulus.training_seed}.safetensors"
     )
     assert policy.diagnoser == "filter_bank"
     assert len({STIMULI[other]().policy_digest for other in LEARNED}) == len(LEARNED) == 5

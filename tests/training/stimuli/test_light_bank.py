@@ -5,7 +5,13 @@ import numpy as np
 from auv_fault_env import FaultEvent, Fleet, classes
 from auv_fault_env.missions import follow_mission
 from diagnosers import check_diagnoser, make
-from training.stimuli.light_bank import PRIOR, SUSPECTED, UNSUSPECTED, light_bank, suspected
+from training.stimuli.light_bank import (
+    IS_MISSING,
+    LIGHT_CLASSES,
+    PRIOR,
+    light_bank,
+    restrict_belief,
+)
 
 
 def test_it_has_the_classes_of_all_and_the_filters_of_few():
@@ -14,24 +20,24 @@ def test_it_has_the_classes_of_all_and_the_filters_of_few():
     assert bank.classes == whole.classes
     filters = [one.hypotheses().hypothesis.size for one in (bank, whole)]
     assert filters[0] < filters[1] / 8
-    assert set(PRIOR) < set(SUSPECTED) < set(classes())
+    assert set(PRIOR) < set(LIGHT_CLASSES) < set(classes())
     check_diagnoser(bank)
 
 
 def test_a_class_without_a_hypothesis_is_impossible_and_the_others_share_all():
     bank = light_bank()
     belief = bank_after(bank, FaultEvent("sensor_bias:port_current", 1.0, 1.0), 40)
-    assert UNSUSPECTED.sum() == 6
-    assert (belief.log_probability[:, UNSUSPECTED] < -1e5).all()
+    assert IS_MISSING.sum() == 6
+    assert (belief.log_probability[:, IS_MISSING] < -1e5).all()
     np.testing.assert_allclose(np.exp(belief.log_probability).sum(axis=1), 1.0)
 
 
-def test_what_is_not_suspected_is_dropped_and_the_rest_stays():
+def test_missing_classes_are_dropped_and_the_rest_stays():
     belief = bank_after(make("filter_bank"), FaultEvent("sensor_bias:port_current", 1.0, 1.0), 40)
-    seen = suspected(belief)
-    assert (seen.log_probability[:, UNSUSPECTED] < -1e5).all()
+    seen = restrict_belief(belief)
+    assert (seen.log_probability[:, IS_MISSING] < -1e5).all()
     np.testing.assert_array_equal(
-        seen.log_probability[:, ~UNSUSPECTED], belief.log_probability[:, ~UNSUSPECTED]
+        seen.log_probability[:, ~IS_MISSING], belief.log_probability[:, ~IS_MISSING]
     )
 
 

@@ -28,7 +28,7 @@ def agent():
 
 @pytest.fixture
 def policy(agent):
-    return LearnedPolicy(agent.learned(), "filter_bank", 0.0762, 0.25)
+    return LearnedPolicy(agent.policy_tensors(), "filter_bank", 0.0762, 0.25)
 
 
 @pytest.fixture
@@ -116,14 +116,14 @@ WRONG = {
 
 @pytest.mark.parametrize(("header", "message"), WRONG.values(), ids=WRONG)
 def test_a_file_of_another_layout_is_refused_in_one_line(agent, tmp_path, header, message):
-    storage.write(tmp_path / "policy.safetensors", agent.learned(), header)
+    storage.write(tmp_path / "policy.safetensors", agent.policy_tensors(), header)
     with pytest.raises(InputError, match=message) as caught:
         LearnedPolicy.load(tmp_path / "policy.safetensors")
     assert "\n" not in str(caught.value)
 
 
 def test_other_tensors_are_refused(agent, tmp_path):
-    tensors = agent.learned()
+    tensors = agent.policy_tensors()
     for wrong in (
         tensors | {"first_bias": np.zeros(3, np.float32)},
         {"first_bias": tensors["first_bias"]},
