@@ -97,7 +97,7 @@ class MissionRuns:
         self.advice = advice
 
     def command(self, speed_reading: np.ndarray) -> np.ndarray:
-        """Actions (n_lanes, 3) that hold the advised speed by its reading [m/s], unless distrusted."""
+        """Actions (n_lanes, 3) that hold the advised speed by its reading [m/s], if trusted."""
         error = self._target_speed - speed_reading
         trim = np.clip(self._trim + SAMPLE_TIME * TRIM_RATE * error, -LARGEST_TRIM, LARGEST_TRIM)
         self._trim = np.where(self._ignores_speed_reading, 0.0, trim)

@@ -1,21 +1,21 @@
-"""What stimuli bring, and what they do: ``python -m training.studies.stimuli RESULTS.json ... --output FOLDER``.
+"""What stimuli achieve: ``python -m training.studies.stimuli RESULTS.json ... --output FOLDER``.
 
-From results of `auv-fault benchmark` on one suite with many stimuli, a file for each budget. The results, in which a
-triple is a figure and the ends of its 95 % interval::
+It compares results of `auv-fault benchmark` on one suite with many stimuli, one file for each
+budget. In its own results a triple is a figure and the ends of its 95 % interval::
 
     command, seed   of this study
-    suite           name, hash, every, episodes (how many)
-    diagnoser       who is in the loop where behaviour is looked at, and on whom targets are judged
-    references      names of the diagnosers that are not ranked
-    classes         names of the faults that occur, in the catalogue's order
-    lanes           of each class where behaviour is looked at
-    budgets         {budget [m/s], as text:
-        command, revision   of the benchmark
-        stimuli             their names
-        figures             {diagnoser: {subset: {stimulus: as `stimulus_comparisons.paired`
-        tells}}} costs               {diagnoser: {stimulus: speed_rms [m/s], energy [J per episode],
-        false_alarms_per_hour}} behaviour           as `stimulus_behaviour.behaviour` tells ceilings
-        {fault: as `active_ceiling.free_ceiling` tells}}
+    suite           name, hash, every, episodes (their number)
+    diagnoser       the one in the closed loop, with which targets are judged
+    references      names of the diagnosers that do not compete
+    classes         names of the faults that occur, in the order of the catalogue
+    lanes           vehicles of each class in the closed loop
+    budgets         {budget [m/s] as text: the following}
+      command, revision   of the benchmark
+      stimuli             their names
+      figures             {diagnoser: `stimulus_comparisons.compare_by_subset`}
+      costs               {diagnoser: `stimulus_comparisons.mean_costs`}
+      behaviour           `stimulus_behaviour.behaviour`
+      ceilings            {fault: `active_ceiling.free_ceiling`}
 """
 
 import json
@@ -33,189 +33,189 @@ from tyro.conf import Positional, arg
 from auv_fault_env.errors import finite_in_range, known_name, refusal, whole_number
 from training.benchmark.scores import RANKED_AT
 from training.bounds import active_ceiling
-from training.report.run_folder import (
-    checked_output,
-    read_manifest,
-    write_json,
-    write_manifest,
-)
+from training.report.run_folder import checked_output, read_manifest, write_json, write_manifest
 from training.stimuli import STIMULI
 from training.studies import stimulus_behaviour
 from training.studies.run import command_line, run_study
 from training.studies.stimuli_page import page
 from training.studies.stimulus_behaviour import behaviour
-from training.studies.stimulus_comparisons import LEARNED, REFERENCES, compared, costs, rivals
-
-DIAGNOSER = "filter_bank"  # beside which the agent has learnt
-# stimuli whose behaviour is drawn
-DRAWN = ("thesis", "triggered_d_optimal", "triggered_surge", "learned")
-CEILINGS = "ceilings.json"
-SEARCH = (
-    "SEVERITY",
-    "POPULATION",
-    "GENERATIONS",
-    "STEP",
-    "TRIES",
-    "ROUNDS",
-    "TRIED_ON",
-    "JUDGED_ON",
+from training.studies.stimulus_comparisons import (
+    LEARNED,
+    REFERENCES,
+    compare_by_subset,
+    mean_costs,
+    rules_from_belief,
 )
-ALL_CORES = -1  # as joblib has it
-LAST_SEED = 40_000_000  # within the seeds that are used from there on
+
+# the one with which the agent was trained
+DIAGNOSER = "filter_bank"
+# stimuli that run on faulty vehicles in the closed loop
+ON_FAULTY = ("thesis", "triggered_d_optimal", "triggered_surge", "learned")
+CEILINGS_FILE = "ceilings.json"
+# settings of the search for ceilings, in `training.bounds.active_ceiling`
+SEARCH_SETTINGS = (
+    *("SEVERITY", "POPULATION", "GENERATIONS", "STEP"),
+    *("TRIES", "ROUNDS", "TRIED_ON", "JUDGED_ON"),
+)
+# in the convention of joblib
+ALL_CORES = -1
+# within the range of seeds that the study has
+LARGEST_SEED = 40_000_000
 NAME = "stimulus-study"
 
 
 @dataclass(frozen=True)
 class StimulusStudy:
-    """Compare the stimuli of benchmarks, one for each budget, and look at what they do."""
+    """Compare the stimuli of benchmarks, one for each budget, and record what they do."""
 
     results: Annotated[Positional[tuple[Path, ...]], arg(metavar="RESULTS.json")]
-    """Results of `auv-fault benchmark` on one suite, cruise and thesis among the stimuli: a file for each budget."""
+    """Results of `auv-fault benchmark` on one suite with cruise and thesis, a file per budget."""
     output: Path = Path("runs") / NAME
-    """Folder of the report; an earlier run there is replaced, and what it knows of ceilings is kept."""
+    """Folder of the report; an earlier run there is replaced, except for its ceilings."""
     workers: int | None = None
-    """Processes at work; one per core if not given. The results are the same for any number."""
+    """Number of processes, one per core if not given; the results do not depend on it."""
     seed: int = 0
     """Offset within the seeds of validation and of tests, and seed of the bootstrap intervals."""
 
 
 def main(arguments: StimulusStudy) -> None:
-    """Compare, simulate, and write report, figures and results."""
+    """Compare and simulate stimuli, and write results and page."""
     workers = ALL_CORES if arguments.workers is None else whole_number("workers", arguments.workers)
-    finite_in_range("seed", arguments.seed, 0, LAST_SEED)
-    benchmarks = read_all(arguments.results)
+    finite_in_range("seed", arguments.seed, 0, LARGEST_SEED)
+    benchmarks = load_benchmarks(arguments.results)
     output = checked_output(arguments.output)
     if read_manifest(output) is None:
+        # the ceilings are saved there before the run folder is complete
         output.mkdir(parents=True, exist_ok=True)
         write_manifest(output, NAME, arguments)
-    found = ceilings(output / CEILINGS, list(benchmarks), workers, arguments.seed)
+    ceilings = find_ceilings(output / CEILINGS_FILE, list(benchmarks), workers, arguments.seed)
 
     def study(_folder: Path) -> dict[str, Any]:
-        results = comparison(benchmarks, found, workers, arguments.seed)
+        results = summary(benchmarks, ceilings, workers, arguments.seed)
         words = ["python", "-m", "training.studies.stimuli", *map(str, arguments.results)]
         return results | {"command": shlex.join([*words, "--seed", str(arguments.seed)])}
 
-    run_study(NAME, arguments, study, page, files_to_keep=[CEILINGS])
+    run_study(NAME, arguments, study, page, files_to_keep=[CEILINGS_FILE])
 
 
-def read_all(paths: Sequence[Path]) -> dict[float, dict[str, Any]]:
-    """Results of benchmarks by budget [m/s], ascending; those of several suites, or of a budget twice, are refused."""
-    found: dict[float, dict[str, Any]] = {}
+def load_benchmarks(paths: Sequence[Path]) -> dict[float, dict[str, Any]]:
+    """Results of benchmarks by ascending budget [m/s].
+
+    Raises
+    ------
+    InputError
+        Where a file is not such a result, or suites differ, or a budget occurs twice.
+    """
+    benchmarks: dict[float, dict[str, Any]] = {}
     for path in paths:
-        budget, results = read(path)
-        if budget in found:
-            raise refusal(
-                f"budget of {path}", budget, "one file for each budget", "leave one of them out"
-            )
-        found[budget] = results
-    suites = {
-        (one["suite"]["name"], one["suite"]["hash"], one["suite"]["every"])
-        for one in found.values()
-    }
-    if len(suites) != 1:
-        raise refusal(
-            "suites of the results",
-            sorted(suites),
-            "the same episodes in all",
-            "take results of one suite",
-        )
-    return dict(sorted(found.items()))
+        budget, results = load_benchmark(path)
+        if budget in benchmarks:
+            allowed = "one file for each budget"
+            raise refusal(f"budget of {path}", budget, allowed, "leave one of them out")
+        benchmarks[budget] = results
+    suites = [results["suite"] for results in benchmarks.values()]
+    keys = {(suite["name"], suite["hash"], suite["every"]) for suite in suites}
+    if len(keys) != 1:
+        allowed = "the same episodes in all"
+        raise refusal("suites of the results", sorted(keys), allowed, "take results of one suite")
+    return dict(sorted(benchmarks.items()))
 
 
-def read(path: Path) -> tuple[float, dict[str, Any]]:
-    """Budget [m/s] and results of a benchmark; what is none, or lacks what this study needs, is refused."""
+def load_benchmark(path: Path) -> tuple[float, dict[str, Any]]:
+    """Budget [m/s] and results of a benchmark with all that this study needs; else `InputError`."""
     try:
         results = json.loads(path.read_text(encoding="utf-8"))
         budgets = results["settings"]["stimuli"]
         scores = results["scores"]
         diagnosers = list(results["thresholds"])
     except (OSError, ValueError, KeyError, TypeError) as error:
-        shown = f"{path}, {type(error).__name__}: {error}"
-        raise refusal(
-            "results", shown, "results.json of auv-fault benchmark", "check the path"
-        ) from None
+        value = f"{path}, {type(error).__name__}: {error}"
+        allowed = "results.json of auv-fault benchmark"
+        raise refusal("results", value, allowed, "check the path") from None
     for name in scores:
         known_name(f"stimulus of {path}", name, STIMULI)
     if not {*REFERENCES} <= scores.keys() or len(set(budgets.values())) != 1:
         allowed = f"{' and '.join(REFERENCES)} among them, all with one budget"
         raise refusal(f"stimuli of {path}", budgets, allowed, "run the benchmark with these")
     if DIAGNOSER not in diagnosers:
-        raise refusal(
-            f"diagnosers of {path}",
-            diagnosers,
-            f"{DIAGNOSER} among them",
-            "run the benchmark with it",
-        )
+        allowed = f"{DIAGNOSER} among them"
+        raise refusal(f"diagnosers of {path}", diagnosers, allowed, "run the benchmark with it")
     return next(iter(budgets.values())), results
 
 
-def comparison(
-    benchmarks: Mapping[float, Mapping[str, Any]], found: Mapping[str, Any], workers: int, seed: int
+def summary(
+    benchmarks: Mapping[float, Mapping[str, Any]],
+    ceilings: Mapping[str, Any],
+    workers: int,
+    seed: int,
 ) -> dict[str, Any]:
-    """All results, from those of benchmarks by budget, and the ceilings found."""
+    """All results but the command, from benchmarks by budget and the ceilings by budget."""
     first = next(iter(benchmarks.values()))
+    suite = {key: first["suite"][key] for key in ("name", "hash", "every")}
     faults = first["episodes"]["fault"]
+    budgets = {}
+    for budget, benchmark in benchmarks.items():
+        text = f"{budget:g}"
+        budgets[text] = _of_budget(benchmark, budget, workers, seed) | {"ceilings": ceilings[text]}
     return {
         "seed": seed,
-        "suite": {key: first["suite"][key] for key in ("name", "hash", "every")}
-        | {"episodes": len(faults)},
+        "suite": suite | {"episodes": len(faults)},
         "diagnoser": DIAGNOSER,
         "references": first["references"],
         "classes": [first["classes"][k] for k in sorted(set(faults))],
         "lanes": stimulus_behaviour.PER_CLASS,
-        "budgets": {
-            f"{budget:g}": _study(one, budget, workers, seed) | {"ceilings": found[f"{budget:g}"]}
-            for budget, one in benchmarks.items()
-        },
+        "budgets": budgets,
     }
 
 
-def _study(benchmark: Mapping[str, Any], budget: float, workers: int, seed: int) -> dict[str, Any]:
+def _of_budget(
+    benchmark: Mapping[str, Any], budget: float, workers: int, seed: int
+) -> dict[str, Any]:
     scores = benchmark["scores"]
-    level = benchmark["thresholds"][DIAGNOSER][RANKED_AT]
+    diagnosers = benchmark["thresholds"]
     fault = [benchmark["classes"][k] for k in benchmark["episodes"]["fault"]]
-    drawn = [name for name in DRAWN if name in scores]
-    counted = [
-        name for name in scores if name in {*drawn, *rivals(scores)} or LEARNED.fullmatch(name)
-    ]
+    level = diagnosers[DIAGNOSER][RANKED_AT]
     threshold = -math.inf if level is None else level
+    on_faulty = [name for name in ON_FAULTY if name in scores]
+    selected = {*on_faulty, *rules_from_belief(scores)}
+    on_healthy = [name for name in scores if name in selected or LEARNED.fullmatch(name)]
     return {
         "command": benchmark["command"],
         "revision": benchmark["revision"],
         "stimuli": list(scores),
-        "figures": {name: compared(scores, name, fault, seed) for name in benchmark["thresholds"]},
-        "costs": {name: costs(scores, name) for name in benchmark["thresholds"]},
-        "behaviour": behaviour(drawn, counted, budget, DIAGNOSER, threshold, workers, seed),
+        "figures": {name: compare_by_subset(scores, name, fault, seed) for name in diagnosers},
+        "costs": {name: mean_costs(scores, name) for name in diagnosers},
+        "behaviour": behaviour(on_faulty, on_healthy, budget, DIAGNOSER, threshold, workers, seed),
     }
 
 
-def ceilings(
+def find_ceilings(
     path: Path, budgets: Sequence[float], workers: int, seed: int
 ) -> dict[str, dict[str, Any]]:
-    """By budget and fault what `active_ceiling.free_ceiling` finds.
+    """By budget, as text, and fault the result of `active_ceiling.free_ceiling`.
 
-    Each is written to the file when it is found, and what the file has that was sought in the same
-    way is taken from there: they take the longest.
+    The search takes longest in this study. Therefore each ceiling is written to the file at `path`
+    when it is found, and ceilings in the file with the same settings are not searched again.
     """
-    settings = {"seed": seed} | {name: getattr(active_ceiling, name) for name in SEARCH}
-    found = _known(path, settings)
+    settings = {"seed": seed}
+    settings |= {name: getattr(active_ceiling, name) for name in SEARCH_SETTINGS}
+    ceilings = _saved_ceilings(path, settings)
     missing = [
-        (f"{budget:g}", fault, seed, budget)
+        (budget, fault)
         for budget in budgets
         for fault in active_ceiling.FAULTS
-        if fault not in found.get(f"{budget:g}", {})
+        if fault not in ceilings.get(f"{budget:g}", {})
     ]
-    jobs = (delayed(active_ceiling.free_ceiling)(*one[1:]) for one in missing)
-    made = tqdm(
-        Parallel(n_jobs=workers, return_as="generator")(jobs), total=len(missing), desc="ceilings"
-    )
-    for (budget, fault, *_), one in zip(missing, made, strict=True):
-        found.setdefault(budget, {})[fault] = one
-        write_json(path, {"settings": settings, "budgets": found})
-    return found
+    calls = (delayed(active_ceiling.free_ceiling)(fault, seed, budget) for budget, fault in missing)
+    searches = Parallel(n_jobs=workers, return_as="generator")(calls)
+    progress = tqdm(searches, total=len(missing), desc="ceilings")
+    for (budget, fault), ceiling in zip(missing, progress, strict=True):
+        ceilings.setdefault(f"{budget:g}", {})[fault] = ceiling
+        write_json(path, {"settings": settings, "budgets": ceilings})
+    return ceilings
 
 
-def _known(path: Path, settings: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def _saved_ceilings(path: Path, settings: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         return content["budgets"] if content["settings"] == settings else {}

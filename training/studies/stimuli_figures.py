@@ -1,165 +1,181 @@
 """The sections with figures of the page of ``python -m training.studies.stimuli``."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import cycle
 from typing import Any
 
 from training.benchmark.leaderboard import figure_section
 from training.report.figures.scores import COLOURS
 from training.stimuli.open_loop import Cruise
-from training.studies.stimulus_comparisons import AGENT, LEARNED, REFERENCES, front, shown, speed_up
+from training.studies.stimulus_comparisons import (
+    AGENT,
+    LEARNED,
+    REFERENCES,
+    pareto_front,
+    speed_up,
+    without_single_seeds,
+)
 
 Results = Mapping[str, Any]
-PLANE = {
-    "speed_rms": "RMS deviation from the mission's speed [m/s]",
+COST_LABELS = {
+    "speed_rms": "RMS deviation from the mission speed [m/s]",
     "energy": "energy [J per episode]",
 }
-KINDS = {"mean": "mean offset [m/s]", "absolute": "mean size of the offset [m/s]"}
+# label and beginning of the caption
+OFFSET_KINDS = {
+    "mean": ("mean offset [m/s]", "Mean offset"),
+    "absolute": ("mean absolute offset [m/s]", "Mean absolute offset"),
+}
 
 
 def colours(results: Results) -> dict[str, str]:
-    """A colour for every stimulus of the figures, the agent's seeds and their mean having the same."""
-    figures = [one["figures"][results["diagnoser"]]["all"] for one in results["budgets"].values()]
-    names = dict.fromkeys(name for one in figures for name in one)
-    found = dict(zip(shown(names), cycle(COLOURS), strict=False))
-    return found | {name: found[AGENT] for name in names if LEARNED.fullmatch(name)}
+    """A colour for every stimulus, the same for all seeds of the agent and their mean."""
+    names: dict[str, None] = {}
+    for of_budget in results["budgets"].values():
+        names |= dict.fromkeys(of_budget["figures"][results["diagnoser"]]["all"])
+    assigned = dict(zip(without_single_seeds(names), cycle(COLOURS), strict=False))
+    return assigned | {name: assigned[AGENT] for name in names if LEARNED.fullmatch(name)}
 
 
-def _figures(heading: str, text: Sequence[str], drawn: Iterable[dict[str, Any]]) -> dict[str, Any]:
-    return {"heading": heading, "text": list(text), "figures": list(drawn)}
+def _section(heading: str, text: Sequence[str], figures: list[dict[str, Any]]) -> dict[str, Any]:
+    return {"heading": heading, "text": list(text), "figures": figures}
 
 
 def by_class(results: Results) -> dict[str, Any]:
     """How many times sooner each class is isolated."""
-    of_colour = colours(results)
-    text = [
-        f"Restricted mean under the reference over that under the stimulus, with {results['diagnoser']}."
-    ]
-    return _figures(
-        "Speed-up by class",
-        text,
-        (_by_class(results, budget, of_colour) for budget in results["budgets"]),
+    stimulus_colours = colours(results)
+    text = (
+        "Restricted mean under the reference divided by that under the stimulus, with "
+        f"{results['diagnoser']}."
     )
+    figures = [_speed_up_figure(results, budget, stimulus_colours) for budget in results["budgets"]]
+    return _section("Speed-up by class", [text], figures)
 
 
-def _by_class(results: Results, budget: str, of_colour: Mapping[str, str]) -> dict[str, Any]:
+def _speed_up_figure(
+    results: Results, budget: str, stimulus_colours: Mapping[str, str]
+) -> dict[str, Any]:
     figures = results["budgets"][budget]["figures"][results["diagnoser"]]
     names = results["classes"]
-    panels = {
-        reference: {
+    panels: dict[str, Any] = {}
+    for reference in reversed(REFERENCES):
+        panels[reference] = {
             stimulus: [speed_up(figures[name][stimulus]["ratio"][reference]) for name in names]
-            for stimulus in shown(figures["all"])
-            if stimulus != Cruise.name and stimulus != reference
+            for stimulus in without_single_seeds(figures["all"])
+            if stimulus not in (Cruise.name, reference)
         }
-        for reference in reversed(REFERENCES)
-    }
+    caption = (
+        f"How many times sooner each class is isolated within {budget} m/s; right of the dashed "
+        "line is sooner."
+    )
     return {
         "plot": "speed_ups",
         "name": f"speed-ups-{budget}",
-        "caption": f"How many times sooner each class is isolated within {budget} m/s; right of the dashed line is "
-        "sooner.",
-        "data": {"classes": names, "panels": panels, "colours": dict(of_colour)},
+        "caption": caption,
+        "data": {"classes": names, "panels": panels, "colours": dict(stimulus_colours)},
     }
 
 
-def plane(results: Results) -> dict[str, Any]:
-    """What the isolation time costs."""
+def delay_cost_plane(results: Results) -> dict[str, Any]:
+    """Isolation time against cost."""
     points = list(_points(results))
-    fronts = {
-        cost: [points[k] for k in front([(point[cost], point["delay"][0]) for point in points])]
-        for cost in PLANE
-    }
-    named = {cost: ", ".join(_point(point) for point in chosen) for cost, chosen in fronts.items()}
-    return figure_section(
-        "Delay and cost",
-        "delay_cost_plane",
-        "delay-cost",
-        f"Isolation time with {results['diagnoser']} against what a stimulus costs on the same episodes. Down and left "
-        f"is better; nothing beats the dotted ones in both. By speed: {named['speed_rms']}. By energy: "
-        f"{named['energy']}.",
-        {
-            "points": points,
-            "fronts": {
-                cost: [[one[cost], one["delay"][0]] for one in chosen]
-                for cost, chosen in fronts.items()
-            },
-            "costs": PLANE,
-            "colours": colours(results),
-        },
+    fronts = {}
+    for cost in COST_LABELS:
+        front = pareto_front([(point[cost], point["delay"][0]) for point in points])
+        fronts[cost] = [points[index] for index in front]
+    names = {cost: ", ".join(map(_point_name, front)) for cost, front in fronts.items()}
+    caption = (
+        f"Isolation time with {results['diagnoser']} against the cost of a stimulus on the same "
+        "episodes. Down and left is better; no stimulus is better in both than the dotted ones. By "
+        f"speed: {names['speed_rms']}. By energy: {names['energy']}."
     )
+    lines = {
+        cost: [[point[cost], point["delay"][0]] for point in front]
+        for cost, front in fronts.items()
+    }
+    data = {
+        "points": points,
+        "fronts": lines,
+        "costs": COST_LABELS,
+        "colours": colours(results),
+    }
+    return figure_section("Delay and cost", "delay_cost_plane", "delay-cost", caption, data)
 
 
 def _points(results: Results) -> Iterator[dict[str, Any]]:
-    """Stimuli within every budget; cruise, which spends nothing, once."""
-    for k, (budget, one) in enumerate(results["budgets"].items()):
-        figures, cost = (one[key][results["diagnoser"]] for key in ("figures", "costs"))
-        for name in shown(figures["all"]):
+    """Stimuli within every budget; cruise, which has no offsets, once."""
+    for k, (budget, of_budget) in enumerate(results["budgets"].items()):
+        figures = of_budget["figures"][results["diagnoser"]]["all"]
+        costs = of_budget["costs"][results["diagnoser"]]
+        for name in without_single_seeds(figures):
             if name != Cruise.name or k == 0:
-                costs = {key: cost[name][key] for key in PLANE}
                 yield {
                     "stimulus": name,
                     "budget": f"{budget} m/s",
-                    "delay": figures["all"][name]["mean"],
-                    **costs,
+                    "delay": figures[name]["mean"],
+                    **{key: costs[name][key] for key in COST_LABELS},
                 }
 
 
-def _point(point: Mapping[str, Any]) -> str:
-    return (
-        point["stimulus"]
-        if point["stimulus"] == Cruise.name
-        else f"{point['stimulus']} ({point['budget']})"
-    )
+def _point_name(point: Mapping[str, Any]) -> str:
+    stimulus = point["stimulus"]
+    return stimulus if stimulus == Cruise.name else f"{stimulus} ({point['budget']})"
 
 
-def onset(results: Results) -> dict[str, Any]:
+def around_onset(results: Results) -> dict[str, Any]:
     """What stimuli do around the onset of each class."""
-    of_colour = colours(results)
-    text = [
-        f"Speed offsets with {results['diagnoser']} in the loop, averaged over {results['lanes']} vehicles of each "
-        "class, every fault abrupt and lasting, severity 0.2 to 1. A mean near zero with a large size means that some "
-        "go faster and others slower, or by turns."
-    ]
-    drawn = (
-        {
-            "plot": "around_onset",
-            "name": f"onset-{kind}-{budget}",
-            "caption": f"{label.partition(' [')[0].capitalize()} around the onset, budget {budget} m/s.",
-            "data": {
-                "time": one["behaviour"]["around_onset"]["time"],
-                "panels": one["behaviour"]["around_onset"][kind],
-                "label": label,
-                "colours": of_colour,
-            },
-        }
-        for budget, one in results["budgets"].items()
-        for kind, label in KINDS.items()
+    stimulus_colours = colours(results)
+    text = (
+        f"Speed offsets with {results['diagnoser']}, averaged over {results['lanes']} vehicles of "
+        "each class; every fault is abrupt and lasting with severity 0.2 to 1. A mean near zero "
+        "with a large absolute value means that some vehicles go faster and others slower, or "
+        "alternate."
     )
-    return _figures("What they do around the onset", text, drawn)
+    figures = []
+    for budget, of_budget in results["budgets"].items():
+        offsets = of_budget["behaviour"]["around_onset"]
+        for kind, (label, caption) in OFFSET_KINDS.items():
+            data = {
+                "time": offsets["time"],
+                "panels": offsets[kind],
+                "label": label,
+                "colours": stimulus_colours,
+            }
+            figure = {
+                "plot": "around_onset",
+                "name": f"onset-{kind}-{budget}",
+                "caption": f"{caption} around the onset, budget {budget} m/s.",
+                "data": data,
+            }
+            figures.append(figure)
+    return _section("What they do around the onset", [text], figures)
 
 
 def episodes(results: Results) -> dict[str, Any]:
     """Single episodes."""
-    drawn = (
-        {
+    figures = []
+    for budget, of_budget in results["budgets"].items():
+        recorded = of_budget["behaviour"]["episodes"]
+        caption = (
+            f"{recorded['stimulus']} within {budget} m/s: of each class the episode of median "
+            "isolation time."
+        )
+        figure = {
             "plot": "active_episodes",
             "name": f"episodes-{budget}",
-            "caption": f"{one['behaviour']['episodes']['stimulus']} within {budget} m/s: of each class the episode of "
-            "median isolation time.",
-            "data": {
-                "drawn": [_episode(episode) for episode in one["behaviour"]["episodes"]["drawn"]]
-            },
+            "caption": caption,
+            "data": {"drawn": [_episode(episode) for episode in recorded["drawn"]]},
         }
-        for budget, one in results["budgets"].items()
-    )
-    return _figures("Six episodes", [], drawn)
+        figures.append(figure)
+    return _section("Six episodes", [], figures)
 
 
 def _episode(episode: Mapping[str, Any]) -> dict[str, Any]:
-    kept = {key: value for key, value in episode.items() if key != "class"}
+    series = {key: value for key, value in episode.items() if key != "class"}
     time = episode["isolation"]
-    said = "not isolated" if time is None else f"isolated after {time:.1f} s"
-    return kept | {
-        "title": f"{episode['class']}, {said}",
-        "isolation": None if time is None else episode["onset"] + time,
+    is_isolated = time is not None
+    ending = f"isolated after {time:.1f} s" if is_isolated else "not isolated"
+    return series | {
+        "title": f"{episode['class']}, {ending}",
+        "isolation": episode["onset"] + time if is_isolated else None,
     }

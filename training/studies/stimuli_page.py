@@ -1,73 +1,101 @@
-"""The page of ``python -m training.studies.stimuli``, from its results alone: targets, comparisons, behaviour."""
+"""The page of ``python -m training.studies.stimuli``, from its results alone."""
 
 from collections.abc import Mapping
 from typing import Any
 
 from auv_fault_env.faults import fault_of
+from training.benchmark.verdicts import MET, MISSED, OPEN
 from training.report.cells import percent, row_name, with_interval
 from training.stimuli.base import LARGEST_OFFSET
-from training.studies import stimuli_figures as drawn
-from training.studies.stimulus_comparisons import AGENT, REFERENCES, SUBSETS, Triple, speed_up
-from training.studies.stimulus_verdicts import verdicts
+from training.stimuli.open_loop import Cruise, Thesis
+from training.studies import stimuli_figures
+from training.studies.stimulus_comparisons import (
+    AGENT,
+    REFERENCES,
+    SUBSETS,
+    Triple,
+    rules_from_belief,
+    speed_up,
+)
 
 Results = Mapping[str, Any]
 COLUMNS = ["isolation [s]", *(f"× {name}" for name in REFERENCES), "isolated"]
 COLUMNS += [f"minus {name} [s]" for name in REFERENCES]
-WHICH = {"all": "", "confounded": ", classes alike in cruise"}
+COST_COLUMNS = ["speed RMS [m/s]", "energy [J]", "false alarms per hour"]
+SUBSET_WORDS = {"all": "", "confounded": ", classes alike in cruise"}
+# the stimuli with known onset: name in the results, name on the page
+KNOWN_ONSET_NAMES = {
+    "told the onset": "onset known",
+    "told, without budget": "onset known, without budget",
+}
+# targets, as shares of the isolation time under the thesis' stimulus and in cruise, of the budget
+OF_THESIS = 1 / 2
+OF_CRUISE = 1 / 3
+OF_BUDGET = 1 / 10
 
 
 def page(results: Results) -> dict[str, Any]:
-    """Title, introduction, command and sections for `report.write_report`."""
+    """Title, introduction, command and sections; details are on the page only, not printed."""
     budgets = results["budgets"]
-    sections = [
-        compared(results),
+    summaries = [
+        benchmarks(results),
         targets(results),
         *(cross_play(results, budget) for budget in budgets),
     ]
     details = [
         *(
-            table(results, budget, diagnoser, subset)
+            diagnoser_table(results, budget, diagnoser, subset)
             for budget in budgets
             for diagnoser in budgets[budget]["figures"]
             for subset in SUBSETS
         ),
-        drawn.by_class(results),
-        drawn.plane(results),
-        drawn.onset(results),
-        *(told(results, budget) for budget in budgets),
+        stimuli_figures.by_class(results),
+        stimuli_figures.delay_cost_plane(results),
+        stimuli_figures.around_onset(results),
+        *(known_onset(results, budget) for budget in budgets),
         healthy(results),
-        drawn.episodes(results),
-        *(ceiling(results, budget) for budget in budgets),
+        stimuli_figures.episodes(results),
+        *(ceilings(results, budget) for budget in budgets),
     ]
     return {
-        "title": "What the stimuli bring",
-        "intro": intro(results),
+        "title": "What the stimuli achieve",
+        "intro": introduction(results),
         "command": results["command"],
-        "sections": [*sections, *(section | {"printed": False} for section in details)],
+        "sections": [*summaries, *(section | {"printed": False} for section in details)],
     }
 
 
-def intro(results: Results) -> list[str]:
+def introduction(results: Results) -> list[str]:
     """How to read the page."""
-    return [
-        f"Stimuli of the speed on the {results['suite']['episodes']} episodes of the suite {results['suite']['name']} "
-        "that were run, the same for every stimulus and diagnoser, each within the same budget: the root mean square "
-        "of the speed offsets over an episode. Isolation times are restricted means at one false alarm per hour, the "
-        "threshold being a diagnoser's own and the same under every stimulus; faults that are not isolated in time "
-        "count with the horizon.",
-        f"Intervals are 95 % paired bootstrap intervals over episodes. '{AGENT}' is the mean over the seeds that the "
-        "agent was trained with, and its intervals draw the seeds anew as well; as these are few, they are "
-        "rather too short. Ratios below 1 and negative differences are in favour of the row.",
-    ]
+    suite = results["suite"]
+    isolation = (
+        f"Speed stimuli on {suite['episodes']} episodes of the suite {suite['name']}, the same for "
+        "every stimulus and diagnoser. All keep the same budget, the root mean square of the speed "
+        "offsets over an episode. Isolation times are restricted means at one false alarm per "
+        "hour. Each diagnoser has its own threshold, the same under every stimulus. Faults that "
+        "are not isolated in time count with the horizon."
+    )
+    intervals = (
+        "Intervals are 95 % paired bootstrap intervals over episodes. "
+        f"'{AGENT}' is the mean over the training seeds of the agent; its intervals resample the "
+        "seeds as well and are rather too short, because the seeds are few. Ratios below 1 and "
+        "negative differences favour the row."
+    )
+    return [isolation, intervals]
 
 
-def compared(results: Results) -> dict[str, Any]:
-    """Which benchmarks."""
+def benchmarks(results: Results) -> dict[str, Any]:
+    """The benchmarks behind the results."""
     suite = results["suite"]
     share = "all" if suite["every"] == 1 else f"one in {suite['every']}"
     rows = [
-        [f"{budget} m/s", ", ".join(one["stimuli"]), one["revision"] or "unknown", one["command"]]
-        for budget, one in results["budgets"].items()
+        [
+            f"{budget} m/s",
+            ", ".join(of_budget["stimuli"]),
+            of_budget["revision"] or "unknown",
+            of_budget["command"],
+        ]
+        for budget, of_budget in results["budgets"].items()
     ]
     return {
         "heading": "What was compared",
@@ -77,168 +105,231 @@ def compared(results: Results) -> dict[str, Any]:
 
 
 def targets(results: Results) -> dict[str, Any]:
-    """Which targets are met."""
+    """Which targets the agent meets."""
     rows = [
         [f"{budget} m/s", *row]
         for budget, of_budget in results["budgets"].items()
         for row in verdicts(of_budget, results["diagnoser"])
     ]
+    text = (
+        f"Targets of '{AGENT}' with {results['diagnoser']}. A target is met if the whole interval "
+        f"is below it. Classes alike in cruise: {', '.join(SUBSETS['confounded'])}."
+    )
     return {
-        "heading": "Is the agent as good as it should be?",
-        "text": [
-            f"Targets of '{AGENT}', beside {results['diagnoser']}. One is met if the whole interval says so. Classes "
-            f"alike in cruise: {', '.join(SUBSETS['confounded'])}."
-        ],
+        "heading": "Does the agent meet its targets?",
+        "text": [text],
         "table": {"columns": ["budget", "target", "verdict", "figure"], "rows": rows},
     }
+
+
+def verdicts(of_budget: Mapping[str, Any], diagnoser: str) -> list[list[str]]:
+    """Rows of the targets within a budget: target, verdict, and the figure with its interval.
+
+    A target is met if the whole interval of the figure is below it.
+
+    Parameters
+    ----------
+    of_budget
+        Results of one budget, see `training.studies.stimuli`.
+    diagnoser
+        The one whose isolation times count.
+    """
+    subsets = of_budget["figures"][diagnoser]
+    agent = {subset: figures[AGENT] for subset, figures in subsets.items() if AGENT in figures}
+
+    def ratio(subset: str, reference: str) -> Triple | None:
+        return agent[subset]["ratio"][reference] if subset in agent else None
+
+    def difference(reference: str) -> Triple | None:
+        return agent["all"]["difference"][reference] if agent else None
+
+    of_thesis = f"isolates in less than half of the time under {Thesis.name}"
+    of_cruise = f"classes alike in cruise: in less than a third of the time under {Cruise.name}"
+    of_budget_words = "healthy vehicles: offsets below a tenth of the budget, root mean square"
+    share = of_budget["behaviour"]["healthy"]["share"].get(AGENT)
+    return [
+        _verdict_row(of_thesis, ratio("all", Thesis.name), OF_THESIS),
+        *(
+            _verdict_row(f"isolates sooner than under {rule}", difference(rule), 0.0, "s", "+")
+            for rule in rules_from_belief(subsets["all"])
+        ),
+        _verdict_row(of_cruise, ratio("confounded", Cruise.name), OF_CRUISE),
+        _verdict_row(of_budget_words, share, OF_BUDGET),
+    ]
+
+
+def _verdict_row(
+    target: str, triple: Triple | None, limit: float, unit: str = "times", sign: str = ""
+) -> list[str]:
+    if not triple:
+        return [target, OPEN, "The agent did not take part."]
+    verdict = MET if triple[2] < limit else MISSED
+    return [target, verdict, f"{_triple_cell(triple, sign)} {unit}"]
 
 
 def cross_play(results: Results, budget: str) -> dict[str, Any]:
     """Every stimulus with every diagnoser."""
     figures = results["budgets"][budget]["figures"]
-    rows = [
-        [
-            stimulus,
-            *(_triple(of_diagnoser["all"][stimulus]["mean"]) for of_diagnoser in figures.values()),
-        ]
-        for stimulus in _ordered(figures[results["diagnoser"]]["all"])
-    ]
+    rows = []
+    for stimulus in _by_mean(figures[results["diagnoser"]]["all"]):
+        means = [subsets["all"][stimulus]["mean"] for subsets in figures.values()]
+        rows.append([stimulus, *map(_triple_cell, means)])
     names = [row_name(name, results["references"]) for name in figures]
+    text = (
+        "Isolation time, restricted mean [s]. The agent was trained with "
+        f"{results['diagnoser']} alone. Diagnosers marked * are references: they know the truth, "
+        "or nothing."
+    )
     return {
         "heading": f"Every stimulus with every diagnoser, {budget} m/s",
-        "text": [
-            f"Isolation time, restricted mean [s]. The agent has learnt beside {results['diagnoser']} alone. "
-            "Diagnosers marked * are references: told the truth, or knowing nothing."
-        ],
+        "text": [text],
         "table": {"columns": ["stimulus", *names], "rows": rows},
     }
 
 
-def table(results: Results, budget: str, diagnoser: str, subset: str) -> dict[str, Any]:
-    """The stimuli with one diagnoser, over all classes or some of them."""
+def diagnoser_table(results: Results, budget: str, diagnoser: str, subset: str) -> dict[str, Any]:
+    """The stimuli with one diagnoser, over all classes or a subset."""
     of_budget = results["budgets"][budget]
     figures = of_budget["figures"][diagnoser].get(subset, {})
-    cost = of_budget["costs"][diagnoser]
-    columns = ["stimulus", *COLUMNS]
-    columns += ["speed RMS [m/s]", "energy [J]", "false alarms per hour"] if subset == "all" else []
-    rows = [
-        [_named(stimulus, figures[stimulus]), *_cells(figures[stimulus])]
-        + (_cost_cells(cost[stimulus]) if subset == "all" else [])
-        for stimulus in _ordered(figures)
-    ]
-    text = "After ± the standard deviation over the seeds [s]. Speed RMS is that of the true speed from the mission's."
+    costs = of_budget["costs"][diagnoser]
+    has_costs = subset == "all"
+    rows = []
+    for stimulus in _by_mean(figures):
+        figure = figures[stimulus]
+        row = [_name_with_spread(stimulus, figure), *_figure_cells(figure)]
+        rows.append([*row, *_cost_cells(costs[stimulus])] if has_costs else row)
+    text = (
+        "After ± is the standard deviation over the training seeds [s]. Speed RMS is the root mean "
+        "square deviation of the true speed from the mission speed."
+    )
     return {
-        "heading": f"{diagnoser}, {budget} m/s{WHICH[subset]}",
-        "text": [text] if subset == "all" else [],
-        "table": {"columns": columns, "rows": rows},
+        "heading": f"{diagnoser}, {budget} m/s{SUBSET_WORDS[subset]}",
+        "text": [text] if has_costs else [],
+        "table": {
+            "columns": ["stimulus", *COLUMNS, *(COST_COLUMNS if has_costs else [])],
+            "rows": rows,
+        },
     }
 
 
-def _ordered(figures: Mapping[str, Any]) -> list[str]:
+def _by_mean(figures: Mapping[str, Any]) -> list[str]:
+    """Stimuli by their mean isolation time."""
     return sorted(figures, key=lambda stimulus: figures[stimulus]["mean"][0])
 
 
-def _named(stimulus: str, figure: Mapping[str, Any]) -> str:
-    return stimulus if figure["spread"] is None else f"{stimulus} ± {figure['spread']:.2f}"
+def _name_with_spread(stimulus: str, figure: Mapping[str, Any]) -> str:
+    spread = figure["spread"]
+    return stimulus if spread is None else f"{stimulus} ± {spread:.2f}"
 
 
-def _triple(triple: Triple, sign: str = "") -> str:
+def _triple_cell(triple: Triple, sign: str = "") -> str:
     return with_interval(triple[0], triple[1:], 2, sign)
 
 
-def _cells(figure: Mapping[str, Any]) -> list[str]:
+def _figure_cells(figure: Mapping[str, Any]) -> list[str]:
     return [
-        _triple(figure["mean"]),
-        *(_triple(figure["ratio"][name]) for name in REFERENCES),
+        _triple_cell(figure["mean"]),
+        *(_triple_cell(figure["ratio"][name]) for name in REFERENCES),
         percent(figure["isolated"]),
-        *(_triple(figure["difference"][name], "+") for name in REFERENCES),
+        *(_triple_cell(figure["difference"][name], "+") for name in REFERENCES),
     ]
 
 
-def _cost_cells(cost: Mapping[str, float]) -> list[str]:
+def _cost_cells(costs: Mapping[str, float]) -> list[str]:
     return [
-        f"{cost['speed_rms']:.4f}",
-        f"{cost['energy']:.0f}",
-        f"{cost['false_alarms_per_hour']:.2f}",
+        f"{costs['speed_rms']:.4f}",
+        f"{costs['energy']:.0f}",
+        f"{costs['false_alarms_per_hour']:.2f}",
     ]
 
 
-def told(results: Results, budget: str) -> dict[str, Any]:
-    """What knowing the onset would bring."""
+def known_onset(results: Results, budget: str) -> dict[str, Any]:
+    """What a known onset would achieve."""
     figures = results["budgets"][budget]["behaviour"]["told"]
-    rows = [[name, *_cells(figures[name])] for name in _ordered(figures)]
+    rows = [
+        [KNOWN_ONSET_NAMES.get(name, name), *_figure_cells(figures[name])]
+        for name in _by_mean(figures)
+    ]
+    text = (
+        f"Faults of hull and propellers, {results['lanes']} vehicles of each class, with "
+        f"{results['diagnoser']}. With the onset known the vehicle goes {LARGEST_OFFSET} m/s "
+        "faster from then on until the allowance is spent, or without budget to the end. A "
+        "stimulus that waits for suspicion begins later. Another speed profile may achieve more; "
+        "see the ceilings below."
+    )
     return {
-        "heading": f"What knowing the onset would bring, {budget} m/s",
-        "text": [
-            f"Faults of hull and propellers, {results['lanes']} vehicles of each class, {results['diagnoser']} in the "
-            f"loop. Who is told the onset goes {LARGEST_OFFSET} m/s faster from then on until the allowance is spent, or "
-            "without a budget to the end. A stimulus that waits for suspicion begins later. Another profile may bring "
-            "more; see the ceilings below."
-        ],
+        "heading": f"What a known onset would achieve, {budget} m/s",
+        "text": [text],
         "table": {"columns": ["stimulus", *COLUMNS], "rows": rows},
     }
 
 
 def healthy(results: Results) -> dict[str, Any]:
-    """What stimuli spend on healthy vehicles."""
-    found = {budget: one["behaviour"]["healthy"] for budget, one in results["budgets"].items()}
-    names = dict.fromkeys(name for one in found.values() for name in one["share"])
-    rows = [
-        [
-            name,
-            *(
-                _triple(one["share"][name]) if name in one["share"] else "–"
-                for one in found.values()
-            ),
-        ]
-        for name in names
-    ]
+    """How much of the budget stimuli use on healthy vehicles."""
+    budgets = results["budgets"]
+    by_budget = {budget: budgets[budget]["behaviour"]["healthy"] for budget in budgets}
+    names = dict.fromkeys(name for measured in by_budget.values() for name in measured["share"])
+    rows = []
+    for name in names:
+        shares = [measured["share"].get(name) for measured in by_budget.values()]
+        rows.append([name, *(_triple_cell(share) if share else "–" for share in shares)])
+    n_lanes = next(iter(by_budget.values()))["lanes"]
+    text = (
+        "Root mean square of the speed offsets as a share of the budget, over "
+        f"{n_lanes} healthy vehicles and 65 s, with {results['diagnoser']}."
+    )
     return {
-        "heading": "What they spend on healthy vehicles",
-        "text": [
-            "Root mean square of the speed offsets as a share of the budget, over "
-            f"{next(iter(found.values()))['lanes']} healthy vehicles watched for 65 s, with "
-            f"{results['diagnoser']} in the loop."
-        ],
-        "table": {"columns": ["stimulus", *(f"{budget} m/s" for budget in found)], "rows": rows},
+        "heading": "What they use on healthy vehicles",
+        "text": [text],
+        "table": {
+            "columns": ["stimulus", *(f"{budget} m/s" for budget in by_budget)],
+            "rows": rows,
+        },
     }
 
 
-def ceiling(results: Results, budget: str) -> dict[str, Any]:
-    """How much a stimulus could bring, beside what the agent does."""
+def ceilings(results: Results, budget: str) -> dict[str, Any]:
+    """How much a stimulus could achieve, beside what the agent achieves."""
     of_budget = results["budgets"][budget]
     figures = of_budget["figures"][results["diagnoser"]]
     rows = [
         [
             fault,
-            f"{one['passive']:.2g} ({one['passive_rival']})",
-            *(f"{one[key]:.2g}" for key in ("thesis", "active", "free")),
-            *(_times(one[key]) for key in ("best_speed_up", "thesis_speed_up")),
-            *(_measured(figures, fault, reference) for reference in reversed(REFERENCES)),
+            f"{ceiling['passive']:.2g} ({ceiling['passive_rival']})",
+            *(f"{ceiling[key]:.2g}" for key in ("thesis", "active", "free")),
+            *(_ratio_cell(ceiling[key]) for key in ("best_speed_up", "thesis_speed_up")),
+            *(_agent_cell(figures, fault, reference) for reference in reversed(REFERENCES)),
         ]
-        for fault, one in of_budget["ceilings"].items()
+        for fault, ceiling in of_budget["ceilings"].items()
     ]
     columns = ["fault", "cruise [nat/s] (rival)", "thesis [nat/s]", "best periodic", "best free"]
     columns += ["D*/D cruise", "D*/D thesis", "agent: × sooner than cruise", "than thesis"]
+    rates = (
+        "Rates at which evidence against the most dangerous rival grows, with the vehicle known: "
+        "in cruise at 1 ft/s, under the thesis' stimulus, and under the best profile of the "
+        "search, periodic or free (15 levels of one second, repeated). D* is the larger rate of "
+        "the last two; its ratio to the others is the largest speed-up of the search. The search "
+        "is short, and more may be possible."
+    )
+    agent = (
+        "The last columns show what the agent gains in the benchmark, in mean isolation time of "
+        "the class: over other severities and speeds, with ramps and the time to the alarm, and "
+        "with a diagnoser that does not know the vehicle. Both need not agree; where the first is "
+        "large and the second is not, training can improve the agent."
+    )
     return {
-        "heading": f"How much a stimulus can bring, {budget} m/s",
-        "text": [
-            "Rates at which evidence against the most dangerous rival gathers, the vehicle known, in cruise at 1 ft/s, "
-            "under the thesis' stimulus, and under the best profile found, periodic or free (15 levels of a second, "
-            "repeated). D* is the larger of these two; its ratio to the others is the largest speed-up that was found. "
-            "Beside it what the agent gains in the benchmark, in mean isolation time of the class: over other "
-            "severities and speeds, ramps and the time to raise an alarm included, with a diagnoser that knows no "
-            "vehicle. The two need not agree; where the first is large and the second is not, there is more to learn. "
-            "The search is short, and more may be possible."
-        ],
+        "heading": f"How much a stimulus could achieve, {budget} m/s",
+        "text": [rates, agent],
         "table": {"columns": columns, "rows": rows},
     }
 
 
-def _times(ratio: float | None) -> str:
+def _ratio_cell(ratio: float | None) -> str:
     return "no rate to compare with" if ratio is None else f"{ratio:.1f}"
 
 
-def _measured(figures: Mapping[str, Any], fault: str, reference: str) -> str:
+def _agent_cell(figures: Mapping[str, Any], fault: str, reference: str) -> str:
     of_class = figures.get(fault_of(fault).diagnosis, {})
-    return _triple(speed_up(of_class[AGENT]["ratio"][reference])) if AGENT in of_class else "–"
+    if AGENT not in of_class:
+        return "–"
+    return _triple_cell(speed_up(of_class[AGENT]["ratio"][reference]))

@@ -18,11 +18,11 @@ def maps():
     found = {}
     for name, mission in {"0.3 m/s": mission_of(0.3), "thesis": MISSIONS["thesis"]}.items():
         lanes = isolability.faulty_lanes(mission, 2, 0)
-        found[name] = isolability.rates(log_likelihoods_unknown_severity(lanes), lanes)
+        found[name] = isolability.evidence_rates(log_likelihoods_unknown_severity(lanes), lanes)
     return found
 
 
-def test_every_class_is_told_from_normal_on_the_thesis_stimulus(maps):
+def test_every_class_is_isolated_from_normal_on_the_thesis_stimulus(maps):
     assert (maps["thesis"][1:, 0] > 0.0).all()
     assert (np.diag(maps["thesis"]) == 0.0).all()
 
@@ -33,10 +33,12 @@ def test_without_a_sensor_its_evidence_is_gone(channel):
     lanes = isolability.faulty_lanes(mission_of(0.3), 2, 0)
     other = "seal_friction:starboard"
     whole, less = (
-        log_likelihoods_unknown_severity(some)
-        for some in (lanes, isolability.without(lanes, channel))
+        log_likelihoods_unknown_severity(some_lanes)
+        for some_lanes in (lanes, isolability.without_sensor(lanes, channel))
     )
-    before, after = (isolability.rates(paths, lanes) for paths in (whole, less))
+    before, after = (
+        isolability.evidence_rates(log_likelihoods, lanes) for log_likelihoods in (whole, less)
+    )
     kept = CLASSES.index(other)
     assert after[kept, 0] == pytest.approx(before[kept, 0], rel=0.2)
     lost = CLASSES.index("increased_drag" if channel == "speed" else "seal_friction:port")
@@ -46,7 +48,7 @@ def test_without_a_sensor_its_evidence_is_gone(channel):
 def test_least_rival_leaves_the_class_itself_out():
     assert least_rival([[0.0, 3.0, 2.0], [0.0, 0.0, 1.0]], 0) == (2, 2.0)
     assert least_rival([[0.0, 3.0, 2.0], [0.5, 0.0, 1.0]], 1) == (0, 0.5)
-    assert least_rival([[0.0, 3.0, 2.0]], 0, but=2) == (1, 3.0)
+    assert least_rival([[0.0, 3.0, 2.0]], 0, excluded=2) == (1, 3.0)
 
 
 def results(structure):

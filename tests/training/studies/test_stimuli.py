@@ -12,22 +12,32 @@ from training.benchmark.verdicts import MET, MISSED, OPEN
 from training.bounds import active_ceiling
 from training.report.figures.registry import PLOTS
 from training.studies import run, stimulus_behaviour
-from training.studies.stimuli import DIAGNOSER, StimulusStudy, ceilings, main, read, read_all
-from training.studies.stimuli_page import page
-from training.studies.stimulus_behaviour import Path as Followed
-from training.studies.stimulus_behaviour import around_onset, episodes_of, shares
+from training.studies.stimuli import (
+    DIAGNOSER,
+    StimulusStudy,
+    find_ceilings,
+    load_benchmark,
+    load_benchmarks,
+    main,
+)
+from training.studies.stimuli_page import page, verdicts
+from training.studies.stimulus_behaviour import (
+    ClosedLoopRun,
+    budget_shares,
+    median_episodes,
+    offsets_around_onset,
+)
 from training.studies.stimulus_comparisons import (
     AGENT,
     SUBSETS,
-    compared,
-    costs,
-    front,
-    paired,
+    compare_by_subset,
+    mean_costs,
+    paired_figures,
+    pareto_front,
     resampled_means,
-    shown,
     speed_up,
+    without_single_seeds,
 )
-from training.studies.stimulus_verdicts import verdicts
 
 FAULTS = list(classes()[1:])
 LANES = 6 * len(FAULTS)
@@ -88,7 +98,7 @@ def written(folder, name="results.json", **changes):
 
 def test_a_stimulus_that_is_always_as_much_sooner_is_surely_so():
     thesis = np.linspace(2.0, 20.0, 40)
-    found = paired(
+    found = paired_figures(
         {"thesis": times(thesis), "cruise": times(2.0 * thesis), "prbs": times(thesis - 1.5)}, 0
     )
     np.testing.assert_allclose(found["prbs"]["difference"]["thesis"], [-1.5] * 3)
@@ -114,7 +124,7 @@ def test_the_interval_of_the_agent_knows_that_its_seeds_differ():
 def test_figures_are_those_of_the_lanes_of_each_class_and_of_the_agents_seeds_together():
     scores = benchmark()["scores"]
     fault = [classes()[k] for k in FAULT]
-    found = compared(scores, DIAGNOSER, fault, 0)
+    found = compare_by_subset(scores, DIAGNOSER, fault, 0)
     assert list(found) == [*SUBSETS, *FAULTS]
     own = {name: np.array(by[DIAGNOSER]["by_lane"]["isolation"]) for name, by in scores.items()}
     drag = FAULT == 1
@@ -135,9 +145,11 @@ def test_figures_are_those_of_the_lanes_of_each_class_and_of_the_agents_seeds_to
     assert "greedy" not in found["all"]["learned"]["difference"]
     assert (
         AGENT
-        not in compared({name: scores[name] for name in OPEN_LOOP}, DIAGNOSER, fault, 0)["all"]
+        not in compare_by_subset({name: scores[name] for name in OPEN_LOOP}, DIAGNOSER, fault, 0)[
+            "all"
+        ]
     )
-    assert shown(found["all"]) == [AGENT, *OPEN_LOOP]
+    assert without_single_seeds(found["all"]) == [AGENT, *OPEN_LOOP]
 
 
 def test_the_costs_of_the_agent_are_the_mean_of_its_seeds():
@@ -145,19 +157,19 @@ def test_the_costs_of_the_agent_are_the_mean_of_its_seeds():
         name: {DIAGNOSER: score(np.ones(2), cost)}
         for name, cost in (("learned", 0.02), ("learned_3", 0.04))
     }
-    assert costs(scores, DIAGNOSER)[AGENT] == pytest.approx(
+    assert mean_costs(scores, DIAGNOSER)[AGENT] == pytest.approx(
         {"speed_rms": 0.03, "energy": 230.0, "false_alarms_per_hour": 1.2}
     )
 
 
 def test_on_the_front_nobody_is_beaten_in_both():
     points = [tuple(point) for point in np.random.default_rng(1).uniform(size=(60, 2))]
-    chosen = front(points)
+    chosen = pareto_front(points)
     for k, (cost, delay) in enumerate(points):
         beaten = any(c <= cost and d <= delay and (c, d) != (cost, delay) for c, d in points)
         assert (k in chosen) != beaten
     assert sorted(chosen, key=lambda k: points[k][0]) == chosen
-    assert front([(1.0, 1.0), (1.0, 1.0)]) == [0]
+    assert pareto_front([(1.0, 1.0), (1.0, 1.0)]) == [0]
 
 
 def of_budget(half=0.45, sooner=-0.2, third=0.3, share=0.08):
@@ -195,11 +207,11 @@ def test_a_target_is_met_if_the_whole_interval_says_so(missed, changes):
 
 
 def test_without_the_agent_no_target_is_judged():
-    given = of_budget()
-    for figures in given["figures"][DIAGNOSER].values():
+    results_of_budget = of_budget()
+    for figures in results_of_budget["figures"][DIAGNOSER].values():
         del figures[AGENT]
-    given["behaviour"]["healthy"]["share"] = {"greedy": [0.1, 0.1, 0.1]}
-    assert [verdict for _, verdict, _ in verdicts(given, DIAGNOSER)] == [OPEN] * 5
+    results_of_budget["behaviour"]["healthy"]["share"] = {"greedy": [0.1, 0.1, 0.1]}
+    assert [verdict for _, verdict, _ in verdicts(results_of_budget, DIAGNOSER)] == [OPEN] * 5
 
 
 @pytest.mark.parametrize(
@@ -222,21 +234,21 @@ def test_a_file_that_is_no_benchmark_of_stimuli_is_refused_by_name(tmp_path, con
             content if isinstance(content, str) else json.dumps(content), encoding="utf-8"
         )
     with pytest.raises(InputError, match=re.escape(words)) as refused:
-        read(path)
+        load_benchmark(path)
     assert str(path) in str(refused.value) and "\n" not in str(refused.value)
 
 
 def test_benchmarks_come_by_budget_and_must_be_of_one_suite(tmp_path):
     large = written(tmp_path, "a.json", budget=0.1)
     small = written(tmp_path, "b.json", budget=0.05)
-    assert list(read_all([large, small])) == [0.05, 0.1]
+    assert list(load_benchmarks([large, small])) == [0.05, 0.1]
     with pytest.raises(InputError, match=r"one file for each budget"):
-        read_all([large, written(tmp_path, "c.json", budget=0.1)])
+        load_benchmarks([large, written(tmp_path, "c.json", budget=0.1)])
     other = written(tmp_path, "d.json", budget=0.2, suite={"name": "mine", "hash": "b", "every": 1})
     with pytest.raises(InputError, match="the same episodes in all"):
-        read_all([large, other])
+        load_benchmarks([large, other])
     with pytest.raises(InputError, match="suites of the results"):
-        read_all([])
+        load_benchmarks([])
 
 
 def ceiling_of(fault, seed, budget):
@@ -257,8 +269,8 @@ def ceiling_of(fault, seed, budget):
 
 
 @pytest.fixture
-def sought(monkeypatch):
-    """What ceilings have been sought for."""
+def searched(monkeypatch):
+    """What ceilings have been searched for."""
     found = []
     monkeypatch.setattr(
         active_ceiling, "free_ceiling", lambda *one: found.append(one) or ceiling_of(*one)
@@ -267,22 +279,22 @@ def sought(monkeypatch):
 
 
 def test_ceilings_are_sought_once_unless_they_would_be_sought_otherwise(
-    tmp_path, sought, monkeypatch
+    tmp_path, searched, monkeypatch
 ):
     path = tmp_path / "ceilings.json"
     faults = active_ceiling.FAULTS
-    first = ceilings(path, [0.05], 1, 0)
-    assert sought == [(fault, 0, 0.05) for fault in faults]
-    more = ceilings(path, [0.05, 0.1], 1, 0)
+    first = find_ceilings(path, [0.05], 1, 0)
+    assert searched == [(fault, 0, 0.05) for fault in faults]
+    more = find_ceilings(path, [0.05, 0.1], 1, 0)
     text = path.read_text()
-    assert sought[len(faults) :] == [(fault, 0, 0.1) for fault in faults]
+    assert searched[len(faults) :] == [(fault, 0, 0.1) for fault in faults]
     assert list(more) == ["0.05", "0.1"] and more["0.05"] == first["0.05"]
     for seed, rounds, kept in ((1, 8, text), (0, 9, text), (0, 8, "{"), (0, 8, text)):
         path.write_text(kept)
-        sought.clear()
+        searched.clear()
         monkeypatch.setattr(active_ceiling, "ROUNDS", rounds)
-        ceilings(path, [0.05, 0.1], 1, seed)
-        assert len(sought) == (0 if (seed, rounds, kept) == (0, 8, text) else 2 * len(faults))
+        find_ceilings(path, [0.05, 0.1], 1, seed)
+        assert len(searched) == (0 if (seed, rounds, kept) == (0, 8, text) else 2 * len(faults))
 
 
 def test_what_is_found_before_a_break_is_kept(tmp_path, monkeypatch):
@@ -296,37 +308,41 @@ def test_what_is_found_before_a_break_is_kept(tmp_path, monkeypatch):
 
     monkeypatch.setattr(active_ceiling, "free_ceiling", breaking)
     with pytest.raises(KeyboardInterrupt):
-        ceilings(tmp_path / "ceilings.json", [0.05], 1, 0)
-    ceilings(tmp_path / "ceilings.json", [0.05], 1, 0)
+        find_ceilings(tmp_path / "ceilings.json", [0.05], 1, 0)
+    find_ceilings(tmp_path / "ceilings.json", [0.05], 1, 0)
     assert tried[4:] == list(active_ceiling.FAULTS)[3:]
 
 
-def followed(n_lanes):
-    """A course of events, made up."""
+def random_run(n_lanes):
+    """A run with random series."""
     random = np.random.default_rng(2)
-    made = Followed(*random.uniform(0.0, 0.4, (len(Followed._fields), 650, n_lanes)))
-    return made._replace(
-        log_normal=-40.0 * made.log_normal, log_true=-made.log_true, top=made.top.round() + FAULT
+    run_series = ClosedLoopRun(
+        *random.uniform(0.0, 0.4, (len(ClosedLoopRun._fields), 650, n_lanes))
+    )
+    return run_series._replace(
+        log_normal=-40.0 * run_series.log_normal,
+        log_true=-run_series.log_true,
+        top=run_series.top.round() + FAULT,
     )
 
 
 def results(stimuli):
-    """What `stimulus_study.study` gives, from made-up courses."""
+    """What `stimuli.summary` returns, from random runs."""
     fault = FAULT
     onset = np.resize(np.linspace(10.0, 30.0, 7), LANES)
-    paths = {name: followed(LANES) for name in stimuli if name != "cruise"}
+    runs = {name: random_run(LANES) for name in stimuli if name != "cruise"}
     behaviour = {
-        "around_onset": around_onset(paths, fault, onset),
+        "around_onset": offsets_around_onset(runs, fault, onset),
         "healthy": {
             "lanes": 4,
-            "share": shares({name: np.full((1, 4), 0.001) for name in paths}, 0.05, 0),
+            "share": budget_shares({name: np.full((1, 4), 0.001) for name in runs}, 0.05, 0),
         },
-        "told": paired(
-            {name: times(np.full(6, 9.0)) for name in (*paths, "cruise", "told the onset")}, 0
+        "told": paired_figures(
+            {name: times(np.full(6, 9.0)) for name in (*runs, "cruise", "told the onset")}, 0
         ),
         "episodes": {
             "stimulus": stimuli[-1],
-            "drawn": episodes_of(paths[stimuli[-1]], fault, onset, -3.0),
+            "drawn": median_episodes(runs[stimuli[-1]], fault, onset, -3.0),
         },
     }
     scores = benchmark(stimuli=stimuli)["scores"]
@@ -335,8 +351,10 @@ def results(stimuli):
         "command": "auv-fault benchmark",
         "revision": "abc",
         "stimuli": list(stimuli),
-        "figures": {name: compared(scores, name, names, 0) for name in (DIAGNOSER, "cusum")},
-        "costs": {name: costs(scores, name) for name in (DIAGNOSER, "cusum")},
+        "figures": {
+            name: compare_by_subset(scores, name, names, 0) for name in (DIAGNOSER, "cusum")
+        },
+        "costs": {name: mean_costs(scores, name) for name in (DIAGNOSER, "cusum")},
         "behaviour": behaviour,
         "ceilings": {fault: ceiling_of(fault, 0, 0.05) for fault in active_ceiling.FAULTS},
     }
@@ -367,11 +385,13 @@ def test_the_page_draws_every_figure_and_fills_every_table_from_results_alone(st
     main_rows = names[f"{DIAGNOSER}, 0.05 m/s"]["table"]["rows"]
     # the slowest; as long as itself
     assert main_rows[-1][0] == "cruise" and main_rows[-1][3].startswith("1.00")
-    drag = next(row for row in names["How much a stimulus can bring, 0.05 m/s"]["table"]["rows"])
+    drag = next(
+        row for row in names["How much a stimulus could achieve, 0.05 m/s"]["table"]["rows"]
+    )
     assert drag[5:7] == ["no rate to compare with", "3.0"]
     assert (drag[7] == "–") == ("learned" not in stimuli)
-    told = names["What knowing the onset would bring, 0.05 m/s"]["table"]["rows"]
-    assert {"told the onset", "thesis"} < {row[0] for row in told}
+    known_onset = names["What a known onset would achieve, 0.05 m/s"]["table"]["rows"]
+    assert {"onset known", "thesis"} < {row[0] for row in known_onset}
     assert len(names["Six episodes"]["figures"][0]["data"]["drawn"]) == 6
 
 
@@ -379,21 +399,21 @@ def test_half_of_the_time_is_twice_as_soon_and_the_ends_change_places():
     assert speed_up([0.5, 0.25, 1.0]) == [2.0, 1.0, 4.0]
 
 
-def test_the_command_writes_a_report_and_takes_ceilings_over(tmp_path, sought, monkeypatch):
+def test_the_command_writes_a_report_and_takes_ceilings_over(tmp_path, searched, monkeypatch):
     for name, value in (("PER_CLASS", 1), ("N_HEALTHY", 2)):
         monkeypatch.setattr(stimulus_behaviour, name, value)
     # drawing takes the longest
     monkeypatch.setattr(run, "write_report", lambda report, folder: None)
     path = written(tmp_path, stimuli=("cruise", "thesis"))
-    asked = StimulusStudy((path,), tmp_path / "out", workers=1)
-    main(asked)
+    arguments = StimulusStudy((path,), tmp_path / "out", workers=1)
+    main(arguments)
     first = json.loads((tmp_path / "out" / "results.json").read_text())
-    assert list(first["budgets"]) == ["0.05"] and len(sought) == len(active_ceiling.FAULTS)
+    assert list(first["budgets"]) == ["0.05"] and len(searched) == len(active_ceiling.FAULTS)
     assert first["budgets"]["0.05"]["behaviour"]["healthy"]["share"]["thesis"][0] == pytest.approx(
         1.0, abs=0.01
     )
-    main(asked)
-    assert len(sought) == len(active_ceiling.FAULTS)
+    main(arguments)
+    assert len(searched) == len(active_ceiling.FAULTS)
     assert json.loads((tmp_path / "out" / "results.json").read_text()) == first
     with pytest.raises(InputError, match="workers"):
         main(StimulusStudy((path,), tmp_path / "out", workers=0))
