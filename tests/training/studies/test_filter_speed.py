@@ -2,16 +2,16 @@ import numpy as np
 import pytest
 
 from diagnosers.bank.hypotheses import SURGE
-from training.studies.filter_speed import Bank, observations
+from training.studies.filter_speed import SurgeBank, observations
 
 
 @pytest.mark.parametrize("f", [0, 2, 30], ids=["normal", "drag", "sensor"])
 def test_the_banks_surge_filter_is_filterpys(f):
     pytest.importorskip("filterpy")
     assert SURGE == 0
-    bank = Bank(2)
+    bank = SurgeBank(2)
     samples = observations(2, 12)
-    kalman, update = bank.reference(1, f)
+    kalman, update = bank.filterpy_filter(1, f)
     for sample in samples:
         bank.update(sample)
         update(sample[1])

@@ -5,25 +5,27 @@ import importlib.util
 import io
 import json
 import math
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from auv_fault_env.errors import InputError
 from training.studies import speed
 from training.studies.speed import (
-    MARKS,
-    Args,
+    COMPARISONS,
     Size,
-    comparison,
-    comparison_text,
-    interleaved,
+    Speed,
+    comparison_rows,
+    comparison_table,
     main,
-    rate,
     report,
+    tables,
 )
+from training.studies.speed_runs import rate, rates_in_turn
 
 TINY = Size(lanes=5, many=70, episode=3, seconds=0.0)
-OWN = [name for name in MARKS if not name.startswith("gem")]
+OWN = [name for name in COMPARISONS if not name.startswith("gem")]
 FIND = importlib.util.find_spec
 
 
@@ -37,7 +39,7 @@ def results(tmp_path_factory):
             "find_spec",
             lambda name: None if name == "gym_electric_motor" else FIND(name),
         )
-        assert main(["--repeats", "1", "--output", str(folder), "--seed", "3"], TINY) == 0
+        report(Speed(repeats=1, output=folder, seed=3), TINY)
     return SimpleNamespace(
         printed=printed.getvalue(), **json.loads((folder / "results.json").read_text("utf-8"))
     )
@@ -52,7 +54,7 @@ def test_results_hold_comparison_profiles_machine_and_command(results):
     )
     assert list(results.rates) == OWN
     assert [row["what"] for row in results.comparison] == [
-        MARKS[name].what.format(lanes=5, many=70) for name in OWN
+        COMPARISONS[name].what.format(lanes=5, many=70) for name in OWN
     ]
     for row in results.comparison:
         assert row["rate"] > 0 and row["ratio"] > 0
@@ -86,13 +88,13 @@ def test_tables_name_every_row_and_tell_how_to_get_the_missing_yardstick(results
 
 def test_gym_electric_motor_is_measured_where_it_is_installed():
     pytest.importorskip("gym_electric_motor")
-    rates = interleaved(speed.gem_laps(seed=0), repeats=1, seconds=0.0, about="gem")
-    assert list(rates) == [name for name in MARKS if name.startswith("gem")]
+    rates = rates_in_turn(speed.gem_runs(seed=0), repeats=1, seconds=0.0, about="gem")
+    assert list(rates) == [name for name in COMPARISONS if name.startswith("gem")]
 
 
 def test_ratios_are_medians_of_the_ratios_within_each_repeat():
     rates = {"cartpole": [100.0, 200.0, 400.0], "single": [50.0, 20.0, 160.0]}
-    cartpole, single = comparison(rates, Size())
+    cartpole, single = comparison_rows(rates, Size())
     assert (cartpole["rate"], cartpole["ratio"], cartpole["met"]) == (200.0, 1.0, None)
     assert (single["rate"], single["ratio"], single["met"]) == (50.0, 0.4, True)
 
@@ -100,12 +102,12 @@ def test_ratios_are_medians_of_the_ratios_within_each_repeat():
 @pytest.mark.parametrize(("many", "met"), [(100.0, True), (70.0, False)])
 def test_a_missed_target_is_printed_as_missed(many, met):
     rates = {"cartpole": [100.0], "parallel": [100.0], "many": [many]}
-    row = comparison(rates, Size())[-1]
+    row = comparison_rows(rates, Size())[-1]
     assert row["met"] is met and row["what"] == "Propulsion-v0, 65536 lanes"
-    assert comparison_text([row]).endswith(" met" if met else " missed")
+    assert comparison_table([row]).endswith(" met" if met else " missed")
 
 
-def test_a_lap_runs_at_least_once():
+def test_a_run_is_measured_at_least_once():
     assert rate(lambda: 7, seconds=0.0) > 0
 
 
@@ -113,7 +115,7 @@ def test_shares_of_a_profile_add_up():
     size = {"lanes": 64}
     about = {"processor": "cpu", "cores": 2, "versions": {"python": "3"}}
     profile = {"move": 3.0, "publish": 1.0}
-    text = report(
+    text = tables(
         {
             "machine": about,
             "size": size,
@@ -127,17 +129,17 @@ def test_shares_of_a_profile_add_up():
 
 @pytest.mark.parametrize(
     ("arguments", "named"),
-    [(["--repeats", "0"], "repeats"), (["--output", "pyproject.toml/speed"], "pyproject.toml")],
+    [({"repeats": 0}, "repeats"), ({"output": Path("pyproject.toml/speed")}, "pyproject.toml")],
 )
 def test_bad_input_is_refused_in_one_line_before_anything_is_measured(
-    arguments, named, monkeypatch, capsys, request
+    arguments, named, monkeypatch, request
 ):
     monkeypatch.chdir(request.config.rootpath)
     monkeypatch.setattr(speed, "measure", None)
-    assert main(arguments) == 2
-    error = capsys.readouterr().err
-    assert named in error and error.count("\n") == 1
+    with pytest.raises(InputError) as refused:
+        main(Speed(**arguments))
+    assert named in str(refused.value) and "\n" not in str(refused.value)
 
 
 def test_defaults():
-    assert Args() == Args(seed=0, repeats=5, output=None)
+    assert Speed() == Speed(seed=0, repeats=5, output=None)
