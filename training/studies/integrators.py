@@ -1,15 +1,16 @@
-"""Error against cost of the integration schemes of the plant, as a table: ``python -m training.studies.integrators``.
+"""Error and cost of integration schemes for the plant.
 
-The error is the worst over free-running trajectories under hard voltage jumps, healthy and faulty,
-at the sample times, relative to max(|x|, 0.05 m/s, 1 rad/s), against DOP853 with relative tolerance
-1e-11. The cost is that of one lane and sample in a batch of 512 lanes on one thread.
-`physics.SUBSTEPS` and the grading of `physics.SUBSTEP` rest on it.
+``python -m training.studies.integrators`` prints a table. The error is the largest at the sample
+times over trajectories under hard voltage steps, healthy and faulty, relative to max(|x|, 0.05 m/s,
+1 rad/s), against DOP853 with a relative tolerance of 1e-11. The cost is that of one lane and sample
+in a batch of 512 lanes on one thread. `physics.SUBSTEPS` and the grading of `physics.SUBSTEP` rest
+on this table.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -18,6 +19,7 @@ from tqdm import tqdm
 
 from auv_fault_env import physics
 from auv_fault_env.compiling import OPTIONS, scalar
+from auv_fault_env.errors import whole_number
 from auv_fault_env.faults import CATALOGUE, fault_effect
 from auv_fault_env.parameters import PARAMETERS, PRESETS, SAMPLE_TIME, SIDES, Vehicle, nominal
 from auv_fault_env.physics import Motion, Motor, Shaft, plant_constants
@@ -26,14 +28,18 @@ from training.studies.run import command_line
 PLANT_FAULTS = [
     name for name, fault in CATALOGUE.items() if not fault.component.startswith("sensor")
 ]
-FLOOR = np.array([0.05, 1.0, 1.0])  # m/s, rad/s: errors are relative to no less than this
+# m/s and rad/s; errors are relative to at least this
+FLOOR = np.array([0.05, 1.0, 1.0])
 LANES = 512
 GRADINGS = (1.0, 1.5, 1.75, 2.0)
+COARSE_SUBSTEPS = (5, 10, 20, 40)
+# ranges of the random voltage segments [V]: full, zero, nearly zero, any
+VOLTAGE_RANGES = ((24.0, 24.0), (0.0, 0.0), (0.0, 0.4), (0.0, 24.0))
 
 
 @dataclass(frozen=True)
-class Args:
-    """Print a table of error against cost for the integration schemes of the plant."""
+class Integrators:
+    """Print error and cost of the integration schemes for the plant."""
 
     seed: int = 0
     """Seed of voltages, disturbances and vehicles."""
@@ -42,11 +48,19 @@ class Args:
     samples: int = 150
     """Samples of 0.1 s per trajectory."""
     vehicles: int = 64
-    """Trajectories: healthy and every plant fault at severity 1, filled up with random compound faults."""
+    """Trajectories: healthy, every plant fault at severity 1, then random faults together."""
 
 
 class Problem(NamedTuple):
-    """Trajectories to follow: motor coefficients (n_samples, 2, 5, n), drag and disturbance (n_samples, n)."""
+    """Trajectories to integrate.
+
+    Attributes
+    ----------
+    motors
+        Coefficients of both motors, (n_samples, 2, 5, n_lanes).
+    drag, disturbance
+        (n_samples, n_lanes).
+    """
 
     motors: np.ndarray
     drag: np.ndarray
@@ -54,7 +68,19 @@ class Problem(NamedTuple):
 
 
 class Scheme(NamedTuple):
-    """A way to advance one substep, and the lengths [s] of a sample's substeps."""
+    """An integration scheme.
+
+    Attributes
+    ----------
+    name
+        Name in the table.
+    step
+        Compiled function that advances a motion by one substep.
+    lengths
+        Lengths of the substeps of one sample [s].
+    grading
+        Grading in the table.
+    """
 
     name: str
     step: Callable
@@ -62,8 +88,8 @@ class Scheme(NamedTuple):
     grading: str = ""
 
 
-def graded(substeps: int, grading: float = 1.0) -> np.ndarray:
-    """Substeps of one sample [s], equal for grading 1, else the shorter the earlier."""
+def substep_lengths(substeps: int, grading: float = 1.0) -> np.ndarray:
+    """Substeps of one sample [s]: equal for grading 1, growing for a larger one."""
     return SAMPLE_TIME * np.diff((np.arange(substeps + 1) / substeps) ** grading)
 
 
@@ -72,90 +98,97 @@ def faulty_parameters(healthy: dict[str, float], severities: dict[str, float]) -
     parameters = dict(healthy)
     for name, severity in severities.items():
         fault = CATALOGUE[name]
-        for key in (*fault.scale, *fault.offset):
+        for key in fault.scale | fault.offset:
             scale = fault.scale.get(key, 1.0)
             factor, shift = fault_effect(severity, scale, fault.offset.get(key, 0.0))
             parameters[key] = parameters[key] * factor + shift
     return parameters
 
 
-def random_compound(vehicle: Vehicle, rng: np.random.Generator) -> dict[str, float]:
-    """A vehicle of the healthy band with up to four faults of random severity."""
-    names = rng.choice(PLANT_FAULTS, rng.integers(0, 5), replace=False)
+def random_parameters(vehicle: Vehicle, random: np.random.Generator) -> dict[str, float]:
+    """Parameters in the healthy band, with up to four faults of random severity."""
+    names = random.choice(PLANT_FAULTS, random.integers(0, 5), replace=False)
     healthy = {
-        key: value * (1 + PARAMETERS[key].band * rng.uniform(-1, 1))
+        key: value * (1 + PARAMETERS[key].band * random.uniform(-1, 1))
         for key, value in nominal(vehicle).items()
     }
-    return faulty_parameters(healthy, {str(name): rng.uniform() for name in names})
+    return faulty_parameters(healthy, {str(name): random.uniform() for name in names})
 
 
-def fleet_of(n: int, rng: np.random.Generator) -> Iterator[tuple[Vehicle, dict[str, float]]]:
-    """n vehicles: both presets healthy and under every plant fault at severity 1, then random compounds."""
+def vehicles_and_parameters(
+    n: int, random: np.random.Generator
+) -> Iterator[tuple[Vehicle, dict[str, float]]]:
+    """Both presets in turn: healthy, with every plant fault at severity 1, then at random."""
     presets = list(PRESETS.values())
     cases = [{}, *({name: 1.0} for name in PLANT_FAULTS)]
     for k in range(n):
         vehicle = presets[k % 2]
         case = k // 2
-        fixed = case < len(cases)
-        yield (
-            vehicle,
-            faulty_parameters(nominal(vehicle), cases[case])
-            if fixed
-            else random_compound(vehicle, rng),
-        )
+        if case < len(cases):
+            yield vehicle, faulty_parameters(nominal(vehicle), cases[case])
+        else:
+            yield vehicle, random_parameters(vehicle, random)
 
 
-def voltages(n_samples: int, rng: np.random.Generator) -> np.ndarray:
-    """Segments of full, hardly any and random voltage (n_samples,): the shaft starts, races and nearly stops."""
-    limits = ((24.0, 24.0), (0.0, 0.0), (0.0, 0.4), (0.0, 24.0))
-    segments = [
-        np.full(rng.integers(1, 10), rng.uniform(*limits[rng.choice(4)])) for _ in range(n_samples)
-    ]
+def random_voltages(n_samples: int, random: np.random.Generator) -> np.ndarray:
+    """Segments of constant voltage, (n_samples,): the shaft starts, races and nearly stops."""
+    segments = []
+    for _ in range(n_samples):
+        length = random.integers(1, 10)
+        limits = VOLTAGE_RANGES[random.choice(4)]
+        segments.append(np.full(length, random.uniform(*limits)))
     return np.concatenate(segments)[:n_samples]
 
 
-def problem_of(args: Args) -> Problem:
-    """The trajectories' coefficients, sample by sample."""
-    rng = np.random.default_rng(args.seed)
-    n = args.vehicles
-    motors = np.empty((args.samples, 2, 5, n))
-    drag = np.empty((args.samples, n))
-    for k, (vehicle, values) in enumerate(fleet_of(n, rng)):
+def random_problem(arguments: Integrators) -> Problem:
+    """Random trajectories."""
+    random = np.random.default_rng(arguments.seed)
+    n_samples = arguments.samples
+    n_lanes = arguments.vehicles
+    motors = np.empty((n_samples, 2, 5, n_lanes))
+    drag = np.empty((n_samples, n_lanes))
+    for lane, (vehicle, values) in enumerate(vehicles_and_parameters(n_lanes, random)):
         constants = plant_constants(vehicle)
-        drag[:, k] = values["alpha"] + values["gamma"] * rng.uniform(0.0, 0.32, args.samples)
+        squared_deflection = random.uniform(0.0, 0.32, n_samples)
+        drag[:, lane] = values["alpha"] + values["gamma"] * squared_deflection
         for side, name in enumerate(SIDES):
             shaft = Shaft(*(values[f"{name}_{parameter}"] for parameter in Shaft._fields))
-            motors[:, side, :, k] = [
-                physics.motor(shaft, constants, v) for v in voltages(args.samples, rng)
-            ]
-    return Problem(motors, drag, 0.002 * rng.standard_normal((args.samples, n)))
+            voltages = random_voltages(n_samples, random)
+            motors[:, side, :, lane] = [physics.motor(shaft, constants, v) for v in voltages]
+    return Problem(motors, drag, 0.002 * random.standard_normal((n_samples, n_lanes)))
 
 
 @njit(**OPTIONS)
 def derivative(_time, state, drag, disturbance, port, starboard):
     """`physics.rates` on arrays, for scipy."""
     motion = Motion(state[0], state[1], state[2], 0.0, 0.0)
-    got = physics.rates(motion, drag, disturbance, port, starboard)
-    return np.array([got.speed, got.port_shaft_speed, got.starboard_shaft_speed])
+    slope = physics.rates(motion, drag, disturbance, port, starboard)
+    return np.array([slope.speed, slope.port_shaft_speed, slope.starboard_shaft_speed])
 
 
-def exact(problem: Problem, lane: int) -> np.ndarray:
-    """Speed and both shaft speeds of one lane at the sample times (n_samples, 3), by DOP853, from rest."""
+def exact_trajectory(problem: Problem, lane: int) -> np.ndarray:
+    """Speed and both shaft speeds of one lane at the sample times, (n_samples, 3), by DOP853."""
     state = np.zeros(3)
     states = []
-    for motors, drag, disturbance in zip(
-        problem.motors, problem.drag, problem.disturbance, strict=True
-    ):
+    for motors, drag, disturbance in zip(*problem, strict=True):
         sides = [Motor(*side) for side in motors[:, :, lane].tolist()]
-        given = dict(args=(drag[lane], disturbance[lane], *sides), rtol=1e-11, atol=1e-12)
-        state = solve_ivp(derivative, (0.0, SAMPLE_TIME), state, "DOP853", **given).y[:, -1]
+        solution = solve_ivp(
+            derivative,
+            (0.0, SAMPLE_TIME),
+            state,
+            "DOP853",
+            args=(drag[lane], disturbance[lane], *sides),
+            rtol=1e-11,
+            atol=1e-12,
+        )
+        state = solution.y[:, -1]
         states.append(state)
     return np.array(states)
 
 
 @scalar
 def moved(motion, slope, time):
-    """The motion after `time` at a constant slope; the shafts do not reverse."""
+    """The motion after `time` with constant slope; the shafts do not reverse."""
     return Motion(
         motion.speed + time * slope.speed,
         max(motion.port_shaft_speed + time * slope.port_shaft_speed, 0.0),
@@ -167,7 +200,7 @@ def moved(motion, slope, time):
 
 @scalar
 def runge_kutta(motion, drag, disturbance, port, starboard, time):
-    """The classical method of order 4."""
+    """The classical Runge-Kutta method of order 4."""
     a = physics.rates(motion, drag, disturbance, port, starboard)
     b = physics.rates(moved(motion, a, 0.5 * time), drag, disturbance, port, starboard)
     c = physics.rates(moved(motion, b, 0.5 * time), drag, disturbance, port, starboard)
@@ -178,7 +211,7 @@ def runge_kutta(motion, drag, disturbance, port, starboard, time):
 
 @scalar
 def frozen_speed(motion, drag, disturbance, port, starboard, time):
-    """Closed-form shafts at a constant surge speed, its predicted mean; Simpson's rule for the speed and the angles."""
+    """Closed-form shafts at the predicted mean surge speed; Simpson's rule for speed and angles."""
     u = motion.speed
     port_0 = motion.port_shaft_speed
     starboard_0 = motion.starboard_shaft_speed
@@ -206,14 +239,14 @@ def frozen_speed(motion, drag, disturbance, port, starboard, time):
 
 
 def compiled(step: Callable) -> Callable:
-    """A loop over samples, substeps and lanes around one scheme, as the fleet's; fills out (n_samples, 3, n)."""
+    """A loop over samples, substeps and lanes as in the fleet; it fills (n_samples, 3, n_lanes)."""
 
     @njit(**OPTIONS)
     def run(problem, lengths, state, out):
         for sample in range(out.shape[0]):
             motors = problem.motors[sample]
             drag = problem.drag[sample]
-            push = problem.disturbance[sample]
+            disturbance = problem.disturbance[sample]
             for length in lengths:
                 for k in range(state.shape[1]):
                     port = Motor(
@@ -223,7 +256,7 @@ def compiled(step: Callable) -> Callable:
                         motors[0, 3, k],
                         motors[0, 4, k],
                     )
-                    star = Motor(
+                    starboard = Motor(
                         motors[1, 0, k],
                         motors[1, 1, k],
                         motors[1, 2, k],
@@ -231,7 +264,7 @@ def compiled(step: Callable) -> Callable:
                         motors[1, 4, k],
                     )
                     motion = Motion(state[0, k], state[1, k], state[2, k], state[3, k], state[4, k])
-                    motion = step(motion, drag[k], push[k], port, star, length)
+                    motion = step(motion, drag[k], disturbance[k], port, starboard, length)
                     state[0, k] = motion.speed
                     state[1, k] = motion.port_shaft_speed
                     state[2, k] = motion.starboard_shaft_speed
@@ -242,83 +275,99 @@ def compiled(step: Callable) -> Callable:
     return run
 
 
-def in_use() -> Scheme:
-    """What the plant uses."""
+def current_scheme() -> Scheme:
+    """The scheme of the plant."""
     return Scheme("in use", physics.substep, np.array(physics.SUBSTEP))
 
 
-def schemes() -> list[Scheme]:
-    """Everything tried."""
-    coarse = (5, 10, 20, 40)
-    return [
-        *(Scheme("RK4", runge_kutta, graded(n)) for n in coarse),
-        *(Scheme("frozen speed", frozen_speed, graded(n)) for n in coarse),
-        *(
-            Scheme("closed form", physics.substep, graded(n, g), f"{g}")
-            for n in range(2, 13)
-            for g in GRADINGS
-        ),
+def alternative_schemes() -> list[Scheme]:
+    """All other schemes of the table."""
+    runge_kutta_schemes = [Scheme("RK4", runge_kutta, substep_lengths(n)) for n in COARSE_SUBSTEPS]
+    frozen_speed_schemes = [
+        Scheme("frozen speed", frozen_speed, substep_lengths(n)) for n in COARSE_SUBSTEPS
     ]
+    closed_form_schemes = [
+        Scheme("closed form", physics.substep, substep_lengths(n, grading), f"{grading}")
+        for n in range(2, 13)
+        for grading in GRADINGS
+    ]
+    return [*runge_kutta_schemes, *frozen_speed_schemes, *closed_form_schemes]
 
 
-def tiled(problem: Problem) -> Problem:
+def tile_lanes(problem: Problem) -> Problem:
     """The problem repeated to fill `LANES` lanes."""
     times = -(-LANES // problem.drag.shape[1])
-    return Problem(*(np.ascontiguousarray(np.tile(part, times)[..., :LANES]) for part in problem))
+    tiled = (np.tile(values, times)[..., :LANES] for values in problem)
+    return Problem(*map(np.ascontiguousarray, tiled))
 
 
-def seconds(run: Callable, problem: Problem, lengths: np.ndarray) -> float:
-    """Time of one run per lane and sample."""
-    n_samples, n = problem.drag.shape
-    state = np.zeros((5, n))
-    out = np.empty((n_samples, 3, n))
+def cost(run: Callable, problem: Problem, lengths: np.ndarray) -> float:
+    """Time of one run per lane and sample [s]."""
+    n_samples, n_lanes = problem.drag.shape
+    state = np.zeros((5, n_lanes))
+    out = np.empty((n_samples, 3, n_lanes))
     start = perf_counter()
     run(problem, lengths, state, out)
-    return (perf_counter() - start) / (n_samples * n)
+    return (perf_counter() - start) / (n_samples * n_lanes)
 
 
-def worst(run: Callable, problem: Problem, lengths: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Worst error of speed and shaft speed (2,)."""
-    out = np.empty(truth.shape)
-    run(problem, lengths, np.zeros((5, truth.shape[2])), out)
-    error = np.max(np.abs(out - truth) / np.maximum(np.abs(truth), FLOOR[:, None]), axis=(0, 2))
-    return np.array([error[0], max(error[1:])])
+def largest_errors(
+    run: Callable, problem: Problem, lengths: np.ndarray, exact: np.ndarray
+) -> np.ndarray:
+    """Largest relative errors of speed and shaft speed, (2,)."""
+    out = np.empty(exact.shape)
+    run(problem, lengths, np.zeros((5, exact.shape[2])), out)
+    scale = np.maximum(np.abs(exact), FLOOR[:, None])
+    errors = np.max(np.abs(out - exact) / scale, axis=(0, 2))
+    return np.array([errors[0], max(errors[1:])])
 
 
-def table(args: Args) -> list[dict]:
-    """One row per scheme: name, substeps, grading, worst errors of speed and shaft speed, cost [ns], ratio of costs.
+def table(arguments: Integrators) -> list[dict[str, Any]]:
+    """One row per scheme, the current one first.
 
-    Every repeat times all schemes in turn, so that load on the machine hits all alike. The ratio is
-    that to the scheme in use, the median of the ratios within each repeat.
+    Every repeat times all schemes in turn, so that other load affects all alike.
+
+    Returns
+    -------
+    rows
+        name, substeps, grading, speed, shaft (largest errors), nanoseconds (cost), ratio: of the
+        costs to that of the current scheme, the median of the ratios within each repeat.
     """
-    problem = problem_of(args)
-    everything = [in_use(), *schemes()]
-    truth = np.stack(
-        [exact(problem, lane) for lane in tqdm(range(args.vehicles), "reference", leave=False)],
-        axis=2,
-    )
+    problem = random_problem(arguments)
+    schemes = [current_scheme(), *alternative_schemes()]
+    lanes = tqdm(range(arguments.vehicles), "reference", leave=False)
+    exact = np.stack([exact_trajectory(problem, lane) for lane in lanes], axis=2)
     runs = {step: compiled(step) for step in (runge_kutta, frozen_speed, physics.substep)}
-    errors = [worst(runs[scheme.step], problem, scheme.lengths, truth) for scheme in everything]
-    wide = tiled(problem)
-    laps = tqdm(range(args.repeats), "repeats", leave=False)
+    errors = [largest_errors(runs[one.step], problem, one.lengths, exact) for one in schemes]
+    wide = tile_lanes(problem)
+    repeats = tqdm(range(arguments.repeats), "repeats", leave=False)
     costs = np.array(
-        [[seconds(runs[one.step], wide, one.lengths) for one in everything] for _ in laps]
+        [[cost(runs[one.step], wide, one.lengths) for one in schemes] for _ in repeats]
     )
-    columns = zip(
-        errors, np.median(costs, axis=0), np.median(costs / costs[:, :1], axis=0), strict=True
-    )
+    median_costs = np.median(costs, axis=0)
+    ratios = np.median(costs / costs[:, :1], axis=0)
     return [
-        dict(name=scheme.name, substeps=len(scheme.lengths), grading=scheme.grading)
-        | dict(speed=error[0], shaft=error[1], nanoseconds=1e9 * cost, ratio=ratio)
-        for scheme, (error, cost, ratio) in zip(everything, columns, strict=True)
+        {
+            "name": scheme.name,
+            "substeps": len(scheme.lengths),
+            "grading": scheme.grading,
+            "speed": errors[k][0],
+            "shaft": errors[k][1],
+            "nanoseconds": 1e9 * median_costs[k],
+            "ratio": ratios[k],
+        }
+        for k, scheme in enumerate(schemes)
     ]
 
 
-def main(args: Args) -> None:
+def main(arguments: Integrators) -> None:
     """Print the table."""
+    whole_number("repeats", arguments.repeats)
+    whole_number("samples", arguments.samples)
+    whole_number("vehicles", arguments.vehicles)
     print("scheme        substeps  grading    speed    shaft       ns  ratio")
     line = "{name:14}{substeps:8}{grading:>9}{speed:9.1e}{shaft:9.1e}{nanoseconds:9.1f}{ratio:7.2f}"
-    for row in table(args):
+    for row in table(arguments):
         print(line.format(**row))
 
 

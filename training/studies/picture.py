@@ -1,4 +1,7 @@
-"""The picture of the README: ``python -m training.studies.picture docs/propulsion.png``. A propeller is lost."""
+"""The picture of the README: a vehicle loses a propeller.
+
+Run ``python -m training.studies.picture docs/propulsion.png``.
+"""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,18 +11,20 @@ import matplotlib.image
 from tyro.conf import Positional, arg
 
 import auv_fault_env  # noqa: F401  (registers the environment)
+from auv_fault_env.parameters import SAMPLE_RATE
 from training.studies.run import command_line
 
 SEED = 3
-SECONDS = 34.0
+# s
+DURATION = 34.0
 FAULT = {"fault": "propeller_loss:port", "onset": 12.0, "severity": 1.0}
 
 
 def main(path: Annotated[Positional[Path], arg(metavar="PATH")]) -> None:
-    """Run one episode up to `SECONDS` and write the last frame."""
+    """Simulate an episode up to `DURATION` and write its last frame."""
     env = gym.make("auv_fault_env/Propulsion-v0", render_mode="rgb_array")
     observation, _ = env.reset(seed=SEED, options={"schedule": [FAULT], "mission": "thesis"})
-    for _ in range(round(10 * SECONDS)):
+    for _ in range(round(DURATION * SAMPLE_RATE)):
         observation, *_ = env.step([observation[0], 0.0, 0.0])
     path.parent.mkdir(parents=True, exist_ok=True)
     matplotlib.image.imsave(path, env.render())

@@ -1,4 +1,4 @@
-"""The frame of every study: its command line, and its run folder with results and page."""
+"""What all studies share: the command line, and the run folder with results and page."""
 
 import sys
 from collections.abc import Callable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""How fast a stimulus is trained: the fleet against single environments in two processes, the same PPO over both.
+"""How fast a stimulus is trained on the fleet, beside the same PPO on single environments.
 
 Run ``python -m training.studies.training_speed``. Rates are decisions of ten samples per second,
 diagnoser and learning included; judge them by their ratio.
@@ -18,35 +18,37 @@ from training.stimuli.light_bank import light_bank
 from training.studies.run import command_line
 
 PROCESSES = 2
-STEPS = 128  # decisions of each single environment between two updates
+# decisions of each single environment between two updates
+STEPS = 128
 
 
-def one_vehicle() -> ActiveDiagnosisEnv:
-    """A single environment with the diagnoser that the training has."""
+def single_environment() -> ActiveDiagnosisEnv:
+    """A single environment with the diagnoser of the training."""
     return ActiveDiagnosisEnv(diagnoser=light_bank(), cost_weight=0.0)
 
 
-def seconds(work: Callable[[], object]) -> float:
+def seconds_of(work: Callable[[], object]) -> float:
     """Wall-clock time of a call [s]."""
-    begin = time.perf_counter()
+    start = time.perf_counter()
     work()
-    return time.perf_counter() - begin
+    return time.perf_counter() - start
 
 
 def fleet_rate() -> float:
-    """Decisions per second of `StimulusTrainer`, rollouts and updates; without the first epoch, which compiles."""
+    """Decisions per second of `StimulusTrainer` in its second epoch; the first one compiles."""
     trainer = StimulusTrainer(0)
     trainer.epoch(0)
-    return trainer.decisions / seconds(lambda: trainer.epoch(1))
+    return trainer.decisions / seconds_of(lambda: trainer.epoch(1))
 
 
 def single_rate() -> float:
-    """Decisions per second of the same PPO over single environments in processes."""
-    env = SubprocVecEnv([one_vehicle] * PROCESSES)
+    """Decisions per second of the same PPO on single environments in processes."""
+    env = SubprocVecEnv([single_environment] * PROCESSES)
+    decisions = 2 * STEPS * PROCESSES
     try:
         model = PPO(Agent, env, stimulus.RATE, n_steps=STEPS, device="cpu", **SETTINGS)
         model.learn(STEPS * PROCESSES)
-        return 2 * STEPS * PROCESSES / seconds(lambda: model.learn(2 * STEPS * PROCESSES))
+        return decisions / seconds_of(lambda: model.learn(decisions))
     finally:
         env.close()
 
@@ -55,9 +57,10 @@ def main() -> None:
     """Measure one after the other and print the ratio."""
     single = single_rate()
     fleet = fleet_rate()
+    ratio = fleet / single
     print(f"single environments in {PROCESSES} processes: {single:,.0f} decisions per second")
     print(
-        f"fleet of {stimulus.LANES}: {fleet:,.0f} decisions per second, {fleet / single:.1f} times as many"
+        f"fleet of {stimulus.LANES}: {fleet:,.0f} decisions per second, {ratio:.1f} times as many"
     )
 
 

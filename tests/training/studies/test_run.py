@@ -1,0 +1,58 @@
+"""The frame of a study: results, page and printed tables; exit codes and messages."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from auv_fault_env.errors import refusal
+from training.report.run_folder import read_manifest
+from training.studies.run import command_line, run_study
+
+
+@dataclass(frozen=True)
+class Arguments:
+    output: Path
+
+
+def section(heading, **more):
+    table = {"columns": ["a"], "rows": [["1"]]}
+    return {"heading": heading, "text": [], "table": table} | more
+
+
+def page(results):
+    sections = [section("printed"), section("details", printed=False)]
+    return {"title": "t", "intro": [], "command": results["command"], "sections": sections}
+
+
+def test_a_study_leaves_results_page_and_manifest_and_prints_its_tables(tmp_path, capsys):
+    output = tmp_path / "run"
+    report = run_study("name", Arguments(output), lambda folder: {"command": "c"}, page)
+    assert report["title"] == "t"
+    assert json.loads((output / "results.json").read_text()) == {"command": "c"}
+    assert "details" in (output / "index.html").read_text()
+    assert read_manifest(output) is not None
+    printed = capsys.readouterr().out
+    assert "printed" in printed and "details" not in printed and str(output) in printed
+
+
+def refuse():
+    raise refusal("lanes", 0, "a whole number from 1", "give one")
+
+
+def interrupt():
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(
+    ("main", "code", "words"),
+    [(lambda: None, 0, ""), (refuse, 2, "study: lanes: got 0"), (interrupt, 130, "stopped")],
+)
+def test_exit_codes_and_one_line_on_the_error_stream(main, code, words, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["training/studies/study.py"])
+    with pytest.raises(SystemExit) as end:
+        command_line(main)
+    error = capsys.readouterr().err
+    assert end.value.code == code
+    assert words in error and error.count("\n") == (0 if code == 0 else 1)
