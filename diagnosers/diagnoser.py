@@ -94,12 +94,12 @@ class Recursive(ABC):
         """The memory of the present episode."""
         return RunningState()
 
-    @property
+    @cached_property
     def classes(self) -> tuple[str, ...]:
-        """The diagnosis classes of its beliefs, `normal` first."""
+        """The diagnosis classes of its beliefs, `normal` first: those of the catalogue at the first use."""
         return classes()
 
-    @property
+    @cached_property
     def labels(self) -> Mapping[str, str | None]:
         """The label of every class; the diagnoser cannot isolate classes with one label, nor detect those with None."""
         return {name: name for name in self.classes}

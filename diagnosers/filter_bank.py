@@ -15,7 +15,7 @@ from auv_fault_env import parameters as plant
 from auv_fault_env.channels import CHANNELS, COMMANDS, READINGS
 from auv_fault_env.compiling import n_threads
 from auv_fault_env.errors import finite_in_range, known_name, pair_in_range, refusal
-from auv_fault_env.faults import CATALOGUE, fault_of
+from auv_fault_env.faults import CATALOGUE, classes, fault_of
 from auv_fault_env.parameters import PARAMETERS, SAMPLE_TIME, SIDES, Vehicle, vehicle_of
 from auv_fault_env.physics import PlantConstants, plant_constants
 from diagnosers.bank import algebra
@@ -137,6 +137,11 @@ class FilterBank(Recursive):
             finite_in_range(f"healthy band of {name}", width, 0.0, 1.0)
         _check_readings("noise", self.noise, 1e-9)
         _check_readings("resolution", self.resolution, 0.0)
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """The diagnosis classes of the catalogue as it is now; the hypotheses follow it too."""
+        return classes()
 
     @property
     def healthy(self) -> np.ndarray:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from auv_fault_env.faults import classes
 from auv_fault_env.faults import labels as tables
 from auv_fault_env.parameters import Vehicle, vehicle_of
 from diagnosers.diagnoser import Belief, Recursive
@@ -37,8 +38,8 @@ CALIBRATION: Shapes = {
 
 
 def labels() -> dict[str, str | None]:
-    """For every class its mode of Table 5.2, None where the table does not know it."""
-    return {name: mode for name, (_, mode) in tables().items()}
+    """The mode of every class in Table 5.2, None where it has none."""
+    return {name: mode if mode in MODES_5_2 else None for name, (_, mode) in tables().items()}
 
 
 def points(estimate: Estimate) -> np.ndarray:
@@ -49,19 +50,20 @@ def points(estimate: Estimate) -> np.ndarray:
 
 
 def outputs(sums: np.ndarray) -> np.ndarray:
-    """What the output nodes give (n, 5), mode times grade, from their sums: sigmoids, as in the thesis."""
+    """The outputs (n, 5), mode times grade, from the output nodes' sums: sigmoids, as in the thesis."""
     return 1.0 / (1.0 + np.exp(-sums))
 
 
 class KalmanNetwork(Recursive):
     """2-8-5 on normalised alpha and beta, as the parameter filter estimates them.
 
-    Propulsion modes do not know the side; port and starboard share theirs evenly. What Table 5.2
-    does not know gets a constant share of the probability of any fault, see
-    `diagnosers.networks.modes.class_shares`. Misleads at constant speed, where only beta/alpha can be
-    seen; under faults of the speed, acceleration and rpm sensors, which look like drag or thrust;
-    and on what stays in the window of normal operation: one damaged propeller takes at most 25 % of
-    the thrust, the window 28 %, so it is seen late if at all, and then called a lost one.
+    Propulsion modes have no side; port and starboard share theirs evenly. Classes without a mode in
+    Table 5.2, such as a fault that the catalogue gains, get a constant share of the probability of
+    any fault, see `diagnosers.networks.modes.class_shares`. Misleads at constant speed, where only
+    beta/alpha is observable; under faults of the speed, acceleration and rpm sensors, which look
+    like drag or thrust; and on what stays in the window of normal operation: one damaged propeller
+    takes at most 25 % of the thrust, the window 28 %, so it is detected late or never, and then
+    isolated as a lost one.
 
     Parameters
     ----------
@@ -78,15 +80,12 @@ class KalmanNetwork(Recursive):
         self.filter = ParameterFilter(self.vehicle)
         self.learnt = load_tensors(weights, ARCHITECTURE | CALIBRATION)
         self.network = FeedForward({name: self.learnt[name] for name in ARCHITECTURE})
+        self.classes = classes()
+        self.labels = labels()
         self.shares = class_shares(self.labels, MODES_5_2)
         modes = [MODES_5_2.index(mode) if mode else -1 for mode in self.labels.values()]
-        unknown = PRIOR_SEVERITY[0], 0.0, PRIOR_SEVERITY[1]
-        self.severity = np.vstack([self.learnt["severity"], unknown])[modes]
-
-    @property
-    def labels(self) -> dict[str, str | None]:
-        """For every class its mode of Table 5.2, None where the table does not know it."""
-        return labels()
+        without_mode = PRIOR_SEVERITY[0], 0.0, PRIOR_SEVERITY[1]
+        self.severity = np.vstack([self.learnt["severity"], without_mode])[modes]
 
     def initial(self, n_lanes: int) -> Estimate:
         """The filter's state at the start."""

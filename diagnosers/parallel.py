@@ -1,10 +1,10 @@
 """Both networks of the thesis side by side (VI.B): one identifies faults of the shafts, the other those of the hull.
 
-Each network is heard only on what it can tell apart, its `labels`: the ratio of what it believes of
-a label to the label's prior is its evidence for every class of that label. The belief is the prior
+Each network counts only for what it can isolate, its `labels`: the ratio of its probability of a
+label to the label's prior is its evidence for every class of that label. The belief is the prior
 times both pieces of evidence, as if they were independent, which they are not. Powers below 1 on
-either (a logarithmic opinion pool) raised the log-loss; on the Kalman network's evidence they named
-a few more faults.
+either (a logarithmic opinion pool) raised the log loss; on the Kalman network's evidence they
+isolated a few more faults.
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ from diagnosers.raw_network import RawNetwork
 from diagnosers.storage import Weights, load_tensors
 
 PRIOR_NORMAL = 0.5  # all faults share the rest evenly
-# before the names of their tensors
+# prefixes of the names of their tensors
 RAW = "raw_network."
 KALMAN = "kalman_network."
 ARCHITECTURE = {RAW + name: shape for name, shape in raw_network.ARCHITECTURE.items()} | {
@@ -34,7 +34,7 @@ ARCHITECTURE = {RAW + name: shape for name, shape in raw_network.ARCHITECTURE.it
 class Parallel(Recursive):
     """The raw network on the shafts beside the Kalman network on the hull, one belief.
 
-    Severity is the Kalman network's, which gives the prior's where it does not know a class.
+    Severity is the Kalman network's, which gives the prior's to a class without a mode.
     Misleads as each of its parts does; and as both read the same speed and rpm, a fault of these
     sensors counts twice.
 
@@ -55,21 +55,17 @@ class Parallel(Recursive):
             self.kalman = KalmanNetwork(vehicle)
         else:
             tensors = load_tensors(weights, ARCHITECTURE)
-            self.raw = RawNetwork(_under(RAW, tensors))
-            self.kalman = KalmanNetwork(vehicle, _under(KALMAN, tensors))
+            self.raw = RawNetwork(_with_prefix(RAW, tensors))
+            self.kalman = KalmanNetwork(vehicle, _with_prefix(KALMAN, tensors))
+        self.classes = self.kalman.classes
+        self.labels = {
+            name: _joined(label, self.kalman.labels[name])
+            for name, label in self.raw.labels.items()
+        }
         n_faults = len(self.classes) - 1
         prior = np.array([PRIOR_NORMAL, *[(1.0 - PRIOR_NORMAL) / n_faults] * n_faults])
         self.log_prior = np.log(prior)
         self.ratios = [_ratios(part.labels, prior) for part in (self.raw, self.kalman)]
-
-    @property
-    def labels(self) -> dict[str, str | None]:
-        """For every class the labels of both networks, joined; None where neither knows it."""
-        pairs = {name: (label, self.kalman.labels[name]) for name, label in self.raw.labels.items()}
-        return {
-            name: ", ".join(dict.fromkeys(filter(None, pair))) or None
-            for name, pair in pairs.items()
-        }
 
     def initial(self, n_lanes: int) -> Estimate:
         """The filter's state at the start; the raw network has none."""
@@ -98,7 +94,12 @@ class Parallel(Recursive):
         return self.kalman.settings()
 
 
-def _under(prefix: str, tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _joined(*labels: str | None) -> str | None:
+    """Different labels of a class in one; None where it has none."""
+    return ", ".join(dict.fromkeys(filter(None, labels))) or None
+
+
+def _with_prefix(prefix: str, tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {
         name.removeprefix(prefix): tensor
         for name, tensor in tensors.items()
@@ -107,7 +108,7 @@ def _under(prefix: str, tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarr
 
 
 def _ratios(labels: Mapping[str, str | None], prior: np.ndarray) -> np.ndarray:
-    """What turns probabilities of classes into those of their labels over the labels' prior: (n_classes, n_classes)."""
+    """The matrix (n_classes, n_classes) from probabilities of classes to those of their labels over the labels' prior."""
     of_class = list(labels.values())
-    alike = np.array([[one == other for other in of_class] for one in of_class], dtype=np.float64)
-    return alike / (prior @ alike)
+    have_one_label = np.array([[a == b for b in of_class] for a in of_class], dtype=np.float64)
+    return have_one_label / (prior @ have_one_label)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from auv_fault_env.channels import INDEX
+from auv_fault_env.faults import classes
 from auv_fault_env.faults import labels as tables
 from auv_fault_env.parameters import SIDES
 from diagnosers.diagnoser import Belief, Recursive, same_severity
@@ -46,16 +47,18 @@ PORT, STARBOARD = (list(modes) for modes in zip(*HYPOTHESES.values(), strict=Tru
 
 
 def labels() -> dict[str, str | None]:
-    """For every class its hypothesis, None where Table 5.1 does not know it."""
-    modes = {name: mode for name, (mode, _) in tables().items()}
-    sides = {
-        name: f":{place}" if (place := name.partition(":")[2]) in SIDES else "" for name in modes
-    }
-    return {name: mode and mode + sides[name] for name, mode in modes.items()}
+    """The hypothesis of every class, its mode of Table 5.1 with the side; None where it has none."""
+    return {name: _label(name, mode) for name, (mode, _) in tables().items()}
+
+
+def _label(name: str, mode: str | None) -> str | None:
+    side = name.partition(":")[2]
+    label = f"{mode}:{side}" if side in SIDES else mode
+    return label if label in HYPOTHESES else None
 
 
 def inputs(observation: np.ndarray) -> np.ndarray:
-    """What the networks of port and starboard get of observations (n, n_channels): (2 n, 4), all of port first."""
+    """The inputs of both networks from observations (n, n_channels): (2 n, 4), all of port first."""
     return np.concatenate([observation[:, [*columns, SPEED]] for columns in COLUMNS]) / SCALE
 
 
@@ -68,11 +71,11 @@ def scores(outputs: Any) -> Any:
 class RawNetwork(Recursive):
     """4-6-4 on the readings of one shaft, once per shaft, without memory.
 
-    Severity is that of the prior throughout: the thesis' network does not grade it. The classes
-    that Table 5.1 does not know get a constant share of the probability of any fault, see
-    `diagnosers.networks.modes.class_shares`; a damaged and a lost propeller share theirs evenly. Misleads
-    in transients, which look like drag to a network without memory, so that it hardly ever names
-    drag; and under faults of the sensors it reads.
+    Severity is that of the prior throughout: the thesis' network does not grade it. Classes without
+    a mode in Table 5.1, such as a fault that the catalogue gains, get a constant share of the
+    probability of any fault, see `diagnosers.networks.modes.class_shares`; a damaged and a lost
+    propeller share theirs evenly. Misleads in transients, which look like drag to a network without
+    memory, so that it hardly ever names drag; and under faults of the sensors it reads.
 
     Parameters
     ----------
@@ -84,12 +87,9 @@ class RawNetwork(Recursive):
 
     def __init__(self, weights: Weights = PACKAGED):
         self.network = FeedForward(load_tensors(weights, ARCHITECTURE))
+        self.classes = classes()
+        self.labels = labels()
         self.shares = class_shares(self.labels, tuple(HYPOTHESES))
-
-    @property
-    def labels(self) -> dict[str, str | None]:
-        """For every class its mode of Table 5.1, with the side; None where the table does not know it."""
-        return labels()
 
     def initial(self, n_lanes: int) -> tuple[()]:
         """Nothing: it has no memory."""

@@ -51,10 +51,9 @@ class SampleAdapter:
     Raises `InputError` where a system breaks the interface, and where pandas is not installed.
     """
 
-    classes = classes()
-
     def __init__(self, system: Callable[[], SampleSystem]) -> None:
         self.system = system
+        self.classes = classes()
         self._spread = _spread(self.classes, getattr(system(), "faults", self.classes[1:]))
 
     def reset(self, n_lanes: int) -> None:

@@ -79,6 +79,15 @@ def check_tensors(
     return dict(tensors)
 
 
+def settings_of(weights: Weights) -> dict[str, Any]:
+    """The settings that a diagnoser's save has written beside its tensors; none where there is no file."""
+    if isinstance(weights, Mapping):
+        return {}
+    header = read(weights)[1]
+    settings = header.get("settings") if isinstance(header, dict) else None
+    return settings if isinstance(settings, dict) else {}
+
+
 def load_tensors(weights: Weights, architecture: Shapes) -> dict[str, np.ndarray]:
     """The tensors themselves or from their file, if they have this architecture; else refused in one line."""
     given = isinstance(weights, Mapping)

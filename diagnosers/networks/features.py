@@ -1,12 +1,12 @@
-"""What the integrated network sees: readings, motor and surge residuals, and what the filters make of them.
+"""The inputs of the integrated network: readings, residuals, and what the filters make of the readings.
 
 The filters are the parameter filters of hull and shafts, with their innovations and variances, and
-the bank of filters with its belief. Every signal comes with running means over several times, so
-that the network need not learn to remember what a first order filter keeps: a step shows in the
-short mean before the long one, a healthy vehicle's own offset stays in the long.
+the filter bank with its belief. Every signal comes with running means over several times, so that
+the network need not learn what a first-order filter does: a step shows in the short mean before it
+shows in the long one, and the offset of a healthy vehicle stays in the long one.
 """
 
-from functools import cached_property
+from collections.abc import Sequence
 from math import sqrt
 from typing import Any, NamedTuple
 
@@ -14,19 +14,20 @@ import numpy as np
 
 from auv_fault_env.channels import CHANNELS, COMMANDS, INDEX, READINGS
 from auv_fault_env.compiling import kernel, scalar
-from auv_fault_env.faults import classes
+from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle
 from auv_fault_env.physics import clipped
 from diagnosers import kalman, motor_filter
 from diagnosers.diagnoser import Belief
 from diagnosers.filter_bank import FilterBank
+from diagnosers.networks.class_list import SHIPPED_CLASSES
 from diagnosers.symptoms.residuals import RESIDUALS, residuals
 
-MEMORIES = (1.0, 4.0, 15.0)  # s, time constants of the running means
-BURST = 2.0  # s, of the running mean square
-# s, in which the filters settle; how old a vehicle is thereafter must not tell of faults
-YOUNG = 5.0
-LIMIT = 30.0  # standard deviations: what lies beyond is an outlier, and its size says nothing
+MEAN_TIMES = (1.0, 4.0, 15.0)  # s, time constants of the running means
+SQUARE_TIME = 2.0  # s, of the running mean square
+# s, in which the filters settle; the age of a vehicle beyond that is no feature
+SETTLING_TIME = 5.0
+OUTLIER = 30.0  # standard deviations, to which signals are clipped
 # of the channels, for numbers near 1
 SCALE = (0.3, 0.3, 0.3, 0.3, 0.3, 0.03, 3.0, 0.4, 400.0, 3.0, 0.4, 400.0)
 SIGNALS = (
@@ -43,48 +44,55 @@ N_SIGNALS = len(SIGNALS)
 N_ESTIMATES = len(ESTIMATES)
 N_COMMANDS = len(COMMANDS)
 N_READINGS = len(READINGS)
+N_MEANS = len(MEAN_TIMES)
 NOISE = tuple(CHANNELS[name].noise for name in READINGS)
 SPEED_NOISE = CHANNELS["speed"].noise
 SPEED = INDEX["speed"]
-COMMAND, RUDDER, STERN_PLANE = (
-    COMMANDS.index(name) for name in ("speed_command", "rudder", "stern_plane")
-)
-
-
-CLASSES = classes()
-# of the bank: one filter per fault names it as well as three, and the network grades it
+COMMAND = COMMANDS.index("speed_command")
+RUDDER = COMMANDS.index("rudder")
+STERN_PLANE = COMMANDS.index("stern_plane")
+# of the bank: one grade, because one filter per fault isolates as well as three do
 GRADES = ((0.1, 1.0),)
 EVIDENCE = 5.0  # nats, scale of the bank's log odds
 
 
-def _names() -> tuple[str, ...]:
-    past = [f"mean_{memory:g}" for memory in MEMORIES]
-    return (
+def _names_before_the_bank() -> list[str]:
+    means = [f"mean_{time:g}" for time in MEAN_TIMES]
+    of_signal = ("now", *means, "burst")
+    of_reading = ("step", "repeated", "zero", "repeats", "zeros")
+    of_estimate = ("now", "std", "change")
+    return [
         *CHANNELS,
         "command_error",
         "deflection",
-        *(f"{name}:{part}" for name in SIGNALS for part in ("now", *past, "burst")),
-        *(
-            f"{name}:{part}"
-            for name in READINGS
-            for part in ("step", "repeated", "zero", "repeats", "zeros")
-        ),
-        *(f"{name}:{part}" for name in ESTIMATES for part in ("now", "std", "change")),
+        *(f"{name}:{part}" for name in SIGNALS for part in of_signal),
+        *(f"{name}:{part}" for name in READINGS for part in of_reading),
+        *(f"{name}:{part}" for name in ESTIMATES for part in of_estimate),
         "disturbance",
         "speed_correction",
         "youth",
-        *(f"bank_{part}:{name}" for part in ("odds", "severity") for name in CLASSES[1:]),
-    )
+    ]
 
 
-FEATURES = _names()
-BANK_ODDS = slice(-2 * (len(CLASSES) - 1), -(len(CLASSES) - 1))
+def feature_names(classes: Sequence[str]) -> tuple[str, ...]:
+    """The features of a network that was trained on these classes, in their order."""
+    of_bank = [f"bank_{part}:{name}" for part in ("odds", "severity") for name in classes[1:]]
+    return (*_names_before_the_bank(), *of_bank)
 
 
-class Past(NamedTuple):
-    """Running values of every lane.
+def bank_odds_columns(n_classes: int) -> slice:
+    """Where the bank's log odds stand among the features of a network with that many classes."""
+    n_faults = n_classes - 1
+    return slice(-2 * n_faults, -n_faults)
 
-    observation (n_lanes, n_channels), the last; means (n_lanes, n_signals, n_memories) and squares
+
+FEATURES = feature_names(SHIPPED_CLASSES)
+
+
+class RunningValues(NamedTuple):
+    """What the features remember of every lane.
+
+    observation (n_lanes, n_channels), the last; means (n_lanes, n_signals, n_means) and squares
     (n_lanes, n_signals) of the signals; shares of repeated and of zero readings (n_lanes,
     n_readings, 2); slow means of the estimates (n_lanes, n_estimates); age (n_lanes,) in samples.
     """
@@ -98,142 +106,144 @@ class Past(NamedTuple):
 
 
 class FeatureState(NamedTuple):
-    """The filters and the running values."""
+    """The states of the filters and the running values."""
 
     surge: kalman.Estimate
     parameters: kalman.Estimate
     motors: motor_filter.MotorEstimate
     bank: Any
-    past: Past
+    running: RunningValues
 
 
 class Features:
-    """The recursion from observations to `FEATURES`, for a nominal vehicle; state in, next state out."""
+    """The recursion from observations to features: state in, next state out.
 
-    def __init__(self, vehicle: Vehicle):
+    Parameters
+    ----------
+    vehicle
+        The nominal vehicle.
+    classes
+        Those of the network's training; `feature_names` names the features. The filter bank holds
+        every fault of the catalogue possible as it is when this object is made.
+    """
+
+    def __init__(self, vehicle: Vehicle, classes: Sequence[str] = SHIPPED_CLASSES):
         self.vehicle = vehicle
         self.surge = kalman.SurgeFilter(vehicle)
         self.parameters = kalman.ParameterFilter(vehicle)
         self.motors = motor_filter.MotorFilter(vehicle)
-        self.bank = FilterBank(vehicle, GRADES)
-
-    @cached_property
-    def shares(self) -> tuple[float, float, float]:
-        """Share by which a sample moves each running mean."""
-        return tuple(SAMPLE_TIME / memory for memory in MEMORIES)
+        self.bank = FilterBank(vehicle, GRADES, faults=tuple(CATALOGUE))
+        self.n_features = len(feature_names(classes))
+        self.mean_shares = tuple(SAMPLE_TIME / time for time in MEAN_TIMES)
+        of_bank = self.bank.classes
+        self._fault_columns = [of_bank.index(name) for name in classes[1:]]
 
     def initial(self, n_lanes: int) -> FeatureState:
         """The state before any observation."""
-        past = Past(
-            np.zeros((n_lanes, len(CHANNELS))),
-            np.zeros((n_lanes, N_SIGNALS, len(MEMORIES))),
-            np.ones((n_lanes, N_SIGNALS)),
-            np.zeros((n_lanes, N_READINGS, 2)),
-            np.zeros((n_lanes, N_ESTIMATES)),
-            np.zeros(n_lanes, np.int64),
+        running = RunningValues(
+            observation=np.zeros((n_lanes, len(CHANNELS))),
+            means=np.zeros((n_lanes, N_SIGNALS, N_MEANS)),
+            squares=np.ones((n_lanes, N_SIGNALS)),
+            shares=np.zeros((n_lanes, N_READINGS, 2)),
+            estimates=np.zeros((n_lanes, N_ESTIMATES)),
+            age=np.zeros(n_lanes, np.int64),
         )
         filters = (self.surge, self.parameters, self.motors, self.bank)
-        return FeatureState(*(part.initial(n_lanes) for part in filters), past)
+        return FeatureState(*(each.initial(n_lanes) for each in filters), running)
 
     def step(self, state: FeatureState, observation: np.ndarray) -> tuple[FeatureState, np.ndarray]:
         """The next state, and the features (n_lanes, n_features) float32, each of the order of 1."""
+        return self.step_with_bank(state, observation)[:2]
+
+    def step_with_bank(
+        self, state: FeatureState, observation: np.ndarray
+    ) -> tuple[FeatureState, np.ndarray, Belief]:
+        """As `step`, and the belief of the filter bank over all classes of the catalogue."""
         surge = self.surge.update(state.surge, observation)
         parameters = self.parameters.update(state.parameters, observation)
         motors = self.motors.update(state.motors, observation)
         bank, belief = self.bank.step(state.bank, observation)
-        before = np.where(state.past.age[:, None] > 0, state.past.observation, observation)
-        signals = self._signals(before, observation, surge, parameters, motors)
-        means, stds = self._estimates(surge, parameters, motors)
-        past = Past(observation, *(part.copy() for part in state.past[1:]))
-        features = np.empty((len(observation), len(FEATURES)), np.float32)
-        extra = np.stack(
-            [
-                surge.mean[:, 4] / self.vehicle.disturbance_std,
-                observation[:, SPEED] - surge.mean[:, 0],
-            ],
-            1,
-        )
-        _fold(before, *past, signals, means, stds, extra, self.shares, features)
-        features[:, -2 * (len(CLASSES) - 1) :] = _told(belief, self.bank)
-        return FeatureState(surge, parameters, motors, bank, past), features
+        is_later = state.running.age[:, None] > 0
+        previous = np.where(is_later, state.running.observation, observation)
+        signals = self._signals(previous, observation, surge, parameters, motors)
+        means, stds = _deviations(surge, parameters, motors)
+        disturbance = surge.mean[:, 4] / self.vehicle.disturbance_std
+        correction = observation[:, SPEED] - surge.mean[:, 0]
+        surge_values = np.stack([disturbance, correction], 1)
+        running = RunningValues(observation, *(part.copy() for part in state.running[1:]))
+        features = np.empty((len(observation), self.n_features), np.float32)
+        estimates = (means, stds, surge_values)
+        _fold(previous, *running, signals, *estimates, self.mean_shares, features)
+        features[:, -2 * len(self._fault_columns) :] = self._bank_features(belief)
+        return FeatureState(surge, parameters, motors, bank, running), features, belief
 
-    def _signals(self, before, observation, surge, parameters, motors) -> np.ndarray:
+    def _signals(self, previous, observation, surge, parameters, motors) -> np.ndarray:
         """Residuals and innovations in standard deviations, (n_lanes, n_signals)."""
-        left = residuals(before, observation, self.vehicle)
-        return np.concatenate(
-            [
-                left.values / left.std,
-                *(
-                    (e.innovation / np.sqrt(e.innovation_variance))[:, None]
-                    for e in (surge, parameters)
-                ),
-                (motors.innovation / np.sqrt(motors.innovation_variance)).reshape(-1, 4),
-            ],
-            axis=1,
-        )
-
-    @staticmethod
-    def _estimates(surge, parameters, motors) -> tuple[np.ndarray, np.ndarray]:
-        """Deviations of the estimates from nominal and their standard deviations, each (n_lanes, n_estimates)."""
-        hull = slice(1, 1 + len(kalman.PARAMETERS))
-        mean = [
-            *(e.mean[:, hull] for e in (surge, parameters)),
-            motors.mean.reshape(len(motors.mean), -1),
+        physical = residuals(previous, observation, self.vehicle)
+        of_hull = [
+            (estimate.innovation / np.sqrt(estimate.innovation_variance))[:, None]
+            for estimate in (surge, parameters)
         ]
-        variance = [
-            np.diagonal(e.covariance, axis1=1, axis2=2)[:, hull] for e in (surge, parameters)
-        ]
-        variance.append(
-            np.diagonal(motors.covariance, axis1=2, axis2=3).reshape(len(motors.mean), -1)
-        )
-        return np.concatenate(mean, axis=1) - 1.0, np.sqrt(np.concatenate(variance, axis=1))
+        of_motors = (motors.innovation / np.sqrt(motors.innovation_variance)).reshape(-1, 4)
+        return np.concatenate([physical.values / physical.std, *of_hull, of_motors], axis=1)
+
+    def _bank_features(self, belief: Belief) -> np.ndarray:
+        """The bank's compressed log odds of every fault class to normal, and severities, (n_lanes, 2 n_faults)."""
+        faults = self._fault_columns
+        log_probability = belief.log_probability
+        odds = (log_probability[:, faults] - log_probability[:, :1]) / EVIDENCE
+        compressed = odds / (1.0 + 0.25 * np.abs(odds))
+        return np.concatenate([compressed, belief.severity_mean[:, faults]], axis=1)
 
 
-def _told(belief: Belief, bank: FilterBank) -> np.ndarray:
-    """The bank's log odds of every fault class against normal, bent, and its severities, (n_lanes, 2 n_faults)."""
-    known: slice | list[int] = slice(1, None)
-    # the catalogue has grown since this module was loaded
-    if belief.log_probability.shape[1] != len(CLASSES):
-        known = [bank.classes.index(name) for name in CLASSES[1:]]
-    odds = (belief.log_probability[:, known] - belief.log_probability[:, :1]) / EVIDENCE
-    return np.concatenate(
-        [odds / (1.0 + 0.25 * np.abs(odds)), belief.severity_mean[:, known]], axis=1
-    )
+def _deviations(surge, parameters, motors) -> tuple[np.ndarray, np.ndarray]:
+    """Deviations of the estimates from nominal and their standard deviations, each (n_lanes, n_estimates)."""
+    hull = slice(1, 1 + len(kalman.PARAMETERS))
+    n_lanes = len(motors.mean)
+    mean = [estimate.mean[:, hull] for estimate in (surge, parameters)]
+    mean.append(motors.mean.reshape(n_lanes, -1))
+    variance = [
+        np.diagonal(estimate.covariance, axis1=1, axis2=2)[:, hull]
+        for estimate in (surge, parameters)
+    ]
+    of_motors = np.diagonal(motors.covariance, axis1=2, axis2=3)
+    variance.append(of_motors.reshape(n_lanes, -1))
+    return np.concatenate(mean, axis=1) - 1.0, np.sqrt(np.concatenate(variance, axis=1))
 
 
 @scalar
-def _squashed(value):
-    """The value, bent towards +-4 where it is large: nothing a sensor delivers may drown the rest."""
+def _compressed(value):
+    """The value, compressed towards +-4: no reading, however wrong, outweighs all others."""
     return value / (1.0 + 0.25 * abs(value))
 
 
 @scalar
-def _fold_signals(signals, means, squares, age, shares, features, at):
+def _fold_signals(signals, means, squares, age, mean_shares, features, at):
     """Signals, their running means and mean squares."""
     for k in range(N_SIGNALS):
-        now = clipped(signals[k], -LIMIT, LIMIT)
-        rest = now - means[k, 0]
-        squares[k] += SAMPLE_TIME / BURST * (rest * rest - squares[k])
-        features[at] = _squashed(now)
-        for m in range(len(MEMORIES)):
-            means[k, m] += max(shares[m], 1.0 / (age + 1.0)) * (now - means[k, m])
-            features[at + 1 + m] = _squashed(4.0 * means[k, m])
-        features[at + 1 + len(MEMORIES)] = _squashed(sqrt(squares[k]))
-        at += 2 + len(MEMORIES)
+        now = clipped(signals[k], -OUTLIER, OUTLIER)
+        change = now - means[k, 0]
+        squares[k] += SAMPLE_TIME / SQUARE_TIME * (change * change - squares[k])
+        features[at] = _compressed(now)
+        for m in range(N_MEANS):
+            means[k, m] += max(mean_shares[m], 1.0 / (age + 1.0)) * (now - means[k, m])
+            features[at + 1 + m] = _compressed(4.0 * means[k, m])
+        features[at + 1 + N_MEANS] = _compressed(sqrt(squares[k]))
+        at += 2 + N_MEANS
     return at
 
 
 @scalar
-def _fold_readings(before, row, shares, age, features, at):
+def _fold_readings(previous, row, shares, age, features, at):
     """Steps of the readings in standard deviations, and how often they repeat or read zero."""
     for k in range(N_READINGS):
-        got = row[N_COMMANDS + k]
-        last = before[N_COMMANDS + k]
-        repeated = 1.0 if got == last and age > 0 else 0.0
-        zero = 1.0 if got == 0.0 else 0.0
-        shares[k, 0] += SAMPLE_TIME / MEMORIES[1] * (repeated - shares[k, 0])
-        shares[k, 1] += SAMPLE_TIME / MEMORIES[1] * (zero - shares[k, 1])
-        features[at] = _squashed((got - last) / (sqrt(2.0) * NOISE[k]))
+        reading = row[N_COMMANDS + k]
+        last = previous[N_COMMANDS + k]
+        repeated = 1.0 if reading == last and age > 0 else 0.0
+        zero = 1.0 if reading == 0.0 else 0.0
+        shares[k, 0] += SAMPLE_TIME / MEAN_TIMES[1] * (repeated - shares[k, 0])
+        shares[k, 1] += SAMPLE_TIME / MEAN_TIMES[1] * (zero - shares[k, 1])
+        features[at] = _compressed((reading - last) / (sqrt(2.0) * NOISE[k]))
         features[at + 1] = repeated
         features[at + 2] = zero
         features[at + 3] = sqrt(shares[k, 0])
@@ -248,27 +258,27 @@ def _fold_estimates(estimates, stds, slow, age, share, features, at):
     for k in range(N_ESTIMATES):
         now = min(max(estimates[k], -3.0), 3.0)
         slow[k] += max(share, 1.0 / (age + 1.0)) * (now - slow[k])
-        features[at] = _squashed(10.0 * now)
-        features[at + 1] = _squashed(10.0 * stds[k])
-        features[at + 2] = _squashed(20.0 * (now - slow[k]))
+        features[at] = _compressed(10.0 * now)
+        features[at + 1] = _compressed(10.0 * stds[k])
+        features[at + 2] = _compressed(20.0 * (now - slow[k]))
         at += 3
     return at
 
 
 @kernel
 def _fold(
-    before,
+    previous,
     observation,
     means,
     squares,
-    slots,
+    shares,
     slow,
     age,
     signals,
     estimates,
     stds,
-    extra,
-    shares,
+    surge_values,
+    mean_shares,
     features,
 ):
     """Fold one sample into the running values of every lane and write its features."""
@@ -277,14 +287,14 @@ def _fold(
         out = features[lane]
         old = age[lane]
         for c in range(len(SCALE)):
-            out[c] = _squashed(row[c] / SCALE[c])
+            out[c] = _compressed(row[c] / SCALE[c])
         at = len(SCALE)
         out[at] = 5.0 * (row[COMMAND] - row[SPEED])
         out[at + 1] = 10.0 * (row[RUDDER] * row[RUDDER] + row[STERN_PLANE] * row[STERN_PLANE])
-        at = _fold_signals(signals[lane], means[lane], squares[lane], old, shares, out, at + 2)
-        at = _fold_readings(before[lane], row, slots[lane], old, out, at)
-        at = _fold_estimates(estimates[lane], stds[lane], slow[lane], old, shares[-1], out, at)
-        out[at] = _squashed(extra[lane, 0])
-        out[at + 1] = _squashed(2.0 * extra[lane, 1] / SPEED_NOISE)
-        out[at + 2] = max(0.0, 1.0 - SAMPLE_TIME / YOUNG * old)
+        at = _fold_signals(signals[lane], means[lane], squares[lane], old, mean_shares, out, at + 2)
+        at = _fold_readings(previous[lane], row, shares[lane], old, out, at)
+        at = _fold_estimates(estimates[lane], stds[lane], slow[lane], old, mean_shares[-1], out, at)
+        out[at] = _compressed(surge_values[lane, 0])
+        out[at + 1] = _compressed(2.0 * surge_values[lane, 1] / SPEED_NOISE)
+        out[at + 2] = max(0.0, 1.0 - SAMPLE_TIME / SETTLING_TIME * old)
         age[lane] += 1

@@ -1,27 +1,28 @@
-"""From the operating modes of the thesis' tables to beliefs over all classes, by what a table knows of them."""
+"""From the operating modes of the thesis' tables to beliefs over all classes."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
-LEAST = -500.0  # of a mode's log-probability: far from where exp gives zero
-# mean and standard deviation where nothing is known: uniform on 0.2 to 1
+LEAST = -500.0  # log probability of a mode: far from where exp gives zero
+# mean and standard deviation of a uniform one on 0.2 to 1, where there is no estimate
 PRIOR_SEVERITY = 0.6, 0.8 / 12**0.5
 
 
 def class_shares(labels: Mapping[str, str | None], modes: tuple[str, ...]) -> np.ndarray:
-    """What of each mode's probability goes to each class, (n_modes, n_classes); rows sum to 1.
+    """The share of each mode's probability that goes to each class, (n_modes, n_classes); rows sum to 1.
 
-    A mode's probability is shared evenly by the classes of that label. Classes that the table does
-    not know (None) look like any fault: each takes the same constant share of every mode but the
-    first, `normal`, that which it has among all faults if these are equally likely. Misleads where
-    an unknown fault looks normal.
+    The classes with a mode's label share its probability evenly. Classes without a mode in the
+    table look like any fault: each takes the same constant share of every mode but the first,
+    `normal`, that which it has among all faults if these are equally likely. Misleads where such a
+    fault looks normal.
     """
     of_class = list(labels.values())
     table = np.array([[label == mode for label in of_class] for mode in modes], dtype=np.float64)
     table /= table.sum(axis=1, keepdims=True)
-    unknown = np.array([label is None for label in of_class]) / (len(of_class) - 1)
-    table[1:] = table[1:] * (1.0 - unknown.sum()) + unknown
+    n_faults = len(of_class) - 1
+    without_mode = np.array([label not in modes for label in of_class]) / n_faults
+    table[1:] = table[1:] * (1.0 - without_mode.sum()) + without_mode
     return table
 
 
@@ -31,6 +32,6 @@ def log_softmax(scores: np.ndarray) -> np.ndarray:
     return scores - np.log(np.exp(scores).sum(axis=-1, keepdims=True))
 
 
-def class_log_probability(log_modes: np.ndarray, table: np.ndarray) -> np.ndarray:
-    """Log-probability of every class (n, n_classes) from that of the modes (n, n_modes) and their `class_shares`."""
-    return np.log(np.exp(np.maximum(log_modes, LEAST)) @ table)
+def class_log_probability(log_modes: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Log probability of every class (n, n_classes) from those of the modes (n, n_modes) and `class_shares`."""
+    return np.log(np.exp(np.maximum(log_modes, LEAST)) @ shares)

@@ -10,20 +10,20 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import UNKNOWN, decide, make, storage
 from diagnosers.integrated import (
-    ARCHITECTURE,
-    CLASSES,
     N_MEMORY,
-    N_OUTPUTS,
     PACKAGED,
     Integrated,
     NumpyNetwork,
+    architecture,
+    n_outputs,
     smooth_opinion,
 )
+from diagnosers.networks.class_list import SHIPPED_CLASSES
 from diagnosers.networks.integrated_network import Network
 from training.rollouts import manoeuvres, roll_out
 
 
-def watched(fault, severity, lanes=16, seconds=50, onset=10.0):
+def beliefs_of(diagnoser, fault, severity, lanes=16, seconds=50, onset=10.0):
     rollout = roll_out(
         Fleet(lanes),
         range(lanes),
@@ -31,10 +31,8 @@ def watched(fault, severity, lanes=16, seconds=50, onset=10.0):
         manoeuvres(1, 10 * seconds, lanes),
         [(FaultEvent(fault, onset, severity),)] * lanes,
     )
-    diagnoser = make("integrated")
     diagnoser.reset(lanes)
-    beliefs = [diagnoser.update(observation) for observation in rollout.observations]
-    return beliefs, diagnoser.classes
+    return [diagnoser.update(observation) for observation in rollout.observations]
 
 
 def test_weights_of_the_package_are_small_and_complete():
@@ -48,7 +46,9 @@ def test_weights_of_the_package_are_small_and_complete():
     "fault", ["seal_friction:port", "motor_overheating:starboard", "sensor_bias:port_voltage"]
 )
 def test_plain_faults_are_named_and_graded(fault):
-    beliefs, classes = watched(fault, 0.6)
+    diagnoser = make("integrated")
+    classes = diagnoser.classes
+    beliefs = beliefs_of(diagnoser, fault, 0.6)
     assert decide(beliefs[80], classes).count("normal") >= 15
     diagnosis = CATALOGUE[fault].diagnosis
     assert decide(beliefs[-1], classes).count(diagnosis) >= 14
@@ -58,26 +58,27 @@ def test_plain_faults_are_named_and_graded(fault):
 
 def test_a_fault_of_no_class_is_not_called_normal(monkeypatch):
     strange = Fault("strange", "hull", scale={"alpha": 4.0, "port_c1": 3.0, "port_resistance": 3.0})
+    diagnoser = make("integrated")
     monkeypatch.setitem(CATALOGUE, "strange", strange)
-    beliefs, classes = watched("strange", 1.0)
-    words = decide(beliefs[-1], classes, name=0.9)
+    beliefs = beliefs_of(diagnoser, "strange", 1.0)
+    words = decide(beliefs[-1], diagnoser.classes, name=0.9)
     assert "normal" not in words
     assert UNKNOWN in words
 
 
 def test_an_untrained_network_says_what_the_bank_says():
     network = Network().requires_grad_(False)
-    odds = torch.randn(5, len(CLASSES) - 1)
+    odds = torch.randn(5, len(SHIPPED_CLASSES) - 1)
     features = torch.zeros(5, network.encoder[0].in_features)
     features[:, -2 * odds.shape[1] : -odds.shape[1]] = odds
     _, opinion = network.encode(features)
-    np.testing.assert_allclose(opinion[:, 1 : len(CLASSES)], 5.0 * odds, rtol=1e-6)
+    np.testing.assert_allclose(opinion[:, 1 : len(SHIPPED_CLASSES)], 5.0 * odds, rtol=1e-6)
     assert (opinion[:, 0] == 0.0).all()
 
 
 def test_a_calm_opinion_follows_within_its_time():
-    before = np.zeros((1, N_OUTPUTS))
-    opinion = np.ones((1, N_OUTPUTS))
+    before = np.zeros((1, n_outputs(19)))
+    opinion = np.ones((1, n_outputs(19)))
     for _ in range(5):  # half a second
         before = smooth_opinion(opinion, before)
     assert 0.55 < before[0, 0] < 0.7
@@ -86,7 +87,7 @@ def test_a_calm_opinion_follows_within_its_time():
 def test_the_architecture_is_that_of_the_network_in_torch():
     assert {
         name: tuple(tensor.shape) for name, tensor in Network().state_dict().items()
-    } == ARCHITECTURE
+    } == architecture(SHIPPED_CLASSES)
 
 
 def test_numpy_recalls_what_torch_does():

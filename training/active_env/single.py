@@ -28,6 +28,9 @@ class ActiveDiagnosisEnv(gym.Env):
 
     ## Observation Space
     `Box(29)`, float32, named by `FEATURES`, bounded by `training.stimuli.policy_inputs.BOUNDS`.
+    A fault that joins the catalogue before the environment is made adds one `log_odds:CLASS`, after
+    those of the other classes; `training.stimuli.policy_inputs.feature_names(classes())` gives the
+    names.
 
     | Names | Meaning |
     |---|---|

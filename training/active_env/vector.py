@@ -11,6 +11,7 @@ from gymnasium.vector.utils import batch_space
 from auv_fault_env.channels import MAXIMUM_COMMAND
 from auv_fault_env.env import PropulsionVectorEnv
 from auv_fault_env.errors import finite_in_range, known_name, refusal, whole_number
+from auv_fault_env.faults import classes
 from auv_fault_env.missions import MissionSampler
 from auv_fault_env.noise import STREAMS, uniforms
 from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
@@ -21,7 +22,7 @@ from training.active_env.lane_monitor import LaneMonitor
 from training.rollouts import label_and_severity
 from training.stimuli.base import BUDGET, EPISODE_TIME, LARGEST_OFFSET, MISSION_SPEED
 from training.stimuli.declaration import DECLARATION_PROBABILITY, UNDECLARED, Declaration
-from training.stimuli.policy_inputs import FLOOR, HIGH, LOW, policy_features
+from training.stimuli.policy_inputs import FLOOR, feature_bounds, policy_features
 
 DECISION = round(SAMPLE_RATE)  # samples of a decision, one second
 DECISION_TIME = DECISION * SAMPLE_TIME  # s
@@ -89,11 +90,14 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         mode = AUTORESET_MODES[known_name("autoreset_mode", mode, AUTORESET_MODES)]
         self.metadata = self.metadata | {"autoreset_mode": mode}
         self.single_action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
-        self.single_observation_space = gym.spaces.Box(LOW, HIGH, dtype=np.float32)
+        diagnoser = make(diagnoser) if isinstance(diagnoser, str) else diagnoser
+        self.classes = diagnoser.classes
+        low, high = feature_bounds(len(self.classes))
+        self.single_observation_space = gym.spaces.Box(low, high, dtype=np.float32)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        diagnoser = make(diagnoser) if isinstance(diagnoser, str) else diagnoser
-        self._classes = np.array(diagnoser.classes)
+        self._class_names = np.array(self.classes)
+        self._catalogue_classes = classes()
         self._monitor = LaneMonitor(diagnoser)
         self._declaration = Declaration(self.num_envs, declare)
         self._lanes = np.arange(self.num_envs)
@@ -112,12 +116,20 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         options: dict[str, Any] | None = None,
     ):
         """Start an episode on every lane."""
+        self._check_catalogue()
         super().reset(seed=seed if isinstance(seed, int) else None)
         self._readings, _ = self.propulsion.reset(seed=seed, options=options)
         self._begin_episodes(self._lanes)
         self._done[:] = False
         cost, energy = np.zeros((2, self.num_envs))
         return self._features(), self._info(cost, energy)
+
+    def _check_catalogue(self):
+        """Refuse a catalogue with other classes: the space of the observations cannot change."""
+        if self._catalogue_classes != classes():
+            got = "other classes than when the environment was made"
+            allowed = f"the same {len(self._catalogue_classes)}"
+            raise refusal("catalogue", got, allowed, "make the environment anew")
 
     def step(self, actions):
         """Hold the actions (num_envs, 1) for a second; ended lanes start their next episode."""
@@ -224,7 +236,7 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
             "mission_speed": self._readings[:, MISSION_SPEED].astype(np.float64),
             "energy": energy,
             "cost": cost,
-            "declared": self._classes[self._declaration.declared],
+            "declared": self._class_names[self._declaration.declared],
             "truth": FleetTruth(self.fleet),
         }
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
-from auv_fault_env.faults import classes
+from auv_fault_env.faults import CATALOGUE, classes
 from diagnosers import NAMES, ranked
 from training.arguments import Benchmark
 from training.benchmark import trial_store
@@ -35,6 +35,7 @@ from training.benchmark.trials import (
     lane_truth,
 )
 from training.benchmark.validation import SEVERITY_AT, note_failure
+from training.benchmark.workers import with_catalogue
 from training.benchmark.worst_episodes import worst_episodes
 from training.metrics.records import DECISION_TIMES, HORIZON, PERSISTENCE
 from training.report.run_folder import provenance
@@ -199,7 +200,7 @@ def _materials(
 def bounds(stimuli: Sequence[Stimulus], seed: int, workers: int, backend: str) -> dict[str, Any]:
     """By stimulus the delays that no diagnoser can beat under the standard conditions."""
     found = Parallel(n_jobs=workers, backend=backend)(
-        delayed(bounds_of)(one, seed, BOUNDED) for one in stimuli
+        delayed(with_catalogue)(dict(CATALOGUE), bounds_of, one, seed, BOUNDED) for one in stimuli
     )
     return {stimulus.name: bound for stimulus, bound in zip(stimuli, found, strict=True)}
 

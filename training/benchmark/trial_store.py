@@ -19,6 +19,7 @@ import numpy as np
 
 from auv_fault_env.compiling import digest
 from auv_fault_env.errors import refusal
+from auv_fault_env.faults import CATALOGUE
 from diagnosers import Diagnoser
 from training.benchmark import trials
 from training.benchmark.trials import FAULTY, Entrant, FaultyOutcome, Trial
@@ -52,6 +53,7 @@ def path_of(folder: Path, trial: Trial, made_by: str) -> Path:
         made_by,
         digest(Path(trials.__file__).resolve()),
         trial.stimulus.policy_digest,
+        list(CATALOGUE.values()),
         *trial[1:],
     )
     key = hashlib.sha256(repr(made_from).encode()).hexdigest()[:20]

@@ -1,7 +1,7 @@
 """Trials spread over processes, threads or machines; each outcome is written as it comes."""
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures.process import BrokenProcessPool
 from itertools import islice
 from pathlib import Path
@@ -11,6 +11,7 @@ from joblib import Parallel, delayed
 from tqdm import tqdm
 
 from auv_fault_env.errors import refusal
+from auv_fault_env.faults import CATALOGUE, Fault
 from training.benchmark import trial_store
 from training.benchmark.trials import FaultyOutcome, Trial, run_trial
 from training.benchmark.validation import one_line
@@ -33,6 +34,20 @@ def check_backend(backend: str) -> None:
     register_ray()
 
 
+def with_catalogue(
+    faults: Mapping[str, Fault], function: Callable[..., Any], *arguments: Any
+) -> Any:
+    """The result of the function, once the catalogue of this process has these faults.
+
+    A process of a pool starts with the catalogue that the package ships; the faults are those of
+    the process that planned the work.
+    """
+    if faults != CATALOGUE:
+        CATALOGUE.clear()
+        CATALOGUE.update(faults)
+    return function(*arguments)
+
+
 def attempt(path: Path, trial: Trial) -> tuple[Path, str, FaultyOutcome | HealthyOutcome | str]:
     """Where the trial's outcome belongs, its diagnoser, the outcome, or why there is none."""
     try:
@@ -48,10 +63,13 @@ def run_missing(trials: Mapping[Path, Trial], workers: int, backend: str) -> dic
     takes all memory, ends the run.
     """
     failures: dict[str, str] = {}
+    faults = dict(CATALOGUE)
     todo = {path: trial for path, trial in trials.items() if not path.exists()}
     sizes = {path: len(trial.episodes) for path, trial in trials.items()}
     jobs = (
-        delayed(attempt)(*item) for item in todo.items() if item[1].entrant.name not in failures
+        delayed(with_catalogue)(faults, attempt, path, trial)
+        for path, trial in todo.items()
+        if trial.entrant.name not in failures
     )
     done = sum(sizes.values()) - sum(map(sizes.get, todo))
     with tqdm(

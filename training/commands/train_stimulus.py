@@ -23,7 +23,6 @@ from training.learning.stimulus import StimulusTrainer
 from training.report.page import write_report
 from training.report.run_folder import checked_output, provenance, run_folder, write_json
 from training.stimuli.policy import LearnedPolicy, policy_name
-from training.stimuli.policy_inputs import FEATURES
 
 SETTINGS = ("diagnoser", "budget", "seed", "steps")
 
@@ -92,7 +91,7 @@ def card(
         **{name: getattr(arguments, name) for name in SETTINGS},
         "command": f"auv-fault train-stimulus {options}",
         "data": trainer.data,
-        "features": FEATURES,
+        "features": trainer.policy().features,
         **made_with,
         "epochs": len(progress.history),
         "best_epoch": progress.best_epoch,

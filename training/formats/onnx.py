@@ -1,10 +1,9 @@
-"""What goes into an ONNX file: a trained network with all that stands between its inputs and its answer.
+"""The content of an ONNX file: a trained network with all that stands between its inputs and its belief.
 
 PyTorch modules in float32; inputs and outputs are (n_lanes, n_columns). Filters and features stay
-outside: their equations are those of `diagnosers`, and what they say is an input. A memory is one
-more input, `state`, zeros at the start of an episode, and one more output, `next_state`. What is a
-product of probabilities in `diagnosers` is a sum of logarithms here, which float32 does not
-underflow.
+outside: their equations are those of `diagnosers`, and their estimates are inputs. A memory is one
+more input, `state`, zeros at the start of an episode, and one more output, `next_state`. Products
+of probabilities in `diagnosers` are sums of logarithms here, which do not underflow in float32.
 """
 
 from abc import ABC, abstractmethod
@@ -21,11 +20,11 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import Belief, Diagnoser
 from diagnosers.diagnoser import same_severity
-from diagnosers.integrated import N_CLASSES, N_MEMORY, N_OUTPUTS, Integrated, smooth_opinion
+from diagnosers.integrated import N_MEMORY, Integrated, n_outputs, smooth_opinion
 from diagnosers.kalman import PARAMETERS
 from diagnosers.kalman_network import KalmanNetwork
 from diagnosers.networks.fault_map import NOMINAL, SEVERITY_WEIGHTS
-from diagnosers.networks.features import FEATURES, Features
+from diagnosers.networks.features import Features, feature_names
 from diagnosers.networks.integrated_network import Network
 from diagnosers.networks.modes import PRIOR_SEVERITY
 from diagnosers.networks.smoothing import FAULT_SMOOTHING, ODDS_SMOOTHING, update_share
@@ -33,12 +32,12 @@ from diagnosers.parallel import Parallel
 from diagnosers.raw_network import COLUMNS, PORT, SCALE, SPEED, STARBOARD, RawNetwork
 from training.active_env.vector import ActiveDiagnosisVectorEnv
 from training.rollouts import manoeuvres, roll_out
-from training.stimuli import policy_inputs
 from training.stimuli.policy import LAYERS, LearnedPolicy
+from training.stimuli.policy_inputs import feature_names as feature_names_of_policy
 
 IMPOSSIBLE = -1e4  # logarithm of a share that is zero: finite, and its exponential is zero
 EXAMPLE = (FaultEvent("motor_overheating:port", onset=15.0, severity=0.6),)
-# of an episode to try an exported network on
+# of the example episode of an exported network
 EXAMPLE_SAMPLES = 600
 EXAMPLE_DECISIONS = 30
 
@@ -46,10 +45,10 @@ EXAMPLE_DECISIONS = 30
 class Graph(nn.Module, ABC):
     """A module to export; `forward` takes its `inputs` in their order, and the state if it has one."""
 
-    inputs: ClassVar[Mapping[str, tuple[str, ...]]]  # names of the columns, by input
+    inputs: Mapping[str, tuple[str, ...]]  # names of the columns, by input
     outputs: ClassVar[tuple[str, ...]] = Belief._fields
-    n_state: ClassVar[int] = 0  # columns of the state
-    about: ClassVar[str]  # what to feed it with
+    n_state: int = 0  # columns of the state
+    about: ClassVar[str]  # the values that the inputs take
 
     def __init__(self, source: Diagnoser | LearnedPolicy, **constants: Any):
         super().__init__()
@@ -59,12 +58,12 @@ class Graph(nn.Module, ABC):
 
     @property
     def tensors(self) -> dict[str, np.ndarray]:
-        """What has been learnt, by name."""
+        """The weights, by name."""
         return self.source.tensors()
 
     @property
     def notes(self) -> dict[str, Any]:
-        """What the file says of its answers besides."""
+        """The metadata of the file that explain the outputs."""
         return {
             "diagnoser": self.source.name,
             "classes": self.source.classes,
@@ -76,8 +75,8 @@ class Graph(nn.Module, ABC):
         """The inputs, (n_samples, n_lanes, n_columns) float32, of one vehicle in an episode."""
 
 
-class Watching(Graph):
-    """One that is fed sample by sample with what a vehicle reads."""
+class DiagnoserGraph(Graph):
+    """A diagnoser, which reads the observations sample by sample."""
 
     @abstractmethod
     def feed(self, observations: np.ndarray) -> dict[str, np.ndarray]:
@@ -91,11 +90,11 @@ class Watching(Graph):
         )
 
 
-class RawGraph(Watching):
+class RawGraph(DiagnoserGraph):
     """The whole of `RawNetwork`."""
 
     inputs = {"observation": tuple(CHANNELS)}
-    about = "observation: the last sample; hold the last reading of a channel that is silent"
+    about = "observation: the last sample; the last reading of a channel where none arrived"
 
     def __init__(self, source: RawNetwork):
         severity = same_severity((1, len(source.classes)), *PRIOR_SEVERITY)
@@ -107,10 +106,10 @@ class RawGraph(Watching):
     def forward(self, observation: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """The belief."""
         port, starboard = (
-            self.network(_chosen(observation, [*side, SPEED]) / self.scale) for side in COLUMNS
+            self.network(_columns(observation, [*side, SPEED]) / self.scale) for side in COLUMNS
         )
-        log_modes = torch.log_softmax(_chosen(port, PORT) + _chosen(starboard, STARBOARD), dim=1)
-        log_probability = _pooled(log_modes, self.log_shares)
+        scores = _columns(port, PORT) + _columns(starboard, STARBOARD)
+        log_probability = _log_mixture(torch.log_softmax(scores, dim=1), self.log_shares)
         return log_probability, *(moment.expand_as(log_probability) for moment in self.severity)
 
     def feed(self, observations: np.ndarray) -> dict[str, np.ndarray]:
@@ -118,7 +117,7 @@ class RawGraph(Watching):
         return {"observation": observations.astype(np.float32)}
 
 
-class KalmanGraph(Watching):
+class KalmanGraph(DiagnoserGraph):
     """`KalmanNetwork` behind its filter."""
 
     inputs = {"estimate": PARAMETERS[:2]}
@@ -140,24 +139,24 @@ class KalmanGraph(Watching):
         """The belief."""
         sums = self.network((estimate * self.nominal).clamp(0.0, 1.0))
         log_modes = torch.log_softmax(self.slope * sums + self.offset, dim=1)
+        height = (torch.sigmoid(sums) * self.weights).sum(dim=1, keepdim=True)
         intercept, slope, std = self.severity
-        mean = (
-            intercept + slope * (torch.sigmoid(sums) * self.weights).sum(dim=1, keepdim=True)
-        ).clamp(0.0, 1.0)
-        return _pooled(log_modes, self.log_shares), mean, std.expand_as(mean)
+        mean = (intercept + slope * height).clamp(0.0, 1.0)
+        return _log_mixture(log_modes, self.log_shares), mean, std.expand_as(mean)
 
     def feed(self, observations: np.ndarray) -> dict[str, np.ndarray]:
-        """What the filter estimates."""
-        estimate = self.source.filter.initial(observations.shape[1])
-        found = []
-        columns = [self.source.filter.states.index(name) for name in self.inputs["estimate"]]
+        """The filter's estimates."""
+        parameter_filter = self.source.filter
+        estimate = parameter_filter.initial(observations.shape[1])
+        columns = [parameter_filter.states.index(name) for name in self.inputs["estimate"]]
+        means = []
         for observation in observations:
-            estimate = self.source.filter.update(estimate, observation)
-            found.append(estimate.mean[:, columns].astype(np.float32))
-        return {"estimate": np.stack(found)}
+            estimate = parameter_filter.update(estimate, observation)
+            means.append(estimate.mean[:, columns].astype(np.float32))
+        return {"estimate": np.stack(means)}
 
 
-class ParallelGraph(Watching):
+class ParallelGraph(DiagnoserGraph):
     """`Parallel` behind its filter."""
 
     inputs = RawGraph.inputs | KalmanGraph.inputs
@@ -174,15 +173,14 @@ class ParallelGraph(Watching):
         self, observation: torch.Tensor, estimate: torch.Tensor
     ) -> tuple[torch.Tensor, ...]:
         """The belief."""
-        (shaft, *_) = self.raw(observation)
-        (hull, *severity) = self.kalman(estimate)
-        evidence = [
-            _pooled(log, ratios) for log, ratios in zip((shaft, hull), self.log_ratios, strict=True)
-        ]
-        return torch.log_softmax(self.log_prior + evidence[0] + evidence[1], dim=1), *severity
+        (by_shafts, *_) = self.raw(observation)
+        (by_hull, *severity) = self.kalman(estimate)
+        shafts = _log_mixture(by_shafts, self.log_ratios[0])
+        hull = _log_mixture(by_hull, self.log_ratios[1])
+        return torch.log_softmax(self.log_prior + shafts + hull, dim=1), *severity
 
     def feed(self, observations: np.ndarray) -> dict[str, np.ndarray]:
-        """The observations, and what the filter estimates."""
+        """The observations and the filter's estimates."""
         return self.raw.feed(observations) | self.kalman.feed(observations)
 
 
@@ -192,61 +190,68 @@ class OneSample(nn.GRUCell):
     def forward(
         self, inputs: torch.Tensor, units: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """What it recalls, which is its units, and these."""
+        """Its output, which is its units, and the units."""
         units = super().forward(inputs, units)
         return units, units
 
 
-class IntegratedGraph(Watching):
-    """`Integrated` behind its features; state: units, calm opinion, steady odds and faults, and 1 once begun."""
+class IntegratedGraph(DiagnoserGraph):
+    """`Integrated` behind its features, over the classes of its training.
 
-    inputs = {"features": FEATURES}
+    State: the units, the mean opinion, the smoothed odds and fault probabilities, and 1 after the
+    first sample.
+    """
+
     about = "features: of diagnosers.networks.features.Features after the last sample"
-    widths = (N_MEMORY, N_OUTPUTS, 1, N_CLASSES - 1, 1)
-    n_state = sum(widths)
     outputs = (*Belief._fields, "next_state")
 
     def __init__(self, source: Integrated):
-        super().__init__(source, fault=[0.0] + [1.0] * (N_CLASSES - 1))
+        trained = source.trained_classes
+        n_faults = len(trained) - 1
+        super().__init__(source, is_fault=[0.0] + [1.0] * n_faults)
+        self.inputs = {"features": feature_names(trained)}
+        self.widths = (N_MEMORY, n_outputs(len(trained)), 1, n_faults, 1)
+        self.n_state = sum(self.widths)
         tensors = {
             name.removesuffix("_l0"): torch.from_numpy(tensor)
             for name, tensor in source.tensors().items()
         }
-        self.network = Network(OneSample)
+        self.network = Network(OneSample, trained)
         self.network.load_state_dict(tensors)
+
+    @property
+    def notes(self) -> dict[str, Any]:
+        """The metadata of the file that explain the outputs."""
+        return super().notes | {"classes": self.source.trained_classes}
 
     def forward(self, features: torch.Tensor, state: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """The belief and the next state."""
-        units, before, *steady, begun = state.split(self.widths, dim=1)
+        units, previous, odds, faults, later = state.split(self.widths, dim=1)
+        is_later = later > 0.0
         encoded, opinion = self.network.encode(features)
-        opinion = torch.where(begun > 0.0, smooth_opinion(opinion, before), opinion)
+        opinion = torch.where(is_later, smooth_opinion(opinion, previous), opinion)
         outputs, units = self.network.recur(encoded, opinion, units)
-        told, mean, std = self.network.decode(outputs, features)
-        odds, faults = _steadied(told, *steady, begun > 0.0)
-        faulty = torch.log_softmax(faults, dim=1) - softplus(-odds)
-        following = torch.cat([units, opinion, odds, faults, torch.ones_like(begun)], dim=1)
-        return (
-            torch.cat([-softplus(odds), faulty], dim=1),
-            mean * self.fault,
-            std * self.fault,
-            following,
-        )
+        log_probability, mean, std = self.network.decode(outputs, features)
+        odds, faults = _smoothed(log_probability, odds, faults, is_later)
+        log_faults = torch.log_softmax(faults, dim=1) - softplus(-odds)
+        log_probability = torch.cat([-softplus(odds), log_faults], dim=1)
+        next_state = torch.cat([units, opinion, odds, faults, torch.ones_like(later)], dim=1)
+        return log_probability, mean * self.is_fault, std * self.is_fault, next_state
 
     def feed(self, observations: np.ndarray) -> dict[str, np.ndarray]:
         """The features."""
-        features = Features(self.source.vehicle)
-        found = []
-        state = features.initial(observations.shape[1])
+        recursion = Features(self.source.vehicle, self.source.trained_classes)
+        state = recursion.initial(observations.shape[1])
+        rows = []
         for observation in observations.astype(np.float64):
-            state, values = features.step(state, observation)
-            found.append(values)
-        return {"features": np.stack(found)}
+            state, features = recursion.step(state, observation)
+            rows.append(features)
+        return {"features": np.stack(rows)}
 
 
 class PolicyGraph(Graph):
     """The whole of `LearnedPolicy`."""
 
-    inputs = {"features": policy_inputs.FEATURES}
     outputs = ("action",)
     about = (
         "features: of training.stimuli.policy_inputs, at every sample; the commanded speed is then the mission's plus "
@@ -255,35 +260,39 @@ class PolicyGraph(Graph):
 
     def __init__(self, source: LearnedPolicy):
         super().__init__(source, **source.tensors)
+        self.inputs = {"features": source.features}
 
     def forward(self, features: torch.Tensor) -> torch.Tensor:
         """The action."""
         for layer in LAYERS:
-            features = torch.tanh(
-                linear(features, *(getattr(self, f"{layer}_{part}") for part in ("weight", "bias")))
-            )
+            weight = getattr(self, f"{layer}_weight")
+            bias = getattr(self, f"{layer}_bias")
+            features = torch.tanh(linear(features, weight, bias))
         return features
 
     @property
     def tensors(self) -> dict[str, np.ndarray]:
-        """What has been learnt, by name."""
+        """The weights, by name."""
         return self.source.tensors
 
     @property
     def notes(self) -> dict[str, Any]:
-        """What the policy was trained for."""
+        """The settings of the policy's training."""
         return {name: getattr(self.source, name) for name in ("diagnoser", "budget", "amplitude")}
 
     def episode(self, seed: int) -> dict[str, np.ndarray]:
         """The features (n_decisions, 1, n_features) of one vehicle that follows the policy, one decision per second."""
         env = ActiveDiagnosisVectorEnv(diagnoser=self.source.diagnoser, budget=self.source.budget)
-        found = []
-        features, _ = env.reset(seed=seed)
+        names = feature_names_of_policy(env.classes)
+        columns = [names.index(name) for name in self.source.features]
+        rows = []
+        observation, _ = env.reset(seed=seed)
         for _ in range(EXAMPLE_DECISIONS):
-            found.append(features)
-            features, *_ = env.step(self.source.action(features))
+            features = observation[:, columns]
+            rows.append(features)
+            observation, *_ = env.step(self.source.action(features))
         env.close()
-        return {"features": np.stack(found)}
+        return {"features": np.stack(rows)}
 
 
 GRAPHS: dict[str, type[Graph]] = {
@@ -294,7 +303,7 @@ GRAPHS: dict[str, type[Graph]] = {
 }
 
 
-def _chosen(values: torch.Tensor, columns: list[int]) -> torch.Tensor:
+def _columns(values: torch.Tensor, columns: list[int]) -> torch.Tensor:
     """Some columns; plain indices would become a chain of transpositions in the file."""
     return values.index_select(1, torch.tensor(columns))
 
@@ -304,21 +313,21 @@ def _log(shares: np.ndarray) -> np.ndarray:
     return np.log(shares, out=np.full(shares.shape, IMPOSSIBLE), where=shares > 0.0)
 
 
-def _pooled(log_parts: torch.Tensor, log_shares: torch.Tensor) -> torch.Tensor:
-    """Logarithm of parts times shares, (n_lanes, n_classes), from those of both."""
+def _log_mixture(log_parts: torch.Tensor, log_shares: torch.Tensor) -> torch.Tensor:
+    """Logarithm of the sum of parts times shares, (n_lanes, n_classes), from the logarithms of both."""
     return torch.logsumexp(log_parts[:, :, None] + log_shares, dim=1)
 
 
-def _steadied(
-    told: torch.Tensor, odds: torch.Tensor, faults: torch.Tensor, begun: torch.Tensor
+def _smoothed(
+    log_probability: torch.Tensor, odds: torch.Tensor, faults: torch.Tensor, is_later: torch.Tensor
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """`Steady.after`, with the logarithm of the averaged fault probabilities."""
-    now = torch.logsumexp(told[:, 1:], dim=1, keepdim=True) - told[:, :1]
-    odds = torch.where(
-        begun, torch.maximum(now, odds + update_share(ODDS_SMOOTHING) * (now - odds)), now
-    )
+    """`SmoothedBelief.after`, with the logarithms of the averaged fault probabilities."""
+    log_faults = log_probability[:, 1:]
+    now = torch.logsumexp(log_faults, dim=1, keepdim=True) - log_probability[:, :1]
+    falling = odds + update_share(ODDS_SMOOTHING) * (now - odds)
     share = update_share(FAULT_SMOOTHING)
-    added = told[:, 1:] + float(np.log(share))
-    kept = faults + float(np.log1p(-share))
-    averaged = torch.maximum(added, kept) + softplus(-(added - kept).abs())
-    return odds, torch.where(begun, averaged, added)
+    new = log_faults + float(np.log(share))
+    old = faults + float(np.log1p(-share))
+    averaged = torch.maximum(new, old) + softplus(-(new - old).abs())
+    odds = torch.where(is_later, torch.maximum(now, falling), now)
+    return odds, torch.where(is_later, averaged, new)

@@ -9,12 +9,12 @@ from auv_fault_env.faults import NORMAL
 from training.active_env.sb3 import ActiveVecEnv
 from training.learning.outcomes import HEALTHY_SHARE, Outcomes
 from training.stimuli.base import EPISODE_TIME
-from training.stimuli.policy_inputs import FEATURES, allowance_of, compressed_allowance
+from training.stimuli.policy_inputs import allowance_of, compressed_allowance
 
 DECLARATION_REWARD = 10.0  # nats
 INITIAL_PRICE = 0.5  # nats per decision at full budget
 PRICE_RATE = 0.02  # nats per decision, the largest change of the price after a rollout
-ALLOWANCE = FEATURES.index("left")  # column of the compressed allowance
+ALLOWANCE = -1  # column of the compressed allowance, the feature `left`
 
 
 class ConstrainedVecEnv(VecEnvWrapper):
@@ -56,6 +56,7 @@ class ConstrainedVecEnv(VecEnvWrapper):
         super().__init__(venv)
         self.price = INITIAL_PRICE
         self.amplitude = venv.env.amplitude
+        self.classes = venv.env.classes
         self._least_share = least_share
         self._largest_squared_budget = venv.env.budget**2
         self._random = np.random.default_rng(0)

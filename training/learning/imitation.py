@@ -6,7 +6,6 @@ import numpy as np
 import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 
-from auv_fault_env.faults import classes
 from training.learning.adam import AdamTraining
 from training.learning.constraint import ALLOWANCE, ConstrainedVecEnv
 from training.stimuli.policy_inputs import allowance_of, log_probability_of
@@ -16,7 +15,6 @@ PASSES = 8
 BATCH = 1024
 RATE = 1e-3
 VALUE_WEIGHT = 0.1  # of the error of the critic beside that of the actor
-N_CLASSES = len(classes())
 
 
 class Demonstration(NamedTuple):
@@ -45,7 +43,7 @@ def demonstrate(env: ConstrainedVecEnv, n_decisions: int, discount: float) -> De
     ends = []
     observation = env.reset()
     for _ in range(n_decisions):
-        action = _rule(observation, env.amplitude)
+        action = _rule(observation, env)
         observations.append(observation.copy())
         actions.append(action)
         observation, reward, done, _ = env.step(action)
@@ -59,11 +57,11 @@ def demonstrate(env: ConstrainedVecEnv, n_decisions: int, discount: float) -> De
     )
 
 
-def _rule(observation: np.ndarray, amplitude: float) -> np.ndarray:
+def _rule(observation: np.ndarray, env: ConstrainedVecEnv) -> np.ndarray:
     """Actions (n_lanes, 1) float32 of the rule."""
-    log_probability = log_probability_of(observation[:, :N_CLASSES])
+    log_probability = log_probability_of(observation[:, : len(env.classes)])
     offset = surge_offset(log_probability, allowance_of(observation[:, ALLOWANCE]))
-    return (offset / amplitude)[:, None].astype(np.float32)
+    return (offset / env.amplitude)[:, None].astype(np.float32)
 
 
 def _discounted_sums(

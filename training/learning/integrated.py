@@ -13,10 +13,11 @@ import numpy as np
 import torch
 from torch import nn
 
+from auv_fault_env.faults import classes
 from auv_fault_env.parameters import PRESETS
 from auv_fault_env.schedules import ScheduleSampler
-from diagnosers.integrated import CLASSES, Integrated, smooth_opinion
-from diagnosers.networks.features import FEATURES, Features
+from diagnosers.integrated import Integrated, smooth_opinion
+from diagnosers.networks.features import Features, feature_names
 from diagnosers.networks.integrated_network import Network
 from training.learning.adam import AdamTraining
 from training.learning.episodes import training_episodes
@@ -78,7 +79,7 @@ class IntegratedTrainer:
         self.seed = seed
         with torch.random.fork_rng():
             torch.manual_seed(seed)
-            self.learner = AdamTraining(Network())
+            self.learner = AdamTraining(Network(classes=classes()))
         self.network = self.learner.network
         self.validation: list[Lesson] = []
         self.kept: deque[Lesson] = deque(maxlen=KEPT * LESSONS)
@@ -204,7 +205,7 @@ class IntegratedTrainer:
             "calibration_loss": after,
             "sharpness": float(network.sharpness),
         }
-        return Integrated(weights=network.tensors()), figures
+        return Integrated(weights=network.tensors(), trained_classes=classes()), figures
 
 
 def tried() -> list[int]:
@@ -239,9 +240,9 @@ def lesson(purpose: str, first: int) -> Lesson:
 
 def encoded(rollout: Rollout) -> np.ndarray:
     """The features of a rollout, (n_samples, n_lanes, n_features) float32."""
-    encoder = Features(PRESETS["thesis1992"])
+    encoder = Features(PRESETS["thesis1992"], classes())
     state = encoder.initial(rollout.label.shape[1])
-    features = np.empty((*rollout.label.shape, len(FEATURES)), np.float32)
+    features = np.empty((*rollout.label.shape, encoder.n_features), np.float32)
     for k, observation in enumerate(rollout.observations.astype(np.float64)):
         state, features[k] = encoder.step(state, observation)
     return features
@@ -274,9 +275,9 @@ def mirrored_if(turn: int, taught: Lesson) -> Lesson:
     """The lesson as it is, or (turn 1) on a vehicle with port and starboard exchanged."""
     if not turn:
         return taught
-    return Lesson(
-        taught.features[..., image(FEATURES)], image(CLASSES)[taught.label], taught.severity
-    )
+    names = classes()
+    features = taught.features[..., image(feature_names(names))]
+    return Lesson(features, image(names)[taught.label], taught.severity)
 
 
 def calibrate(network: Network, scores: torch.Tensor, label: torch.Tensor) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from training.learning.outcomes import figures
 from training.learning.reproducible import one_thread, seeded_generators
 from training.metrics.records import HORIZON
 from training.seeds import SPAN, seeds
-from training.stimuli.light_bank import PRIOR, light_bank
+from training.stimuli.light_bank import light_bank, plant_prior
 from training.stimuli.policy import LearnedPolicy
 
 LANES = 512  # vehicles at a time
@@ -64,12 +64,15 @@ class StimulusTrainer:
         Decisions to train on, rounded up to whole epochs.
     """
 
-    data = (
-        f"training: epochs of {ROLLOUTS * ROLLOUT} decisions on each of {LANES} vehicles, "
-        f"episodes of up to {MAX_DECISIONS} s drawn as in auv_fault_env/ActiveDiagnosis-v0, of the "
-        f"faults {', '.join(PRIOR)}; validated on {VALIDATION_LANES} such episodes with seeds of "
-        "their own"
-    )
+    @property
+    def data(self) -> str:
+        """The episodes of the training and of its validation."""
+        return (
+            f"training: epochs of {ROLLOUTS * ROLLOUT} decisions on each of {LANES} vehicles, "
+            f"episodes of up to {MAX_DECISIONS} s drawn as in auv_fault_env/ActiveDiagnosis-v0, of the "
+            f"faults {', '.join(plant_prior())}; validated on {VALIDATION_LANES} such episodes with "
+            "seeds of their own"
+        )
 
     def __init__(
         self, seed: int, budget: float = 0.1, diagnoser: str = "filter_bank", steps: int = 650_000
@@ -98,7 +101,7 @@ class StimulusTrainer:
             budget=self.budget,
             cost_weight=0.0,
         )
-        env.fleet.schedules = replace(SCHEDULES, prior=PRIOR)
+        env.fleet.schedules = replace(SCHEDULES, prior=plant_prior())
         return ConstrainedVecEnv(ActiveVecEnv(env), least_share)
 
     @property
@@ -149,7 +152,9 @@ class StimulusTrainer:
     def policy(self) -> LearnedPolicy:
         """The policy so far."""
         tensors = self.model.policy.policy_tensors()
-        return LearnedPolicy(tensors, self.diagnoser, self.budget, self.env.amplitude)
+        return LearnedPolicy(
+            tensors, self.diagnoser, self.budget, self.env.amplitude, self.env.classes
+        )
 
     def state(self) -> dict[str, np.ndarray]:
         """Weights of actor and critic, moments of Adam, and the price, by name."""

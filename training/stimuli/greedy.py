@@ -39,13 +39,16 @@ COMMAND = INDEX["speed_command"]
 
 
 class GreedyMemory(NamedTuple):
-    """Measured speed as the controller filters it, and the current offset, each (n_lanes,) [m/s]."""
+    """Measured speed as the controller filters it, and the current offset, each (n_lanes,) [m/s].
+
+    effects: `fault_effects` at the start of the episode.
+    """
 
     filtered_speed: np.ndarray
     offset: np.ndarray
+    effects: tuple[np.ndarray, np.ndarray]
 
 
-@cache
 def fault_effects() -> tuple[np.ndarray, np.ndarray]:
     """Scale and offset of the parameters by each class at severity 1, (n_classes, n_parameters).
 
@@ -99,7 +102,7 @@ class Greedy(ClosedLoop):
 
     def initial_memory(self, n_lanes: int) -> GreedyMemory:
         """No speed yet, no offset."""
-        return GreedyMemory(np.full(n_lanes, np.nan), np.zeros(n_lanes))
+        return GreedyMemory(np.full(n_lanes, np.nan), np.zeros(n_lanes), fault_effects())
 
     def choose_offset(
         self,
@@ -123,12 +126,18 @@ class Greedy(ClosedLoop):
                 axis=1,
             )
             mission_speed = observation[:, MISSION_SPEED].astype(np.float64)
-            memory.offset[:] = _best_offset(belief, present, mission_speed, allowance)
+            memory.offset[:] = _best_offset(
+                belief, memory.effects, present, mission_speed, allowance
+            )
         return memory.offset
 
 
 def _best_offset(
-    belief: Belief, present: np.ndarray, mission_speed: np.ndarray, allowance: np.ndarray
+    belief: Belief,
+    effects: tuple[np.ndarray, np.ndarray],
+    present: np.ndarray,
+    mission_speed: np.ndarray,
+    allowance: np.ndarray,
 ) -> np.ndarray:
     """The best of `OFFSETS` on each lane; `present` (n_lanes, 3) is as in `greedy_model`."""
     order = np.argsort(-belief.log_probability, axis=1, kind="stable")
@@ -136,7 +145,7 @@ def _best_offset(
     log_probability = np.take_along_axis(belief.log_probability, likeliest, axis=1)
     log_total = np.logaddexp.reduce(log_probability, axis=1, keepdims=True)
     information = expected_information(
-        _parameters_under(belief, likeliest),
+        _parameters_under(belief, likeliest, effects),
         np.exp(log_probability - log_total),
         present,
         mission_speed,
@@ -149,10 +158,12 @@ def _best_offset(
     return OFFSETS[(information - PRICE * share).argmax(axis=1)]
 
 
-def _parameters_under(belief: Belief, hypotheses: np.ndarray) -> np.ndarray:
+def _parameters_under(
+    belief: Belief, hypotheses: np.ndarray, effects: tuple[np.ndarray, np.ndarray]
+) -> np.ndarray:
     """Parameters (n_lanes, n_hypotheses, n_parameters) under classes (n_lanes, n_hypotheses)."""
     severity = np.take_along_axis(belief.severity_mean, hypotheses, axis=1)[..., None]
-    scale, offset = (effect[hypotheses] for effect in fault_effects())
+    scale, offset = (effect[hypotheses] for effect in effects)
     healthy = np.array(list(nominal(VEHICLE).values()))
     factor, shift = fault_effect(severity, scale, offset)
     return healthy * factor + shift

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from auv_fault_env.faults import classes
 from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from diagnosers import Belief, storage
 from diagnosers.filter_bank import FilterBank
@@ -21,11 +22,15 @@ from training.stimuli.policy_inputs import policy_features
 
 @dataclass
 class LearnedMemory:
-    """Parameter filter's estimate, declaration, and current action (n_lanes,) of an episode."""
+    """Parameter filter's estimate, declaration, and current action (n_lanes,) of an episode.
+
+    seen_classes: columns of the policy's classes in the belief.
+    """
 
     estimate: Estimate
     declaration: Declaration
     action: np.ndarray
+    seen_classes: list[int]
 
 
 class Learned(ClosedLoop):
@@ -37,7 +42,8 @@ class Learned(ClosedLoop):
 
     The training had the beliefs of one filter bank on simulated vehicles at 0.2 to 0.5 m/s. Beside
     another diagnoser, with other beliefs, a policy may excite without a reason, or not excite where
-    it would help.
+    it would help. A policy sees the log odds of the classes of its training; a fault that joins the
+    catalogue later only lowers those of `normal`.
     """
 
     name = "learned"
@@ -61,10 +67,12 @@ class Learned(ClosedLoop):
 
     def initial_memory(self, n_lanes: int) -> LearnedMemory:
         """The prior estimate, no declaration, no action."""
+        names = classes()
         return LearnedMemory(
             ParameterFilter().initial(n_lanes),
             Declaration(n_lanes, DECLARATION_PROBABILITY),
             np.zeros(n_lanes),
+            [names.index(name) for name in self._policy.classes],
         )
 
     def choose_offset(
@@ -88,6 +96,7 @@ class Learned(ClosedLoop):
                 memory.action,
                 np.full(len(allowance), sample * SAMPLE_TIME),
                 allowance,
+                memory.seen_classes,
             )
             action = self._policy.action(features)[:, 0].astype(np.float64)
             largest = np.sqrt(allowance) / self._policy.amplitude

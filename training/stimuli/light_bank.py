@@ -8,19 +8,29 @@ from diagnosers.bank.kernel import IMPOSSIBLE
 from diagnosers.filter_bank import FilterBank
 
 GRADES = ((0.1, 1.0),)
-PLANT_FAULTS = tuple(
-    fault.name for fault in CATALOGUE.values() if not fault.component.startswith("sensor:")
-)
 # those that are most easily mistaken for faults of the plant
 SENSOR_FAULTS = tuple(
     f"sensor_{kind}:{channel}"
     for channel in ("speed", "acceleration")
     for kind in ("bias", "scale")
 )
-FAULTS = (*PLANT_FAULTS, *SENSOR_FAULTS)
-PRIOR = {CATALOGUE[name].diagnosis: 1.0 for name in PLANT_FAULTS}
-LIGHT_CLASSES = (NORMAL, *dict.fromkeys(CATALOGUE[name].diagnosis for name in FAULTS))
-IS_MISSING = np.array([name not in LIGHT_CLASSES for name in classes()])
+
+
+def plant_faults() -> tuple[str, ...]:
+    """The faults of the catalogue but those of sensors."""
+    faults = CATALOGUE.values()
+    return tuple(fault.name for fault in faults if not fault.component.startswith("sensor:"))
+
+
+def plant_prior() -> dict[str, float]:
+    """The prior of the faults in training episodes: those of the plant, equally likely."""
+    return {CATALOGUE[name].diagnosis: 1.0 for name in plant_faults()}
+
+
+def light_classes() -> tuple[str, ...]:
+    """The classes of which the light bank has hypotheses, `normal` first."""
+    diagnoses = [CATALOGUE[name].diagnosis for name in (*plant_faults(), *SENSOR_FAULTS)]
+    return (NORMAL, *dict.fromkeys(diagnoses))
 
 
 def light_bank() -> FilterBank:
@@ -29,10 +39,12 @@ def light_bank() -> FilterBank:
     It has a ninth of the filters of the whole bank, and its belief moves like `restrict_belief` of
     the whole one.
     """
-    return FilterBank(grades=GRADES, faults=FAULTS)
+    return FilterBank(grades=GRADES, faults=(*plant_faults(), *SENSOR_FAULTS))
 
 
 def restrict_belief(belief: Belief) -> Belief:
     """The belief with the classes that the light bank lacks made impossible."""
-    log_probability = np.where(IS_MISSING, IMPOSSIBLE, belief.log_probability)
+    kept = light_classes()
+    is_missing = np.array([name not in kept for name in classes()])
+    log_probability = np.where(is_missing, IMPOSSIBLE, belief.log_probability)
     return belief._replace(log_probability=log_probability)

@@ -9,24 +9,23 @@ import numpy as np
 
 from auv_fault_env.channels import MAXIMUM_COMMAND
 from auv_fault_env.errors import finite_in_range, refusal
+from auv_fault_env.faults import NORMAL, classes
 from diagnosers import storage
-from training.stimuli.policy_inputs import FEATURES
+from diagnosers.networks.class_list import SHIPPED_CLASSES, check_class_list
+from training.stimuli.policy_inputs import FEATURES, classes_of, feature_names
 
 LAYERS = ("first", "second", "action")
 HIDDEN = 64
-WIDTHS = (len(FEATURES), HIDDEN, HIDDEN, 1)
 
 
-def _shapes() -> storage.Shapes:
-    """Shapes of the tensors by name."""
+def policy_shapes(n_features: int) -> storage.Shapes:
+    """The shapes of the tensors of a policy with that many features, by name."""
+    widths = (n_features, HIDDEN, HIDDEN, 1)
     shapes = {}
-    for layer, (n_inputs, n_outputs) in zip(LAYERS, pairwise(WIDTHS), strict=True):
+    for layer, (n_inputs, n_outputs) in zip(LAYERS, pairwise(widths), strict=True):
         shapes[f"{layer}_weight"] = (n_outputs, n_inputs)
         shapes[f"{layer}_bias"] = (n_outputs,)
     return shapes
-
-
-SHAPES = _shapes()
 
 
 def policy_name(diagnoser: str, seed: int) -> str:
@@ -45,22 +44,30 @@ class LearnedPolicy:
     Attributes
     ----------
     tensors
-        Weights and biases, float32, of the shapes in `SHAPES`.
+        Weights and biases, float32, of the shapes of `policy_shapes`.
     diagnoser
         Name of the diagnoser beside which it has learned.
     budget
         Root mean square of the speed offsets in its training [m/s].
     amplitude
         Speed offset [m/s] of the action 1.
+    classes
+        Diagnosis classes whose log odds it sees: those of its training.
     """
 
     tensors: dict[str, np.ndarray]
     diagnoser: str
     budget: float
     amplitude: float
+    classes: tuple[str, ...] = SHIPPED_CLASSES
 
     def __post_init__(self):
-        storage.check_tensors("the policy", self.tensors, SHAPES)
+        storage.check_tensors("the policy", self.tensors, policy_shapes(len(self.features)))
+
+    @property
+    def features(self) -> tuple[str, ...]:
+        """The names of its inputs in their order."""
+        return feature_names(self.classes)
 
     def action(self, features: np.ndarray) -> np.ndarray:
         """The actions of every lane, without noise.
@@ -68,7 +75,7 @@ class LearnedPolicy:
         Parameters
         ----------
         features
-            (n_lanes, n_features) as in `FEATURES`.
+            (n_lanes, n_features) as in `features`.
 
         Returns
         -------
@@ -77,11 +84,11 @@ class LearnedPolicy:
         import torch  # takes a second, and only policies need it
 
         features = np.asarray(features, np.float32)
-        if features.ndim != 2 or features.shape[1] != len(FEATURES):
+        if features.ndim != 2 or features.shape[1] != len(self.features):
             raise refusal(
                 "shape of the features",
                 features.shape,
-                f"(n_lanes, {len(FEATURES)})",
+                f"(n_lanes, {len(self.features)})",
                 "one row per lane",
             )
         with torch.inference_mode():
@@ -97,7 +104,7 @@ class LearnedPolicy:
     def save(self, path: str | Path) -> None:
         """Write a safetensors file for `load`; its header names the features in their order."""
         header = {
-            "features": FEATURES,
+            "features": self.features,
             "diagnoser": self.diagnoser,
             "budget": self.budget,
             "amplitude": self.amplitude,
@@ -117,7 +124,10 @@ class LearnedPolicy:
         header = header if isinstance(header, dict) else {}
         features = header.get("features")
         remedy = "train it anew"
-        if features != list(FEATURES):
+        is_list = isinstance(features, list) and all(isinstance(name, str) for name in features)
+        trained_classes = classes_of(features) if is_list else ()
+        is_layout = is_list and features == list(feature_names(trained_classes))
+        if not is_layout or trained_classes[:1] != (NORMAL,):
             where = "training.stimuli.policy_inputs.FEATURES"
             allowed = f"the {len(FEATURES)} of {where} in their order"
             raise refusal(
@@ -130,7 +140,9 @@ class LearnedPolicy:
         for name in ("budget", "amplitude"):
             thing = f"{name} of the policy {path}"
             speeds[name] = finite_in_range(thing, header.get(name), 0.001, MAXIMUM_COMMAND)
-        return cls(storage.check_tensors(path, tensors, SHAPES), diagnoser, **speeds)
+        storage.check_tensors(path, tensors, policy_shapes(len(features)))
+        check_class_list(trained_classes, classes())
+        return cls(tensors, diagnoser, **speeds, classes=trained_classes)
 
 
 def _first_difference(features: Any) -> Any:

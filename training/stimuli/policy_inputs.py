@@ -1,13 +1,15 @@
 """The inputs of a policy: belief, estimates with their uncertainty, mission and allowance."""
 
 import math
+from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
 from auv_fault_env.channels import INDEX, MAXIMUM_COMMAND
-from auv_fault_env.faults import classes
 from diagnosers import Belief
 from diagnosers.kalman import Estimate
+from diagnosers.networks.class_list import SHIPPED_CLASSES
 from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET, MISSION_SPEED
 
 # nats: log odds count within +-20, and log probabilities from -20 on, in the reward too
@@ -17,8 +19,9 @@ LAST_TIME = math.log1p(600.0)
 HIGHEST_ALLOWANCE = math.log1p(EPISODE_TIME * (MAXIMUM_COMMAND / LARGEST_OFFSET) ** 2)
 SPEED = INDEX["speed"]
 
-BOUNDS: dict[str, tuple[float, float]] = {
-    **{f"log_odds:{name}": (-HIGHEST_ODDS, HIGHEST_ODDS) for name in classes()},
+LOG_ODDS = "log_odds:"
+LOG_ODDS_BOUNDS = (-HIGHEST_ODDS, HIGHEST_ODDS)
+OTHER_BOUNDS: dict[str, tuple[float, float]] = {
     "severity": (0.0, 1.0),
     "alpha": (-1.0, 3.0),
     "alpha_std": (0.0, 1.0),
@@ -30,8 +33,30 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "time": (0.0, LAST_TIME),
     "left": (0.0, HIGHEST_ALLOWANCE),
 }
-FEATURES: tuple[str, ...] = tuple(BOUNDS)
-LOW, HIGH = np.array(list(BOUNDS.values()), np.float32).T
+
+
+def feature_names(classes: Sequence[str]) -> tuple[str, ...]:
+    """The features of an agent that sees the log odds of these classes, in their order."""
+    return (*(f"{LOG_ODDS}{name}" for name in classes), *OTHER_BOUNDS)
+
+
+def classes_of(features: Sequence[str]) -> tuple[str, ...]:
+    """The classes whose log odds are among these features."""
+    return tuple(name.removeprefix(LOG_ODDS) for name in features if name.startswith(LOG_ODDS))
+
+
+@cache
+def feature_bounds(n_classes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Least and largest features, each (n_features,) float32, of an agent that sees so many classes."""
+    bounds = [LOG_ODDS_BOUNDS] * n_classes + list(OTHER_BOUNDS.values())
+    low, high = np.array(bounds, np.float32).T
+    return low, high
+
+
+# of the policies that come with the package
+FEATURES = feature_names(SHIPPED_CLASSES)
+LOW, HIGH = feature_bounds(len(SHIPPED_CLASSES))
+BOUNDS = dict(zip(FEATURES, zip(LOW.tolist(), HIGH.tolist(), strict=True), strict=True))
 
 
 def compressed_log_odds(log_probability: np.ndarray) -> np.ndarray:
@@ -67,8 +92,9 @@ def policy_features(
     last_action: np.ndarray,
     time: np.ndarray,
     allowance: np.ndarray,
+    seen_classes: Sequence[int] | slice = slice(None),
 ) -> np.ndarray:
-    """The features in the order of `FEATURES`, clipped to their bounds.
+    """The features in the order of `feature_names`, clipped to their bounds.
 
     Parameters
     ----------
@@ -84,6 +110,10 @@ def policy_features(
     allowance
         Squared offsets that the budget has left, (n_lanes,) [m^2/s]; the feature `left` is
         `compressed_allowance`.
+    seen_classes
+        Columns of the classes that the agent sees in the belief, (n_seen,). The odds of a class are
+        those against all others, so a class that the agent does not see only lowers the odds of
+        `normal`, as any fault does.
 
     Returns
     -------
@@ -103,6 +133,6 @@ def policy_features(
         np.log1p(time),
         compressed_allowance(allowance),
     ]
-    log_odds = compressed_log_odds(belief.log_probability)
+    log_odds = compressed_log_odds(belief.log_probability[:, seen_classes])
     features = np.concatenate([log_odds, np.stack(columns, axis=1)], axis=1)
-    return np.clip(features.astype(np.float32), LOW, HIGH)
+    return np.clip(features.astype(np.float32), *feature_bounds(log_odds.shape[1]))

@@ -14,16 +14,20 @@ from diagnosers import Belief
 from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET
 from training.stimuli.closed_loop import ClosedLoop
 
-AFFECTED_CLASSES = {
-    fault.diagnosis
-    for fault in CATALOGUE.values()
-    if fault.component.startswith(("hull", "propeller:"))
-}
-HULL_AND_PROPELLERS = np.array([name in AFFECTED_CLASSES for name in classes()])
 LEAST_SHARE = 0.3  # of 1 - p(normal), that hull and propellers must have
 # at even odds, in units of the constant offset with which the allowance would last an episode
 GAIN = 0.6
 LEAST_NORMAL = 1e-6  # least p(normal) in the odds: with less, the offset is the largest anyway
+
+
+def is_of_hull_or_propellers() -> np.ndarray:
+    """Which classes are faults of hull or propellers, (n_classes,) bool."""
+    affected = {
+        fault.diagnosis
+        for fault in CATALOGUE.values()
+        if fault.component.startswith(("hull", "propeller:"))
+    }
+    return np.array([name in affected for name in classes()])
 
 
 def surge_offset(log_probability: np.ndarray, allowance: np.ndarray) -> np.ndarray:
@@ -38,7 +42,7 @@ def surge_offset(log_probability: np.ndarray, allowance: np.ndarray) -> np.ndarr
     """
     probability = np.exp(log_probability)
     normal = probability[:, 0]
-    affected = probability[:, HULL_AND_PROPELLERS].sum(axis=1)
+    affected = probability[:, is_of_hull_or_propellers()].sum(axis=1)
     odds = affected / np.maximum(normal, LEAST_NORMAL)
     offset = np.minimum(GAIN * np.sqrt(allowance / EPISODE_TIME) * odds, LARGEST_OFFSET)
     return np.where(affected > LEAST_SHARE * (1.0 - normal), offset, 0.0)

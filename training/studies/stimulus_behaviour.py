@@ -28,7 +28,7 @@ from training.stimuli import STIMULI, Stimulus
 from training.stimuli.base import LARGEST_OFFSET
 from training.stimuli.closed_loop import ClosedLoop
 from training.stimuli.open_loop import Cruise
-from training.stimuli.triggered_surge import HULL_AND_PROPELLERS
+from training.stimuli.triggered_surge import is_of_hull_or_propellers
 from training.studies.stimulus_comparisons import paired_figures, resampled_means, with_agent
 
 # lanes
@@ -219,7 +219,7 @@ def _known_onset_figures(
     runs: Mapping[str, ClosedLoopRun], truth: Truth, threshold: float, seed: int
 ) -> dict[str, Any]:
     """Figures of the isolation time on the lanes with faults of hull and propellers."""
-    lanes = HULL_AND_PROPELLERS[truth.fault]
+    lanes = is_of_hull_or_propellers()[truth.fault]
     times = {}
     for name, run in runs.items():
         isolation = isolation_times(run, truth.fault, truth.onset, threshold)

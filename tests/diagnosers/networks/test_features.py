@@ -9,7 +9,7 @@ from auv_fault_env.channels import CHANNELS
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import PRESETS
 from auv_fault_env.schedules import FaultEvent
-from diagnosers.networks.features import FEATURES, MEMORIES, Features
+from diagnosers.networks.features import FEATURES, MEAN_TIMES, Features
 from training.rollouts import roll_out
 
 N_SAMPLES = 80
@@ -87,7 +87,7 @@ def test_a_batch_equals_its_lanes(observations):
 
 def test_running_means_reach_a_constant_after_their_time():
     rows = encoded(np.repeat(episodes("increased_drag")[:1], N_SAMPLES, axis=0))
-    for memory in MEMORIES:
-        mean = rows[:, 0, FEATURES.index(f"port_voltage:mean_{memory:g}")]
+    for time in MEAN_TIMES:
+        mean = rows[:, 0, FEATURES.index(f"port_voltage:mean_{time:g}")]
         # residuals of repeated readings are constant
         assert np.isclose(mean[-1], mean[1], atol=1e-5)

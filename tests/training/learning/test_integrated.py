@@ -4,16 +4,18 @@ import numpy as np
 import pytest
 import torch
 
+from auv_fault_env import classes
+from diagnosers.networks.features import FEATURES
 from training.learning import integrated
 from training.learning.integrated import (
-    CLASSES,
-    FEATURES,
     IntegratedTrainer,
     calibrate,
     image,
     lesson,
     mirrored_if,
 )
+
+CLASSES = classes()
 
 
 @pytest.fixture(autouse=True)

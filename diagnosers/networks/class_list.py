@@ -1,0 +1,74 @@
+"""The classes that a network was trained on, and beliefs over more classes than these.
+
+A fault that joins the catalogue later is unknown to a trained network; the filter bank beside it
+has a hypothesis for every fault. So the bank says whether the fault is an added one, and the
+network says what it is if it is not: with T the classes of the training and y the readings,
+
+    p(added class | y) = p_bank(added class | y)
+    p(trained class | y) = p_bank(T | y) p_network(trained class | y, T)
+
+which is Bayes' rule, with the network's belief in place of the bank's within T.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from auv_fault_env.errors import refusal
+from auv_fault_env.faults import NORMAL
+from diagnosers.diagnoser import Belief
+
+# of weights that do not name theirs
+SHIPPED_CLASSES = (
+    "normal",
+    "increased_drag",
+    "decreased_drag",
+    "propeller_damage:port",
+    "propeller_loss:port",
+    "seal_friction:port",
+    "motor_overheating:port",
+    "propeller_damage:starboard",
+    "propeller_loss:starboard",
+    "seal_friction:starboard",
+    "motor_overheating:starboard",
+    "sensor:speed",
+    "sensor:acceleration",
+    "sensor:port_voltage",
+    "sensor:port_current",
+    "sensor:port_rpm",
+    "sensor:starboard_voltage",
+    "sensor:starboard_current",
+    "sensor:starboard_rpm",
+)
+
+
+def check_class_list(trained: Sequence[str], catalogue: Sequence[str]) -> tuple[str, ...]:
+    """The classes of a training, if each is one of the catalogue's, `normal` first; else refused."""
+    is_list = isinstance(trained, (list, tuple)) and all(isinstance(name, str) for name in trained)
+    if not is_list or tuple(trained[:1]) != (NORMAL,) or len(set(trained)) < len(trained):
+        allowed = f"different names, {NORMAL!r} first"
+        raise refusal("classes of the weights", trained, allowed, "take other weights")
+    if missing := [name for name in trained if name not in catalogue]:
+        allowed = f"classes of the catalogue: {', '.join(catalogue)}"
+        raise refusal("classes of the weights", missing, allowed, "add these faults, or train anew")
+    return tuple(trained)
+
+
+def with_added_classes(network: Belief, bank: Belief, trained: Sequence[int]) -> Belief:
+    """The belief over all classes from the network's over the trained ones and the bank's over all.
+
+    Parameters
+    ----------
+    network
+        Belief (n_lanes, n_trained).
+    bank
+        Belief (n_lanes, n_classes), which also gives the severities of the added classes.
+    trained
+        Columns of the network's classes among all, (n_trained,).
+    """
+    log_trained = np.logaddexp.reduce(bank.log_probability[:, trained], axis=1, keepdims=True)
+    belief = Belief(*(values.copy() for values in bank))
+    belief.log_probability[:, trained] = network.log_probability + log_trained
+    belief.severity_mean[:, trained] = network.severity_mean
+    belief.severity_std[:, trained] = network.severity_std
+    return belief
