@@ -19,7 +19,7 @@ from training.commands.export import answers, digest, graph_of, metadata, to_onn
 from training.formats.onnx import GRAPHS, PolicyGraph
 from training.rollouts import manoeuvres, roll_out
 from training.stimuli import policy_inputs
-from training.stimuli.policy import SHAPES, LearnedPolicy
+from training.stimuli.policy import LearnedPolicy, policy_shapes
 
 onnxruntime = pytest.importorskip("onnxruntime")
 RUNNER = Path(__file__).parents[3] / "docs" / "examples" / "onnx_runner.py"
@@ -35,7 +35,8 @@ FAULTS = (
 def policy():
     random = np.random.default_rng(0)
     tensors = {
-        name: random.normal(0.0, 0.3, shape).astype(np.float32) for name, shape in SHAPES.items()
+        name: random.normal(0.0, 0.3, shape).astype(np.float32)
+        for name, shape in policy_shapes(29).items()
     }
     return LearnedPolicy(tensors, "cusum", 0.0762, 0.25)
 

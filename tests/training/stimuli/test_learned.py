@@ -13,7 +13,7 @@ from training.learning.constraint import ConstrainedVecEnv
 from training.stimuli import STIMULI
 from training.stimuli.learned import Learned, LearnedHeld
 from training.stimuli.light_bank import light_bank
-from training.stimuli.policy import SHAPES, LearnedPolicy
+from training.stimuli.policy import LearnedPolicy, policy_shapes
 from training.studies.stimulus_comparisons import LEARNED as SEEDS_OF_TRAINING
 
 SEEDS = (3, 4, 5)
@@ -30,7 +30,8 @@ LEARNED = [name for name in STIMULI if SEEDS_OF_TRAINING.fullmatch(name)]
 def drawn(seed, spread=0.3):
     random = np.random.default_rng(seed)
     tensors = {
-        name: random.normal(0.0, spread, shape).astype(np.float32) for name, shape in SHAPES.items()
+        name: random.normal(0.0, spread, shape).astype(np.float32)
+        for name, shape in policy_shapes(29).items()
     }
     return LearnedPolicy(tensors, "filter_bank", 0.1, 0.25)
 

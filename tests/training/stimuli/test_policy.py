@@ -11,7 +11,7 @@ import torch
 from auv_fault_env.errors import InputError
 from diagnosers import storage
 from training.learning.agent import Agent
-from training.stimuli.policy import SHAPES, LearnedPolicy
+from training.stimuli.policy import LearnedPolicy, policy_shapes
 from training.stimuli.policy_inputs import FEATURES, HIGH, LOW
 
 
@@ -133,7 +133,7 @@ def test_other_tensors_are_refused(agent, tmp_path):
             LearnedPolicy.load(tmp_path / "policy.safetensors")
         with pytest.raises(InputError, match="tensors of the policy"):
             LearnedPolicy(wrong, "filter_bank", 0.05, 0.25)
-    assert {name: tensor.shape for name, tensor in tensors.items()} == SHAPES
+    assert {name: tensor.shape for name, tensor in tensors.items()} == policy_shapes(29)
 
 
 def test_a_damaged_file_is_refused(policy, tmp_path):
