@@ -1,4 +1,4 @@
-"""``auv-fault calibrate``: a vehicle file made to fit healthy logs."""
+"""``auv-fault calibrate``: a vehicle file fitted to healthy logs."""
 
 import shlex
 import sys
@@ -8,7 +8,7 @@ from tqdm import tqdm
 
 from auv_fault_env.errors import refusal
 from training.arguments import Calibrate
-from training.field.calibration.calibration import NAMES, Calibration, fitted
+from training.field.calibration.calibration import NAMES, Calibration, calibrate_samples
 from training.field.calibration.checks import leave_one_out
 from training.field.calibration.page import REPAIRS, page, plain
 from training.field.calibration.samples import samples_of
@@ -28,45 +28,35 @@ def main(arguments: Calibrate) -> None:
         write_json(folder / "results.json", results)
         write_report(results, folder)
     print_tables(section for section in results["sections"] if section["heading"] != REPAIRS)
-    print(
-        f"\nvehicle file: {arguments.output / 'vehicle.toml'}\nreport: {arguments.output / 'index.html'}"
-    )
+    print(f"\nvehicle file: {arguments.output / 'vehicle.toml'}")
+    print(f"report: {arguments.output / 'index.html'}")
 
 
 def calibrate(arguments: Calibrate) -> tuple[Calibration, dict[str, Any]]:
     """The calibration, and all results as plain data."""
     vehicle = read_vehicle(arguments.vehicle)
     if len({path.resolve() for path in arguments.logs}) < len(arguments.logs):
-        raise refusal(
-            "logs",
-            [str(path) for path in arguments.logs],
-            "each log once",
-            "leave the repetitions out",
-        )
+        names = [str(path) for path in arguments.logs]
+        raise refusal("logs", names, "each log once", "leave the repetitions out")
     with tqdm(arguments.logs, "reading", unit="log", leave=False, file=sys.stderr) as paths:
         logs = [read_log(path, vehicle)._replace(name=str(path)) for path in paths]
     samples = samples_of(logs)
-    calibration = fitted(samples, vehicle)
+    calibration = calibrate_samples(samples, vehicle)
     left_out = leave_one_out(samples, calibration, [log.name for log in logs])
     results = page(logs, samples, calibration, left_out) | plain(calibration, left_out, logs)
-    results["command"] = shlex.join(
-        map(str, ("auv-fault", "calibrate", "--vehicle", arguments.vehicle, *arguments.logs))
-    )
+    command = ("auv-fault", "calibrate", "--vehicle", arguments.vehicle, *arguments.logs)
+    results["command"] = shlex.join(map(str, command))
     return calibration, results
 
 
 def comments(calibration: Calibration) -> dict[str, str]:
-    """What the vehicle file says behind each fitted parameter."""
-    known = {
-        name: calibration.estimate(name)
-        for name in NAMES
-        if name in calibration.part(name).fit.names
-    }
-    notes = {
-        f"parameters.{name}": f"fitted, 95 % interval {one.low:.5g} to {one.high:.5g}"
-        for name, one in known.items()
-    }
-    if torque := known.get("propeller_torque"):
-        text = f"fitted, 95 % interval {torque.low:.4g} to {torque.high:.4g} times the former value"
-        notes |= {"parameters.c1": text, "parameters.c2": text}
-    return notes
+    """The comments of the vehicle file on each fitted parameter."""
+    notes = {}
+    for name in filter(calibration.is_fitted, NAMES):
+        parameter = calibration.parameter(name)
+        if name == "propeller_torque":
+            interval = f"{parameter.low:.4g} to {parameter.high:.4g} times the former value"
+            notes |= dict.fromkeys(("parameters.c1", "parameters.c2"), interval)
+        else:
+            notes[f"parameters.{name}"] = f"{parameter.low:.5g} to {parameter.high:.5g}"
+    return {key: f"fitted, 95 % interval {interval}" for key, interval in notes.items()}

@@ -1,12 +1,12 @@
-"""``auv-fault diagnose``: logs of a vehicle, or its stream on standard input, to verdicts."""
+"""``auv-fault diagnose``: verdicts on the logs of a vehicle, or on its stream on standard input."""
 
 import csv
 import shlex
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from auv_fault_env.errors import InputError, refusal
 from diagnosers import Belief
@@ -17,14 +17,14 @@ from training.field.diagnosis.diagnosis import (
     THRESHOLDS,
     UNUSABLE,
     Verdict,
-    alarm_along,
     beliefs,
     diagnoser_for,
+    is_alarmed,
     persistence,
     verdict,
 )
-from training.field.diagnosis.load_limits import load_limits, overloaded
-from training.field.diagnosis.page import figure, page
+from training.field.diagnosis.load_limits import Limits, is_overloaded, load_limits
+from training.field.diagnosis.page import log_figure, page
 from training.field.diagnosis.stream import close_quietly, follow
 from training.field.logs.log import Log, read_log
 from training.field.vehicle_file import VehicleFile, read_vehicle
@@ -32,9 +32,8 @@ from training.metrics import running_maximum
 from training.report.page import print_tables, write_report
 from training.report.run_folder import run_folder, write_json
 
-Limits = Mapping[str, tuple[float, float]]  # of the shafts' loads, by side
 EXIT_CODES = {HEALTHY: 0, UNUSABLE: 2, FAULT: 3}
-SHOWN = {FAULT: 12, HEALTHY: 2}  # logs with a figure
+MOST_FIGURES = {FAULT: 12, HEALTHY: 2}  # of logs, by verdict
 CELLS = (
     "log",
     "verdict",
@@ -48,37 +47,42 @@ CELLS = (
 )
 
 
+class DiagnosedLog(NamedTuple):
+    """A verdict with log and beliefs, which an unusable log does not have."""
+
+    verdict: Verdict
+    log: Log | None = None
+    belief: Belief | None = None
+
+
 def main(arguments: Diagnose) -> int:
     """Diagnose; the exit code is that of the worst verdict: 0 healthy, 2 unusable, 3 a fault."""
     vehicle = read_vehicle(arguments.vehicle)
     diagnoser_for(arguments.diagnoser, vehicle, {})
     if not arguments.follow and not arguments.logs:
-        raise refusal(
-            "logs", [], "at least one log", "name one, or give --follow to read standard input"
-        )
-    healthy = [read_log(path, vehicle) for path in arguments.healthy]
-    threshold = threshold_of(healthy, arguments.diagnoser, vehicle)
+        remedy = "name one, or add --follow to read standard input"
+        raise refusal("logs", [], "at least one log", remedy)
+    healthy_logs = [read_log(path, vehicle) for path in arguments.healthy]
+    threshold = threshold_of(healthy_logs, arguments.diagnoser, vehicle)
     if arguments.follow:
         alarmed = follow(sys.stdin.buffer, sys.stdout, vehicle, arguments.diagnoser, threshold)
         close_quietly(sys.stdout)
         return EXIT_CODES[FAULT if alarmed else HEALTHY]
     with run_folder(arguments.output, "diagnose", arguments) as folder:
-        limits = load_limits(healthy, vehicle)
+        limits = load_limits(healthy_logs, vehicle)
         verdicts = write_verdicts(folder, arguments, vehicle, threshold, limits)
     print(f"\nreport: {arguments.output / 'index.html'}")
-    return max(EXIT_CODES[one.verdict] for one in verdicts)
+    return max(EXIT_CODES[verdict.verdict] for verdict in verdicts)
 
 
-def threshold_of(healthy: Sequence[Log], name: str, vehicle: VehicleFile) -> float:
-    """Threshold of log p(normal): the benchmark's, or lower where the healthy logs come below it."""
+def threshold_of(healthy_logs: Sequence[Log], name: str, vehicle: VehicleFile) -> float:
+    """Threshold of log p(normal): the benchmark's, or the lowest value on the healthy logs."""
     threshold = THRESHOLDS[name]
-    for log in healthy:
+    for log in healthy_logs:
         log_normal = beliefs(log, name, vehicle).log_probability[:, :1]
-        depths = [
-            running_maximum(log_normal[segment], persistence(vehicle)).min()
-            for segment in log.segments
-        ]
-        threshold = min(threshold, *map(float, depths))
+        for segment in log.segments:
+            lowest = running_maximum(log_normal[segment], persistence(vehicle)).min()
+            threshold = min(threshold, float(lowest))
     return threshold
 
 
@@ -88,53 +92,59 @@ def write_verdicts(
     """Diagnose every log and write results and report; refused if none is usable."""
     verdicts: list[Verdict] = []
     figures: dict[str, list[dict[str, Any]]] = {FAULT: [], HEALTHY: []}
-    for one, log, belief in diagnosed(arguments, vehicle, threshold, limits):
-        verdicts.append(one)
-        if log is not None and len(figures[one.verdict]) < SHOWN[one.verdict]:
-            figures[one.verdict].append(figure(len(verdicts), one, log, belief, threshold, vehicle))
-    if all(one.verdict == UNUSABLE for one in verdicts):
-        raise InputError("; ".join(one.remarks[0] for one in verdicts))
-    options = ["--vehicle", arguments.vehicle, "--diagnoser", arguments.diagnoser, *arguments.logs]
-    options += ["--healthy", *arguments.healthy] if arguments.healthy else []
-    command = shlex.join(map(str, ("auv-fault", "diagnose", *options)))
+    for one_verdict, log, belief in diagnosed(arguments, vehicle, threshold, limits):
+        verdicts.append(one_verdict)
+        kind = one_verdict.verdict
+        if log is not None and len(figures[kind]) < MOST_FIGURES[kind]:
+            number = len(verdicts)
+            figure = log_figure(number, one_verdict, log, belief, threshold, vehicle)
+            figures[kind].append(figure)
+    if all(verdict.verdict == UNUSABLE for verdict in verdicts):
+        raise InputError("; ".join(verdict.remarks[0] for verdict in verdicts))
     shown = [*figures[FAULT], *figures[HEALTHY]]
-    results = page(command, arguments.diagnoser, threshold, verdicts, shown)
-    write_json(folder / "results.json", results | {"verdicts": [asdict(one) for one in verdicts]})
+    results = page(command_of(arguments), arguments.diagnoser, threshold, verdicts, shown)
+    plain_verdicts = [asdict(verdict) for verdict in verdicts]
+    write_json(folder / "results.json", results | {"verdicts": plain_verdicts})
     write_csv(folder / "results.csv", verdicts)
     write_report(results, folder)
-    print_tables(
-        section for section in results["sections"] if section["heading"] != "Logs in detail"
-    )
+    sections = results["sections"]
+    print_tables(section for section in sections if section["heading"] != "Logs in detail")
     return verdicts
+
+
+def command_of(arguments: Diagnose) -> str:
+    """The command line that makes the same page."""
+    options = ["--vehicle", arguments.vehicle, "--diagnoser", arguments.diagnoser, *arguments.logs]
+    if arguments.healthy:
+        options += ["--healthy", *arguments.healthy]
+    return shlex.join(map(str, ("auv-fault", "diagnose", *options)))
 
 
 def diagnosed(
     arguments: Diagnose, vehicle: VehicleFile, threshold: float, limits: Limits
-) -> Iterator[tuple[Verdict, Log | None, Belief | None]]:
-    """The verdict on every log; with log and beliefs, but for those that are unusable."""
+) -> Iterator[DiagnosedLog]:
+    """Every log with its verdict."""
     for path in arguments.logs:
         try:
             log = read_log(path, vehicle)
         except InputError as error:
-            yield Verdict(str(path), UNUSABLE, remarks=(str(error),)), None, None
+            yield DiagnosedLog(Verdict(str(path), UNUSABLE, remarks=(str(error),)))
             continue
         belief = beliefs(log, arguments.diagnoser, vehicle)
-        standing = alarm_along(log, belief, threshold, persistence(vehicle)) | overloaded(
-            log, vehicle, limits
-        )
-        yield verdict(str(path), log, belief, standing, vehicle), log, belief
+        alarmed = is_alarmed(log, belief, threshold, persistence(vehicle))
+        alarmed |= is_overloaded(log, vehicle, limits)
+        yield DiagnosedLog(verdict(str(path), log, belief, alarmed, vehicle), log, belief)
 
 
 def write_csv(path: Path, verdicts: list[Verdict]) -> None:
-    """A row per log; empty cells where there is nothing to say."""
-    rows = [asdict(one) | {"alarm_time": one.alarm_time} for one in verdicts]
-    rows = [{name: _short(row[name]) for name in CELLS} for row in rows]
+    """A row per log; empty cells where a verdict has no value."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, CELLS)
         writer.writeheader()
-        writer.writerows(rows)
+        for verdict in verdicts:
+            row = asdict(verdict) | {"alarm_time": verdict.alarm_time}
+            writer.writerow({name: _rounded(row[name]) for name in CELLS})
 
 
-def _short(value: Any) -> Any:
-    """A number without the noise of its last digits."""
+def _rounded(value: Any) -> Any:
     return round(value, 4) if isinstance(value, float) else value

@@ -20,7 +20,7 @@ from auv_fault_env.parameters import PRESETS, Vehicle
 from diagnosers import Diagnoser, make
 from training.benchmark.open_loop import believed, both_halves, true_of
 from training.benchmark.scoring import assess
-from training.field.calibration.calibration import calibrated
+from training.field.calibration.calibration import calibrate
 from training.field.diagnosis.diagnosis import THRESHOLDS, diagnoser_for
 from training.metrics import confusion, macro_f1, restricted_mean
 from training.metrics.intervals import f1_interval
@@ -89,7 +89,7 @@ def study(arguments: DiagnosisStudy) -> dict[str, Any]:
 def cases(preset: Vehicle, number: int) -> dict[str, tuple[Vehicle, Diagnoser]]:
     """By what the bank knows: the vehicle that is simulated, and the bank that diagnoses it."""
     vehicle = sampled_vehicle(preset, number)
-    file = calibrated(*simulated_logs(vehicle, number)).vehicle
+    file = calibrate(*simulated_logs(vehicle, number)).vehicle
     return {
         REFERENCE: (preset, make(NAME, vehicle=preset)),
         CALIBRATED: (vehicle, diagnoser_for(NAME, file, {})),

@@ -21,7 +21,7 @@ from auv_fault_env.errors import finite_in_range
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
 from auv_fault_env.parameters import PRESETS, SAMPLE_RATE, Vehicle
-from training.field.calibration.calibration import Calibration, calibrated
+from training.field.calibration.calibration import Calibration, calibrate
 from training.field.logs.log import Log, read_log
 from training.field.units import UNITS
 from training.field.vehicle_file import Column, VehicleFile, read_vehicle, write_vehicle
@@ -82,7 +82,7 @@ def study(arguments: CalibrationStudy) -> dict[str, Any]:
     vehicles = []
     for number in tqdm(numbers, unit="vehicle"):
         truth = sampled_vehicle(PRESETS[arguments.preset], number)
-        calibration = calibrated(*simulated_logs(truth, number))
+        calibration = calibrate(*simulated_logs(truth, number))
         vehicles.append(compared_with_truth(calibration, truth))
     module = "python -m training.studies.calibration"
     rows = summary(vehicles)
@@ -152,9 +152,9 @@ def compared_with_truth(calibration: Calibration, truth: Vehicle) -> dict[str, d
     """
     comparison = {}
     for name in SAMPLED:
-        estimate = calibration.estimate(name)
+        estimate = calibration.parameter(name)
         true = getattr(truth, name)
-        is_fitted = name in calibration.part(name).fit.names
+        is_fitted = calibration.is_fitted(name)
         comparison[name] = {
             "true": true,
             "value": estimate.value,

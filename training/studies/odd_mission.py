@@ -21,16 +21,16 @@ from auv_fault_env.errors import finite_in_range
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MissionSampler, follow_mission
 from auv_fault_env.parameters import PARAMETERS, PRESETS, SAMPLE_RATE
-from training.field.calibration.calibration import calibrated
+from training.field.calibration.calibration import calibrate
 from training.field.diagnosis.diagnosis import (
     THRESHOLDS,
     Verdict,
-    alarm_along,
     beliefs,
+    is_alarmed,
     persistence,
     verdict,
 )
-from training.field.diagnosis.load_limits import load_limits, overloaded
+from training.field.diagnosis.load_limits import is_overloaded, load_limits
 from training.field.logs.log import Log, read_log
 from training.field.vehicle_file import Column, VehicleFile, write_vehicle
 from training.report.page import print_tables
@@ -120,8 +120,8 @@ def study(logs: Sequence[Log], folder: Path) -> dict[str, Any]:
     verdicts = []
     for fold in tqdm(range(FOLDS), unit="fold"):
         others = [log for k, log in enumerate(healthy) if k % FOLDS != fold]
-        verdicts += judged(healthy[fold::FOLDS], others, calibrated(others, VEHICLE).vehicle)
-    whole = calibrated(healthy, VEHICLE).vehicle
+        verdicts += judged(healthy[fold::FOLDS], others, calibrate(others, VEHICLE).vehicle)
+    whole = calibrate(healthy, VEHICLE).vehicle
     write_vehicle(folder / "calibrated.toml", whole)
     (odd,) = judged(logs[-1:], healthy, whole)
     rows = [["healthy, calibrated without it", *counted(verdicts)], ["faulty", *counted([odd])]]
@@ -140,8 +140,8 @@ def judged(logs: Sequence[Log], healthy: Sequence[Log], vehicle: VehicleFile) ->
     verdicts = []
     for log in logs:
         belief = beliefs(log, "filter_bank", vehicle)
-        standing = alarm_along(log, belief, THRESHOLDS["filter_bank"], persistence(vehicle))
-        standing |= overloaded(log, vehicle, limits)
+        standing = is_alarmed(log, belief, THRESHOLDS["filter_bank"], persistence(vehicle))
+        standing |= is_overloaded(log, vehicle, limits)
         verdicts.append(verdict(log.name, log, belief, standing, vehicle))
     return verdicts
 

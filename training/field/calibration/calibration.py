@@ -1,4 +1,4 @@
-"""Calibration: a vehicle file made to fit healthy logs, with what is and what is not known of every parameter."""
+"""Calibration: a vehicle file fitted to healthy logs, with an interval for every parameter."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -12,22 +12,33 @@ from auv_fault_env.parameters import SIDES, Vehicle
 from diagnosers.kalman import NOISE_FLOOR
 from training.field.calibration import motor_fit, surge_fit
 from training.field.calibration.healthy_band import healthy_band
+from training.field.calibration.model_fit import ModelFit
 from training.field.calibration.motor_noise import motor_noise
-from training.field.calibration.plant import Part
 from training.field.calibration.samples import Samples, noise_levels, samples_of
 from training.field.logs.log import Log
 from training.field.vehicle_file import BAND, NOISE, QUANTITIES, VehicleFile
 
 NAMES = (*reversed(surge_fit.PARAMETERS), *reversed(motor_fit.PARAMETERS), *surge_fit.DISTURBANCE)
-TWINS = {"propeller_torque": ("c1", "c2")}  # parameters of the file that go by one of the fit
+# parameters of the file that one parameter of the fit multiplies
+FILE_PARAMETERS = {"propeller_torque": ("c1", "c2")}
 
 
-class Estimate(NamedTuple):
-    """What is known of one parameter, in its unit: `propeller_torque` is a factor on C1 and C2.
+class ParameterFit(NamedTuple):
+    """The calibration of one parameter, in its unit; `propeller_torque` is a factor on C1 and C2.
 
-    low and high bound the 95 % interval, which holds for the other held parameters as the file has
-    them. band: relative half-width of the healthy band. why, remedy: of a parameter that keeps the
-    file's value; empty for one that was fitted.
+    Attributes
+    ----------
+    name, unit
+        Of the parameter.
+    before, value
+        In the vehicle file before and after.
+    std, low, high
+        Standard deviation and 95 % interval, with the fixed parameters as in the file; NaN for a
+        parameter that was not fitted.
+    band
+        Relative half-width of the healthy band.
+    why, remedy
+        Why the parameter keeps the file's value, and what would help; empty for a fitted one.
     """
 
     name: str
@@ -58,137 +69,155 @@ class Calibration:
 
     vehicle: VehicleFile
     before: VehicleFile
-    motor: Part
-    surge: Part
+    motor: ModelFit
+    surge: ModelFit
 
-    def estimate(self, name: str) -> Estimate:
-        """What is known of a parameter of `NAMES`."""
-        fit = self.part(name).fit
-        unit = QUANTITIES[name]["unit"] if name in QUANTITIES else "1"
-        before, value = (getattr(file.vehicle, name, 1.0) for file in (self.before, self.vehicle))
-        value = fit.values[name] if name in TWINS and name in fit.names else value
-        band = self.vehicle.band.get(TWINS.get(name, (name,))[0], 0.0)
-        if name not in fit.names:
-            return Estimate(
-                name,
-                unit,
-                before,
-                value,
-                *3 * [math.nan],
-                band,
-                *self.part(name).why.get(name, ("", "")),
-            )
-        place = fit.names.index(name)
-        point = fit.estimate[place]
-        std = fit.std[place]
-        ends = np.array([point - fit.quantile * std, point + fit.quantile * std])
-        if name in surge_fit.DISTURBANCE:
-            return Estimate(name, unit, before, value, value * std, *np.exp(ends).tolist(), band)
-        scale = self.part(name).unit[name]
-        return Estimate(
-            name, unit, before, value, abs(scale) * std, *sorted((scale * ends).tolist()), band
-        )
-
-    def part(self, name: str) -> Part:
+    def model_fit(self, name: str) -> ModelFit:
         """The fit that a parameter belongs to."""
         return self.motor if name in motor_fit.PARAMETERS else self.surge
 
+    def is_fitted(self, name: str) -> bool:
+        """Whether a parameter of `NAMES` was fitted."""
+        return name in self.model_fit(name).fit.names
 
-def calibrated(logs: Sequence[Log], vehicle: VehicleFile) -> Calibration:
+    def parameter(self, name: str) -> ParameterFit:
+        """The calibration of a parameter of `NAMES`."""
+        model = self.model_fit(name)
+        fit = model.fit
+        value = getattr(self.vehicle.vehicle, name, 1.0)
+        if name in FILE_PARAMETERS and self.is_fitted(name):
+            value = fit.values[name]
+        first_name, *_ = FILE_PARAMETERS.get(name, (name,))
+        parameter = ParameterFit(
+            name=name,
+            unit=QUANTITIES[name]["unit"] if name in QUANTITIES else "1",
+            before=getattr(self.before.vehicle, name, 1.0),
+            value=value,
+            std=math.nan,
+            low=math.nan,
+            high=math.nan,
+            band=self.vehicle.band.get(first_name, 0.0),
+        )
+        if not self.is_fitted(name):
+            why, remedy = model.why.get(name, ("", ""))
+            return parameter._replace(why=why, remedy=remedy)
+        index = fit.names.index(name)
+        std = fit.std[index]
+        margin = fit.quantile * std
+        ends = np.array([fit.estimate[index] - margin, fit.estimate[index] + margin])
+        if name in surge_fit.DISTURBANCE:
+            low, high = np.exp(ends).tolist()
+            return parameter._replace(std=value * std, low=low, high=high)
+        scale = model.scale[name]
+        low, high = sorted((scale * ends).tolist())
+        return parameter._replace(std=abs(scale) * std, low=low, high=high)
+
+
+def calibrate(logs: Sequence[Log], vehicle: VehicleFile) -> Calibration:
     """Fit the vehicle file to healthy logs.
 
-    What the logs do not identify keeps the file's value. The motors come first, so that their
-    voltages can stand in for shaft speeds that are not logged.
+    Parameters that the logs do not identify keep the file's value. The motors come first, so that
+    their voltages can replace shaft speeds that are not logged.
 
-    Misleads: what was wrong during all of the logs is healthy from now on. Wrong constants that are
-    not fitted (rotor inertia, propeller diameter, a speed sensor's scale) go into those that are.
+    Misleads: a fault present in all of the logs counts as healthy from now on. Wrong constants that
+    are not fitted (rotor inertia, propeller diameter, a speed sensor's scale) distort those that
+    are.
     """
-    return fitted(samples_of(logs), vehicle)
+    return calibrate_samples(samples_of(logs), vehicle)
 
 
-def fitted(samples: Samples, vehicle: VehicleFile) -> Calibration:
-    """As `calibrated`, for samples."""
-    noise = {
-        name: max(std, NOISE_FLOOR * NOISE[name]) for name, std in (NOISE | vehicle.noise).items()
-    }
-    noise |= {
-        name: min(std, CHANNELS[name].high - CHANNELS[name].low)
-        for name, std in noise_levels(samples).items()
-    }
+def calibrate_samples(samples: Samples, vehicle: VehicleFile) -> Calibration:
+    """As `calibrate`, for samples."""
     nominal = vehicle.vehicle
+    noise = _channel_noise(samples, vehicle)
     motor = motor_fit.motor_fit(samples, nominal, noise)
     noise |= _motor_noise(samples, nominal, noise, motor)
     motor = motor_fit.motor_fit(samples, nominal, noise)
-    spins = shaft_speeds(samples, nominal, motor)
-    nominal = replace(nominal, **motor_fit.physical(nominal, motor.fit.values))
-    surge = surge_fit.surge_fit(samples, nominal, noise["speed"], spins)
-    nominal = replace(nominal, **surge_fit.physical(nominal, surge.fit.values))
-    usual = BAND | vehicle.band
-    band = usual | _bands(motor, usual) | _bands(surge, usual)
-    return Calibration(
-        replace(vehicle, vehicle=nominal, band=band, noise=noise), vehicle, motor, surge
-    )
+    speeds = shaft_speeds(samples, nominal, motor)
+    nominal = replace(nominal, **motor_fit.vehicle_constants(nominal, motor.fit.values))
+    surge = surge_fit.surge_fit(samples, nominal, noise["speed"], speeds)
+    nominal = replace(nominal, **surge_fit.vehicle_constants(nominal, surge.fit.values))
+    file_band = BAND | vehicle.band
+    band = file_band | _bands(motor, file_band) | _bands(surge, file_band)
+    calibrated = replace(vehicle, vehicle=nominal, band=band, noise=noise)
+    return Calibration(calibrated, vehicle, motor, surge)
 
 
-def shaft_speeds(samples: Samples, vehicle: Vehicle, motor: Part) -> list[np.ndarray]:
-    """Shaft speeds as read; else as the voltages make them, and what they are if the motors' fit is off; else none."""
-    if samples.measured_spins is not None:
-        return [samples.measured_spins]
-    variance, axes = np.linalg.eigh(motor.fit.covariance)
-    off = [
-        dict(zip(motor.fit.names, step, strict=True))
-        for step in (np.sqrt(np.maximum(variance, 0.0)) * axes).T
-    ]
-    points = [
-        motor.fit.values,
-        *({name: motor.fit.values[name] + step[name] for name in step} for step in off),
-    ]
-    spins = [motor_fit.simulated_shafts(samples, vehicle, values) for values in points]
-    return [] if spins[0] is None else spins
+def _channel_noise(samples: Samples, vehicle: VehicleFile) -> dict[str, float]:
+    """Noise by reading: as in the file, or from the samples where there are enough."""
+    file_noise = NOISE | vehicle.noise
+    noise = {name: max(std, NOISE_FLOOR * NOISE[name]) for name, std in file_noise.items()}
+    for name, std in noise_levels(samples).items():
+        noise[name] = min(std, CHANNELS[name].high - CHANNELS[name].low)
+    return noise
+
+
+def shaft_speeds(samples: Samples, vehicle: Vehicle, motor: ModelFit) -> list[np.ndarray]:
+    """Shaft speeds [rad/s], (n_samples, 2) each: as read, else from the voltages, else none.
+
+    Speeds from the voltages are followed by those with the motors' fit a standard deviation off, in
+    the direction of each axis of its covariance.
+    """
+    if samples.measured_shaft_speeds is not None:
+        return [samples.measured_shaft_speeds]
+    fit = motor.fit
+    variance, axes = np.linalg.eigh(fit.covariance)
+    points = [fit.values]
+    for step in (np.sqrt(np.maximum(variance, 0.0)) * axes).T:
+        steps = dict(zip(fit.names, step, strict=True))
+        points.append({name: fit.values[name] + steps[name] for name in steps})
+    speeds = [motor_fit.simulated_shaft_speeds(samples, vehicle, values) for values in points]
+    return [] if speeds[0] is None else speeds
 
 
 def _motor_noise(
-    samples: Samples, vehicle: Vehicle, noise: Mapping[str, float], motor: Part
+    samples: Samples, vehicle: Vehicle, noise: Mapping[str, float], motor: ModelFit
 ) -> dict[str, float]:
     levels = {}
     for side in SIDES if motor.fit.names else ():
-        if samples.exists(f"{side}_current"):
-            found = motor_noise(
-                motor_fit.shaft_log(samples, side, noise), vehicle, motor.fit.values
-            )
-            levels |= {
-                f"{side}_{kind}": min(std, noise[f"{side}_{kind}"]) for kind, std in found.items()
-            }
+        if samples.has(f"{side}_current"):
+            log = motor_fit.shaft_log(samples, side, noise)
+            for kind, std in motor_noise(log, vehicle, motor.fit.values).items():
+                levels[f"{side}_{kind}"] = min(std, noise[f"{side}_{kind}"])
     return levels
 
 
-def _bands(part: Part, usual: Mapping[str, float]) -> dict[str, float]:
-    fit = part.fit
+def _bands(model: ModelFit, file_band: Mapping[str, float]) -> dict[str, float]:
+    fit = model.fit
     bands = {}
     for k, name in enumerate(fit.names):
-        for twin in filter(usual.__contains__, TWINS.get(name, (name,))):
-            scale = fit.estimate[k]
-            own = fit.own[:, k] / scale, fit.own_variance[:, k] / scale**2
-            bands[twin] = healthy_band(*own, float(fit.std[k] / abs(scale)), usual[twin])
+        scale = fit.estimate[k]
+        for parameter in FILE_PARAMETERS.get(name, (name,)):
+            if parameter in file_band:
+                bands[parameter] = healthy_band(
+                    estimates=fit.unit_estimates[:, k] / scale,
+                    variances=fit.unit_variances[:, k] / scale**2,
+                    std=float(fit.std[k] / abs(scale)),
+                    file_band=file_band[parameter],
+                )
     return bands
 
 
 def side_differences(calibration: Calibration) -> dict[str, tuple[float, float]]:
-    """By motor parameter: port minus starboard, relative, and its standard deviation; empty with one shaft."""
+    """By motor parameter: port minus starboard, relative, and its standard deviation.
+
+    Empty with one shaft.
+    """
     fit = calibration.motor.fit
     sides = fit.units % len(SIDES)
     if np.unique(sides).size < len(SIDES):
         return {}
     return {
-        name: _difference(fit.own[:, k], fit.own_variance[:, k], sides)
+        name: _difference(fit.unit_estimates[:, k], fit.unit_variances[:, k], sides)
         for k, name in enumerate(fit.names)
     }
 
 
-def _difference(own: np.ndarray, variance: np.ndarray, sides: np.ndarray) -> tuple[float, float]:
-    weight = [np.where(sides == side, 1.0 / variance, 0.0) for side in range(len(SIDES))]
-    port, starboard = (np.sum(one * own) / one.sum() for one in weight)
+def _difference(
+    estimates: np.ndarray, variances: np.ndarray, sides: np.ndarray
+) -> tuple[float, float]:
+    weights = [np.where(sides == side, 1.0 / variances, 0.0) for side in range(len(SIDES))]
+    port, starboard = (np.sum(weight * estimates) / weight.sum() for weight in weights)
     scale = (port + starboard) / 2
-    return float((port - starboard) / scale), float(
-        sum(1.0 / one.sum() for one in weight) ** 0.5 / abs(scale)
-    )
+    variance = sum(1.0 / weight.sum() for weight in weights)
+    return float((port - starboard) / scale), float(variance**0.5 / abs(scale))

@@ -1,4 +1,4 @@
-"""How much healthy missions differ from each other beyond the errors of their estimates: the healthy band."""
+"""The healthy band: how much healthy missions differ beyond the errors of their estimates."""
 
 import numpy as np
 
@@ -7,37 +7,42 @@ PRIOR_UNITS = 4.0  # missions that the band of the vehicle file counts as
 WIDEST = 0.9  # of a band, relative
 
 
-def healthy_band(own: np.ndarray, variance: np.ndarray, std: float, band: float) -> float:
-    """Half-width of the healthy band of one parameter, relative, as that of a uniform distribution.
+def healthy_band(
+    estimates: np.ndarray, variances: np.ndarray, std: float, file_band: float
+) -> float:
+    """Half-width of the healthy band of one parameter, relative, as of a uniform distribution.
 
-    The spread between units beyond their errors (DerSimonian & Laird, Controlled Clinical Trials 7
-    (1986) 177) is averaged with the file's band, which counts as `PRIOR_UNITS` units: one mission
-    says nothing of a spread, so the file's band stands, and with many missions theirs does. The
-    error of the common estimate is added, because a diagnoser has to reckon with it.
+    The variance between units beyond their errors (DerSimonian & Laird, Controlled Clinical Trials
+    7 (1986) 177) is averaged with the file's band, which counts as `PRIOR_UNITS` units: after one
+    mission the file's band stands, and after many missions theirs does. The error of the common
+    estimate is added, because a diagnoser has to reckon with it.
+
+    Misleads: variation by causes that the logs do not contain (fouling, cold water, a full battery)
+    is not in it.
 
     Parameters
     ----------
-    own, variance
-        (n_units,) estimate of each mission or shaft, relative to the common one, and its variance.
+    estimates, variances
+        (n_units,) of each mission or shaft, relative to the common estimate.
     std
         Standard deviation of the common estimate, relative.
-    band
+    file_band
         Half-width in the vehicle file, relative.
-
-    Misleads: a spread by things the logs did not go through (fouling, cold water, a full battery)
-    is not in it.
     """
-    weight = 1.0 / variance
-    units = weight.sum() ** 2 / np.sum(weight**2)
-    between = between_variance(own, variance) if units > 1.0 else 0.0
-    prior = (band / UNIFORM) ** 2
-    tau = (PRIOR_UNITS * prior + (units - 1.0) * between) / (PRIOR_UNITS + units - 1.0)
-    return float(min(UNIFORM * np.sqrt(tau + std**2), WIDEST))
+    weights = 1.0 / variances
+    n_units = weights.sum() ** 2 / np.sum(weights**2)  # effective
+    between = between_variance(estimates, variances) if n_units > 1.0 else 0.0
+    prior = (file_band / UNIFORM) ** 2
+    total_weight = PRIOR_UNITS + n_units - 1.0
+    variance = (PRIOR_UNITS * prior + (n_units - 1.0) * between) / total_weight
+    return float(min(UNIFORM * np.sqrt(variance + std**2), WIDEST))
 
 
-def between_variance(own: np.ndarray, variance: np.ndarray) -> float:
-    """Variance between units beyond that of their estimates, (n_units,) each, at least two; never negative."""
-    weight = 1.0 / variance
-    total = weight.sum()
-    scatter = np.sum(weight * (own - np.sum(weight * own) / total) ** 2)
-    return float(max(0.0, (scatter - (len(own) - 1)) / (total - np.sum(weight**2) / total)))
+def between_variance(estimates: np.ndarray, variances: np.ndarray) -> float:
+    """Variance between units beyond that of their estimates, at least two, (n_units,) each."""
+    weights = 1.0 / variances
+    total = weights.sum()
+    mean = np.sum(weights * estimates) / total
+    scatter = np.sum(weights * (estimates - mean) ** 2)
+    excess = scatter - (len(estimates) - 1)
+    return float(max(0.0, excess / (total - np.sum(weights**2) / total)))

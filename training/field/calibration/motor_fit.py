@@ -1,20 +1,25 @@
-"""The fit of the motors: resistance, torque constant, friction and propeller torque, both sides as one."""
+"""The fit of the motors, both sides as one: resistance, torque constant, friction, torque."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from auv_fault_env.parameters import SIDES, Vehicle
 from auv_fault_env.physics import RPM, nominal_shaft, plant_constants
-from training.field.calibration.plant import Part, doubt, factors, nothing
+from training.field.calibration.model_fit import (
+    ModelFit,
+    factor_limits,
+    no_model_fit,
+    reason_unidentified,
+)
 from training.field.calibration.prediction import shaft_residuals
-from training.field.calibration.robust_fit import Problem, identified
+from training.field.calibration.robust_fit import Problem, fit_identifiable
 from training.field.calibration.samples import Samples
 from training.field.vehicle_file import NOISE
 
-# In the order in which they are held if not all are identified: the data sheet knows the first ones
-# best.
+# In the order in which they are fixed if not all are identified: the data sheet states the first
+# ones best.
 PARAMETERS = (
     "viscous_friction",
     "torque_constant",
@@ -22,140 +27,151 @@ PARAMETERS = (
     "propeller_torque",
     "coulomb_friction",
 )
+PHYSICAL = ("torque_constant", "resistance", "coulomb_friction")  # fitted as factors
 INPUTS = ("voltage", "current", "rpm")
 # of these inputs' noise against that of the current, relative
-NOISE_DOUBT = {"voltage": 0.1, "rpm": 0.2}
+NOISE_UNCERTAINTY = {"voltage": 0.1, "rpm": 0.2}
 STEPS = "runs at widely different shaft speeds, the slowest included, and starts from rest"
 REMEDIES = dict.fromkeys(PARAMETERS, STEPS) | {
     "resistance": "hard accelerations, which draw large currents"
 }
 
 
-def motor_fit(samples: Samples, vehicle: Vehicle, noise: Mapping[str, float]) -> Part:
-    """Fit what of the motors the readings identify; `noise` by reading, as in a vehicle file."""
-    sides = [side for side in SIDES if samples.exists(f"{side}_current")]
+class ShaftLog(NamedTuple):
+    """The log of one shaft, as the arguments of `shaft_residuals` describe it."""
+
+    starts: np.ndarray
+    inputs: np.ndarray
+    is_read: np.ndarray
+    speed: np.ndarray
+    noise: np.ndarray
+
+
+def motor_fit(samples: Samples, vehicle: Vehicle, noise: Mapping[str, float]) -> ModelFit:
+    """Fit what the readings identify of the motors; `noise` by reading, as in a vehicle file."""
+    sides = [side for side in SIDES if samples.has(f"{side}_current")]
     if not sides:
-        return nothing(PARAMETERS, "there is no current reading", "log the motors' currents")
-    sides = [
-        side for side in sides if samples.exists(f"{side}_voltage") or samples.exists(f"{side}_rpm")
-    ]
+        return no_model_fit(PARAMETERS, "there is no current reading", "log the motors' currents")
+    sides = [side for side in sides if samples.has(f"{side}_voltage") or samples.has(f"{side}_rpm")]
     if not sides:
-        return nothing(
-            PARAMETERS, "there is neither a shaft speed nor a voltage", "log one of them"
-        )
-    if not samples.exists("speed") and not samples.exists("speed_command"):
-        return nothing(
-            PARAMETERS,
-            "there is no speed, which the propeller's torque depends on",
-            "log the speed",
-        )
-    fit = identified(motor_problem(samples, vehicle, noise, sides))
-    why = {name: (doubt(share), REMEDIES[name]) for name, share in fit.held.items()}
-    return Part(fit, units(vehicle), why)
+        why = "there is neither a shaft speed nor a voltage"
+        return no_model_fit(PARAMETERS, why, "log one of them")
+    if not samples.has("speed") and not samples.has("speed_command"):
+        why = "there is no speed, which the propeller's torque depends on"
+        return no_model_fit(PARAMETERS, why, "log the speed")
+    fit = fit_identifiable(motor_problem(samples, vehicle, noise, sides))
+    why = {
+        name: (reason_unidentified(std), REMEDIES[name]) for name, std in fit.unidentified.items()
+    }
+    return ModelFit(fit, parameter_scales(vehicle), why)
 
 
 def motor_problem(
     samples: Samples, vehicle: Vehicle, noise: Mapping[str, float], sides: Sequence[str]
 ) -> Problem:
-    """Whitened residuals of rpm and current as a function of factors on `PARAMETERS`, all sides' in one vector."""
-    seen = {side: shaft_log(samples, side, noise) for side in sides}
-    kinds = {
-        side: [samples.exists(f"{side}_rpm"), samples.exists(f"{side}_voltage")] for side in sides
+    """Whitened residuals of rpm and current of all sides, by factors on `PARAMETERS`."""
+    logs = {side: shaft_log(samples, side, noise) for side in sides}
+    has_residual = {
+        side: [samples.has(f"{side}_rpm"), samples.has(f"{side}_voltage")] for side in sides
     }
 
-    def of(logs):
-        def residuals(values):
-            parts = {side: shaft(log, vehicle, values)[0][log.read] for side, log in logs.items()}
-            return np.concatenate([part[:, kinds[side]].ravel() for side, part in parts.items()])
+    def residuals_of(logs: Mapping[str, ShaftLog]) -> Callable[[Mapping[str, float]], np.ndarray]:
+        def residuals(values: Mapping[str, float]) -> np.ndarray:
+            by_side = []
+            for side, log in logs.items():
+                residual, _ = predict_shaft(log, vehicle, values)
+                by_side.append(residual[log.is_read][:, has_residual[side]].ravel())
+            return np.concatenate(by_side)
 
         return residuals
 
-    def places(number):
-        return np.concatenate(
-            [np.repeat(number(side)[seen[side].read], sum(kinds[side])) for side in sides]
-        )
+    def of_residuals(by_side: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Numbers of samples, by side, as numbers of residuals."""
+        repeated = [
+            np.repeat(by_side[side][log.is_read], sum(has_residual[side]))
+            for side, log in logs.items()
+        ]
+        return np.concatenate(repeated)
 
-    start = dict.fromkeys(PARAMETERS, 1.0) | {
-        "viscous_friction": vehicle.viscous_friction / damping(vehicle)
-    }
-    bounds = {
-        name: factors(vehicle, name)
-        for name in ("torque_constant", "resistance", "coulomb_friction")
-    }
-    bounds |= {"viscous_friction": (-100.0, 100.0), "propeller_torque": factors(vehicle, "c1")}
-    block = places(lambda side: samples.block)
-    unit = places(lambda side: 2 * samples.mission + SIDES.index(side))
-    doubts = [
-        np.array([1.0 + share * (kind == one) for one in INPUTS])
-        for kind, share in NOISE_DOUBT.items()
-    ]
-    variants = [
-        of({side: log._replace(noise=log.noise * doubt) for side, log in seen.items()})
-        for doubt in doubts
-    ]
-    return Problem(of(seen), start, bounds, PARAMETERS, (), block, unit, variants)
+    start = dict.fromkeys(PARAMETERS, 1.0)
+    start["viscous_friction"] = vehicle.viscous_friction / electric_damping(vehicle)
+    bounds = {name: factor_limits(vehicle, name) for name in PHYSICAL}
+    bounds["viscous_friction"] = (-100.0, 100.0)
+    bounds["propeller_torque"] = factor_limits(vehicle, "c1")
+    variants = []
+    for kind, share in NOISE_UNCERTAINTY.items():
+        factors = np.array([1.0 + share * (kind == name) for name in INPUTS])
+        noisier = {side: log._replace(noise=log.noise * factors) for side, log in logs.items()}
+        variants.append(residuals_of(noisier))
+    return Problem(
+        residuals=residuals_of(logs),
+        start=start,
+        bounds=bounds,
+        order=PARAMETERS,
+        nuisance=(),
+        block=of_residuals(dict.fromkeys(sides, samples.block)),
+        unit=of_residuals({side: 2 * samples.mission + SIDES.index(side) for side in sides}),
+        variants=variants,
+    )
 
 
-def damping(vehicle: Vehicle) -> float:
-    """The motor's own damping K^2/R [N m s/rad], in which the fit measures viscous friction: it may start from zero."""
+def electric_damping(vehicle: Vehicle) -> float:
+    """The motor's own damping K^2/R [N m s/rad], by which the fit scales viscous friction.
+
+    Viscous friction may be zero, so that a factor on it would not do.
+    """
     return vehicle.torque_constant**2 / vehicle.resistance
 
 
-def units(vehicle: Vehicle) -> dict[str, float]:
-    """Physical value of each parameter by that of the fit; the propeller's torque stays a factor, on C1 and C2."""
-    known = {
-        name: getattr(vehicle, name)
-        for name in ("torque_constant", "resistance", "coulomb_friction")
-    }
-    return known | {"viscous_friction": damping(vehicle), "propeller_torque": 1.0}
+def parameter_scales(vehicle: Vehicle) -> dict[str, float]:
+    """Physical value of each parameter by its value in the fit; 1 for the propeller's torque."""
+    scales = {name: getattr(vehicle, name) for name in PHYSICAL}
+    scales["viscous_friction"] = electric_damping(vehicle)
+    scales["propeller_torque"] = 1.0
+    return scales
 
 
-def physical(vehicle: Vehicle, values: Mapping[str, float]) -> dict[str, float]:
+def vehicle_constants(vehicle: Vehicle, values: Mapping[str, float]) -> dict[str, float]:
     """Constants of the vehicle at these values of the fit."""
-    unit = units(vehicle)
+    scales = parameter_scales(vehicle)
     torque = values.get("propeller_torque", 1.0)
     constants = {
-        name: unit[name] * value for name, value in values.items() if name != "propeller_torque"
+        name: scales[name] * value for name, value in values.items() if name != "propeller_torque"
     }
     return constants | {"c1": vehicle.c1 * torque, "c2": vehicle.c2 * torque}
 
 
-class ShaftLog(NamedTuple):
-    """What `shaft_residuals` gets of one shaft's log; see there."""
-
-    starts: np.ndarray
-    inputs: np.ndarray
-    read: np.ndarray
-    speed: np.ndarray
-    noise: np.ndarray
-
-
 def shaft_log(samples: Samples, side: str, noise: Mapping[str, float]) -> ShaftLog:
-    """One shaft's log; read where all of its channels were, and the surge speed is known."""
-    speed = samples.smooth_speed
-    inputs = np.column_stack([samples.channel(f"{side}_{kind}", held=True) for kind in INPUTS])
-    names = [f"{side}_{kind}" for kind in INPUTS if samples.exists(f"{side}_{kind}")]
-    read = np.isfinite([speed, *map(samples.channel, names)]).all(axis=0) & ~samples.starts
-    std = np.array([noise[f"{side}_{kind}"] for kind in INPUTS])
-    return ShaftLog(samples.starts, inputs, read, np.ascontiguousarray(speed), std)
+    """One shaft's log, read where all of its channels were and the surge speed is known."""
+    speed = samples.smoothed_speed
+    names = [f"{side}_{kind}" for kind in INPUTS]
+    inputs = np.column_stack([samples.interpolated_channel(name) for name in names])
+    needed = [speed, *(samples.channel(name) for name in names if samples.has(name))]
+    is_read = np.isfinite(needed).all(axis=0) & ~samples.starts
+    std = np.array([noise[name] for name in names])
+    return ShaftLog(samples.starts, inputs, is_read, np.ascontiguousarray(speed), std)
 
 
-def shaft(
+def predict_shaft(
     log: ShaftLog, vehicle: Vehicle, values: Mapping[str, float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals and predictions of `shaft_residuals`, (n_samples, 2) each, at these values of the fit."""
-    out = np.empty((len(log.read), 2)), np.empty((len(log.read), 2))
-    plant = nominal_shaft(vehicle)._replace(**physical(vehicle, values)), plant_constants(vehicle)
-    shaft_residuals(log.starts, log.inputs, log.read, log.speed, *plant, log.noise, *out)
-    return out
+    """Residuals and predictions of `shaft_residuals`, (n_samples, 2) each, at values of the fit."""
+    residual = np.empty((len(log.is_read), 2))
+    predicted = np.empty((len(log.is_read), 2))
+    shaft = nominal_shaft(vehicle)._replace(**vehicle_constants(vehicle, values))
+    constants = plant_constants(vehicle)
+    inputs = log.starts, log.inputs, log.is_read, log.speed
+    shaft_residuals(*inputs, shaft, constants, log.noise, residual, predicted)
+    return residual, predicted
 
 
-def simulated_shafts(
+def simulated_shaft_speeds(
     samples: Samples, vehicle: Vehicle, values: Mapping[str, float]
 ) -> np.ndarray | None:
-    """Shaft speeds [rad/s] that the voltages make at these values of the fit, (n_samples, 2); None without voltages."""
-    sides = [side for side in SIDES if samples.exists(f"{side}_voltage")]
-    spins = [
-        shaft(shaft_log(samples, side, NOISE), vehicle, values)[1][:, 0] / RPM for side in sides
-    ]
-    return np.column_stack([spins[0], spins[-1]]) if spins else None
+    """Shaft speeds [rad/s], (n_samples, 2), from the voltages; None without any."""
+    speeds = []
+    for side in SIDES:
+        if samples.has(f"{side}_voltage"):
+            _, predicted = predict_shaft(shaft_log(samples, side, NOISE), vehicle, values)
+            speeds.append(predicted[:, 0] / RPM)
+    return np.column_stack([speeds[0], speeds[-1]]) if speeds else None

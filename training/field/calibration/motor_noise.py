@@ -1,8 +1,8 @@
-"""The noise of a motor's sensors, told from what the controller makes the motor do.
+"""The noise of a motor's sensors, from the errors of predictions.
 
 Voltage and shaft speed move from sample to sample because the controller answers to noise, so their
-own roughness tells too much. The error of a prediction does not know of that: it shares with each
-reading nothing but the reading's noise.
+second differences overstate the noise. The error of a prediction has nothing in common with a
+reading but the reading's noise.
 """
 
 from collections.abc import Mapping
@@ -10,51 +10,49 @@ from collections.abc import Mapping
 import numpy as np
 
 from auv_fault_env.parameters import Vehicle
-from training.field.calibration.motor_fit import ShaftLog, shaft
+from training.field.calibration.motor_fit import ShaftLog, predict_shaft
 from training.field.calibration.samples import NORMAL_MAD
 
-NUDGE = 0.01  # V, for the slope of the shaft speed
-TAIL = 4.0  # standard deviations, beyond which a change or an error is out of the ordinary
+VOLTAGE_STEP = 0.01  # V, for the slope of the shaft speed
+TAIL = 4.0  # standard deviations, beyond which a change or an error is an outlier
 
 
 def motor_noise(log: ShaftLog, vehicle: Vehicle, values: Mapping[str, float]) -> dict[str, float]:
-    """Standard deviations of the noise of voltage, current and rpm at these values of the fit, where they can be told.
+    """Standard deviations of the noise of voltage, current and rpm at these values of the fit.
 
-    The voltage is an input: its noise comes, with the slope of the shaft speed, negative into the
-    error of the predicted rpm. Without an rpm only the current's is told, without a voltage none.
+    The voltage is an input: its noise enters the error of the predicted rpm negatively, times the
+    slope of the shaft speed. Without an rpm only the current's noise is estimated, without a
+    voltage none.
     """
     voltage, current, rpm = log.inputs.T
     if np.isnan(voltage).all():
         return {}
-    predicted = shaft(log, vehicle, values)[1]
-    nudged = shaft(log._replace(inputs=log.inputs + np.array([NUDGE, 0.0, 0.0])), vehicle, values)[
-        1
-    ]
-    slope = np.nanmean(nudged[log.read, 0] - predicted[log.read, 0]) / NUDGE
-    left = rpm - predicted[:, 0], current - predicted[:, 1]
-    variances = {"current": shared(current, left[1], log)}
+    _, predicted = predict_shaft(log, vehicle, values)
+    variances = {"current": noise_covariance(current, current - predicted[:, 1], log)}
     if not np.isnan(rpm).all():
-        variances |= {
-            "rpm": shared(rpm, left[0], log),
-            "voltage": -shared(voltage, left[0], log) / slope,
-        }
-    return {
-        kind: float(np.sqrt(variance)) for kind, variance in variances.items() if variance > 0.0
-    }
+        raised_inputs = log.inputs + np.array([VOLTAGE_STEP, 0.0, 0.0])
+        _, raised = predict_shaft(log._replace(inputs=raised_inputs), vehicle, values)
+        change = raised[log.is_read, 0] - predicted[log.is_read, 0]
+        slope = np.nanmean(change) / VOLTAGE_STEP
+        rpm_error = rpm - predicted[:, 0]
+        variances["rpm"] = noise_covariance(rpm, rpm_error, log)
+        variances["voltage"] = -noise_covariance(voltage, rpm_error, log) / slope
+    return {kind: float(np.sqrt(value)) for kind, value in variances.items() if value > 0.0}
 
 
-def shared(reading: np.ndarray, error: np.ndarray, log: ShaftLog) -> float:
-    """Covariance of the noise in a reading with that in the error of its sample's prediction, (n_samples,) each.
+def noise_covariance(reading: np.ndarray, error: np.ndarray, log: ShaftLog) -> float:
+    """Covariance of the noise of a reading and of its prediction error, (n_samples,) each.
 
-    The error knows nothing of the reading before, so this may serve to take the signal out of the
-    reading. Outliers and changes of speed are left out.
+    The error does not depend on the reading before, whose difference therefore removes the signal.
+    Outliers and changes of speed are left out.
     """
-    stretch = np.cumsum(log.starts)[log.read]
-    change = np.diff(reading[log.read])
-    error = error[log.read][1:]
-    calm = (stretch[1:] == stretch[:-1]) & _usual(change) & _usual(error)
-    return float(np.mean(change[calm] * error[calm])) if calm.any() else 0.0
+    segment = np.cumsum(log.starts)[log.is_read]
+    is_same_segment = segment[1:] == segment[:-1]
+    change = np.diff(reading[log.is_read])
+    error = error[log.is_read][1:]
+    is_used = is_same_segment & _is_ordinary(change) & _is_ordinary(error)
+    return float(np.mean(change[is_used] * error[is_used])) if is_used.any() else 0.0
 
 
-def _usual(values: np.ndarray) -> np.ndarray:
+def _is_ordinary(values: np.ndarray) -> np.ndarray:
     return np.abs(values) <= TAIL * NORMAL_MAD * np.median(np.abs(values))

@@ -1,4 +1,4 @@
-"""Logs as the fits want them: one table of all missions, gaps between readings bridged, noise told from signal."""
+"""Logs as the fits need them: one table of all missions, gaps interpolated, and noise levels."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,118 +11,131 @@ from auv_fault_env.parameters import SAMPLE_RATE, SIDES
 from auv_fault_env.physics import RPM
 from training.field.logs.log import Log
 
-BLOCK = 20.0  # s, within which errors may go together: some correlation times of the disturbance
-SMOOTH = 31  # samples, in which the noise of speed readings averages out to a quarter
+# s, within which errors may be correlated: some correlation times of the disturbance
+BLOCK = 20.0
+# samples of a parabola through speed readings, which leaves a quarter of their noise
+SMOOTHING_SAMPLES = 31
 NORMAL_MAD = 1.4826  # standard deviation of a normal distribution by its median absolute deviation
 SECOND_DIFFERENCE = 6**0.5  # its standard deviation by that of the noise
-LEAST_READINGS = 20  # that tell of a channel's noise
+LEAST_READINGS = 20  # for an estimate of a channel's noise
 
 
 class Samples(NamedTuple):
     """All missions on the 10 Hz grid, one after the other.
 
-    starts (n_samples,): whether a stretch begins here. mission (n_samples,): index of the log.
-    block (n_samples,): number of the `BLOCK` of time. reading (n_samples, n_channels): NaN where
-    nothing was read. held, of the same shape: between the readings of a stretch interpolated; NaN
-    only where a channel has none.
+    Attributes
+    ----------
+    starts
+        Whether a segment begins with the sample, (n_samples,).
+    mission
+        Index of the log, (n_samples,).
+    block
+        Number of the `BLOCK` of time, (n_samples,).
+    reading
+        (n_samples, n_channels), NaN where no reading arrived.
+    interpolated
+        As `reading`, interpolated between the readings of a segment; NaN only for a channel without
+        readings.
     """
 
     starts: np.ndarray
     mission: np.ndarray
     block: np.ndarray
     reading: np.ndarray
-    held: np.ndarray
+    interpolated: np.ndarray
 
-    def channel(self, name: str, held: bool = False) -> np.ndarray:
+    def channel(self, name: str) -> np.ndarray:
         """Readings of a channel, (n_samples,)."""
-        return (self.held if held else self.reading)[:, INDEX[name]]
+        return self.reading[:, INDEX[name]]
 
-    def exists(self, name: str) -> bool:
-        """Whether the channel was ever read."""
+    def interpolated_channel(self, name: str) -> np.ndarray:
+        """Interpolated readings of a channel, (n_samples,)."""
+        return self.interpolated[:, INDEX[name]]
+
+    def has(self, name: str) -> bool:
+        """Whether the channel has any reading."""
         return bool(np.isfinite(self.channel(name)).any())
 
-    def of(self, chosen: np.ndarray) -> "Samples":
-        """Those samples (n_samples,) alone; whole missions, so that no stretch is cut."""
-        return Samples(*(part[chosen] for part in self))
+    def where(self, is_chosen: np.ndarray) -> "Samples":
+        """The chosen samples (n_samples,); whole missions, so that no segment is cut."""
+        return Samples(*(column[is_chosen] for column in self))
 
     @property
     def since_start(self) -> np.ndarray:
-        """Number of samples since the beginning of the stretch, (n_samples,)."""
+        """Number of samples since the beginning of the segment, (n_samples,)."""
         index = np.arange(len(self.starts))
         return index - np.maximum.accumulate(np.where(self.starts, index, 0))
 
     @property
     def deflection(self) -> np.ndarray:
         """Squared and summed deflections [rad^2], (n_samples,); a missing plane does not move."""
-        return sum(
-            np.nan_to_num(self.channel(name, held=True)) ** 2 for name in ("rudder", "stern_plane")
-        )
+        rudder = np.nan_to_num(self.interpolated_channel("rudder"))
+        stern_plane = np.nan_to_num(self.interpolated_channel("stern_plane"))
+        return rudder**2 + stern_plane**2
 
     @property
-    def smooth_speed(self) -> np.ndarray:
-        """Surge speed [m/s], (n_samples,), as read, a parabola through `SMOOTH`; as commanded if it is not logged."""
-        speed = self.channel("speed" if self.exists("speed") else "speed_command", held=True)
-        stretches = np.split(speed, np.flatnonzero(self.starts)[1:])
-        return np.concatenate([savgol_filter(one, SMOOTH, 2, mode="nearest") for one in stretches])
-
-    @property
-    def measured_spins(self) -> np.ndarray | None:
-        """Shaft speeds [rad/s], (n_samples, 2); a shaft without a counter turns as the other; None if none has one."""
-        turning = [
-            self.channel(f"{side}_rpm", held=True) / RPM
-            for side in SIDES
-            if self.exists(f"{side}_rpm")
+    def smoothed_speed(self) -> np.ndarray:
+        """Surge speed [m/s], (n_samples,), smoothed; the commanded one if no speed is logged."""
+        name = "speed" if self.has("speed") else "speed_command"
+        speed = self.interpolated_channel(name)
+        segments = np.split(speed, np.flatnonzero(self.starts)[1:])
+        smoothed = [
+            savgol_filter(segment, SMOOTHING_SAMPLES, 2, mode="nearest") for segment in segments
         ]
-        return np.column_stack([turning[0], turning[-1]]) if turning else None
+        return np.concatenate(smoothed)
+
+    @property
+    def measured_shaft_speeds(self) -> np.ndarray | None:
+        """Shaft speeds [rad/s], (n_samples, 2), as read; None without any.
+
+        A shaft without a counter is taken to turn as the other one.
+        """
+        names = [f"{side}_rpm" for side in SIDES]
+        speeds = [self.interpolated_channel(name) / RPM for name in names if self.has(name)]
+        return np.column_stack([speeds[0], speeds[-1]]) if speeds else None
 
 
 def samples_of(logs: Sequence[Log]) -> Samples:
-    """All stretches of all logs; a log's blocks of time are counted on from those before."""
-    parts = []
-    blocks = 0
+    """All segments of all logs; the numbers of blocks go on from log to log."""
+    segments = []
+    n_blocks = 0
     for mission, log in enumerate(logs):
         for segment in log.segments:
             reading = np.asarray(log.observation[segment], np.float64)
             index = np.arange(len(reading))
-            block = blocks + index // round(BLOCK * SAMPLE_RATE)
-            blocks = block[-1] + 1
-            held = np.column_stack([_bridged(column) for column in reading.T])
-            parts.append(Samples(index == 0, np.full(len(index), mission), block, reading, held))
-    return Samples(*map(np.concatenate, zip(*parts, strict=True)))
+            block = n_blocks + index // round(BLOCK * SAMPLE_RATE)
+            n_blocks = block[-1] + 1
+            interpolated = np.column_stack([_interpolated(column) for column in reading.T])
+            missions = np.full(len(index), mission)
+            segments.append(Samples(index == 0, missions, block, reading, interpolated))
+    return Samples(*map(np.concatenate, zip(*segments, strict=True)))
 
 
-def _bridged(column: np.ndarray) -> np.ndarray:
+def _interpolated(column: np.ndarray) -> np.ndarray:
     known = np.flatnonzero(np.isfinite(column))
-    return (
-        np.interp(np.arange(column.size), known, column[known])
-        if known.size
-        else np.full(column.size, np.nan)
-    )
+    if not known.size:
+        return np.full(column.size, np.nan)
+    return np.interp(np.arange(column.size), known, column[known])
 
 
 def noise_levels(samples: Samples) -> dict[str, float]:
-    """Standard deviation of the noise of every reading that exists, robust, from second differences.
+    """Standard deviation of the noise of every reading, robust, from second differences.
 
     Misleads at one reading a second, where the signal itself bends between readings: then it is an
     upper limit. A channel that hardly ever changes (a coarse converter) has the root mean square
     instead, a constant one no level.
     """
+    segment_starts = np.flatnonzero(samples.starts)[1:]
     levels = {}
-    for name in filter(samples.exists, READINGS):
-        bends = (
-            np.concatenate([_bends(column) for column in _stretches(samples, name)])
-            / SECOND_DIFFERENCE
-        )
-        if bends.size >= LEAST_READINGS:
-            levels[name] = float(
-                NORMAL_MAD * np.median(np.abs(bends)) or np.sqrt(np.mean(bends**2))
-            )
+    for name in filter(samples.has, READINGS):
+        segments = np.split(samples.channel(name), segment_starts)
+        differences = np.concatenate([_second_differences(segment) for segment in segments])
+        noise = differences / SECOND_DIFFERENCE
+        if noise.size >= LEAST_READINGS:
+            robust_std = NORMAL_MAD * np.median(np.abs(noise))
+            levels[name] = float(robust_std or np.sqrt(np.mean(noise**2)))
     return {name: level for name, level in levels.items() if level > 0.0}
 
 
-def _bends(column: np.ndarray) -> np.ndarray:
+def _second_differences(column: np.ndarray) -> np.ndarray:
     return np.diff(column[np.isfinite(column)], 2)
-
-
-def _stretches(samples: Samples, name: str) -> list[np.ndarray]:
-    return np.split(samples.channel(name), np.flatnonzero(samples.starts)[1:])

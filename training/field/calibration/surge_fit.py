@@ -1,39 +1,45 @@
-"""The fit of the surge equation: drag, thrust and rudder drag, with the disturbance that the log shows.
+"""The fit of the surge equation: drag, thrust and rudder drag, with the disturbance of the log.
 
-Prediction errors of the speed, one sample ahead, by a Kalman filter that knows the disturbance as
-an Ornstein-Uhlenbeck process; its strength and correlation time are fitted as well. Unlike a free
-simulation this does not take for drag or thrust what a speed controller answers to the disturbance
-(Ljung, "System Identification", 2nd ed. 1999, ch. 13).
+Prediction errors of the speed, one sample ahead, come from a Kalman filter with the disturbance as
+an Ornstein-Uhlenbeck process; its strength and correlation time are fitted as well. A free
+simulation would take for drag or thrust what a speed controller answers to the disturbance; this
+fit does not (Ljung, "System Identification", 2nd ed. 1999, ch. 13).
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from auv_fault_env.parameters import Vehicle
 from auv_fault_env.physics import nominal_shaft, plant_constants
 from diagnosers.kalman import opening_share
-from training.field.calibration.plant import Part, doubt, factors, nothing
+from training.field.calibration.model_fit import (
+    ModelFit,
+    factor_limits,
+    no_model_fit,
+    reason_unidentified,
+)
 from training.field.calibration.prediction import speed_innovations
-from training.field.calibration.robust_fit import Problem, identified
+from training.field.calibration.robust_fit import Problem, fit_identifiable
 from training.field.calibration.samples import Samples
 
-# in the order in which they are held if not all are identified
+# in the order in which they are fixed if not all are identified
 PARAMETERS = ("gamma", "alpha", "beta")
-# and where it may be; as logarithms
+# with the limits between which it is sought; fitted as logarithms
 DISTURBANCE = {"disturbance_std": (1e-5, 1.0), "disturbance_time": (0.5, 100.0)}
+SPEED_STEPS = "speed steps of a factor of two and back, 10 to 20 s each"
 REMEDIES = {
-    "gamma": "a run with rudder or planes at 10 to 20 degrees and back, several times, at a steady command",
-    "alpha": "speed steps of a factor of two and back, 10 to 20 s each: at constant speed only beta/alpha shows",
-    "beta": "speed steps of a factor of two and back, 10 to 20 s each",
+    "gamma": "a run at constant command, rudder or planes to 10 to 20 degrees and back, repeated",
+    "alpha": f"{SPEED_STEPS}: at constant speed only beta/alpha shows",
+    "beta": SPEED_STEPS,
 }
 
 
 def surge_fit(
-    samples: Samples, vehicle: Vehicle, noise: float, spins: Sequence[np.ndarray]
-) -> Part:
-    """Fit what of the hull and the thrust the readings identify.
+    samples: Samples, vehicle: Vehicle, noise: float, shaft_speeds: Sequence[np.ndarray]
+) -> ModelFit:
+    """Fit what the readings identify of the hull and the thrust.
 
     Parameters
     ----------
@@ -41,25 +47,27 @@ def surge_fit(
         The logs, and the vehicle to start from.
     noise
         Standard deviation of a speed reading [m/s].
-    spins
-        Shaft speeds [rad/s], (n_samples, 2): the best known first, then those that are each a
+    shaft_speeds
+        [rad/s], (n_samples, 2) each: the best estimate first, then estimates that are each a
         standard deviation off.
     """
-    if not samples.exists("speed"):
-        return nothing(PARAMETERS, "there is no speed reading", "log the speed through the water")
-    if not spins:
-        return nothing(
-            PARAMETERS, "there is neither a shaft speed nor a voltage", "log one of them"
-        )
-    fit = identified(surge_problem(samples, vehicle, noise, spins))
-    why = {name: (doubt(share), REMEDIES[name]) for name, share in fit.held.items()}
+    if not samples.has("speed"):
+        why = "there is no speed reading"
+        return no_model_fit(PARAMETERS, why, "log the speed through the water")
+    if not shaft_speeds:
+        why = "there is neither a shaft speed nor a voltage"
+        return no_model_fit(PARAMETERS, why, "log one of them")
+    fit = fit_identifiable(surge_problem(samples, vehicle, noise, shaft_speeds))
+    why = {
+        name: (reason_unidentified(std), REMEDIES[name]) for name, std in fit.unidentified.items()
+    }
     if not samples.deflection.any():
         why["gamma"] = ("rudder and planes do not move", REMEDIES["gamma"])
-    return Part(fit, {name: getattr(vehicle, name) for name in PARAMETERS}, why)
+    return ModelFit(fit, {name: getattr(vehicle, name) for name in PARAMETERS}, why)
 
 
 def surge_problem(
-    samples: Samples, vehicle: Vehicle, noise: float, spins: Sequence[np.ndarray]
+    samples: Samples, vehicle: Vehicle, noise: float, shaft_speeds: Sequence[np.ndarray]
 ) -> Problem:
     """Whitened prediction errors of the speed as a function of factors on `PARAMETERS`.
 
@@ -68,49 +76,45 @@ def surge_problem(
     noise.
     """
     reading = samples.channel("speed")
-    used = np.isfinite(reading) & np.isfinite(spins[0]).all(axis=1) & ~samples.starts
+    is_known = np.isfinite(reading) & np.isfinite(shaft_speeds[0]).all(axis=1)
+    is_used = is_known & ~samples.starts
 
-    def of(turning):
-        def residuals(values):
-            innovation, std, _ = innovations(samples, vehicle, values, noise, turning, reading)
-            return innovation[used] / std[used] * np.exp(np.log(std[used] / noise).mean())
+    def residuals_at(speeds: np.ndarray) -> Callable[[Mapping[str, float]], np.ndarray]:
+        def residuals(values: Mapping[str, float]) -> np.ndarray:
+            innovation, std, _ = innovations(samples, vehicle, values, noise, speeds, reading)
+            mean_std = np.exp(np.log(std[is_used] / noise).mean())
+            return innovation[is_used] / std[is_used] * mean_std
 
         return residuals
 
-    order = [
-        name
-        for name in PARAMETERS
-        if getattr(vehicle, name) and (name != "gamma" or samples.deflection.any())
-    ]
+    fitted = [name for name in PARAMETERS if getattr(vehicle, name)]
+    if not samples.deflection.any():
+        fitted = [name for name in fitted if name != "gamma"]
     start = dict.fromkeys(PARAMETERS, 1.0)
-    start |= {
-        name: math.log(min(max(getattr(vehicle, name), low), high))
-        for name, (low, high) in DISTURBANCE.items()
-    }
-    bounds = {name: factors(vehicle, name) for name in PARAMETERS}
-    bounds |= {
-        name: (math.log(low) - 1e-3, math.log(high) + 1e-3)
-        for name, (low, high) in DISTURBANCE.items()
-    }
-    best, *others = map(of, spins)
+    bounds = {name: factor_limits(vehicle, name) for name in PARAMETERS}
+    for name, (low, high) in DISTURBANCE.items():
+        start[name] = math.log(min(max(getattr(vehicle, name), low), high))
+        bounds[name] = (math.log(low) - 1e-3, math.log(high) + 1e-3)
+    residuals, *variants = map(residuals_at, shaft_speeds)
     return Problem(
-        best,
-        start,
-        bounds,
-        order,
-        tuple(DISTURBANCE),
-        samples.block[used],
-        samples.mission[used],
-        others,
+        residuals=residuals,
+        start=start,
+        bounds=bounds,
+        order=fitted,
+        nuisance=tuple(DISTURBANCE),
+        block=samples.block[is_used],
+        unit=samples.mission[is_used],
+        variants=variants,
     )
 
 
-def physical(vehicle: Vehicle, values: Mapping[str, float]) -> dict[str, float]:
+def vehicle_constants(vehicle: Vehicle, values: Mapping[str, float]) -> dict[str, float]:
     """Constants of the vehicle at these values of the fit."""
-    surge = {
-        name: getattr(vehicle, name) * value for name, value in values.items() if name in PARAMETERS
+    constants = {
+        name: getattr(vehicle, name) * values[name] for name in values if name in PARAMETERS
     }
-    return surge | {name: math.exp(values[name]) for name in DISTURBANCE if name in values}
+    disturbance = {name: math.exp(values[name]) for name in DISTURBANCE if name in values}
+    return constants | disturbance
 
 
 def innovations(
@@ -118,19 +122,27 @@ def innovations(
     vehicle: Vehicle,
     values: Mapping[str, float],
     noise: float,
-    spins: np.ndarray,
+    shaft_speeds: np.ndarray,
     reading: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Innovation, its standard deviation and predicted speed of `speed_innovations`, (n_samples,) each."""
-    constants = physical(vehicle, values)
-    shaft = nominal_shaft(vehicle)._replace(beta=constants.pop("beta", vehicle.beta) / 2)
-    plant = shaft, plant_constants(vehicle)._replace(**constants), opening_share(vehicle)
-    inputs = (
+    """Innovation, its standard deviation and predicted speed [m/s], (n_samples,) each."""
+    changes = vehicle_constants(vehicle, values)
+    shaft = nominal_shaft(vehicle)._replace(beta=changes.pop("beta", vehicle.beta) / 2)
+    constants = plant_constants(vehicle)._replace(**changes)
+    innovation = np.empty(reading.size)
+    std = np.empty(reading.size)
+    predicted = np.empty(reading.size)
+    speed_innovations(
         samples.starts,
         np.ascontiguousarray(reading),
-        np.ascontiguousarray(spins),
+        np.ascontiguousarray(shaft_speeds),
         samples.deflection,
+        shaft,
+        constants,
+        opening_share(vehicle),
+        noise,
+        innovation,
+        std,
+        predicted,
     )
-    out = np.empty((3, reading.size))
-    speed_innovations(*inputs, *plant, noise, *out)
-    return out[0], out[1], out[2]
+    return innovation, std, predicted

@@ -1,8 +1,8 @@
-"""From a log to a verdict: beliefs sample by sample, the alarms in them, and what they say of the fault."""
+"""From a log to a verdict: beliefs sample by sample, alarms, and the most probable fault."""
 
 import inspect
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from tqdm import tqdm
@@ -15,28 +15,28 @@ from diagnosers import Belief, Diagnoser, make
 from diagnosers.kalman import NOISE_FLOOR
 from diagnosers.registry import class_of
 from training.benchmark.thresholds import ONE_PER_10_HOURS
-from training.field.diagnosis.estimates import shaft_loads
+from training.field.diagnosis.estimates import excess_loads
 from training.field.logs.log import Log
 from training.field.logs.resolution import is_coarse, noise_with_rounding, resolutions
 from training.field.vehicle_file import VehicleFile
 from training.metrics import alarms
 from training.metrics.records import PERSISTENCE
 
-# may be a vehicle's own
-OWN_PARAMETERS = ("filter_bank", "integrated", "cusum", "rules", "limits", "kalman_network")
-THRESHOLDS: dict[str, float] = {name: ONE_PER_10_HOURS[name] for name in OWN_PARAMETERS}
+# diagnosers that take the parameters of a vehicle file
+VEHICLE_DIAGNOSERS = ("filter_bank", "integrated", "cusum", "rules", "limits", "kalman_network")
+THRESHOLDS: dict[str, float] = {name: ONE_PER_10_HOURS[name] for name in VEHICLE_DIAGNOSERS}
 HEALTHY = "healthy"
 FAULT = "fault"
 UNUSABLE = "unusable"
-TOP = 3  # classes named
+TOP = 3  # classes in a verdict
 TWO_SIDED = 1.96  # standard deviations of a 95 % interval
-# of a log, for diagnosers that know no silence between two readings
+# Hz of a log, for diagnosers that take a missing reading for a fault
 LEAST_RATE = 0.95 * SAMPLE_RATE
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is said of a log.
+    """The verdict on a log.
 
     Attributes
     ----------
@@ -47,8 +47,8 @@ class Verdict:
     duration
         Length [s].
     alarms
-        Begin and end of every alarm [s from the log's start]; what follows holds for the last
-        sample of the last one.
+        Begin and end of every alarm [s from the log's start]; the attributes below hold for the
+        last sample of the last one.
     fault, side
         Most probable class, and its side if it has one.
     severity, severity_low, severity_high
@@ -56,8 +56,7 @@ class Verdict:
     top
         The most probable faults with their probabilities; of a healthy log at its end.
     load
-        Load of each shaft against a healthy one during the alarms, less one: above 0 is more, below
-        0 less.
+        Load of each shaft relative to a healthy one during the alarms, less one.
     remarks
         What was repaired in the log, or why it is unusable.
     """
@@ -82,47 +81,49 @@ class Verdict:
 
 
 def diagnoser_for(name: str, vehicle: VehicleFile, resolution: Mapping[str, float]) -> Diagnoser:
-    """The diagnoser on this vehicle's own parameters; resolution by reading, in the channel's unit.
+    """The diagnoser with this vehicle's parameters; resolution by reading, in the channel's unit.
 
-    Channels that do not exist, and logs slower than 10 Hz, are for the filter bank alone: the
-    others would take the silence for a broken sensor, and are refused.
+    Only the filter bank accepts missing channels and logs slower than 10 Hz. The other diagnosers
+    would take the missing readings for a broken sensor, and are refused.
     """
-    taken = inspect.signature(class_of(known_name("diagnoser", name, THRESHOLDS))).parameters
-    silent = tuple(channel for channel in READINGS if channel not in vehicle.columns)
-    if "faults" not in taken and (silent or vehicle.sample_rate < LEAST_RATE):
-        lacking = ", ".join(silent) or f"a rate of {SAMPLE_RATE:g} Hz"
-        raise refusal(
-            "diagnoser",
-            name,
-            f"filter_bank for a vehicle without {lacking}",
-            "leave --diagnoser out",
-        )
-    sides = sides_seen(vehicle)
-    missing = tuple(
-        f"{part}_" for part in (*silent, *(side for side in SIDES if side not in sides))
-    )
+    settings = inspect.signature(class_of(known_name("diagnoser", name, THRESHOLDS))).parameters
+    absent = tuple(channel for channel in READINGS if channel not in vehicle.columns)
+    if "faults" not in settings and (absent or vehicle.sample_rate < LEAST_RATE):
+        lacking = ", ".join(absent) or f"a rate of {SAMPLE_RATE:g} Hz"
+        allowed = f"filter_bank for a vehicle without {lacking}"
+        raise refusal("diagnoser", name, allowed, "leave --diagnoser out")
+    sides = logged_sides(vehicle)
     noise = {
-        name: max(value, NOISE_FLOOR * CHANNELS[name].noise)
-        for name, value in vehicle.noise.items()
+        reading: max(std, NOISE_FLOOR * CHANNELS[reading].noise)
+        for reading, std in vehicle.noise.items()
     }
-    coarse = [name for name, step in resolution.items() if is_coarse(step, noise[name])]
-    missing += tuple(f"{name}_{loss}" for name in coarse for loss in ("stuck", "dropout"))
-    settings = dict(
+    coarse = [reading for reading, step in resolution.items() if is_coarse(step, noise[reading])]
+    absent_sides = [side for side in SIDES if side not in sides]
+    unobservable = [f"{prefix}_" for prefix in (*absent, *absent_sides)]
+    unobservable += [f"{reading}_{loss}" for reading in coarse for loss in ("stuck", "dropout")]
+    choices = dict(
         vehicle=vehicle.vehicle,
         band=dict(vehicle.band),
         noise={
-            name: noise_with_rounding(value, resolution.get(name, 0.0))
-            for name, value in noise.items()
+            reading: noise_with_rounding(std, resolution.get(reading, 0.0))
+            for reading, std in noise.items()
         },
         resolution=dict(resolution),
         shafts=len(sides),
-        faults=tuple(fault.name for fault in CATALOGUE.values() if not touches(fault, missing)),
+        faults=tuple(
+            fault.name
+            for fault in CATALOGUE.values()
+            if not changes_parameter(fault, tuple(unobservable))
+        ),
     )
-    return make(name, **{key: value for key, value in settings.items() if key in taken})
+    return make(name, **{key: choice for key, choice in choices.items() if key in settings})
 
 
-def sides_seen(vehicle: VehicleFile) -> tuple[str, ...]:
-    """Sides whose voltage or shaft speed is logged; a starboard shaft that is not is taken to turn as the port one."""
+def logged_sides(vehicle: VehicleFile) -> tuple[str, ...]:
+    """Sides whose voltage or shaft speed is logged.
+
+    A starboard shaft that is not logged is taken to turn as the port one.
+    """
     sides = tuple(
         side for side in SIDES if {f"{side}_voltage", f"{side}_rpm"} & vehicle.columns.keys()
     )
@@ -132,18 +133,21 @@ def sides_seen(vehicle: VehicleFile) -> tuple[str, ...]:
     return sides
 
 
-def touches(fault: Fault, prefixes: tuple[str, ...]) -> bool:
-    """Whether a fault changes a parameter whose name begins so."""
+def changes_parameter(fault: Fault, prefixes: tuple[str, ...]) -> bool:
+    """Whether a fault changes a parameter whose name begins with one of the prefixes."""
     return any(name.startswith(prefixes) for name in (*fault.scale, *fault.offset))
 
 
 def persistence(vehicle: VehicleFile) -> int:
-    """Samples of 0.1 s for which p(normal) must stay low: three of the vehicle's own readings, as in the benchmark."""
+    """Samples of 0.1 s for which p(normal) must stay low: three readings of the vehicle."""
     return PERSISTENCE * max(1, round(SAMPLE_RATE / vehicle.sample_rate))
 
 
 def beliefs(log: Log, name: str, vehicle: VehicleFile) -> Belief:
-    """What a diagnoser believes along a log, (n_samples, n_classes) float32; it starts anew with every segment."""
+    """Beliefs of a diagnoser along a log, (n_samples, n_classes) float32 each.
+
+    The diagnoser starts anew with every segment.
+    """
     diagnoser = diagnoser_for(name, vehicle, resolutions(log, vehicle))
     shape = len(log.time), len(diagnoser.classes)
     along = Belief(*(np.zeros(shape, np.float32) for _ in Belief._fields))
@@ -151,61 +155,67 @@ def beliefs(log: Log, name: str, vehicle: VehicleFile) -> Belief:
         for segment in log.segments:
             diagnoser.reset(1)
             for k in range(segment.start, segment.stop):
-                for kept, values in zip(
-                    along, diagnoser.update(log.observation[k : k + 1]), strict=True
-                ):
-                    kept[k] = values[0]
+                belief = diagnoser.update(log.observation[k : k + 1])
+                for column, values in zip(along, belief, strict=True):
+                    column[k] = values[0]
                 bar.update()
     return along
 
 
-def alarm_along(log: Log, belief: Belief, threshold: float, samples: int) -> np.ndarray:
-    """Where an alarm stands, (n_samples,) bool: log p(normal) below the threshold for so many samples of a segment."""
-    standing = np.zeros(len(log.time), bool)
+def is_alarmed(log: Log, belief: Belief, threshold: float, samples: int) -> np.ndarray:
+    """Whether an alarm stands, (n_samples,).
+
+    It stands where log p(normal) has been below the threshold for `samples` samples of a segment.
+    """
+    alarmed = np.zeros(len(log.time), bool)
     for segment in log.segments:
-        standing[segment] = alarms(belief.log_probability[segment, :1], threshold, samples)[:, 0]
-    return standing
+        log_normal = belief.log_probability[segment, :1]
+        alarmed[segment] = alarms(log_normal, threshold, samples)[:, 0]
+    return alarmed
 
 
 def verdict(
-    path: str, log: Log, belief: Belief, standing: np.ndarray, vehicle: VehicleFile
+    path: str, log: Log, belief: Belief, alarmed: np.ndarray, vehicle: VehicleFile
 ) -> Verdict:
-    """What the beliefs and alarms along a log say of it."""
+    """The verdict from the beliefs and alarms along a log."""
     names = classes()
-    at = int(np.flatnonzero(standing)[-1]) if standing.any() else len(standing) - 1
-    probability = np.exp(belief.log_probability[at].astype(np.float64))
+    has_alarm = bool(alarmed.any())
+    last = int(np.flatnonzero(alarmed)[-1]) if has_alarm else len(alarmed) - 1
+    probability = np.exp(belief.log_probability[last].astype(np.float64))
     order = 1 + np.argsort(-probability[1:])[:TOP]
-    said = dict(
+    healthy = Verdict(
         log=path,
+        verdict=HEALTHY,
         duration=float(log.time[-1] - log.time[0]),
         top=tuple((names[k], float(probability[k])) for k in order),
         remarks=log.remarks,
     )
-    if not standing.any():
-        return Verdict(verdict=HEALTHY, **said)
+    if not has_alarm:
+        return healthy
     worst = int(order[0])
-    mean = float(belief.severity_mean[at, worst])
-    spread = TWO_SIDED * float(belief.severity_std[at, worst])
-    return Verdict(
+    severity = float(belief.severity_mean[last, worst])
+    margin = TWO_SIDED * float(belief.severity_std[last, worst])
+    return replace(
+        healthy,
         verdict=FAULT,
-        alarms=intervals(log, standing),
+        alarms=alarm_intervals(log, alarmed),
         fault=names[worst],
         side=side_of(names[worst]),
-        severity=mean,
-        severity_low=max(mean - spread, 0.0),
-        severity_high=min(mean + spread, 1.0),
-        load=shaft_loads(log, standing, vehicle),
-        **said,
+        severity=severity,
+        severity_low=max(severity - margin, 0.0),
+        severity_high=min(severity + margin, 1.0),
+        load=excess_loads(log, alarmed, vehicle),
     )
 
 
-def intervals(log: Log, standing: np.ndarray) -> tuple[tuple[float, float], ...]:
+def alarm_intervals(log: Log, alarmed: np.ndarray) -> tuple[tuple[float, float], ...]:
     """Begin and end [s] of every alarm; one that stands at a segment's end ends there."""
-    edges = np.zeros(len(standing) + 1, bool)
-    edges[[segment.start for segment in log.segments]] = True
-    before = np.concatenate([[False], standing[:-1]])
-    begins = np.flatnonzero(standing & (~before | edges[:-1]))
-    ends = np.flatnonzero(standing & np.concatenate([~standing[1:] | edges[1:-1], [True]]))
+    is_start = np.zeros(len(alarmed) + 1, bool)
+    is_start[[segment.start for segment in log.segments]] = True
+    was_alarmed = np.concatenate([[False], alarmed[:-1]])
+    is_last = np.concatenate([~alarmed[1:] | is_start[1:-1], [True]])
+    begins = np.flatnonzero(alarmed & (~was_alarmed | is_start[:-1]))
+    ends = np.flatnonzero(alarmed & is_last)
     return tuple(zip(log.time[begins].tolist(), log.time[ends].tolist(), strict=True))
 
 

@@ -1,4 +1,4 @@
-"""The page of ``auv-fault diagnose``: a row per log, and of some logs what was measured, estimated and believed."""
+"""The page of ``auv-fault diagnose``: a row per log, and figures of some logs."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from auv_fault_env.faults import classes
 from auv_fault_env.parameters import SIDES
 from diagnosers import Belief
 from training.field.diagnosis.diagnosis import FAULT, TOP, Verdict
-from training.field.diagnosis.estimates import healthy_currents, hull_estimates
+from training.field.diagnosis.estimates import healthy_currents, hull_history
 from training.field.logs.log import Log
 from training.field.vehicle_file import VehicleFile
 
@@ -21,8 +21,8 @@ PANELS = {
     "voltage [V]": {side: f"{side}_voltage" for side in SIDES},
     "shaft [rpm]": {side: f"{side}_rpm" for side in SIDES},
 }
-CERTAIN = -30.0  # decimal logarithm of p(normal) at which the figure ends
-WORTH_TELLING = 1e-3  # probability
+LOWEST = -30.0  # decimal logarithm of p(normal) at which the figure ends
+LEAST_PROBABILITY = 1e-3  # of a class in the table
 COLUMNS = [
     "log",
     "verdict",
@@ -31,6 +31,7 @@ COLUMNS = [
     "severity (95 %)",
     "load of the shaft",
     "duration [s]",
+    "most probable faults",
 ]
 
 
@@ -41,125 +42,124 @@ def page(
     verdicts: Sequence[Verdict],
     figures: Sequence[dict[str, Any]],
 ) -> dict[str, Any]:
-    """The report as plain data; figures are those of `figure`."""
-    found = sum(one.verdict == FAULT for one in verdicts)
+    """The report as plain data; figures are those of `log_figure`."""
+    n_faulty = sum(verdict.verdict == FAULT for verdict in verdicts)
+    summary = (
+        f"{n_faulty} of {len(verdicts)} logs with a fault. Diagnoser: {diagnoser} on the vehicle's "
+        f"own parameters; alarm where log p(normal) stays below {threshold:.2f}."
+    )
+    warning = (
+        "A fault outside the catalogue gets the class with the most similar readings. Then the "
+        "load of the shafts says more than the class: it does not depend on the catalogue."
+    )
+    verdict_text = "Times are from the log's start; the rest is from the last moment of an alarm."
+    figure_text = "Faulty logs first. Dotted: currents of healthy motors. Estimates: ±1 std."
+    table = {"columns": COLUMNS, "rows": [verdict_row(verdict) for verdict in verdicts]}
     return {
         "title": "Diagnosis",
         "command": command,
-        "intro": [
-            f"{found} of {len(verdicts)} logs with a fault. Diagnoser: {diagnoser} on the vehicle's own parameters; "
-            f"alarm where log p(normal) stays below {threshold:.2f}.",
-            "A fault outside the catalogue is given the class that it looks most like: then the load of the shafts, "
-            "which takes nothing from the catalogue, says more than the class does.",
-        ],
+        "intro": [summary, warning],
         "sections": [
-            {
-                "heading": "Verdicts",
-                "text": [
-                    "Times are from the log's start; the rest is from the last moment of an alarm."
-                ],
-                "table": {
-                    "columns": [*COLUMNS, "most probable faults"],
-                    "rows": [row(one) for one in verdicts],
-                },
-            },
-            {
-                "heading": "Logs in detail",
-                "text": [
-                    "Faulty logs first. Dotted: currents of healthy motors. Estimates: relative, ±1 std."
-                ],
-                "figures": list(figures),
-            },
-            repairs(verdicts),
+            {"heading": "Verdicts", "text": [verdict_text], "table": table},
+            {"heading": "Logs in detail", "text": [figure_text], "figures": list(figures)},
+            remarks_section(verdicts),
         ],
     }
 
 
-def row(one: Verdict) -> list[str]:
+def verdict_row(verdict: Verdict) -> list[str]:
     """A verdict as the cells of the table."""
-    interval = (
-        ""
-        if one.severity is None
-        else f"{one.severity:.2f} ({one.severity_low:.2f}–{one.severity_high:.2f})"
-    )
+    severity = ""
+    if verdict.severity is not None:
+        interval = f"{verdict.severity_low:.2f}–{verdict.severity_high:.2f}"
+        severity = f"{verdict.severity:.2f} ({interval})"
+    loads = [f"{side} {load:+.0%}" for side, load in (verdict.load or {}).items()]
+    top = [f"{name} {share:.2g}" for name, share in verdict.top if share > LEAST_PROBABILITY]
     return [
-        one.log,
-        one.verdict,
-        "" if one.alarm_time is None else f"{one.alarm_time:.1f}",
-        one.fault or "",
-        interval,
-        ", ".join(f"{side} {load:+.0%}" for side, load in (one.load or {}).items()),
-        "" if one.duration is None else f"{one.duration:.1f}",
-        ", ".join(f"{name} {share:.2g}" for name, share in one.top if share > WORTH_TELLING),
+        verdict.log,
+        verdict.verdict,
+        "" if verdict.alarm_time is None else f"{verdict.alarm_time:.1f}",
+        verdict.fault or "",
+        severity,
+        ", ".join(loads),
+        "" if verdict.duration is None else f"{verdict.duration:.1f}",
+        ", ".join(top),
     ]
 
 
-def repairs(verdicts: Sequence[Verdict]) -> dict[str, Any]:
+def remarks_section(verdicts: Sequence[Verdict]) -> dict[str, Any]:
     """What was repaired in the logs, and why some are unusable."""
-    rows = [[one.log, remark] for one in verdicts for remark in one.remarks]
-    text = "What was done to a log before it was read, or why it could not be."
+    rows = [[verdict.log, remark] for verdict in verdicts for remark in verdict.remarks]
+    if not rows:
+        return {"heading": "Repairs", "text": ["No log had to be repaired."]}
     return {
         "heading": "Repairs",
-        "text": [text if rows else "No log had to be repaired."],
-        **({"table": {"columns": ["log", "remark"], "rows": rows}} if rows else {}),
+        "text": ["What was repaired in a log, or why it is unusable."],
+        "table": {"columns": ["log", "remark"], "rows": rows},
     }
 
 
-def figure(
-    number: int, one: Verdict, log: Log, belief: Belief, threshold: float, vehicle: VehicleFile
+def log_figure(
+    number: int, verdict: Verdict, log: Log, belief: Belief, threshold: float, vehicle: VehicleFile
 ) -> dict[str, Any]:
-    """The figure of a log as plain data for `report.write_report`."""
-    panels = {label: measured(log, lines) for label, lines in PANELS.items()}
-    panels["current [A]"] = currents(log, vehicle)
+    """The figure of a log as plain data for `write_report`."""
+    panels = {label: measured_lines(log, channels) for label, channels in PANELS.items()}
+    panels["current [A]"] = current_lines(log, vehicle)
     panels["estimate"] = {
-        name: line(log.time, part.mean, part.std)
-        for name, part in hull_estimates(log, vehicle).items()
+        name: line(log.time, history.mean, history.std)
+        for name, history in hull_history(log, vehicle).items()
     }
-    depth = belief.log_probability[:, 0].astype(np.float64) / math.log(10.0)
-    panels["log10 p(normal)"] = {"belief": line(log.time, np.maximum(depth, CERTAIN))} | {
-        "threshold": line(log.time[[0, -1]], np.full(2, threshold / math.log(10.0)))
+    log_probability = belief.log_probability.astype(np.float64)
+    log10_normal = np.maximum(log_probability[:, 0] / math.log(10.0), LOWEST)
+    log10_threshold = np.full(2, threshold / math.log(10.0))
+    panels["log10 p(normal)"] = {
+        "belief": line(log.time, log10_normal),
+        "threshold": line(log.time[[0, -1]], log10_threshold),
     }
     names = list(classes())
+    shown = ["normal", *(name for name, _ in verdict.top[:TOP])]
     panels["probability"] = {
-        name: line(
-            log.time, np.exp(belief.log_probability[:, names.index(name)].astype(np.float64))
-        )
-        for name in ("normal", *(name for name, _ in one.top[:TOP]))
+        name: line(log.time, np.exp(log_probability[:, names.index(name)])) for name in shown
     }
     panels = {label: lines for label, lines in panels.items() if lines}
-    caption = f"{one.log}: {one.verdict}" + (
-        f", {one.fault} from {one.alarm_time:.1f} s." if one.alarms else "."
-    )
-    data = {"panels": panels, "alarms": [list(alarm) for alarm in one.alarms]}
-    return {"plot": "diagnosed_log", "name": f"log-{number}", "caption": caption, "data": data}
-
-
-def measured(log: Log, channels: dict[str, str]) -> dict[str, Any]:
-    """Lines of the channels that were read, by their name in the panel."""
-    columns = {name: log.observation[:, INDEX[channel]] for name, channel in channels.items()}
+    fault = f", {verdict.fault} from {verdict.alarm_time:.1f} s" if verdict.alarms else ""
     return {
-        name: line(log.time, values)
-        for name, values in columns.items()
-        if not np.isnan(values).all()
+        "plot": "diagnosed_log",
+        "name": f"log-{number}",
+        "caption": f"{verdict.log}: {verdict.verdict}{fault}.",
+        "data": {"panels": panels, "alarms": [list(alarm) for alarm in verdict.alarms]},
     }
 
 
-def currents(log: Log, vehicle: VehicleFile) -> dict[str, Any]:
-    """Measured currents, and what healthy motors would draw."""
-    lines = measured(log, {side: f"{side}_current" for side in SIDES})
-    drawn = {
-        side: values for side, values in healthy_currents(log, vehicle).items() if side in lines
-    }
-    return lines | {f"{side}, healthy": line(log.time, values) for side, values in drawn.items()}
+def measured_lines(log: Log, channels: dict[str, str]) -> dict[str, Any]:
+    """Lines of the channels with readings, by their name in the panel."""
+    lines = {}
+    for name, channel in channels.items():
+        values = log.observation[:, INDEX[channel]]
+        if not np.isnan(values).all():
+            lines[name] = line(log.time, values)
+    return lines
+
+
+def current_lines(log: Log, vehicle: VehicleFile) -> dict[str, Any]:
+    """Measured currents, and those of healthy motors."""
+    lines = measured_lines(log, {side: f"{side}_current" for side in SIDES})
+    for side, current in healthy_currents(log, vehicle).items():
+        if side in lines:
+            lines[f"{side}, healthy"] = line(log.time, current)
+    return lines
 
 
 def line(
     time: np.ndarray, value: np.ndarray, width: np.ndarray | None = None
 ) -> dict[str, list[float]]:
-    """A line for the figure, of so many points at most, without those that were not read."""
-    heard = np.flatnonzero(~np.isnan(value))
-    shown = heard[:: -(-heard.size // POINTS) or 1]
-    parts = {"time": time, "value": value} | ({} if width is None else {"width": width})
+    """A line for the figure, of at most `POINTS` points, without missing values."""
+    available = np.flatnonzero(~np.isnan(value))
+    shown = available[:: -(-available.size // POINTS) or 1]
+    columns = {"time": time, "value": value}
+    if width is not None:
+        columns["width"] = width
     return {
-        name: [float(f"{number:.6g}") for number in part[shown]] for name, part in parts.items()
+        name: [float(f"{number:.6g}") for number in column[shown]]
+        for name, column in columns.items()
     }

@@ -1,6 +1,7 @@
-"""What a healthy motor draws at its voltage and the vehicle's speed: measured current beside it tells the shaft's load.
+"""The load of a shaft: its measured current beside that of a healthy motor.
 
-It needs no shaft speed, and the sign is kept: a fouled propeller draws more, a damaged one less.
+The healthy current follows from voltage and surge speed; no shaft speed is needed. A fouled
+propeller draws more than that, a damaged one less.
 """
 
 import math
@@ -14,38 +15,48 @@ from diagnosers.symptoms.residuals import plant_of
 
 
 @kernel
-def _draw(voltage, speed, shaft, plant, current):
-    """Fill the currents; readings that are missing are held, zero before the first."""
-    turning = 0.0
-    applied = 0.0
-    through = 0.0
+def _fill_currents(voltage, speed, shaft, plant, current):
+    """Fill the currents; a missing reading is the last one, zero before the first."""
+    shaft_speed = 0.0
+    last_voltage = 0.0
+    last_speed = 0.0
     for k in range(voltage.size):
-        applied = applied if math.isnan(voltage[k]) else voltage[k]
-        through = through if math.isnan(speed[k]) else speed[k]
-        turning = shaft_speed_after(
-            turning, motor(shaft, plant, applied), through, 0.0, SAMPLE_TIME
-        )
-        current[k] = armature_current(shaft, turning, applied)
+        last_voltage = last_voltage if math.isnan(voltage[k]) else voltage[k]
+        last_speed = last_speed if math.isnan(speed[k]) else speed[k]
+        driven = motor(shaft, plant, last_voltage)
+        shaft_speed = shaft_speed_after(shaft_speed, driven, last_speed, 0.0, SAMPLE_TIME)
+        current[k] = armature_current(shaft, shaft_speed, last_voltage)
 
 
 def healthy_current(voltage: np.ndarray, speed: np.ndarray, vehicle: Vehicle) -> np.ndarray:
-    """Current [A] of a nominal motor at every sample, (n_samples,), 0.1 s apart, from a standing shaft on.
+    """Current [A] of a nominal motor at every sample, (n_samples,), 0.1 s apart, from rest.
 
-    Voltage [V] and surge speed [m/s], (n_samples,): NaN where nothing was read, and then held.
     Misleads in the first sample of a log that begins under way, and where the voltage moves between
     readings that are far apart.
+
+    Parameters
+    ----------
+    voltage, speed
+        [V] and surge speed [m/s], (n_samples,); NaN without a reading: then the last one counts.
+    vehicle
+        The nominal vehicle.
     """
     current = np.empty(len(voltage))
     plant, shaft = plant_of(vehicle)
-    _draw(*(np.ascontiguousarray(x, np.float64) for x in (voltage, speed)), shaft, plant, current)
+    voltage = np.ascontiguousarray(voltage, np.float64)
+    speed = np.ascontiguousarray(speed, np.float64)
+    _fill_currents(voltage, speed, shaft, plant, current)
     return current
 
 
 def excess_load(measured: np.ndarray, healthy: np.ndarray) -> float | None:
-    """Measured over healthy current, less one: 0.5 is half as much load again; both (n_samples,) [A], NaN for none.
+    """Measured over healthy current, less one; both (n_samples,) [A], NaN for none.
 
-    None where the healthy motor would draw nothing, or nothing was measured.
+    0.5 means half as much load again. None where the healthy motor would draw nothing, or nothing
+    was measured.
     """
-    heard = ~np.isnan(measured)
-    drawn = float(healthy[heard].sum())
-    return float(measured[heard].sum()) / drawn - 1.0 if drawn > 0.0 else None
+    is_available = ~np.isnan(measured)
+    healthy_sum = float(healthy[is_available].sum())
+    if healthy_sum <= 0.0:
+        return None
+    return float(measured[is_available].sum()) / healthy_sum - 1.0

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from auv_fault_env.parameters import PRESETS
-from training.field.calibration.calibration import NAMES, calibrated, side_differences
-from training.field.calibration.checks import errors, leave_one_out
+from training.field.calibration.calibration import NAMES, calibrate, side_differences
+from training.field.calibration.checks import leave_one_out, prediction_errors
 from training.field.calibration.robust_fit import LARGEST_STD
 from training.field.calibration.samples import samples_of
 from training.field.vehicle_file import BAND, VehicleFile
@@ -24,11 +24,11 @@ def logs():
 
 @pytest.fixture(scope="module")
 def calibration(logs):
-    return calibrated(logs, FILE)
+    return calibrate(logs, FILE)
 
 
 def was_fitted(calibration, name):
-    return name in calibration.part(name).fit.names
+    return calibration.is_fitted(name)
 
 
 def test_vehicles_of_foreign_logs_are_found_within_their_intervals():
@@ -44,7 +44,7 @@ def test_vehicles_of_foreign_logs_are_found_within_their_intervals():
 @pytest.mark.parametrize("name", (*SURGE, *MOTOR))
 def test_estimates_are_near_the_truth_and_go_into_the_file(calibration, name):
     truth = 1.0 if name == "propeller_torque" else getattr(OFF, name)
-    estimate = calibration.estimate(name)
+    estimate = calibration.parameter(name)
     assert estimate.low < estimate.value < estimate.high
     assert abs(estimate.value - truth) < 4 * estimate.std < 0.2 * abs(truth)
     if name != "propeller_torque":
@@ -63,30 +63,30 @@ def test_noise_and_disturbance_are_those_of_the_plant(calibration):
 
 def test_model_without_noise_predicts_the_plant_itself():
     samples = samples_of(healthy_logs(noise=0.0, n=2))
-    left = errors(samples, replace(FILE, vehicle=OFF))
+    left = prediction_errors(samples, replace(FILE, vehicle=OFF))
     assert np.nanmax(abs(left["speed"])) < 2e-3  # m/s, in 90 s of free simulation
     for side in ("port", "starboard"):  # the motors get the speed as a mean over two seconds
         assert np.nanstd(left[f"{side}_rpm"]) < 0.15
         assert np.nanstd(left[f"{side}_current"]) < 2e-3
 
 
-def test_constant_speed_tells_the_ratio_of_thrust_to_drag_only():
-    found = calibrated(healthy_logs(mission=0.4), FILE)
+def test_constant_speed_identifies_only_the_ratio_of_thrust_to_drag():
+    found = calibrate(healthy_logs(mission=0.4), FILE)
     assert not was_fitted(found, "alpha")
     assert found.vehicle.vehicle.alpha == PRESET.alpha
-    assert "%" in found.estimate("alpha").why or "hardly" in found.estimate("alpha").why
-    assert "speed steps" in found.estimate("alpha").remedy
+    assert "%" in found.parameter("alpha").why or "hardly" in found.parameter("alpha").why
+    assert "speed steps" in found.parameter("alpha").remedy
     vehicle = found.vehicle.vehicle
     assert vehicle.beta / vehicle.alpha == pytest.approx(OFF.beta / OFF.alpha, rel=0.02)
 
 
-def test_rudder_tells_gamma_and_its_absence_leaves_it(calibration):
+def test_only_rudder_or_planes_identify_gamma(calibration):
     assert not was_fitted(calibration, "gamma")
-    assert calibration.estimate("gamma").why == "rudder and planes do not move"
+    assert calibration.parameter("gamma").why == "rudder and planes do not move"
     assert calibration.vehicle.vehicle.gamma == PRESET.gamma
     truth = replace(OFF, gamma=1.5 * OFF.gamma)
-    found = calibrated(healthy_logs(truth, rudder=0.35, n_samples=1200), FILE)
-    estimate = found.estimate("gamma")
+    found = calibrate(healthy_logs(truth, rudder=0.35, n_samples=1200), FILE)
+    estimate = found.parameter("gamma")
     assert was_fitted(found, "gamma")
     assert abs(estimate.value - truth.gamma) < 4 * estimate.std
     assert estimate.std < LARGEST_STD * abs(truth.gamma)
@@ -100,18 +100,18 @@ def test_rudder_tells_gamma_and_its_absence_leaves_it(calibration):
     ],
 )
 def test_motors_without_their_readings_keep_the_file(logs, channels, why):
-    found = calibrated(kept(logs, channels), FILE)
+    found = calibrate(kept(logs, channels), FILE)
     for name in MOTOR:
         assert not was_fitted(found, name)
-        assert why in found.estimate(name).why
-        assert found.estimate(name).value == found.estimate(name).before
+        assert why in found.parameter(name).why
+        assert found.parameter(name).value == found.parameter(name).before
     assert found.vehicle.vehicle.resistance == PRESET.resistance
 
 
 def test_without_speed_nothing_of_the_hull_is_invented(logs):
-    found = calibrated(kept(logs, ("port_voltage", "port_current", "port_rpm")), FILE)
+    found = calibrate(kept(logs, ("port_voltage", "port_current", "port_rpm")), FILE)
     assert all(not was_fitted(found, name) for name in SURGE)
-    assert "no speed reading" in found.estimate("alpha").why
+    assert "no speed reading" in found.parameter("alpha").why
     assert was_fitted(found, "torque_constant")  # with the commanded speed
 
 
@@ -122,16 +122,16 @@ def test_one_shaft_at_one_hertz_without_rpm(logs):
     )
     poor = kept(healthy_logs(truth, n=12), ("speed", "port_voltage", "port_current"), every=10)
     columns = {name: FILE.columns[name] for name in ("speed", "port_voltage", "port_current")}
-    found = calibrated(poor, VehicleFile(PRESET, columns, sample_rate=1.0, shafts=1))
+    found = calibrate(poor, VehicleFile(PRESET, columns, sample_rate=1.0, shafts=1))
     assert not was_fitted(found, "viscous_friction")
-    friction = found.estimate("coulomb_friction")
+    friction = found.parameter("coulomb_friction")
     assert (
         abs(friction.value - truth.coulomb_friction)
         < 4 * friction.std
         < 0.3 * truth.coulomb_friction
     )
     for name in SURGE:
-        estimate = found.estimate(name)
+        estimate = found.parameter(name)
         assert (
             abs(estimate.value - getattr(truth, name))
             < 4 * estimate.std
@@ -141,9 +141,9 @@ def test_one_shaft_at_one_hertz_without_rpm(logs):
 
 
 def test_band_is_the_files_after_one_mission_and_that_of_the_missions_after_many():
-    few = calibrated(healthy_logs(n=1, n_samples=1500), FILE)
+    few = calibrate(healthy_logs(n=1, n_samples=1500), FILE)
     # three times as wide as the file says
-    many = calibrated(healthy_logs(n=16, n_samples=600, band=3.0), FILE)
+    many = calibrate(healthy_logs(n=16, n_samples=600, band=3.0), FILE)
     for name in MOTOR[:3]:
         assert few.vehicle.band[name] > 0.85 * BAND[name]  # both shafts together tell a little
         assert 1.5 * BAND[name] < many.vehicle.band[name] < 6.0 * BAND[name], name
@@ -155,12 +155,12 @@ def test_sides_that_are_alike_differ_by_no_more_than_their_errors(calibration):
         assert abs(difference) < 4 * std, name
 
 
-def test_side_that_is_not_alike_is_told():
+def test_a_difference_of_the_sides_is_reported():
     logs = healthy_logs()
     # a port current sensor that reads 10 % more looks like more friction and less resistance
     for log in logs:
         log.observation[:, list(FILE.columns).index("port_current")] *= 1.1
-    difference, std = side_differences(calibrated(logs, FILE))["coulomb_friction"]
+    difference, std = side_differences(calibrate(logs, FILE))["coulomb_friction"]
     assert difference > 4 * std
 
 
@@ -170,22 +170,22 @@ def test_mission_unlike_the_others_is_seen_by_the_fit_without_it():
         *healthy_logs(replace(OFF, alpha=1.5 * OFF.alpha), n=2, seed=50)[1:],
     ]
     samples = samples_of(logs)
-    rows = leave_one_out(samples, calibrated(logs, FILE), [log.name for log in logs])
+    rows = leave_one_out(samples, calibrate(logs, FILE), [log.name for log in logs])
     assert len(rows) == 5
-    *usual, odd = [row.error_without["speed"] for row in rows]
-    assert odd > 1.5 * max(usual)
-    assert rows[-1].error["speed"] < odd
-    assert leave_one_out(samples_of(logs[:1]), calibrated(logs[:1], FILE), ["only"]) == []
+    *usual, last = [row.error_without["speed"] for row in rows]
+    assert last > 1.5 * max(usual)
+    assert rows[-1].error["speed"] < last
+    assert leave_one_out(samples_of(logs[:1]), calibrate(logs[:1], FILE), ["only"]) == []
 
 
 def test_every_parameter_is_either_fitted_or_explained(calibration):
     for name in NAMES:
-        assert was_fitted(calibration, name) != bool(calibration.estimate(name).why), name
+        assert was_fitted(calibration, name) != bool(calibration.parameter(name).why), name
 
 
 def test_file_of_another_preset_finds_the_same_vehicle(logs, calibration):
-    other = calibrated(logs, replace(FILE, vehicle=PRESETS["thesis1992"]))
+    other = calibrate(logs, replace(FILE, vehicle=PRESETS["thesis1992"]))
     for name in (*SURGE, *MOTOR[:3]):
-        one = other.estimate(name)
-        two = calibration.estimate(name)
+        one = other.parameter(name)
+        two = calibration.parameter(name)
         assert one.value == pytest.approx(two.value, abs=0.1 * two.std), name

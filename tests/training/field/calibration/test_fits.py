@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from training.field.calibration.healthy_band import PRIOR_UNITS, between_variance, healthy_band
-from training.field.calibration.robust_fit import LARGEST_STD, Problem, fitted, identified
+from training.field.calibration.robust_fit import (
+    LARGEST_STD,
+    Problem,
+    fit_identifiable,
+    fit_parameters,
+)
 from training.field.calibration.samples import noise_levels, samples_of
 from training.field.logs.log import Log
 
@@ -39,7 +44,7 @@ def problem(noise, design=DESIGN, block=None, unit=None):
 
 def test_linear_problem_has_the_estimates_and_errors_of_ordinary_least_squares():
     noise = RANDOM.standard_normal(N)
-    fit = identified(problem(noise))
+    fit = fit_identifiable(problem(noise))
     known = DESIGN[:, :2]
     covariance = np.linalg.inv(known.T @ known)
     expected = TRUTH[:2] + covariance @ known.T @ noise
@@ -48,40 +53,43 @@ def test_linear_problem_has_the_estimates_and_errors_of_ordinary_least_squares()
     # of 40 blocks: 11 % by luck
     np.testing.assert_allclose(fit.std[::-1], np.sqrt(np.diagonal(covariance)), rtol=0.35)
     assert (
-        fit.held == {"ghost": pytest.approx(fit.held["ghost"])} and fit.held["ghost"] > LARGEST_STD
+        fit.unidentified == {"ghost": pytest.approx(fit.unidentified["ghost"])}
+        and fit.unidentified["ghost"] > LARGEST_STD
     )
     assert fit.quantile == pytest.approx(2.0227, abs=1e-3)  # Student's t, 39 degrees of freedom
 
 
 def test_errors_that_go_together_within_a_block_widen_the_interval():
     shared = np.repeat(RANDOM.standard_normal(BLOCKS), N // BLOCKS)
-    alone = fitted(problem(RANDOM.standard_normal(N)), ("slope",))
-    together = fitted(problem(shared), ("slope",))
+    alone = fit_parameters(problem(RANDOM.standard_normal(N)), ("slope",))
+    together = fit_parameters(problem(shared), ("slope",))
     assert together.std[0] > 5.0 * alone.std[0]  # sqrt(100) = 10 if the regressor were constant
 
 
 def test_outliers_hardly_move_the_estimate():
     noise = RANDOM.standard_normal(N)
     wild = noise + np.where(RANDOM.uniform(size=N) < 0.02, 100.0, 0.0)
-    assert fitted(problem(wild), ("slope",)).estimate[0] == pytest.approx(1.5, abs=0.2)
+    assert fit_parameters(problem(wild), ("slope",)).estimate[0] == pytest.approx(1.5, abs=0.2)
     # least squares
     assert (DESIGN[:, 0] @ (DESIGN[:, 0] * 1.5 + wild)) / (DESIGN[:, 0] @ DESIGN[:, 0]) > 2.5
 
 
-def test_own_estimates_are_those_of_the_unit_alone():
+def test_estimates_of_units_are_those_of_the_unit_alone():
     noise = 0.1 * RANDOM.standard_normal(N)  # so small that the loss is quadratic
     unit = np.arange(N) % 3
-    fit = fitted(problem(noise, unit=unit), ("slope",))
-    for number, own, variance in zip(fit.units, fit.own[:, 0], fit.own_variance[:, 0], strict=True):
+    fit = fit_parameters(problem(noise, unit=unit), ("slope",))
+    for number, own, variance in zip(
+        fit.units, fit.unit_estimates[:, 0], fit.unit_variances[:, 0], strict=True
+    ):
         x = DESIGN[unit == number, 0]
         y = (DESIGN[:, 0] * 1.5 + DESIGN[:, 1] * -0.3 + noise)[unit == number]
         assert own == pytest.approx(x @ y / (x @ x), abs=2e-3)
         assert variance == pytest.approx(1.0 / (x @ x), rel=0.05)
 
 
-def test_too_few_blocks_tell_nothing():
-    fit = identified(problem(np.zeros(N), block=np.arange(N) * 3 // N))
-    assert fit.names == () and np.isnan(list(fit.held.values())).all()
+def test_too_few_blocks_identify_nothing():
+    fit = fit_identifiable(problem(np.zeros(N), block=np.arange(N) * 3 // N))
+    assert fit.names == () and np.isnan(list(fit.unidentified.values())).all()
 
 
 def test_between_variance_by_hand():
@@ -101,7 +109,7 @@ def test_band_by_hand_one_unit_and_many():
     assert healthy_band(np.ones(1), np.full(1, 1e-4), 0.02, 0.0) == pytest.approx(3**0.5 * 0.02)
 
 
-def test_units_that_tell_nothing_do_not_count():
+def test_units_without_information_do_not_count():
     own = np.array([1.0, 1.01, 50.0])
     variance = np.array([1e-4, 1e-4, 1e300])
     assert healthy_band(own, variance, 0.0, 0.05) == pytest.approx(
@@ -114,13 +122,13 @@ def log(observation, segments=None):
     return Log("log.csv", 0.1 * np.arange(size), observation, segments or (slice(0, size),), ())
 
 
-def test_samples_are_bridged_within_stretches_and_never_across():
+def test_samples_are_interpolated_within_segments_and_never_across():
     observation = np.full((60, 12), np.nan)
     observation[:20:10, 4] = [1.0, 2.0]
     observation[30:60:10, 4] = [5.0, 6.0, 7.0]
     samples = samples_of([log(observation, (slice(0, 20), slice(30, 60))), log(observation[:20])])
     np.testing.assert_allclose(
-        samples.channel("speed", held=True)[[0, 5, 10, 15, 20, 25]], [1, 1.5, 2, 2, 5, 5.5]
+        samples.interpolated_channel("speed")[[0, 5, 10, 15, 20, 25]], [1, 1.5, 2, 2, 5, 5.5]
     )
     assert np.isnan(samples.channel("speed")).sum() == 70 - 7
     assert np.flatnonzero(samples.starts).tolist() == [0, 20, 50]
@@ -128,13 +136,13 @@ def test_samples_are_bridged_within_stretches_and_never_across():
     assert np.unique(samples.block).tolist() == [0, 1, 2] and np.bincount(
         samples.mission
     ).tolist() == [50, 20]
-    assert not samples.exists("port_rpm") and samples.measured_spins is None
+    assert not samples.has("port_rpm") and samples.measured_shaft_speeds is None
 
 
 def test_shaft_without_a_counter_turns_as_the_other():
     observation = np.full((20, 12), np.nan)
     observation[:, 11] = 300.0
-    np.testing.assert_allclose(samples_of([log(observation)]).measured_spins, 10.0 * np.pi)
+    np.testing.assert_allclose(samples_of([log(observation)]).measured_shaft_speeds, 10.0 * np.pi)
 
 
 @pytest.mark.parametrize("every", [1, 10])

@@ -10,10 +10,10 @@ from training.field.diagnosis.diagnosis import (
     FAULT,
     HEALTHY,
     THRESHOLDS,
-    alarm_along,
+    alarm_intervals,
     beliefs,
     diagnoser_for,
-    intervals,
+    is_alarmed,
     persistence,
     verdict,
 )
@@ -39,7 +39,7 @@ def judged(log, vehicle=VEHICLE, name="filter_bank"):
         "log.csv",
         log,
         belief,
-        alarm_along(log, belief, THRESHOLDS[name], persistence(vehicle)),
+        is_alarmed(log, belief, THRESHOLDS[name], persistence(vehicle)),
         vehicle,
     )
 
@@ -97,17 +97,17 @@ def test_each_segment_begins_anew():
 
 def test_intervals_end_with_the_alarm_or_the_segment():
     log = log_of(np.zeros((10, len(NAMES))), (slice(0, 6), slice(6, 10)))
-    standing = np.array([0, 1, 1, 0, 1, 1, 1, 0, 0, 1], bool)
+    alarmed = np.array([0, 1, 1, 0, 1, 1, 1, 0, 0, 1], bool)
     spans = [(0.1, 0.2), (0.4, 0.5), (0.6, 0.6), (0.9, 0.9)]
-    np.testing.assert_allclose(intervals(log, standing), spans)
+    np.testing.assert_allclose(alarm_intervals(log, alarmed), spans)
 
 
 def test_an_alarm_does_not_reach_from_one_segment_into_the_next():
     log = log_of(np.zeros((8, len(NAMES))), (slice(0, 4), slice(4, 8)))
     belief = beliefs(log, "filter_bank", VEHICLE)
     belief.log_probability[:, 0] = [0, 0, -99, -99, -99, 0, 0, 0]
-    assert not alarm_along(log, belief, THRESHOLD, 3).any()
-    assert alarm_along(log, belief, THRESHOLD, 2).tolist() == [False, False, False, True] + 4 * [
+    assert not is_alarmed(log, belief, THRESHOLD, 3).any()
+    assert is_alarmed(log, belief, THRESHOLD, 2).tolist() == [False, False, False, True] + 4 * [
         False
     ]
 

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from training.field.diagnosis.load_limits import (
-    LEAST,
+    LEAST_LIMIT,
     WINDOW,
+    is_overloaded,
     load_limits,
-    overloaded,
     running_loads,
 )
 
@@ -19,9 +19,9 @@ def test_more_and_less_load_are_beyond_the_limits_and_health_is_not(factor):
     limits = load_limits(HEALTHY, VEHICLE)
     observations = episode(n_samples=400, seed=24).copy()
     observations[:, NAMES.index("port_current")] *= factor
-    beyond = overloaded(log_of(observations), VEHICLE, limits)
+    beyond = is_overloaded(log_of(observations), VEHICLE, limits)
     assert beyond[WINDOW:].all() == (factor != 1.0) == beyond.any()
-    assert all(low <= -LEAST < LEAST <= high for low, high in limits.values())
+    assert all(low <= -LEAST_LIMIT < LEAST_LIMIT <= high for low, high in limits.values())
 
 
 def test_a_load_needs_a_whole_window_of_its_own_segment():
@@ -33,4 +33,4 @@ def test_a_load_needs_a_whole_window_of_its_own_segment():
 
 def test_without_healthy_logs_there_is_no_limit():
     assert load_limits([], VEHICLE) == {}
-    assert not overloaded(HEALTHY[0], VEHICLE, {}).any()
+    assert not is_overloaded(HEALTHY[0], VEHICLE, {}).any()
