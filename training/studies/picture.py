@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Annotated
 
 import gymnasium as gym
-import matplotlib.image
 from tyro.conf import Positional, arg
 
 import auv_fault_env  # noqa: F401  (registers the environment)
 from auv_fault_env.parameters import SAMPLE_RATE
+from training.report.figures.image import write_image
 from training.studies.run import command_line
 
 SEED = 3
@@ -26,8 +26,7 @@ def main(path: Annotated[Positional[Path], arg(metavar="PATH")]) -> None:
     observation, _ = env.reset(seed=SEED, options={"schedule": [FAULT], "mission": "thesis"})
     for _ in range(round(DURATION * SAMPLE_RATE)):
         observation, *_ = env.step([observation[0], 0.0, 0.0])
-    path.parent.mkdir(parents=True, exist_ok=True)
-    matplotlib.image.imsave(path, env.render())
+    write_image(path, env.render())
     env.close()
 
 

@@ -5,8 +5,9 @@ the agent has one for each seed of its training. A triple is a figure and the en
 interval.
 """
 
+import operator
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -104,23 +105,24 @@ def paired_figures(times: Mapping[str, np.ndarray], seed: int) -> dict[str, Figu
     lanes = resamples(next(iter(times.values())).shape[1], seed)
     resampled = {name: resampled_means(values, lanes, seed) for name, values in times.items()}
     mean = {name: float(values.mean()) for name, values in times.items()}
+
+    def compare(name: str, operation: Callable) -> dict[str, Triple]:
+        others = [*REFERENCES, *(rules_from_belief(times) if name == AGENT else ())]
+        triples = {}
+        for other in filter(times.__contains__, others):
+            interval = central(operation(resampled[name], resampled[other]))
+            triples[other] = [operation(mean[name], mean[other]), *interval]
+        return triples
+
     figures = {}
     for name, values in times.items():
-        others = [*REFERENCES, *(rules_from_belief(times) if name == AGENT else ())]
-        others = [other for other in others if other in times]
         member_means = values.mean(axis=1)
         figures[name] = {
             "mean": [mean[name], *central(resampled[name])],
             "spread": float(member_means.std(ddof=1)) if len(values) > 1 else None,
             "isolated": float((values < HORIZON).mean()),
-            "difference": {
-                other: [mean[name] - mean[other], *central(resampled[name] - resampled[other])]
-                for other in others
-            },
-            "ratio": {
-                other: [mean[name] / mean[other], *central(resampled[name] / resampled[other])]
-                for other in others
-            },
+            "difference": compare(name, operator.sub),
+            "ratio": compare(name, operator.truediv),
         }
     return figures
 
