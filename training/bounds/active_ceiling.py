@@ -63,6 +63,10 @@ FAULTS = (
 )
 
 
+# rates (n_profiles,) of profiles or levels (n_profiles, ...)
+RateFunction = Callable[[np.ndarray], np.ndarray]
+
+
 class Profile(NamedTuple):
     """A periodic speed offset.
 
@@ -89,7 +93,9 @@ def profile_offsets(profiles: np.ndarray, time: float, budget: float) -> np.ndar
     cycles, duty, roundness = np.asarray(profiles, float).T
     phase = (np.round(cycles) * time / WINDOW) % 1.0
     is_positive = phase < duty
-    level = np.where(is_positive, np.sqrt((1.0 - duty) / duty), -np.sqrt(duty / (1.0 - duty)))
+    positive_level = np.sqrt((1.0 - duty) / duty)
+    negative_level = -np.sqrt(duty / (1.0 - duty))
+    level = np.where(is_positive, positive_level, negative_level)
     phase_of_part = np.where(is_positive, phase / duty, (phase - duty) / (1.0 - duty))
     flat = 1.0 - roundness
     mean_square = flat * flat + flat * roundness * 4.0 / np.pi + roundness * roundness / 2.0
@@ -100,7 +106,8 @@ def profile_offsets(profiles: np.ndarray, time: float, budget: float) -> np.ndar
 def scale_to_budget(levels: np.ndarray, budget: float) -> np.ndarray:
     """Levels (n_profiles, LEVELS) with mean zero and the budget as their root mean square."""
     centred = levels - levels.mean(axis=1, keepdims=True)
-    return budget * centred / np.sqrt(np.mean(np.square(centred), axis=1, keepdims=True))
+    mean_square = np.mean(np.square(centred), axis=1, keepdims=True)
+    return budget * centred / np.sqrt(mean_square)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -115,7 +122,7 @@ class RepeatedOffsets(Stimulus):
         return within_channel(self.profiles[:, sample % self.profiles.shape[1]], observation)
 
 
-def best_profile(rate: Callable[[np.ndarray], np.ndarray], seed: int) -> Profile:
+def best_profile(rate: RateFunction, seed: int) -> Profile:
     """The profile with the largest rate, found by differential evolution.
 
     Its rate in the search is too high where rates are random: measure it again. A search as short
@@ -142,9 +149,7 @@ def best_profile(rate: Callable[[np.ndarray], np.ndarray], seed: int) -> Profile
     return Profile(round(cycles), float(duty), float(roundness))
 
 
-def best_free_levels(
-    rate: Callable[[np.ndarray], np.ndarray], start: np.ndarray, seed: int
-) -> np.ndarray:
+def best_free_levels(rate: RateFunction, start: np.ndarray, seed: int) -> np.ndarray:
     """Levels (LEVELS,) with a rate no lower than that of `start`, found by random changes.
 
     Every round changes the best levels so far at random and takes the best of the results.
@@ -260,7 +265,8 @@ def free_ceiling(fault: str, seed: int, budget: float) -> dict[str, Any]:
     start = scale_to_budget(sampled, budget)[0]
     levels = best_free_levels(lambda tried: free_rates_of(fault, tried, search_seeds), start, seed)
     free = float(free_rates_of(fault, levels[None], final_seeds)[0])
-    thesis = float(least_rates(fault, Thesis(budget), final_seeds).mean(axis=0).min())
+    thesis_rates = least_rates(fault, Thesis(budget), final_seeds).mean(axis=0)
+    thesis = float(thesis_rates.min())
     best = max(free, ceiling["active"])
     return ceiling | {
         "free": free,

@@ -115,7 +115,8 @@ def _error(
     for observation in observations:
         estimate = kalman.update(estimate, observation)
         means.append(estimate.mean[:, 1:3])
-    return np.sqrt(np.square(means - truth[:, :, 1:3]).mean(axis=1))
+    errors = means - truth[:, :, 1:3]
+    return np.sqrt(np.square(errors).mean(axis=1))
 
 
 def _severities(record: Record) -> dict[str, float]:
@@ -147,8 +148,9 @@ def _scaled(healthy: np.ndarray, relative: np.ndarray) -> np.ndarray:
     names = list(PARAMETERS)
     scaled = healthy.copy()
     groups = (("alpha",), tuple(f"{side}_beta" for side in SIDES), ("gamma",))
-    for column, group in enumerate(groups):
-        scaled[:, [names.index(name) for name in group]] *= relative[:, column, None]
+    for k, group in enumerate(groups):
+        columns = [names.index(name) for name in group]
+        scaled[:, columns] *= relative[:, k, None]
     return scaled
 
 

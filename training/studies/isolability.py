@@ -108,10 +108,9 @@ def faulty_lanes(mission: Mission, vehicles: int, seed: int) -> Lanes:
     events = []
     for name in classes():
         severity = 0.0 if name == NORMAL else SEVERITY
-        of_class = faults[name]
-        events += [
-            FaultEvent(of_class[k % len(of_class)], ONSET, severity) for k in range(vehicles)
-        ]
+        for k in range(vehicles):
+            fault = faults[name][k % len(faults[name])]
+            events.append(FaultEvent(fault, ONSET, severity))
     lane_seeds = seeds("test", len(events), FIRST_SEED + seed)
     return simulate_lanes(Cruise(), events, [mission] * len(events), lane_seeds)
 

@@ -160,7 +160,8 @@ def run_missions(
                 runs.follow(advise(belief, runs.situation, vehicle, previous=runs.advice))
             observation = fleet.step(runs.command(observation[:, SPEED_READING]))
             runs.advance(FleetTruth(fleet)["state"]["speed"], fleet.outcomes[1])
-            bar.update(int((~runs.is_underway).sum()) - bar.n)
+            n_ended = int((~runs.is_underway).sum())
+            bar.update(n_ended - bar.n)
             if not runs.is_underway.any():
                 break
     fleet.close()
@@ -171,8 +172,10 @@ def true_belief(fleet: Fleet) -> Belief:
     """The belief that knows class and severity of the present fault, but not the vehicle."""
     truth = FleetTruth(fleet)
     is_true = truth["label"][:, None] == np.array(classes())
-    severity = np.column_stack([np.zeros(fleet.n_lanes), *truth["severity"].values()])
-    return Belief(np.where(is_true, 0.0, EXCLUDED), severity, np.zeros_like(severity))
+    normal_severity = np.zeros(fleet.n_lanes)
+    severity = np.column_stack([normal_severity, *truth["severity"].values()])
+    log_probability = np.where(is_true, 0.0, EXCLUDED)
+    return Belief(log_probability, severity, np.zeros_like(severity))
 
 
 def normal_belief(n_lanes: int) -> Belief:

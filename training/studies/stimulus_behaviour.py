@@ -128,9 +128,9 @@ def record_closed_loop(
 
 def faulty_lanes(conditions: Conditions, per_class: int, seed: int) -> list[Episode]:
     """Episodes with one abrupt and lasting fault, `per_class` of each class, its faults in turn."""
-    faults = [
-        names[k % len(names)] for names in faults_by_class().values() for k in range(per_class)
-    ]
+    faults = []
+    for names in faults_by_class().values():
+        faults += [names[k % len(names)] for k in range(per_class)]
     random = np.random.default_rng([FIRST_FAULTY, seed])
     onset = random.uniform(*ONSET, len(faults)).round(1)
     severity = random.uniform(*SEVERITY, len(faults))
@@ -255,8 +255,9 @@ def offsets_around_onset(
             offset = transform(run.offset[samples, np.arange(onset.size)])
             binned[name] = offset.reshape(time.size, samples_per_bin, -1).mean(axis=1)
         for k in np.unique(fault):
+            lanes = fault == k
             offsets[kind][classes()[k]] = {
-                name: rounded(offset[:, fault == k].mean(axis=1)) for name, offset in binned.items()
+                name: rounded(offset[:, lanes].mean(axis=1)) for name, offset in binned.items()
             }
     return offsets
 
