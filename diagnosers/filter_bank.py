@@ -188,9 +188,11 @@ class FilterBank(Recursive):
         low, high = np.array(self.grades).T
         mean = (low + high) / 2
         variance = (high - low) ** 2 / 12
-        prior = np.stack([mean, variance, np.maximum(low, MIN_SEVERITY)])
+        least = np.maximum(low, MIN_SEVERITY)
+        of_lane = np.stack([mean, variance, least])
+        prior = np.tile(of_lane, (n_lanes, 1, 1))
         healthy = np.tile(self.healthy, (n_lanes, 1))
-        return self._state_around(healthy, np.tile(prior, (n_lanes, 1, 1)), 1.0)
+        return self._state_around(healthy, prior, 1.0)
 
     def _state_around(self, healthy: np.ndarray, prior: np.ndarray, band: float) -> BankState:
         """State of normal vehicles near these, before any observation.
@@ -265,8 +267,9 @@ class FilterBank(Recursive):
         filters[:, SEVERITY] = severity[:, 0, table.hypothesis]
         filters[:, algebra.SEVERITY_VARIANCE] = severity[:, 1, table.hypothesis]
         n_members = np.bincount(table.class_index)
+        n_equal = n_members.size * n_members[table.class_index]
         new = BankState(*(values.copy() for values in state))
-        new.log_posterior[lanes] = -np.log(n_members.size * n_members[table.class_index])
+        new.log_posterior[lanes] = -np.log(n_equal)
         new.severity[lanes] = severity
         new.filters[lanes] = filters
         new.shaft_speed[lanes] = state.shaft_speed[lanes][:, normal_filter]
@@ -291,12 +294,15 @@ class FilterBank(Recursive):
             readings=np.empty_like(state.readings),
             age=state.age + 1.0,
         )
-        belief = Belief(*np.empty((len(Belief._fields), n_lanes, len(self.classes))))
+        shape = n_lanes, len(self.classes)
+        belief = Belief(np.empty(shape), np.empty(shape), np.empty(shape))
+        constants = self.constants
 
         def step_share(first: int, last: int) -> None:
-            pack = pack_size(last - first, table.hypothesis.size)
-            memory = workspace(table, pack), new_sample(pack)
-            step_lanes(first, last, state, new, observation, table, self.constants, belief, *memory)
+            n_pack = pack_size(last - first, table.hypothesis.size)
+            work = workspace(table, n_pack)
+            sample = new_sample(n_pack)
+            step_lanes(first, last, state, new, observation, table, constants, belief, work, sample)
 
         _in_shares(n_lanes, step_share)
         return new, belief
@@ -324,10 +330,13 @@ def _in_shares(n_lanes: int, run: Callable[[int, int], None]) -> None:
     n_shares = n_threads() if n_lanes >= PARALLEL_LANES else 1
     edges = [n_lanes * k // n_shares for k in range(n_shares + 1)]
     own, *others = pairwise(edges)
-    running = [_threads(n_shares - 1, os.getpid()).submit(run, *share) for share in others]
+    running = []
+    for share in others:
+        threads = _threads(len(others), os.getpid())
+        running.append(threads.submit(run, *share))
     run(*own)
-    for share in running:
-        share.result()
+    for future in running:
+        future.result()
 
 
 @cache

@@ -30,7 +30,9 @@ NOISE_FLOOR = 1e-3  # least scale of the sensor noise: keeps variances positive 
 DISTURBANCE_FLOOR = 1e-6  # m/s^2, least standard deviation of the disturbance, for the same reason
 START_SPEED_STD = 1.0  # m/s, of the speed before the first reading
 BETWEEN_STD = 12**-0.5  # of a value anywhere between two readings, per their difference
-MAX_DEVIATION = 10.0  # of a parameter from nominal, relative: keeps the integration stable
+# of a parameter, relative: keeps the integration stable whatever the readings are
+LOW = -9.0
+HIGH = 11.0
 PARAMETERS = ("alpha", "beta", "gamma")
 N_STATES = 5  # speed, the three parameters, and one of each filter's own
 U, ALPHA, BETA, GAMMA, OWN = range(N_STATES)
@@ -125,7 +127,8 @@ def _condition(mean, covariance, gradient, innovation, variance, scratch):
         scratch[GAIN, i] = gain
         scratch[REMAINDER, i] = gain * total - cross
         for j in range(i + 1):
-            covariance[i, j] += gain * scratch[REMAINDER, j] - cross * scratch[GAIN, j]
+            change = gain * scratch[REMAINDER, j] - cross * scratch[GAIN, j]
+            covariance[i, j] += change
             covariance[j, i] = covariance[i, j]
     return total
 
@@ -135,9 +138,9 @@ def _walk(mean, covariance, constants):
     """Let the parameters walk over a sample, slower the nearer a variance is to its ceiling."""
     for k in range(len(PARAMETERS)):
         i = ALPHA + k
-        mean[i] = min(max(mean[i], 1.0 - MAX_DEVIATION), 1.0 + MAX_DEVIATION)
-        room = max(0.0, 1.0 - covariance[i, i] / constants.ceiling[k])
-        covariance[i, i] += constants.walk[k] * room
+        mean[i] = min(max(mean[i], LOW), HIGH)
+        share = covariance[i, i] / constants.ceiling[k]
+        covariance[i, i] += constants.walk[k] * max(0.0, 1.0 - share)
 
 
 @scalar
@@ -148,7 +151,9 @@ def _inputs(readings):
     rudder = readings[RUDDER]
     plane = readings[STERN_PLANE]
     thrust = 0.5 * (port * abs(port) + starboard * abs(starboard))
-    return thrust, port * port + starboard * starboard, rudder * rudder + plane * plane
+    squares = port * port + starboard * starboard
+    deflection = rudder * rudder + plane * plane
+    return thrust, squares, deflection
 
 
 @scalar
@@ -168,11 +173,13 @@ def _predict_parameters(mean, covariance, last_acceleration, readings, constants
     _walk(mean, covariance, c)
     opening = c.step * c.opening
     closing = c.step * (1.0 - c.opening)
-    mean[U] += opening * (last_acceleration - mean[OWN]) + closing * readings[ACCELERATION]
+    acceleration = readings[ACCELERATION]
+    corrected = last_acceleration - mean[OWN]
+    mean[U] += opening * corrected + closing * acceleration
     mean[OWN] = 0.0
     variance = covariance[U, U] - 2.0 * opening * covariance[U, OWN]
     variance += opening * opening * covariance[OWN, OWN]
-    jump = readings[ACCELERATION] - last_acceleration
+    jump = acceleration - last_acceleration
     # noise alone jumps by sqrt(2) sigma
     unexplained = max(0.0, jump * jump - 9.0 * c.acceleration_variance)
     between = c.step * c.step * BETWEEN_STD**2 * unexplained
@@ -206,7 +213,8 @@ def _condition_on_acceleration(mean, covariance, readings, constants, gradient, 
     gradient[OWN] = 1.0
     variance = by_rpm * by_rpm * squares * c.rpm_variance
     # white noise of the same density at low frequencies as the disturbance
-    variance += c.disturbance_variance * (1.0 + c.disturbance_memory) / (1.0 - c.disturbance_memory)
+    memory = c.disturbance_memory
+    variance += c.disturbance_variance * (1.0 + memory) / (1.0 - memory)
     innovation = readings[ACCELERATION] - gradient[ALPHA] * mean[ALPHA]
     innovation = innovation - gradient[BETA] * mean[BETA]
     innovation = innovation - gradient[GAMMA] * mean[GAMMA] - mean[OWN]
@@ -218,13 +226,15 @@ def _integrate(mean, opening_thrust, thrust, deflection, constants, gradient):
     """Advance the mean speed over a sample by the midpoint rule; fill its gradient by the state."""
     c = constants
     drag = c.alpha * mean[ALPHA] + c.gamma * deflection * mean[GAMMA]
-    drive = c.beta * (c.opening * opening_thrust + (1.0 - c.opening) * thrust)
+    mean_thrust = c.opening * opening_thrust + (1.0 - c.opening) * thrust
+    drive = c.beta * mean_thrust
     push = drive * mean[BETA] + mean[OWN]
     half = 0.5 * c.step
-    middle = mean[U] + half * (drag * mean[U] * abs(mean[U]) + push)
+    speed = mean[U]
+    middle = speed + half * (drag * speed * abs(speed) + push)
     square = middle * abs(middle)
     gain = 1.0 + half * 2.0 * drag * abs(middle)
-    of_start = 1.0 + half * 2.0 * drag * abs(mean[U])
+    of_start = 1.0 + half * 2.0 * drag * abs(speed)
     gradient[U] = 1.0 + c.step * 2.0 * drag * abs(middle) * of_start
     gradient[ALPHA] = c.step * gain * c.alpha * square
     gradient[BETA] = c.step * gain * drive
@@ -247,7 +257,8 @@ def _predict_surge(mean, covariance, last_thrust, readings, constants, gradient,
     thrust, squares, deflection = _inputs(readings)
     by_rpm = c.step * c.beta * mean[BETA]
     jump = thrust - last_thrust
-    variance = by_rpm * by_rpm * (squares * c.rpm_variance + BETWEEN_STD**2 * jump * jump)
+    input_variance = squares * c.rpm_variance + BETWEEN_STD**2 * jump * jump
+    variance = by_rpm * by_rpm * input_variance
     _integrate(mean, last_thrust, thrust, deflection, c, gradient)
     for i in range(N_STATES):
         scratch[CROSS, i] = _dot(covariance[i], gradient)

@@ -206,8 +206,8 @@ def _update(
             p = covariance[lane, side]
             readings = observation[lane, VOLTAGE_CHANNEL[side] :]
             for i in range(N_PARAMETERS):
-                room = max(0.0, 1.0 - p[i, i] / tuning.ceiling[i])
-                p[i, i] += tuning.walk[i] * room
+                share = p[i, i] / tuning.ceiling[i]
+                p[i, i] += tuning.walk[i] * max(0.0, 1.0 - share)
             shaft_speed = readings[RPM_READING] / RPM
             last = last_shaft_speed[lane, side]
             change = 0.0 if np.isnan(last) else shaft_speed - last

@@ -61,13 +61,14 @@ def variance_after_walk(variance, prior, walk):
 
 
 @inlined
-def mix(x, columns, work, walk):
+def mix(columns, work, walk):
     """Mix each filter with the normal filter of its lane, by ``work.mixing_probability``.
 
     That is the probability that the vehicle, if the hypothesis is true, left the normal hypothesis
     at this sample. Its severity then has the moments ``work.prior``. Last, the severity walks.
     """
     first, last = columns
+    x = work.filters
     normal = work.normal
     probability = work.mixing_probability
     prior_mean = work.prior[0]
@@ -97,13 +98,14 @@ def mix(x, columns, work, walk):
 
 
 @inlined
-def replace_severity(x, columns, work):
+def replace_severity(columns, work):
     """Replace mean and variance of the severities by ``work.severity``; the other states follow.
 
-    Their distribution at a given severity stays (Jeffrey's rule), which is exact if the subsystems
+    Their distribution at a given severity stays (Jeffrey's rule): exact if the subsystems
     are independent at a given severity.
     """
     first, last = columns
+    x = work.filters
     mean = work.severity[0]
     variance = work.severity[1]
     shift = work.severity_shift
@@ -133,21 +135,20 @@ def replace_severity(x, columns, work):
 
 
 @inlined
-def clip_deviations(x, columns, first_row):
+def clip_deviations(columns, first_row, work):
     """Keep the healthy deviations, from `first_row` on, where no parameter changes its sign."""
     first, last = columns
+    x = work.filters
     for i in range(first_row, SEVERITY):
         for c in range(first, last):
             x[i, c] = min(max(x[i, c], -MAX_DEVIATION), MAX_DEVIATION)
 
 
 @inlined
-def covary(x, columns, gradient, covariance):
-    """Fill the covariances of the states with a quantity of that gradient.
-
-    Both (N_STATES, n_columns).
-    """
+def covary(columns, gradient, work):
+    """Fill ``work.covariance`` of the states with a quantity of that gradient."""
     first, last = columns
+    x = work.filters
     for i in range(N_STATES):
         row_0 = covariance_row(i, 0)
         row_1 = covariance_row(i, 1)
@@ -160,21 +161,22 @@ def covary(x, columns, gradient, covariance):
             total += x[row_2, c] * gradient[2, c]
             total += x[row_3, c] * gradient[3, c]
             total += x[row_4, c] * gradient[4, c]
-            covariance[i, c] = total
+            work.covariance[i, c] = total
 
 
 @inlined
-def condition(x, columns, measurement, work):
+def condition(columns, measurement, work):
     """Condition every filter on a measurement where available; add its log density to the evidence.
 
     An innovation beyond six standard deviations counts as six: one outlier, or a moment that the
     model does not describe, must not decide.
     """
     first, last = columns
+    x = work.filters
     gradient, innovation, variance, available = measurement
     covariance = work.covariance
     gain = work.gain
-    covary(x, columns, gradient, covariance)
+    covary(columns, gradient, work)
     for c in range(first, last):
         by_states = gradient[0, c] * covariance[0, c]
         by_states += gradient[1, c] * covariance[1, c]

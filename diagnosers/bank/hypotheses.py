@@ -84,18 +84,26 @@ class HypothesisTable(NamedTuple):
     estimates_speed: np.ndarray
 
 
-_tables: dict[tuple[int, float, tuple[str, ...]], tuple[tuple[Fault, ...], HypothesisTable]] = {}
+class _Cached(NamedTuple):
+    """A table and the catalogue from which it was built."""
+
+    catalogue: tuple[Fault, ...]
+    table: HypothesisTable
+
+
+_cache: dict[tuple, _Cached] = {}
 
 
 def current_table(n_grades: int, hazard: float, faults: tuple[str, ...]) -> HypothesisTable:
     """`hypothesis_table` of the catalogue as it is now, built anew only when that has changed."""
     key = n_grades, hazard, faults
     catalogue = tuple(CATALOGUE.values())
-    known_catalogue, table = _tables.get(key, (None, None))
-    if table is None or known_catalogue != catalogue:
+    cached = _cache.get(key)
+    if cached is None or cached.catalogue != catalogue:
         table = hypothesis_table(n_grades, hazard, faults)
-        _tables[key] = catalogue, table
-    return table
+        cached = _Cached(catalogue, table)
+        _cache[key] = cached
+    return cached.table
 
 
 def hypothesis_table(n_grades: int, hazard: float, faults: Sequence[str]) -> HypothesisTable:
@@ -111,8 +119,7 @@ def hypothesis_table(n_grades: int, hazard: float, faults: Sequence[str]) -> Hyp
         Names in the catalogue.
     """
     diagnoses = [CATALOGUE[name].diagnosis for name in faults]
-    class_names = list(classes())
-    class_of_fault = np.array([class_names.index(name) for name in diagnoses], np.int64)
+    class_of_fault = np.array([classes().index(name) for name in diagnoses])
     fault = np.repeat(np.arange(len(faults)), n_grades)
     grade = np.tile(np.arange(n_grades), len(faults))
     n_hypotheses = 1 + fault.size
@@ -129,15 +136,18 @@ def hypothesis_table(n_grades: int, hazard: float, faults: Sequence[str]) -> Hyp
         faulty = 1 + np.flatnonzero(touched[fault])
         with_filter = np.concatenate([[0], faulty])
         fault_of_filter = fault[faulty - 1]
-        filter_of[subsystem] = first_filter[-1]
-        filter_of[subsystem, with_filter] = first_filter[-1] + np.arange(with_filter.size)
+        first = first_filter[-1]
+        last = first + with_filter.size
+        filter_of[subsystem] = first
+        filter_of[subsystem, with_filter] = range(first, last)
         parameter[subsystem, : len(names)] = _indices(names)
         subsystem_slope, subsystem_offset = _effects(faults, fault_of_filter, names)
         slope.append(subsystem_slope)
         offset.append(subsystem_offset)
-        estimates_speed.append(np.concatenate([[False], speed_fault[fault_of_filter]]))
+        estimates_speed.append([False])
+        estimates_speed.append(speed_fault[fault_of_filter])
         hypothesis.append(with_filter)
-        first_filter.append(first_filter[-1] + with_filter.size)
+        first_filter.append(last)
     return HypothesisTable(
         log_hazard=_log_hazard(diagnoses, n_grades, hazard),
         class_index=np.concatenate([[0], class_of_fault[fault]]),
@@ -155,14 +165,19 @@ def hypothesis_table(n_grades: int, hazard: float, faults: Sequence[str]) -> Hyp
 def _log_hazard(diagnoses: list[str], n_grades: int, hazard: float) -> np.ndarray:
     """Hazard shared evenly by the classes, then by the faults of a class, then by the grades."""
     n_classes = len(set(diagnoses))
-    share = [hazard / (n_classes * diagnoses.count(name) * n_grades) for name in diagnoses]
-    return np.log(np.concatenate([[1.0 - hazard], np.repeat(share, n_grades)]))
+    n_equal = [n_classes * diagnoses.count(name) * n_grades for name in diagnoses]
+    shares = np.repeat(hazard / np.array(n_equal), n_grades)
+    return np.log(np.concatenate([[1.0 - hazard], shares]))
 
 
 def _touched(faults: Sequence[str], names: tuple[str, ...]) -> np.ndarray:
     """Whether each fault changes one of these parameters, (n_faults,)."""
-    changed = ({*CATALOGUE[name].scale, *CATALOGUE[name].offset} for name in faults)
-    return np.array([not parameters.isdisjoint(names) for parameters in changed])
+    touched = []
+    for name in faults:
+        fault = CATALOGUE[name]
+        changed = {*fault.scale, *fault.offset}
+        touched.append(not changed.isdisjoint(names))
+    return np.array(touched)
 
 
 def _indices(names: tuple[str, ...]) -> list[int]:
@@ -175,8 +190,9 @@ def _effects(
     faults: Sequence[str], fault_of_filter: np.ndarray, names: tuple[str, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Slope and offset of a subsystem, (n_filters, N_PARAMETER_ROWS); zero of the first filter."""
-    catalogue_row = [list(CATALOGUE).index(name) for name in faults]
-    rows = np.array(catalogue_row)[fault_of_filter, None]
+    order = list(CATALOGUE)
+    row_of_fault = np.array([order.index(name) for name in faults])
+    rows = row_of_fault[fault_of_filter, None]
     columns = _indices(names)
     effects = matrices()
     slope = np.zeros((1 + fault_of_filter.size, N_PARAMETER_ROWS))

@@ -12,7 +12,7 @@ from auv_fault_env.physics import RPM
 from diagnosers.bank import algebra, motor, surge
 from diagnosers.bank.algebra import N_MOMENTS, SEVERITY, SEVERITY_VARIANCE
 from diagnosers.bank.hypotheses import N_PARAMETER_ROWS, PORT, STARBOARD, SURGE
-from diagnosers.bank.pack import broadcast, columns_of
+from diagnosers.bank.pack import broadcast, columns_of, filters_of
 from diagnosers.bank.sensors import N_READINGS, fill_sample
 
 CONSTANT_HAZARD_TIME = 60.0  # s; then the hazard falls as 1/age: an old vehicle is likely sound
@@ -62,7 +62,10 @@ def log_sum(log_a, log_b):
     """Logarithm of the sum of two numbers, of which the logarithms are known."""
     high = max(log_a, log_b)
     low = min(log_a, log_b)
-    return high + math.log1p(math.exp(low - high)) if low > -np.inf else high
+    if low > -np.inf:
+        ratio = math.exp(low - high)
+        high += math.log1p(ratio)
+    return high
 
 
 @inlined
@@ -74,20 +77,24 @@ def switch_hypotheses(old, new, table, walk, switch_probability):
     from normal to any fault too slight to be distinguished from the healthy band.
     """
     relative_age = max(1.0, old.age * SAMPLE_TIME / CONSTANT_HAZARD_TIME)
-    new.log_posterior[0] = old.log_posterior[0] + table.log_hazard[0] / relative_age
+    log_normal = old.log_posterior[0]
+    new.log_posterior[0] = log_normal + table.log_hazard[0] / relative_age
     new.severity[:, 0] = 0.0
     switch_probability[0] = 0.0
     for h in range(1, table.log_hazard.size):
-        log_switched = old.log_posterior[0] + table.log_hazard[h] - math.log(relative_age)
+        log_switched = log_normal + table.log_hazard[h] - math.log(relative_age)
         new.log_posterior[h] = log_sum(old.log_posterior[h], log_switched)
         probability = math.exp(log_switched - new.log_posterior[h])
-        prior_mean = old.prior[MEAN, table.grade[h]]
-        prior_variance = old.prior[VARIANCE, table.grade[h]]
-        distance = prior_mean - old.severity[MEAN, h]
+        grade = table.grade[h]
+        prior_mean = old.prior[MEAN, grade]
+        prior_variance = old.prior[VARIANCE, grade]
+        mean = old.severity[MEAN, h]
+        distance = prior_mean - mean
         stay = 1.0 - probability
-        new.severity[MEAN, h] = old.severity[MEAN, h] + probability * distance
+        new.severity[MEAN, h] = mean + probability * distance
         stayed = stay * old.severity[VARIANCE, h]
-        variance = stayed + probability * (prior_variance + stay * distance * distance)
+        switched = prior_variance + stay * distance * distance
+        variance = stayed + probability * switched
         new.severity[VARIANCE, h] = algebra.variance_after_walk(variance, prior_variance, walk)
         switch_probability[h] = probability
 
@@ -96,20 +103,22 @@ def switch_hypotheses(old, new, table, walk, switch_probability):
 def gather(subsystem, old, table, work):
     """Fill the columns of a subsystem from the lanes' filters and healthy vehicles."""
     n_lanes = np.uint64(old.age.size)
-    first = table.first_filter[subsystem]
-    last = table.first_filter[subsystem + 1]
+    first, last = filters_of(subsystem, table)
     columns = columns_of(subsystem, table, n_lanes)
     for i in range(N_MOMENTS):
         for lane in range(n_lanes):
             for f in range(first, last):
-                work.filters[i, f * n_lanes + lane] = old.filters[lane, i, f]
+                c = f * n_lanes + lane
+                work.filters[i, c] = old.filters[lane, i, f]
+    normal = old.filters[:, :, first]
     for i in range(SEVERITY):
-        broadcast(old.filters[:, i, first], columns, work.normal[i])
+        broadcast(normal[:, i], columns, work.normal[i])
         for j in range(i + 1):
             row = algebra.covariance_row(i, j)
-            broadcast(old.filters[:, row, first], columns, work.normal[row])
+            broadcast(normal[:, row], columns, work.normal[row])
     for r in range(N_PARAMETER_ROWS):
-        broadcast(old.healthy[:, table.parameter[subsystem, r]], columns, work.healthy[r])
+        parameter = table.parameter[subsystem, r]
+        broadcast(old.healthy[:, parameter], columns, work.healthy[r])
 
 
 @inlined
@@ -119,21 +128,23 @@ def scatter(new, work):
     n_filters = np.uint64(new.shaft_speed.shape[1])
     for lane in range(n_lanes):
         for f in range(n_filters):
-            new.shaft_speed[lane, f] = work.shaft_speed[f * n_lanes + lane]
+            c = f * n_lanes + lane
+            new.shaft_speed[lane, f] = work.shaft_speed[c]
         for i in range(N_MOMENTS):
             for f in range(n_filters):
-                new.filters[lane, i, f] = work.filters[i, f * n_lanes + lane]
+                c = f * n_lanes + lane
+                new.filters[lane, i, f] = work.filters[i, c]
 
 
 @inlined
 def mix_filters(subsystem, old, new, table, walk, work):
     """Fill the columns of a subsystem: filters mixed with the normal one, severities updated."""
     n_lanes = np.uint64(old.age.size)
-    x = work.filters
+    first, last = filters_of(subsystem, table)
     columns = columns_of(subsystem, table, n_lanes)
     gather(subsystem, old, table, work)
     for lane in range(n_lanes):
-        for f in range(table.first_filter[subsystem], table.first_filter[subsystem + 1]):
+        for f in range(first, last):
             c = f * n_lanes + lane
             h = table.hypothesis[f]
             grade = table.grade[h]
@@ -143,15 +154,15 @@ def mix_filters(subsystem, old, new, table, walk, work):
             work.severity[VARIANCE, c] = old.severity[lane, VARIANCE, h]
             work.mixing_probability[c] = work.switch_probability[lane, h]
             work.evidence[c] = 0.0
-    algebra.replace_severity(x, columns, work)
-    algebra.mix(x, columns, work, walk)
+    algebra.replace_severity(columns, work)
+    algebra.mix(columns, work, walk)
     for lane in range(n_lanes):
-        for f in range(table.first_filter[subsystem], table.first_filter[subsystem + 1]):
+        for f in range(first, last):
             c = f * n_lanes + lane
             h = table.hypothesis[f]
             work.severity[MEAN, c] = new.severity[lane, MEAN, h]
             work.severity[VARIANCE, c] = new.severity[lane, VARIANCE, h]
-    algebra.replace_severity(x, columns, work)
+    algebra.replace_severity(columns, work)
 
 
 @inlined
@@ -159,12 +170,13 @@ def update_severity(subsystem, new, table, work):
     """Set the severities of the hypotheses to those that their filters of a subsystem have now."""
     n_lanes = np.uint64(new.age.size)
     x = work.filters
-    first_faulty = table.first_filter[subsystem] + np.uint64(1)
+    normal, last = filters_of(subsystem, table)
     for lane in range(n_lanes):
-        for f in range(first_faulty, table.first_filter[subsystem + 1]):
+        for f in range(normal + np.uint64(1), last):
             c = f * n_lanes + lane
             h = table.hypothesis[f]
-            mean = max(x[SEVERITY, c], new.prior[lane, LEAST, table.grade[h]])
+            grade = table.grade[h]
+            mean = max(x[SEVERITY, c], new.prior[lane, LEAST, grade])
             new.severity[lane, MEAN, h] = min(mean, 1.0)
             new.severity[lane, VARIANCE, h] = x[SEVERITY_VARIANCE, c]
 
@@ -175,13 +187,14 @@ def update_motor(subsystem, old, new, sample, table, constants, work):
     n_lanes = np.uint64(old.age.size)
     channel = MOTOR_CHANNEL[subsystem]
     rpm_channel = channel + motor.OF_RPM
+    normal, last = filters_of(subsystem, table)
     columns = columns_of(subsystem, table, n_lanes)
     mix_filters(subsystem, old, new, table, constants.walk, work)
     for lane in range(n_lanes):
-        of_normal = old.shaft_speed[lane, table.first_filter[subsystem]] * RPM
+        of_normal = old.shaft_speed[lane, normal] * RPM
         if sample.silent[rpm_channel, lane] and not math.isnan(of_normal):
             sample.reading[rpm_channel, lane] = of_normal
-        for f in range(table.first_filter[subsystem], table.first_filter[subsystem + 1]):
+        for f in range(normal, last):
             c = f * n_lanes + lane
             before = old.shaft_speed[lane, f]
             if math.isnan(before):
@@ -192,8 +205,8 @@ def update_motor(subsystem, old, new, sample, table, constants, work):
                 work.surge_speed[c] = old.filters[lane, surge.U, surge_filter]
             else:
                 work.surge_speed[c] = sample.reading[SPEED_CHANNEL, lane]
-    motor.update(work.filters, columns, sample, channel, constants.water, work)
-    algebra.clip_deviations(work.filters, columns, 0)
+    motor.update(columns, sample, channel, constants.water, work)
+    algebra.clip_deviations(columns, 0, work)
     update_severity(subsystem, new, table, work)
 
 
@@ -201,9 +214,11 @@ def update_motor(subsystem, old, new, sample, table, constants, work):
 def gather_shaft(shaft, subsystem, old, table, work):
     """Fill a motor's shaft speeds for each surge filter, (4, n_columns), see `surge.RPM_NOW`."""
     n_lanes = np.uint64(old.age.size)
+    first, last = filters_of(SURGE, table)
     for lane in range(n_lanes):
-        for f in range(table.first_filter[SURGE], table.first_filter[SURGE + 1]):
-            motor_filter = np.uint64(table.filter[subsystem, table.hypothesis[f]])
+        for f in range(first, last):
+            h = table.hypothesis[f]
+            motor_filter = np.uint64(table.filter[subsystem, h])
             c = f * n_lanes + lane
             motor_column = motor_filter * n_lanes + lane
             before = old.shaft_speed[lane, motor_filter]
@@ -219,10 +234,10 @@ def update_surge(old, new, sample, table, constants, work):
     """Take all surge filters through a sample."""
     columns = columns_of(SURGE, table, old.age.size)
     mix_filters(SURGE, old, new, table, constants.walk, work)
-    for subsystem, shaft in ((PORT, work.port), (STARBOARD, work.starboard)):
-        gather_shaft(shaft, subsystem, old, table, work)
-    surge.update(work.filters, columns, sample, constants, work)
-    algebra.clip_deviations(work.filters, columns, surge.DRAG)
+    gather_shaft(work.port, PORT, old, table, work)
+    gather_shaft(work.starboard, STARBOARD, old, table, work)
+    surge.update(columns, sample, constants, work)
+    algebra.clip_deviations(columns, surge.DRAG, work)
     update_severity(SURGE, new, table, work)
 
 
@@ -256,11 +271,13 @@ def fill_belief(log_posterior, severity, class_index, log_probability, mean, std
         k = class_index[h]
         share = math.exp(log_posterior[h] - log_probability[k])
         s = severity[MEAN, h]
+        square = s * s + severity[VARIANCE, h]
         mean[k] += share * s
-        std[k] += share * (s * s + severity[VARIANCE, h])
+        std[k] += share * square
     for k in range(mean.size):
         mean[k] = min(mean[k], 1.0)
-        std[k] = math.sqrt(max(std[k] - mean[k] * mean[k], 0.0))
+        variance = std[k] - mean[k] * mean[k]
+        std[k] = math.sqrt(max(variance, 0.0))
 
 
 @scalar
@@ -310,9 +327,10 @@ def step_lanes(first, last, old, new, observation, table, constants, belief, wor
         update_surge(before, after, sample, table, constants, work)
         scatter(after, work)
         for lane in range(n_lanes):
-            update_posterior(after.log_posterior[lane], table.filter, work.evidence[lane::n_lanes])
+            log_posterior = after.log_posterior[lane]
+            update_posterior(log_posterior, table.filter, work.evidence[lane::n_lanes])
             fill_belief(
-                after.log_posterior[lane],
+                log_posterior,
                 after.severity[lane],
                 table.class_index,
                 belief.log_probability[begin + lane],

@@ -53,25 +53,29 @@ BLIND_STD = 1e4  # rpm, before the first voltage reading: then the motor is not 
 
 
 @inlined
-def apply_severity(r, healthy, x, columns, work):
+def apply_severity(r, healthy, columns, work):
     """Set parameter r from its healthy value (n_columns,) and the severity, and its derivative."""
     first, last = columns
+    x = work.filters
     for c in range(first, last):
-        work.by_severity[r, c] = healthy[c] * work.slope[r, c] + work.offset[r, c]
-        work.parameters[r, c] = healthy[c] + x[SEVERITY, c] * work.by_severity[r, c]
+        by_severity = healthy[c] * work.slope[r, c] + work.offset[r, c]
+        work.by_severity[r, c] = by_severity
+        work.parameters[r, c] = healthy[c] + x[SEVERITY, c] * by_severity
 
 
 @inlined
-def set_parameters(x, columns, work):
+def set_parameters(columns, work):
     """Set the parameters to the filters' means, and their derivatives by severity."""
     first, last = columns
+    x = work.filters
     for i in range(SEVERITY):
         row = DEVIATIONS[i]
         for c in range(first, last):
-            work.parameters[row, c] = work.healthy[row, c] * (1.0 + x[i, c])
+            relative = 1.0 + x[i, c]
+            work.parameters[row, c] = work.healthy[row, c] * relative
     for r in range(N_MOTOR_ROWS):
         healthy = work.parameters[r] if r in DEVIATIONS else work.healthy[r]
-        apply_severity(r, healthy, x, columns, work)
+        apply_severity(r, healthy, columns, work)
 
 
 @scalar
@@ -141,9 +145,10 @@ def perturb_severity(columns, work):
 
 
 @inlined
-def linearise(x, columns, water, work):
+def linearise(columns, water, work):
     """Fill the predicted readings, and their gradients by the states and by the voltage."""
     first, last = columns
+    x = work.filters
     parameters = work.parameters
     unperturbed = work.unperturbed
     perturbed = work.perturbed
@@ -206,22 +211,24 @@ def decorrelate(columns, work):
 
 
 @inlined
-def shift_innovation(x, columns, gradient, innovation, sign):
-    """Add ``sign * gradient @ mean`` to an innovation: 1 before an update, -1 after it."""
+def shift_innovation(columns, sign, work):
+    """Add ``sign * gradient @ mean`` to the current's innovation: 1 before an update, -1 after."""
     first, last = columns
+    x = work.filters
     for i in range(N_STATES):
         for c in range(first, last):
-            innovation[c] += sign * gradient[i, c] * x[i, c]
+            shift = sign * work.current_gradient[i, c] * x[i, c]
+            work.innovation[SECOND, c] += shift
 
 
 @inlined
-def estimate_shaft_speed(x, columns, work):
+def estimate_shaft_speed(columns, work):
     """Fill the shaft speed [rad/s] of every filter, its slope by severity and its noise [rpm]."""
     first, last = columns
     parameters = work.parameters
     by_severity = work.by_severity
     for r in SHAFT_SPEED_ROWS:
-        apply_severity(r, work.healthy[r], x, columns, work)
+        apply_severity(r, work.healthy[r], columns, work)
     for c in range(first, last):
         available = work.available[OF_RPM, c]
         gain = max(parameters[SPEED + GAIN, c], MIN_GAIN)
@@ -266,14 +273,14 @@ def gather_readings(columns, sample, channel, work):
 
 
 @inlined
-def update(x, columns, sample, channel, water, work):
+def update(columns, sample, channel, water, work):
     """Take the filters of a motor through one sample; add to the evidence, fill the shaft speeds.
 
     `channel` is the motor's first reading, that of the voltage.
     """
-    set_parameters(x, columns, work)
+    set_parameters(columns, work)
     gather_readings(columns, sample, channel, work)
-    linearise(x, columns, water, work)
+    linearise(columns, water, work)
     decorrelate(columns, work)
     innovation = work.innovation
     variance = work.variance
@@ -283,8 +290,8 @@ def update(x, columns, sample, channel, water, work):
     current = Measurement(
         current_gradient, innovation[SECOND], variance[SECOND], available[OF_CURRENT]
     )
-    shift_innovation(x, columns, current_gradient, innovation[SECOND], 1.0)
-    condition(x, columns, rpm, work)
-    shift_innovation(x, columns, current_gradient, innovation[SECOND], -1.0)
-    condition(x, columns, current, work)
-    estimate_shaft_speed(x, columns, work)
+    shift_innovation(columns, 1.0, work)
+    condition(columns, rpm, work)
+    shift_innovation(columns, -1.0, work)
+    condition(columns, current, work)
+    estimate_shaft_speed(columns, work)

@@ -99,10 +99,17 @@ def pack_size(n_lanes: int, n_filters: int) -> int:
 
 
 @scalar
+def filters_of(subsystem, table):
+    """Range of the filters of a subsystem, (first, before which)."""
+    return table.first_filter[subsystem], table.first_filter[subsystem + 1]
+
+
+@scalar
 def columns_of(subsystem, table, n_lanes):
     """Range of the columns of a subsystem."""
+    first, last = filters_of(subsystem, table)
     lanes = np.uint64(n_lanes)
-    return table.first_filter[subsystem] * lanes, table.first_filter[subsystem + 1] * lanes
+    return first * lanes, last * lanes
 
 
 @inlined
@@ -110,6 +117,8 @@ def broadcast(of_lane, columns, out):
     """Copy the value of each lane (n_lanes,) to all its columns of a range of out (n_columns,)."""
     first, last = columns
     n_lanes = np.uint64(of_lane.size)
+    n_filters = (last - first) // n_lanes
     for lane in range(n_lanes):
-        for f in range((last - first) // n_lanes):
-            out[first + f * n_lanes + lane] = of_lane[lane]
+        for f in range(n_filters):
+            c = first + f * n_lanes + lane
+            out[c] = of_lane[lane]

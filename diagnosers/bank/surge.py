@@ -35,14 +35,16 @@ HALF_SAMPLE = 0.5 * SAMPLE_TIME
 
 
 @inlined
-def set_parameters(x, columns, work):
+def set_parameters(columns, work):
     """Set the parameters to the filters' means, and their derivatives by severity."""
     first, last = columns
+    x = work.filters
     for r in range(N_SURGE_ROWS):
         state = DRAG if r == ALPHA else THRUST_DEVIATION
         varies = 1.0 if r in (ALPHA, PORT_BETA, STARBOARD_BETA) else 0.0
         for c in range(first, last):
-            healthy = work.healthy[r, c] * (1.0 + varies * x[state, c])
+            deviation = varies * x[state, c]
+            healthy = work.healthy[r, c] * (1.0 + deviation)
             by_severity = healthy * work.slope[r, c] + work.offset[r, c]
             work.parameters[r, c] = healthy + x[SEVERITY, c] * by_severity
             work.by_severity[r, c] = by_severity
@@ -62,28 +64,34 @@ def compute_thrust(columns, opening, work):
     thrust = work.thrust
     closing = 1.0 - opening
     for c in range(first, last):
-        port_square = opening * port[RPM_BEFORE, c] ** 2 + closing * port[RPM_NOW, c] ** 2
-        starboard_before = opening * starboard[RPM_BEFORE, c] ** 2
-        starboard_square = starboard_before + closing * starboard[RPM_NOW, c] ** 2
+        port_square = opening * port[RPM_BEFORE, c] ** 2
+        port_square += closing * port[RPM_NOW, c] ** 2
+        starboard_square = opening * starboard[RPM_BEFORE, c] ** 2
+        starboard_square += closing * starboard[RPM_NOW, c] ** 2
         port_beta = parameters[PORT_BETA, c]
         starboard_beta = parameters[STARBOARD_BETA, c]
-        port_slope = by_severity[PORT_BETA, c] * port_square
-        slope = port_slope + by_severity[STARBOARD_BETA, c] * starboard_square
+        slope = by_severity[PORT_BETA, c] * port_square
+        slope += by_severity[STARBOARD_BETA, c] * starboard_square
         by_port_rpm = 2.0 * port_beta * port[RPM_NOW, c]
         by_starboard_rpm = 2.0 * starboard_beta * starboard[RPM_NOW, c]
         slope += by_port_rpm * port[RPM_SLOPE, c]
         slope += by_starboard_rpm * starboard[RPM_SLOPE, c]
         port_std = by_port_rpm * port[RPM_STD, c]
         starboard_std = by_starboard_rpm * starboard[RPM_STD, c]
-        thrust[THRUST, c] = port_beta * port_square + starboard_beta * starboard_square
+        acceleration = port_beta * port_square
+        acceleration += starboard_beta * starboard_square
+        variance = port_std * port_std
+        variance += starboard_std * starboard_std
+        thrust[THRUST, c] = acceleration
         thrust[THRUST_SLOPE, c] = slope
-        thrust[THRUST_VARIANCE, c] = port_std * port_std + starboard_std * starboard_std
+        thrust[THRUST_VARIANCE, c] = variance
 
 
 @inlined
-def predict_disturbance(x, columns, memory, variance):
+def predict_disturbance(columns, memory, variance, work):
     """Let the disturbance decay to `memory` of itself, towards its stationary variance."""
     first, last = columns
+    x = work.filters
     for i in range(N_STATES):
         row = covariance_row(i, D)
         factor = memory * memory if i == D else memory
@@ -114,9 +122,10 @@ def compute_process_noise(columns, work):
 
 
 @inlined
-def predict_speed(x, columns, work):
+def predict_speed(columns, work):
     """Advance the mean speed over the sample by the midpoint rule; fill its gradient."""
     first, last = columns
+    x = work.filters
     parameters = work.parameters
     by_severity = work.by_severity
     gradient = work.gradient
@@ -126,27 +135,31 @@ def predict_speed(x, columns, work):
         deflection = work.deflection[c]
         drag = parameters[ALPHA, c] + parameters[GAMMA, c] * deflection
         u = x[U, c]
-        middle = u + HALF_SAMPLE * (drag * u * abs(u) + thrust + x[D, c])
+        at_start = drag * u * abs(u) + thrust + x[D, c]
+        middle = u + HALF_SAMPLE * at_start
         square = middle * abs(middle)
         damping = SAMPLE_TIME * drag * abs(middle)
         gain = SAMPLE_TIME * (1.0 + damping)
-        gradient[U, c] = 1.0 + 2.0 * damping * (1.0 + SAMPLE_TIME * drag * abs(u))
+        start_damping = SAMPLE_TIME * drag * abs(u)
+        gradient[U, c] = 1.0 + 2.0 * damping * (1.0 + start_damping)
         gradient[D, c] = gain
         gradient[DRAG, c] = gain * parameters[ALPHA, c] / (1.0 + x[DRAG, c]) * square
         gradient[THRUST_DEVIATION, c] = gain * thrust / (1.0 + x[THRUST_DEVIATION, c])
         drag_slope = by_severity[ALPHA, c] + by_severity[GAMMA, c] * deflection
         slope += drag_slope * square
         gradient[SEVERITY, c] = gain * slope
-        x[U, c] = u + SAMPLE_TIME * (drag * square + thrust + x[D, c])
+        at_middle = drag * square + thrust + x[D, c]
+        x[U, c] = u + SAMPLE_TIME * at_middle
 
 
 @inlined
-def predict_covariance(x, columns, work):
+def predict_covariance(columns, work):
     """Advance the covariance over the sample, in which only the speed changes."""
     first, last = columns
+    x = work.filters
     covariance = work.covariance
     variance = work.variance[0]
-    covary(x, columns, work.gradient, covariance)
+    covary(columns, work.gradient, work)
     for i in range(N_STATES):
         for c in range(first, last):
             variance[c] += work.gradient[i, c] * covariance[i, c]
@@ -159,9 +172,10 @@ def predict_covariance(x, columns, work):
 
 
 @inlined
-def condition_on_speed(x, columns, work):
+def condition_on_speed(columns, work):
     """Condition on the paddle wheel."""
     first, last = columns
+    x = work.filters
     parameters = work.parameters
     by_severity = work.by_severity
     gradient = work.gradient
@@ -176,13 +190,14 @@ def condition_on_speed(x, columns, work):
         unbiased = work.readings[SPEED_CHANNEL, c] - gain * x[U, c]
         work.innovation[0, c] = unbiased - parameters[SPEED + BIAS, c]
         work.variance[0, c] = parameters[SPEED + NOISE, c] ** 2
-    condition(x, columns, _measurement(work), work)
+    condition(columns, _measurement(work), work)
 
 
 @inlined
-def condition_on_acceleration(x, columns, work):
+def condition_on_acceleration(columns, work):
     """Condition on the accelerometer."""
     first, last = columns
+    x = work.filters
     parameters = work.parameters
     by_severity = work.by_severity
     gradient = work.gradient
@@ -212,7 +227,7 @@ def condition_on_acceleration(x, columns, work):
         unbiased = work.readings[ACCELERATION_CHANNEL, c] - gain * predicted[c]
         work.innovation[0, c] = unbiased - parameters[ACCELERATION + BIAS, c]
         work.variance[0, c] = noise + gain * gain * work.thrust[THRUST_VARIANCE, c]
-    condition(x, columns, _measurement(work), work)
+    condition(columns, _measurement(work), work)
 
 
 @inlined
@@ -222,7 +237,7 @@ def _measurement(work):
 
 
 @inlined
-def update(x, columns, sample, constants, work):
+def update(columns, sample, constants, work):
     """Take all surge filters through one sample; add to the evidence.
 
     ``work.port`` and ``work.starboard`` hold the shaft speeds, see `RPM_NOW`.
@@ -232,19 +247,20 @@ def update(x, columns, sample, constants, work):
     broadcast(sample.deflection, columns, work.deflection)
     for channel in (SPEED_CHANNEL, ACCELERATION_CHANNEL):
         broadcast(sample.reading[channel], columns, work.readings[channel])
-    set_parameters(x, columns, work)
-    predict_disturbance(x, columns, constants.disturbance_memory, constants.disturbance_variance)
+    set_parameters(columns, work)
+    memory = constants.disturbance_memory
+    predict_disturbance(columns, memory, constants.disturbance_variance, work)
     compute_thrust(columns, constants.opening, work)
     compute_process_noise(columns, work)
-    predict_speed(x, columns, work)
-    predict_covariance(x, columns, work)
+    predict_speed(columns, work)
+    predict_covariance(columns, work)
     condition_on_availability(
         work.parameters, columns, SPEED, sample, SPEED_CHANNEL, available, evidence
     )
-    condition_on_speed(x, columns, work)
+    condition_on_speed(columns, work)
     condition_on_availability(
         work.parameters, columns, ACCELERATION, sample, ACCELERATION_CHANNEL, available, evidence
     )
-    set_parameters(x, columns, work)
+    set_parameters(columns, work)
     compute_thrust(columns, 0.0, work)
-    condition_on_acceleration(x, columns, work)
+    condition_on_acceleration(columns, work)

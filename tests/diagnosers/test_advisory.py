@@ -1,4 +1,4 @@
-"""The rules of the advice, each at its edge; that it holds still; that its intervals hold; and what it refuses."""
+"""The rules of the advice at their edges, its hysteresis, its intervals, and what it refuses."""
 
 from dataclasses import replace
 
@@ -52,19 +52,20 @@ def test_a_healthy_vehicle_with_energy_to_spare_continues():
         and advice.distrusted[0] == ""
     )
     assert advice.range.low[0] > EASY.distance_to_go
-    for spread in (
+    for quantiles in (
         advice.reachable_speed,
         advice.energy_per_metre,
         advice.range,
         advice.best_range,
         advice.range_home,
     ):
-        assert isinstance(spread, Quantiles) and spread.low[0] < spread.median[0] < spread.high[0]
+        assert isinstance(quantiles, Quantiles)
+        assert quantiles.low[0] < quantiles.median[0] < quantiles.high[0]
 
 
 @pytest.fixture(scope="module")
 def tight():
-    """A battery for about 500 m, and how far it surely brings the vehicle at the mission's and at the best speed."""
+    """A battery for about 500 m, and the safe ranges at the mission's and at the best speed."""
     situation = EASY._replace(energy_left=1e4)
     advice = advise(belief_of("increased_drag", 1.0), situation, VEHICLE)
     assert advice.best_speed[0] < situation.speed
@@ -96,10 +97,10 @@ def test_the_derated_speed_is_the_fastest_that_reaches_the_goal(tight):
     belief = belief_of("increased_drag", 1.0)
     advice = advise(belief, situation, VEHICLE)
     assert advice.action[0] == "derate"
-    kept, faster = (
+    same, faster = (
         situation._replace(speed=advice.speed[0] + more) for more in (0.0, 0.1 * situation.speed)
     )
-    assert action(belief, kept) == "continue"
+    assert action(belief, same) == "continue"
     assert action(belief, faster) == "derate"
     assert (
         f"at {advice.speed[0]:.2f} m/s" in advice.reason[0]
@@ -128,7 +129,7 @@ def test_a_head_current_shortens_the_way_to_go_and_lengthens_the_way_home():
         (1, 0.01, 0.0, "continue"),
     ],
 )
-def test_a_vehicle_that_has_lost_its_way_aborts(shafts, probability, current, expected):
+def test_a_vehicle_that_may_drift_aborts(shafts, probability, current, expected):
     situation = EASY._replace(current=current, speed=0.3 if current == 0.0 else 1.0)
     got = advise(
         belief_of("propeller_loss:port", 1.0, probability), situation, VEHICLE, shafts=shafts
@@ -148,7 +149,7 @@ def test_a_false_reading_is_named(channel):
     assert advice.speed[0] <= EASY.speed
 
 
-def test_a_motor_is_spared_what_it_is_not_rated_for():
+def test_a_motor_stays_within_its_rating():
     # N m: 4.1 A of the rated 4.75 before the propeller is turned
     stiff = replace(VEHICLE, coulomb_friction=0.25)
     advice = advise(belief_of(), EASY._replace(speed=0.9), stiff)
@@ -156,7 +157,7 @@ def test_a_motor_is_spared_what_it_is_not_rated_for():
     assert "rated" in advice.reason[0]
 
 
-def test_with_memory_the_action_changes_only_when_every_recent_judgement_asks_for_it():
+def test_the_action_changes_only_when_every_recent_judgement_agrees():
     fine = belief_of()
     bad = belief_of("propeller_loss:port", 1.0)
     seen = []

@@ -1,4 +1,4 @@
-"""The steady state that the capability rests on, against the plant; and the vehicles that a belief holds possible."""
+"""The steady state of the capability against the plant; the vehicles possible under a belief."""
 
 from dataclasses import replace
 
@@ -29,7 +29,8 @@ def belief_of(shares, severity=0.0, std=0.0):
         probability[classes().index(name)] = share
     means = np.full((1, probability.size), severity)
     stds = np.full((1, probability.size), std)
-    means[:, 0] = stds[:, 0] = 0.0
+    means[:, 0] = 0.0
+    stds[:, 0] = 0.0
     return Belief(np.log(probability)[None], means, stds)
 
 
@@ -42,10 +43,10 @@ def test_power_at_a_speed_is_that_of_the_plant_in_steady_motion(preset):
         fleet.step(np.tile([0.5, 0.0, 0.0], (fleet.n_lanes, 1)))
     truth = FleetTruth(fleet)
     parameters = np.column_stack([truth["parameters"][name] for name in NAMES])[:, None]
-    able = capability(parameters, truth["state"]["speed"][:, None], fleet.vehicle)
-    np.testing.assert_allclose(able.power[:, 0, 0], fleet.outcomes[1] / SAMPLE_TIME, rtol=1e-4)
+    possible = capability(parameters, truth["state"]["speed"][:, None], fleet.vehicle)
+    np.testing.assert_allclose(possible.power[:, 0, 0], fleet.outcomes[1] / SAMPLE_TIME, rtol=1e-4)
     currents = truth["state"]["port_current"], truth["state"]["starboard_current"]
-    np.testing.assert_allclose(able.current[:, 0, 0], np.maximum(*currents), rtol=1e-4)
+    np.testing.assert_allclose(possible.current[:, 0, 0], np.maximum(*currents), rtol=1e-4)
 
 
 def nominal_with(**factors):
@@ -64,20 +65,20 @@ def nominal_with(**factors):
 )
 def test_reachable_speed_where_the_shafts_are_limited(factors, share):
     """In closed form: u = n sqrt(-beta / alpha) at the largest shaft speed."""
-    able = capability(nominal_with(**factors), np.array([[0.3]]), VEHICLE)
+    possible = capability(nominal_with(**factors), np.array([[0.3]]), VEHICLE)
     fastest = share * VEHICLE.maximum_rpm * (VEHICLE.beta / -VEHICLE.alpha) ** 0.5
-    assert able.reachable_speed[0, 0] == pytest.approx(fastest, abs=2e-4)
-    assert np.isfinite(able.power[0, 0, 0]) == (share > 0)
+    assert possible.reachable_speed[0, 0] == pytest.approx(fastest, abs=2e-4)
+    assert np.isfinite(possible.power[0, 0, 0]) == (share > 0)
 
 
 def test_the_supply_limits_the_speed_too():
     weak = replace(VEHICLE, maximum_voltage=4.0)
     slow = capability(nominal_with(), np.array([[0.3]]), weak).reachable_speed[0, 0]
-    able = capability(nominal_with(), np.array([[0.99 * slow, 1.01 * slow]]), weak)
+    possible = capability(nominal_with(), np.array([[0.99 * slow, 1.01 * slow]]), weak)
     assert 0.3 < slow < 0.8
     # W by A of both motors: the voltage
-    assert 3.8 < able.power[0, 0, 0] / (2 * able.current[0, 0, 0]) < 4.0
-    assert np.isinf(able.power[0, 0, 1])
+    assert 3.8 < possible.power[0, 0, 0] / (2 * possible.current[0, 0, 0]) < 4.0
+    assert np.isinf(possible.power[0, 0, 1])
 
 
 @pytest.mark.parametrize("share", [0.25, 0.5, 1.0])
@@ -89,7 +90,7 @@ def test_a_class_has_its_share_of_the_possible_vehicles(share):
     assert (thrust == 0.0).sum() == share * N_VEHICLES
 
 
-def test_severity_and_healthy_band_spread():
+def test_severity_and_healthy_band_scatter():
     parameters = sample_parameters(
         belief_of({"increased_drag": 1.0}, severity=0.5, std=0.1), VEHICLE
     )[0]

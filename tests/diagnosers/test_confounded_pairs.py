@@ -1,9 +1,9 @@
 """Pairs of faults that look alike at constant speed, and no more once the speed has changed.
 
 Both faults are sized to show the same: what the belief says of which of the two it is must then not
-depend on which it is. They are there from the start, and the diagnoser is switched on when the
-vehicle has settled with them: a beginning is a change itself, which the accelerometer tells from a
-fouled paddle wheel.
+depend on which it is. They are present from the start, and the diagnoser starts when the vehicle
+has settled: an onset is a change itself, by which the accelerometer distinguishes a fouled paddle
+wheel.
 """
 
 from typing import NamedTuple
@@ -21,21 +21,21 @@ from training.rollouts import roll_out
 from training.seeds import seeds
 
 N_LANES = 16  # of either fault, on the same vehicles
-# samples: the diagnoser is switched on, the speed changes, 10 s have passed
+# samples: the diagnoser starts, the speed changes, 10 s have passed
 SETTLED = 300
 CHANGE = 500
 END = 600
 
 
 class Pair(NamedTuple):
-    """Two faults, their severities, the speed [m/s] that hides which it is, and the speed that tells."""
+    """Two faults, their severities, a speed [m/s] at which they look alike, and another one."""
 
-    one: str
+    first: str
     severity: float
-    other: str
-    other_severity: float
-    hiding: float
-    telling: float
+    second: str
+    second_severity: float
+    confounding: float
+    separating: float
 
 
 PAIRS = {
@@ -47,8 +47,8 @@ PAIRS = {
     # 0.2 m/s friction is four fifths of it, and may be off by more than the damage. The propeller's
     # torque grows with the square of speed.
     "drag, thrust": Pair("increased_drag", 0.2, "propeller_damage:port", 0.67, 0.2, 0.6),
-    # About 0.1 A more, for a stiffer shaft or a sensor that says so. Ohm's law would tell, but at
-    # 0.9 m/s the back-EMF of 5 V may be off by 1 %, and the torque by as much as the friction; at
+    # About 0.1 A more, for a stiffer shaft or a sensor that says so. Ohm's law would separate them,
+    # but at 0.9 m/s the back-EMF of 5 V may be off by 1 %, and the torque by the friction; at
     # 0.15 m/s these unknowns are small.
     "friction, current bias": Pair(
         "seal_friction:port", 0.15, "sensor_bias:port_current", 0.18, 0.9, 0.15
@@ -57,21 +57,23 @@ PAIRS = {
 
 
 def shares(diagnoser: str, pair: Pair) -> np.ndarray:
-    """What fault `one` has of the probability of both, (n_samples, 2): where it is true, and where the other is."""
+    """Share of the first fault in the belief of both, (n_samples, 2): where true, where not."""
     schedules = (
-        [FaultEvent(pair.one, 0.0, pair.severity)],
-        [FaultEvent(pair.other, 0.0, pair.other_severity)],
+        [FaultEvent(pair.first, 0.0, pair.severity)],
+        [FaultEvent(pair.second, 0.0, pair.second_severity)],
     )
-    mission = Mission(((0.0, pair.hiding), (CHANGE * SAMPLE_TIME, pair.telling)))
+    mission = Mission(((0.0, pair.confounding), (CHANGE * SAMPLE_TIME, pair.separating)))
     lanes = seeds("calibration", N_LANES, 60_000)
     fleet = Fleet(2 * N_LANES)
     faults = [schedule for schedule in schedules for _ in lanes]
     rolled = roll_out(fleet, [*lanes, *lanes], END, None, faults, [mission] * fleet.n_lanes)
-    one, other = (classes().index(CATALOGUE[fault].diagnosis) for fault in (pair.one, pair.other))
-    judge = make(diagnoser)
-    judge.reset(fleet.n_lanes)
+    one, other = (
+        classes().index(CATALOGUE[fault].diagnosis) for fault in (pair.first, pair.second)
+    )
+    under_test = make(diagnoser)
+    under_test.reset(fleet.n_lanes)
     log_probability = np.stack(
-        [judge.update(seen).log_probability for seen in rolled.observations[SETTLED:]]
+        [under_test.update(row).log_probability for row in rolled.observations[SETTLED:]]
     )
     share = 1.0 / (1.0 + np.exp(log_probability[:, :, other] - log_probability[:, :, one]))
     return share.reshape(len(share), 2, N_LANES).mean(axis=2)
@@ -79,7 +81,7 @@ def shares(diagnoser: str, pair: Pair) -> np.ndarray:
 
 @pytest.mark.parametrize("pair", PAIRS.values(), ids=PAIRS.keys())
 @pytest.mark.parametrize("diagnoser", ["filter_bank", "integrated"])
-def test_a_change_of_speed_parts_what_looks_alike(diagnoser, pair):
+def test_a_change_of_speed_separates_what_looks_alike(diagnoser, pair):
     share = shares(diagnoser, pair)
     where_true, where_not = share[CHANGE - SETTLED - 1]
     # 0 if the belief does not depend on which of both is true, 1 if it is right

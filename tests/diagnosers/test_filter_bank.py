@@ -99,13 +99,13 @@ def test_the_memory_is_that_of_the_catalogue_as_it_is(monkeypatch):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
-def test_a_forked_child_goes_on(monkeypatch):
+def test_a_forked_child_continues(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
     bank = light_bank()
     observations = episodes(70, 4, FaultEvent("increased_drag", 0.1, 1.0)).observations
     expected = beliefs(bank, observations)
     with warnings.catch_warnings():
-        # of forking beside threads: it is what is tried
+        # of forking beside threads, which is what is tested
         warnings.simplefilter("ignore", DeprecationWarning)
         child = os.fork()
     if not child:
@@ -118,12 +118,12 @@ def test_a_step_changes_neither_state_nor_observation():
     bank = FilterBank()
     observation = episodes(2, 2).observations[1].astype(np.float64)
     state = bank.step(bank.initial(2), observation)[0]
-    kept = [part.copy() for part in state]
-    seen = observation.copy()
+    before = [values.copy() for values in state]
+    observation_before = observation.copy()
     bank.step(state, observation)
-    for part, before in zip(state, kept, strict=True):
-        np.testing.assert_array_equal(part, before)
-    np.testing.assert_array_equal(observation, seen)
+    for after_step, before_step in zip(state, before, strict=True):
+        np.testing.assert_array_equal(after_step, before_step)
+    np.testing.assert_array_equal(observation, observation_before)
 
 
 def test_a_fault_is_found_named_and_measured():
@@ -178,7 +178,7 @@ def test_half_an_hour_leaves_healthy_vehicles_normal_and_every_number_finite():
         command = 0.3 + 0.15 * (-1) ** (k // 100)
         observation = fleet.step(np.tile([command, 0.0, 0.0], (3, 1)))
         belief = bank.update(observation)
-    # with a hazard that stays as it is: -6 and -8
+    # with a constant hazard: -6 and -8
     assert (belief.log_probability[:2, 0] > np.log(0.5)).all()
     assert belief.log_probability[2, 0] < -1e3
     assert all(np.isfinite(part).all() for part in bank.running.state.filters)
@@ -189,12 +189,12 @@ def test_the_hazard_holds_for_a_minute_and_falls_with_age_thereafter():
     bank = FilterBank()
     observation = episodes(1, 1).observations[0].astype(np.float64)
     state = bank.initial(1)
-    begun = [
+    of_faults = [
         bank.step(state._replace(age=np.array([age])), observation)[1].log_probability[0, 1:]
         for age in (0.0, 600.0, 6000.0)
     ]
-    np.testing.assert_allclose(begun[1], begun[0], rtol=1e-12)
-    np.testing.assert_allclose(begun[2], begun[0] - np.log(10.0), atol=1e-3)
+    np.testing.assert_allclose(of_faults[1], of_faults[0], rtol=1e-12)
+    np.testing.assert_allclose(of_faults[2], of_faults[0] - np.log(10.0), atol=1e-3)
 
 
 def test_a_new_catalogue_entry_gets_its_hypotheses(monkeypatch):
@@ -230,7 +230,7 @@ def test_bad_settings_are_refused(settings):
         FilterBank(**settings)
 
 
-def test_the_oracle_untold_is_the_bank():
+def test_the_oracle_without_the_truth_is_the_bank():
     rolled = episodes(2, 20)
     np.testing.assert_array_equal(
         beliefs(Oracle(), rolled.observations), beliefs(FilterBank(), rolled.observations)
@@ -238,7 +238,7 @@ def test_the_oracle_untold_is_the_bank():
 
 
 @pytest.mark.parametrize(
-    ("fault", "severity", "told_severity", "sample", "gain"),
+    ("fault", "severity", "with_severity", "sample", "gain"),
     [
         # hides in the healthy band; measured 0.22 to 0.38
         ("motor_overheating:port", 0.3, False, 100, 0.15),
@@ -247,18 +247,19 @@ def test_the_oracle_untold_is_the_bank():
     ],
     ids=["the vehicle", "the severity"],
 )
-def test_told_is_better_than_untold(fault, severity, told_severity, sample, gain):
+def test_the_truth_helps(fault, severity, with_severity, sample, gain):
     n_lanes = 32
     rolled = episodes(n_lanes, sample + 1, FaultEvent(fault, 5.0, severity))
-    told = Oracle()
-    told.reset(n_lanes)
-    told.set_truth(rolled.healthy, np.full(n_lanes, severity) if told_severity else None)
-    told_probability = np.exp(
-        [told.update(seen).log_probability for seen in rolled.observations][-1]
+    oracle = Oracle()
+    oracle.reset(n_lanes)
+    severities = np.full(n_lanes, severity) if with_severity else None
+    oracle.set_truth(rolled.healthy, severities)
+    oracle_probability = np.exp(
+        [oracle.update(observation).log_probability for observation in rolled.observations][-1]
     )
     probability = np.exp(beliefs(Oracle(), rolled.observations)[-1])
     column = CLASSES.index(fault)
-    assert told_probability[:, column].mean() > probability[:, column].mean() + gain
+    assert oracle_probability[:, column].mean() > probability[:, column].mean() + gain
 
 
 def test_the_oracle_refuses_what_is_no_truth():
@@ -297,10 +298,8 @@ def test_hypotheses_that_explain_nothing_do_not_diverge():
 
 def test_the_bank_is_one_kernel_so_that_compiling_it_anew_changes_no_bit():
     modules = algebra, kernel, motor, pack, sensors, surge
-    compiled = {
-        one for module in modules for one in vars(module).values() if isinstance(one, Dispatcher)
-    }
+    names = [name for module in modules for name in vars(module).values()]
+    compiled = {function for function in names if isinstance(function, Dispatcher)}
     assert len(compiled) > 30
-    assert {one for one in compiled if not one.targetoptions.get("forceinline")} == {
-        kernel.step_lanes
-    }
+    called = {function for function in compiled if not function.targetoptions.get("forceinline")}
+    assert called == {kernel.step_lanes}

@@ -1,4 +1,4 @@
-"""The Kalman filters against closed forms, a noise-free thesis run, their own model's statistics and hostile inputs."""
+"""The Kalman filters against closed forms, a thesis run, their model's statistics, bad input."""
 
 from dataclasses import replace
 from math import exp
@@ -65,7 +65,10 @@ def follow(kalman, observations):
 
 
 def thesis_run(theta_after):
-    """Noise-free observations (600, 1, n_channels): 0.5/1.0 ft/s for ten seconds each, parameters change at 10 s."""
+    """Noise-free observations (600, 1, n_channels), 0.5/1.0 ft/s for ten seconds each.
+
+    The parameters change at 10 s.
+    """
     tau = VEHICLE.inertia * VEHICLE.resistance / VEHICLE.torque_constant**2
     speed = np.array([0.5 * FOOT])
     rpm = 135.27
@@ -73,21 +76,17 @@ def thesis_run(theta_after):
     for k in range(600):
         command = FOOT * (1.0 if (k // 100) % 2 else 0.5)
         theta = np.array([theta_after if k >= 100 else (1.0, 1.0, 1.0)])
-        wanted = (
-            max(
-                0.0,
-                (0.03 * (command - speed[0]) / 0.15 - VEHICLE.alpha * speed[0] ** 2) / VEHICLE.beta,
-            )
-            ** 0.5
-        )
+        acceleration = 0.03 * (command - speed[0]) / 0.15
+        thrust_input = (acceleration - VEHICLE.alpha * speed[0] ** 2) / VEHICLE.beta
+        goal = max(0.0, thrust_input) ** 0.5
 
-        def thrust(t, last=rpm, wanted=wanted):
-            return (wanted + (last - wanted) * np.exp(-t / tau)) ** 2
+        def thrust(t, last=rpm, goal=goal):
+            return (goal + (last - goal) * np.exp(-t / tau)) ** 2
 
         speed = runge_kutta(
             lambda u, t, theta=theta, thrust=thrust: surge_rate(u, theta, thrust(t), 0, 0), speed
         )
-        rpm = wanted + (rpm - wanted) * exp(-SAMPLE_TIME / tau)
+        rpm = goal + (rpm - goal) * exp(-SAMPLE_TIME / tau)
         observations.append(observe(speed, surge_rate(speed, theta, rpm * rpm, 0, 0), rpm))
     return np.array(observations)
 
@@ -109,7 +108,7 @@ def test_thesis_run_is_identified_as_in_figures_4_1_and_4_2(kind, change):
 
 
 def forget_speed(estimate):
-    """The same estimate with nothing known of the speed, so that it tells nothing of the accelerometer's error."""
+    """The same estimate with the speed unknown, so that it contains no accelerometer error."""
     covariance = estimate.covariance.copy()
     covariance[:, 0, :] = covariance[:, :, 0] = 0.0
     covariance[:, 0, 0] = 1e6
@@ -117,7 +116,7 @@ def forget_speed(estimate):
 
 
 def test_parameter_filter_without_walk_is_regularised_least_squares():
-    """With the speed known and no random walk, the filter is batch least squares with the prior as a penalty."""
+    """With the speed known and no random walk: batch least squares with the prior as a penalty."""
     rng = np.random.default_rng(1)
     kalman = ParameterFilter(VEHICLE, disturbance=0.0, walk_std=(0.0, 0.0, 0.0))
     vars(kalman)["constants"] = kalman.constants._replace(speed_variance=1e-20, rpm_variance=0.0)
@@ -161,7 +160,7 @@ def test_innovation_variance_of_the_acceleration_counts_every_input_noise():
 
 
 def test_surge_filter_at_rest_has_the_likelihood_of_a_linear_gaussian_model():
-    """At u = 0 and n = 0 the speed is a random walk driven by d: the readings are jointly normal, in closed form."""
+    """At u = 0 and n = 0 d drives the speed in a random walk: the readings are jointly normal."""
     readings = 1e-6 * np.random.default_rng(3).standard_normal(30)
     kalman = SurgeFilter(VEHICLE)
     estimates = follow(kalman, np.array([observe(z) for z in readings]))
@@ -198,12 +197,12 @@ def test_speed_stage_removes_the_attenuation_of_a_squared_paddle_wheel():
     assert last.mean[:, 1].mean() == pytest.approx(1.0, abs=0.015)
 
 
-# leading states of which the model run knows the truth
+# leading states of which the model run has the truth
 TRUE_STATES = {ParameterFilter: 4, SurgeFilter: 5}
 
 
 def model_run(kalman, n_lanes, n_steps, seed):
-    """Yield (estimate, truth), the truth drawn from the filter's own model and walking as the filter lets it."""
+    """Yield (estimate, truth); the truth follows the filter's own model, random walk included."""
     rng = np.random.default_rng(seed)
     c = kalman.constants
     normal = lambda *shape: rng.standard_normal((n_lanes, *shape))  # noqa: E731
@@ -252,21 +251,21 @@ def test_errors_and_innovations_are_as_large_as_the_filter_says(kalman):
 
 
 def hostile(n_lanes, n_steps, seed=4):
-    """Yield observations that are silent, saturated, random over full scale, at rest or noise-free, by turns."""
+    """Yield observations: silent, saturated, random over full scale, at rest, noise-free."""
     rng = np.random.default_rng(seed)
     low, high = np.array([(channel.low, channel.high) for channel in CHANNELS.values()]).T
-    calm = observe(0.3, 0.0, 270.0, n_lanes=n_lanes)
+    cruise = observe(0.3, 0.0, 270.0, n_lanes=n_lanes)
     least = np.tile(low, (n_lanes, 1))
     full = np.tile(high, (n_lanes, 1))
-    empty = 0 * calm
+    empty = 0 * cruise
     for k in range(n_steps):
         phase = k // 50 % 7
         if phase == 1:
-            yield rng.uniform(low, high, calm.shape)
+            yield rng.uniform(low, high, cruise.shape)
         elif phase == 2:
-            yield calm * (rng.random(calm.shape) < 0.7)
+            yield cruise * (rng.random(cruise.shape) < 0.7)
         else:
-            yield {3: empty, 4: full, 5: least}.get(phase, calm)
+            yield {3: empty, 4: full, 5: least}.get(phase, cruise)
 
 
 @pytest.mark.parametrize("scale", [0.0, 1.0], ids=["noise-nil", "noise-default"])
@@ -317,8 +316,8 @@ def test_update_leaves_its_arguments_alone(kind):
 
 
 @FILTERS
-def test_dead_parameters_stay_at_their_prior(kind):
-    """At rest, with shafts and planes still, nothing is learned and nothing winds up."""
+def test_unobservable_parameters_stay_at_their_prior(kind):
+    """At rest, with shafts and planes still, nothing is learnt and nothing grows."""
     kalman = kind(VEHICLE)
     *_, estimate = follow(kalman, np.zeros((2000, 1, len(CHANNELS))))
     assert np.sqrt(np.diag(estimate.covariance[0])[1:4]) == pytest.approx(

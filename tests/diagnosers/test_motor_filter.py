@@ -1,4 +1,4 @@
-"""The motor filter finds the shafts' parameters on the simulated fleet and is honest about its errors."""
+"""The motor filter estimates the shafts' parameters on the simulated fleet, errors included."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ CHANGES = {
     "coulomb_friction": {"port_coulomb_friction": 2.0},
     "propeller_torque": {"port_c1": 0.7, "port_c2": 0.7},
 }
-FOUND = {
+ESTIMATED = {
     "resistance": 1.2,
     "torque_constant": 0.9,
     "coulomb_friction": 2.0,
@@ -31,7 +31,7 @@ FOUND = {
 
 
 def run(change=None, n_lanes=32, n_samples=600, schedule=()):
-    """Observations (n_samples, n_lanes, n_channels) of vehicles with the given factors on parameters."""
+    """Observations (n_samples, n_lanes, n_channels) of vehicles with factors on parameters."""
     fleet = Fleet(n_lanes, healthy_band=0.0)
     rows = [fleet.reset(range(n_lanes), schedules=[schedule] * n_lanes, missions=[LEGS] * n_lanes)]
     healthy = fleet.plan.healthy.copy()
@@ -54,8 +54,8 @@ def follow(motors, observations):
 def test_changed_parameters_are_found_within_their_uncertainty(change):
     *_, estimate = follow(MotorFilter(), run(CHANGES[change]))
     truth = np.ones((2, 4))
-    if change in FOUND:
-        truth[0, MotorFilter.states.index(change)] = FOUND[change]
+    if change in ESTIMATED:
+        truth[0, MotorFilter.states.index(change)] = ESTIMATED[change]
     std = np.sqrt(np.einsum("lsii->lsi", estimate.covariance))
     assert (np.abs(estimate.mean.mean(axis=0) - truth) < std.mean(axis=0)).all()
     assert (np.abs(estimate.mean - truth) < 3 * std).mean() > 0.97
@@ -68,8 +68,8 @@ def test_innovations_are_as_large_as_claimed():
         np.array([getattr(e, name) for e in estimates])
         for name in ("innovation", "innovation_variance")
     )
-    turning = innovation != 0.0
-    nis = (innovation**2 / variance)[turning].mean()
+    moving = innovation != 0.0
+    nis = (innovation**2 / variance)[moving].mean()
     assert 0.7 < nis < 1.1  # below 1, because the random walk allows for faults that do not come
 
 
@@ -94,9 +94,9 @@ def test_update_is_pure_and_a_batch_is_its_lanes():
     observations = run(n_lanes=4, n_samples=50)
     motors = MotorFilter()
     *_, batch = follow(motors, observations)
-    kept = [values.copy() for values in batch]
+    before = [values.copy() for values in batch]
     motors.update(batch, observations[0])
-    assert all((now == then).all() for now, then in zip(batch, kept, strict=True))
+    assert all((now == then).all() for now, then in zip(batch, before, strict=True))
     for lane in range(4):
         *_, single = follow(motors, observations[:, [lane]])
         assert all((one[0] == many[lane]).all() for one, many in zip(single, batch, strict=True))

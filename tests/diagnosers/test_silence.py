@@ -1,4 +1,4 @@
-"""The filter bank on a vehicle of its own: silent and missing readings, one shaft, other noise, a coarse log."""
+"""The filter bank with silent readings, one shaft, other noise and coarse readings."""
 
 import json
 from functools import cache
@@ -41,13 +41,13 @@ def silenced(rows: np.ndarray, *channels: str) -> np.ndarray:
     return rows
 
 
-def test_of_silence_nothing_is_learnt_but_that_time_passes():
+def test_silent_readings_change_nothing_but_the_age():
     normal = log_probability(FilterBank(), silenced(observations()[:50], *READINGS))[:, 0]
     np.testing.assert_allclose(normal, np.arange(1, 51) * np.log(1.0 - 1e-3), rtol=1e-9)
 
 
 @pytest.mark.parametrize("channel", READINGS)
-def test_a_silent_reading_accuses_no_sensor(channel):
+def test_a_silent_reading_is_no_sensor_fault(channel):
     rows = silenced(observations()[:100], channel)
     belief = log_probability(FilterBank(), rows)
     assert belief[-1, 0] > np.log(0.5)
@@ -55,7 +55,7 @@ def test_a_silent_reading_accuses_no_sensor(channel):
     assert np.exp(belief[-1, CLASSES.index(f"sensor:{channel}")]) < 0.02
 
 
-def test_a_reading_now_and_then_tells_of_a_fault():
+def test_a_reading_in_ten_detects_a_fault():
     rows = observations("seal_friction:port").copy()
     rows[np.arange(len(rows)) % 10 != 0, :, 4:] = np.nan
     belief = log_probability(FilterBank(), rows)
@@ -63,8 +63,8 @@ def test_a_reading_now_and_then_tells_of_a_fault():
     assert belief[50, 0] > np.log(0.9) and belief[-1, 0] < -20.0
 
 
-def test_a_held_voltage_drives_the_motor_on():
-    """Between two voltages a second apart the currents of healthy motors are no surprise, without any shaft speed."""
+def test_between_two_readings_the_voltage_is_the_last_one():
+    """Voltages a second apart and no shaft speed: the currents of healthy motors fit."""
     rows = silenced(observations()[:100], "port_rpm", "starboard_rpm")
     quiet = np.arange(len(rows)) % 10 != 0
     rows[quiet] = silenced(rows[quiet], "port_voltage", "starboard_voltage")
@@ -107,7 +107,7 @@ def test_settings_at_their_defaults_change_nothing():
 
 
 @pytest.mark.parametrize("name", ["beta", "resistance", "coulomb_friction"])
-def test_a_wider_band_forgives_more(name):
+def test_a_wider_band_makes_an_unusual_vehicle_normal(name):
     """A vehicle 40 % off nominal in one parameter."""
     fleet = Fleet(1, healthy_band=0.0)
     row = fleet.reset([3], schedules=[()], missions=[MISSIONS["thesis"]])
@@ -121,14 +121,14 @@ def test_a_wider_band_forgives_more(name):
     assert wide > narrow + 3.0
 
 
-def test_more_noise_is_forgiven_where_it_is_known():
+def test_more_noise_is_normal_where_it_is_a_setting():
     rows = observations()[:100].copy()
     rows[:, :, NAMES.index("port_current")] += 0.15 * np.random.default_rng(2).normal(size=(100, 1))
     assert log_probability(FilterBank(), rows)[-1, 0] < -10.0
     assert log_probability(FilterBank(noise={"port_current": 0.152}), rows)[-1, 0] > np.log(0.5)
 
 
-def test_repeated_values_of_a_coarse_sensor_are_no_stuck_one():
+def test_repeated_values_of_a_coarse_sensor_are_not_stuck():
     rows = observations()[:100].copy()
     column = NAMES.index("port_rpm")
     rows[:, :, column] = rows[:, :, column].round()

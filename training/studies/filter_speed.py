@@ -53,7 +53,9 @@ def update_lanes(filters, last_rpm, last, observation, constants, work, sample):
             shaft[surge.RPM_STD] = 1.0
             last_rpm[lane, side] = rpm
         last[lane] = sample.reading[:, 0]
-        surge.update(filters[lane], columns, sample, constants, work)
+        work.filters[:, : filters.shape[2]] = filters[lane]
+        surge.update(columns, sample, constants, work)
+        filters[lane] = work.filters[:, : filters.shape[2]]
 
 
 @dataclass
