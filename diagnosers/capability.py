@@ -17,7 +17,7 @@ from auv_fault_env.channels import CHANNELS
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.errors import refusal
 from auv_fault_env.faults import CATALOGUE, classes, fault_effect, matrices
-from auv_fault_env.parameters import HULL, PARAMETERS, SHAFT, SIDES, Vehicle, nominal
+from auv_fault_env.parameters import HULL, PARAMETERS, SHAFT, SIDES, Parameter, Vehicle, nominal
 from diagnosers.diagnoser import Belief
 
 N_VEHICLES = 128  # of a lane; a power of two: then each quantity has evenly spaced quantiles
@@ -122,10 +122,15 @@ def capability(parameters: np.ndarray, speeds: np.ndarray, vehicle: Vehicle) -> 
     """
     n_lanes, n_vehicles, _ = parameters.shape
     shape = n_lanes, n_vehicles, speeds.shape[1]
-    filled = Capability(np.empty((n_lanes, n_vehicles)), np.empty(shape), np.empty(shape))
+    filled = Capability(
+        reachable_speed=np.empty((n_lanes, n_vehicles)),
+        power=np.empty(shape),
+        current=np.empty(shape),
+    )
     constants = physics.plant_constants(vehicle)
     parameters = np.ascontiguousarray(parameters)
-    _fill(parameters, np.ascontiguousarray(speeds, np.float64), constants, *filled)
+    speeds = np.ascontiguousarray(speeds, np.float64)
+    _fill(parameters, speeds, constants, *filled)
     return filled
 
 
@@ -151,16 +156,26 @@ def sample_parameters(belief: Belief, vehicle: Vehicle, shafts: int = 2) -> np.n
     chosen = (of_class[:, None] > edges).sum(axis=2)
     mean = np.take_along_axis(belief.severity_mean, chosen, 1)
     std = np.take_along_axis(belief.severity_std, chosen, 1)
-    severity = np.clip(mean + std * ndtri(of_severity), 0.0, 1.0)[..., None]
-    specs = list(PARAMETERS.values())[:N_PLANT]
-    half_width = np.array([spec.band for spec in specs])
-    deviation = half_width * (2.0 * np.stack(of_parameters, axis=1) - 1.0)
-    of_nominal = np.array(list(nominal(vehicle).values())[:N_PLANT])
-    healthy = of_nominal * (1.0 + deviation)
+    severity = np.clip(mean + std * ndtri(of_severity), 0.0, 1.0)
+    healthy = _healthy_parameters(vehicle, np.stack(of_parameters, axis=1))
     scale, offset = _effects(shafts)
-    factor, shift = fault_effect(severity, scale[chosen], offset[chosen])
+    factor, shift = fault_effect(severity[..., None], scale[chosen], offset[chosen])
     parameters = healthy * factor + shift
-    return np.clip(parameters, [spec.low for spec in specs], [spec.high for spec in specs])
+    low = [spec.low for spec in _specs()]
+    high = [spec.high for spec in _specs()]
+    return np.clip(parameters, low, high)
+
+
+def _specs() -> list[Parameter]:
+    """What is specified of each plant parameter."""
+    return list(PARAMETERS.values())[:N_PLANT]
+
+
+def _healthy_parameters(vehicle: Vehicle, quantiles: np.ndarray) -> np.ndarray:
+    """Parameters (n_vehicles, N_PLANT) at these quantiles of the healthy band."""
+    half_width = np.array([spec.band for spec in _specs()])
+    parameters = list(nominal(vehicle).values())[:N_PLANT]
+    return np.array(parameters) * (1.0 + half_width * (2.0 * quantiles - 1.0))
 
 
 @cache
@@ -169,7 +184,8 @@ def _quantiles() -> np.ndarray:
 
     For class, severity and every plant parameter.
     """
-    return qmc.Sobol(2 + N_PLANT, scramble=False).random(N_VEHICLES) + 0.5 / N_VEHICLES
+    sequence = qmc.Sobol(2 + N_PLANT, scramble=False)
+    return sequence.random(N_VEHICLES) + 0.5 / N_VEHICLES
 
 
 def _effects(shafts: int) -> tuple[np.ndarray, np.ndarray]:
@@ -177,8 +193,10 @@ def _effects(shafts: int) -> tuple[np.ndarray, np.ndarray]:
     diagnoses = [fault.diagnosis for fault in CATALOGUE.values()]
     rows = [diagnoses.index(name) for name in classes()[1:]]
     effects = matrices()
-    scale = np.concatenate([np.ones((1, N_PLANT)), effects.scale[rows, :N_PLANT]])
-    offset = np.concatenate([np.zeros((1, N_PLANT)), effects.offset[rows, :N_PLANT]])
+    scale = np.ones((len(classes()), N_PLANT))
+    offset = np.zeros_like(scale)
+    scale[1:] = effects.scale[rows, :N_PLANT]
+    offset[1:] = effects.offset[rows, :N_PLANT]
     if shafts == 1:
         for effect in (scale, offset):
             effect[:, STARBOARD:] = effect[:, PORT:STARBOARD]
