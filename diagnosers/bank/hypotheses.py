@@ -122,44 +122,57 @@ def hypothesis_table(n_grades: int, hazard: float, faults: Sequence[str]) -> Hyp
     class_of_fault = np.array([classes().index(name) for name in diagnoses])
     fault = np.repeat(np.arange(len(faults)), n_grades)
     grade = np.tile(np.arange(n_grades), len(faults))
-    n_hypotheses = 1 + fault.size
-    filter_of = np.zeros((N_SUBSYSTEMS, n_hypotheses), np.int64)
+    parts = [_filters(subsystem, faults, fault) for subsystem in OWN_PARAMETERS]
+    first_filter = np.cumsum([0, *(part.hypothesis.size for part in parts)])
+    filter_of = np.zeros((N_SUBSYSTEMS, 1 + fault.size), np.int64)
     parameter = np.zeros((N_SUBSYSTEMS, N_PARAMETER_ROWS), np.int64)
-    first_filter = [0]
-    hypothesis = []
-    slope = []
-    offset = []
-    estimates_speed = []
-    speed_fault = _touched(faults, _of_sensors("speed"))
     for subsystem, names in OWN_PARAMETERS.items():
-        touched = _touched(faults, names + INPUT_PARAMETERS[subsystem])
-        faulty = 1 + np.flatnonzero(touched[fault])
-        with_filter = np.concatenate([[0], faulty])
-        fault_of_filter = fault[faulty - 1]
-        first = first_filter[-1]
-        last = first + with_filter.size
+        first, last = first_filter[subsystem : subsystem + 2]
         filter_of[subsystem] = first
-        filter_of[subsystem, with_filter] = range(first, last)
+        filter_of[subsystem, parts[subsystem].hypothesis] = range(first, last)
         parameter[subsystem, : len(names)] = _indices(names)
-        subsystem_slope, subsystem_offset = _effects(faults, fault_of_filter, names)
-        slope.append(subsystem_slope)
-        offset.append(subsystem_offset)
-        estimates_speed.append([False])
-        estimates_speed.append(speed_fault[fault_of_filter])
-        hypothesis.append(with_filter)
-        first_filter.append(last)
     return HypothesisTable(
         log_hazard=_log_hazard(diagnoses, n_grades, hazard),
         class_index=np.concatenate([[0], class_of_fault[fault]]),
         grade=np.concatenate([[0], grade]),
-        first_filter=np.array(first_filter, np.uint64),  # unsigned, so that loops vectorise
-        hypothesis=np.concatenate(hypothesis),
+        first_filter=first_filter.astype(np.uint64),  # unsigned, so that loops vectorise
+        hypothesis=np.concatenate([part.hypothesis for part in parts]),
         filter=filter_of,
         parameter=parameter,
-        slope=np.concatenate(slope).T.copy(),
-        offset=np.concatenate(offset).T.copy(),
-        estimates_speed=np.concatenate(estimates_speed),
+        slope=np.concatenate([part.slope for part in parts]).T.copy(),
+        offset=np.concatenate([part.offset for part in parts]).T.copy(),
+        estimates_speed=np.concatenate([part.estimates_speed for part in parts]),
     )
+
+
+class _Filters(NamedTuple):
+    """The filters of a subsystem, the first that of the normal vehicle; filter first."""
+
+    hypothesis: np.ndarray
+    slope: np.ndarray
+    offset: np.ndarray
+    estimates_speed: np.ndarray
+
+
+def _filters(subsystem: int, faults: Sequence[str], fault: np.ndarray) -> _Filters:
+    """The filters of the hypotheses whose fault, (n_hypotheses - 1,), touches the subsystem."""
+    names = OWN_PARAMETERS[subsystem]
+    touched = _touched(faults, names + INPUT_PARAMETERS[subsystem])
+    hypothesis = np.flatnonzero(np.concatenate([[True], touched[fault]]))
+    fault_of_filter = fault[hypothesis[1:] - 1]
+    slope = np.zeros((hypothesis.size, N_PARAMETER_ROWS))
+    offset = np.zeros_like(slope)
+    estimates_speed = np.zeros(hypothesis.size, bool)
+    order = list(CATALOGUE)
+    row_of_fault = np.array([order.index(name) for name in faults])
+    rows = row_of_fault[fault_of_filter, None]
+    columns = _indices(names)
+    effects = matrices()
+    slope[1:, : len(names)] = effects.scale[rows, columns] - 1.0
+    offset[1:, : len(names)] = effects.offset[rows, columns]
+    speed_fault = _touched(faults, _of_sensors("speed"))
+    estimates_speed[1:] = speed_fault[fault_of_filter]
+    return _Filters(hypothesis, slope, offset, estimates_speed)
 
 
 def _log_hazard(diagnoses: list[str], n_grades: int, hazard: float) -> np.ndarray:
@@ -184,19 +197,3 @@ def _indices(names: tuple[str, ...]) -> list[int]:
     """Indices of these parameters in `PARAMETERS`."""
     order = list(PARAMETERS)
     return [order.index(name) for name in names]
-
-
-def _effects(
-    faults: Sequence[str], fault_of_filter: np.ndarray, names: tuple[str, ...]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Slope and offset of a subsystem, (n_filters, N_PARAMETER_ROWS); zero of the first filter."""
-    order = list(CATALOGUE)
-    row_of_fault = np.array([order.index(name) for name in faults])
-    rows = row_of_fault[fault_of_filter, None]
-    columns = _indices(names)
-    effects = matrices()
-    slope = np.zeros((1 + fault_of_filter.size, N_PARAMETER_ROWS))
-    offset = np.zeros_like(slope)
-    slope[1:, : len(names)] = effects.scale[rows, columns] - 1.0
-    offset[1:, : len(names)] = effects.offset[rows, columns]
-    return slope, offset
