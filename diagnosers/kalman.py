@@ -173,13 +173,11 @@ def _predict_parameters(mean, covariance, last_acceleration, readings, constants
     _walk(mean, covariance, c)
     opening = c.step * c.opening
     closing = c.step * (1.0 - c.opening)
-    acceleration = readings[ACCELERATION]
-    corrected = last_acceleration - mean[OWN]
-    mean[U] += opening * corrected + closing * acceleration
+    mean[U] += opening * (last_acceleration - mean[OWN]) + closing * readings[ACCELERATION]
     mean[OWN] = 0.0
     variance = covariance[U, U] - 2.0 * opening * covariance[U, OWN]
     variance += opening * opening * covariance[OWN, OWN]
-    jump = acceleration - last_acceleration
+    jump = readings[ACCELERATION] - last_acceleration
     # noise alone jumps by sqrt(2) sigma
     unexplained = max(0.0, jump * jump - 9.0 * c.acceleration_variance)
     between = c.step * c.step * BETWEEN_STD**2 * unexplained
