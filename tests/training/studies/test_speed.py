@@ -60,14 +60,14 @@ def test_results_hold_comparison_profiles_machine_and_command(results):
         assert row["rate"] > 0 and row["ratio"] > 0
         assert (row["met"] is None) == (not row["target"])
     for stage in (
-        "take_actions",
-        "control",
-        "draw_normals",
-        "prepare",
-        "move",
-        "sense_all",
-        "account",
-        "publish",
+        "write_commands",
+        "run_controllers",
+        "sample_normals",
+        "prepare_step",
+        "advance_motion",
+        "read_sensors",
+        "write_outcomes",
+        "copy_results",
     ):
         assert results.batch_profile[stage] > 0
     assert results.single_profile["kernel"] > 0 and results.single_profile["truth"] > 0
@@ -76,7 +76,7 @@ def test_results_hold_comparison_profiles_machine_and_command(results):
     )
 
 
-def test_tables_name_every_row_and_tell_how_to_get_the_missing_yardstick(results):
+def test_tables_name_every_row_and_how_to_install_what_is_missing(results):
     assert 'pip install -e ".[bench]"' in results.printed
     for what in [row["what"] for row in results.comparison] + [
         *results.batch_profile,
