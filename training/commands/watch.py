@@ -1,4 +1,4 @@
-"""``auv-fault watch``: a live page on which a person runs a vehicle, breaks it, and sees what is made of it."""
+"""``auv-fault watch``: a live page of a simulated vehicle, its faults and their diagnosis."""
 
 import socket
 
@@ -6,7 +6,7 @@ from auv_fault_env.errors import finite_in_range, refusal
 from training.arguments import Watch
 from training.extras import import_from_extra
 
-HOST = "127.0.0.1"  # nobody else's business
+HOST = "127.0.0.1"  # the page is for this machine alone
 
 
 def main(arguments: Watch) -> None:
@@ -17,7 +17,7 @@ def main(arguments: Watch) -> None:
     from training.live.page import Page
     from training.live.session import Session
 
-    Session(arguments.seed).step()  # so that the first visitor does not wait for the compiler
+    Session(arguments.seed).step()  # compiles before the first visitor comes
     nicegui.app.on_startup(lambda: print(f"http://{HOST}:{port}/ until Ctrl+C", flush=True))
 
     def root() -> None:
@@ -31,21 +31,26 @@ def main(arguments: Watch) -> None:
         show=False,
         reload=False,
         show_welcome_message=False,
-        # s, after which a page would begin anew: a busy machine is no lost one
+        # s until the page would start again: a busy machine is not a lost one
         reconnect_timeout=60.0,
     )
 
 
 def free_port(port: int) -> int:
-    """The port if it is free, any free one for 0; else a refusal."""
+    """The port, or any free one for 0.
+
+    Raises
+    ------
+    InputError
+        If the port is taken.
+    """
     finite_in_range("port", port, 0, 65535)
     with socket.socket() as probe:
-        # as the server will, for one that has just gone
+        # as the server will do, for a port whose last server has just ended
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((HOST, port))
         except OSError as error:
-            raise refusal(
-                "port", port, f"a free one ({error.strerror})", "give another, or 0 for any"
-            ) from None
+            allowed = f"a free one ({error.strerror})"
+            raise refusal("port", port, allowed, "choose another, or 0 for any") from None
         return probe.getsockname()[1]

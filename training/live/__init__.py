@@ -1,1 +1,1 @@
-"""The live page of ``auv-fault watch``: a vehicle that a person runs and breaks, and what is made of it."""
+"""The live page of ``auv-fault watch``: a simulated vehicle, its faults and their diagnosis."""

@@ -1,4 +1,7 @@
-"""The charts of the live page: functions of what is remembered that return options of Apache ECharts, plain data."""
+"""The charts of the live page: functions of the history that return options of Apache ECharts.
+
+Every chart takes the history and whether the truth is shown; its options are plain data.
+"""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -12,11 +15,11 @@ from training.live.history import WINDOW, History
 from training.report.figures.style import COMMAND, PORT, SPEED, STARBOARD, TRUTH
 
 Options = dict[str, Any]
-RIVALS = 4  # fault classes whose probabilities are drawn over time
-RANKED = 6  # classes in the bars
-LIKELY = 0.05  # probability from which a class's severity is worth drawing
-TRUE = "#7d3c98"
-PALETTE = (
+N_FAULTS = 4  # fault classes whose probabilities are shown over time
+N_BARS = 6  # classes in the bar chart
+LEAST_PROBABILITY = 0.05  # from which the severity of a class is shown
+TRUE_COLOUR = "#7d3c98"
+CLASS_COLOURS = (
     "#c0392b",
     "#2874a6",
     "#b9770e",
@@ -28,72 +31,75 @@ PALETTE = (
     "#1e8449",
     "#00838f",
 )
-MARKED = {"fault": "#111111", "repair": "#1e8449"}
+MARK_COLOURS = {"fault": "#111111", "repair": "#1e8449"}
 
 
-def speed(history: History, truth: bool) -> Options:
-    """What the mission asks for, what is commanded, what is measured, and if wanted what is so."""
+def speed(history: History, show_truth: bool) -> Options:
+    """Speed of the mission, the command and the reading, and with the truth the true speed."""
     lines = {
         "mission": _line(_channel(history, "mission_speed"), COMMAND, width=3),
         "command": _line(_channel(history, "speed_command"), SPEED),
         "measured": _line(_channel(history, "speed"), TRUTH),
     }
-    if truth:
-        lines["true"] = _line(history.true_speed, TRUE, width=2)
+    if show_truth:
+        lines["true"] = _line(history.true_speed, TRUE_COLOUR, width=2)
     return _over_time("speed [m/s]", history, lines)
 
 
-def rpm(history: History, truth: bool) -> Options:
-    """Both shafts' speeds."""
+def rpm(history: History, show_truth: bool) -> Options:
+    """Speeds of both shafts."""
     return _over_time("shaft speed [rpm]", history, _sides(history, "rpm"))
 
 
-def current(history: History, truth: bool) -> Options:
-    """Both motors' currents."""
+def current(history: History, show_truth: bool) -> Options:
+    """Currents of both motors."""
     return _over_time("motor current [A]", history, _sides(history, "current"))
 
 
-def voltage(history: History, truth: bool) -> Options:
-    """Both motors' voltages."""
+def voltage(history: History, show_truth: bool) -> Options:
+    """Voltages of both motors."""
     return _over_time("motor voltage [V]", history, _sides(history, "voltage"))
 
 
-def belief(history: History, truth: bool) -> Options:
+def belief(history: History, show_truth: bool) -> Options:
     """Probability of `normal`, and of the faults that were the likeliest at any time shown."""
     probability = history.probability
-    rivals = 1 + np.argsort(-probability[:, 1:].max(axis=0), kind="stable")[:RIVALS]
-    lines = {
-        classes()[k]: _line(probability[:, k], **_look(k)) for k in (0, *sorted(rivals.tolist()))
-    }
-    options = _over_time(
-        "belief: probability of normal and of the likeliest faults", history, lines, top=1.0
-    )
+    highest = probability[:, 1:].max(axis=0)
+    likeliest = 1 + np.argsort(-highest, kind="stable")[:N_FAULTS]
+    lines = {}
+    for k in (0, *sorted(likeliest.tolist())):
+        lines[classes()[k]] = _line(probability[:, k], **_class_style(k))
+    title = "belief: probability of normal and of the likeliest faults"
+    options = _over_time(title, history, lines, top=1.0)
     options["grid"]["top"] = 66  # below two rows of names
     return options
 
 
-def severity(history: History, truth: bool) -> Options:
-    """Severity of the fault that is now the likeliest, where it was likely at all, with its 95 % interval."""
-    index = history.suspect
-    likely = history.probability[:, history.suspect] >= LIKELY
-    mean, low, high = (np.where(likely, values, np.nan) for values in history.severity(index))
-    colour = _look(index)["colour"]
+def severity(history: History, show_truth: bool) -> Options:
+    """Severity of the likeliest fault now, with its 95 % interval, while it was likely enough."""
+    index = history.likeliest_fault
+    is_likely = history.probability[:, index] >= LEAST_PROBABILITY
+    mean, low, high = (np.where(is_likely, line, np.nan) for line in history.severity(index))
+    colour = _class_style(index)["colour"]
     area = {"stack": "interval", "symbol": "none", "lineStyle": {"width": 0}, "color": colour}
     lines = {
         "low": _line(low, colour) | area,
         "95 % interval": _line(high - low, colour) | area | {"areaStyle": {"opacity": 0.2}},
         classes()[index]: _line(mean, colour, width=2),
     }
-    options = _over_time("severity, if that is the fault", history, lines, top=1.0)
+    options = _over_time("severity of the likeliest fault", history, lines, top=1.0)
     options["legend"]["data"] = [name for name in lines if name != "low"]
     return options
 
 
-def ranking(history: History, truth: bool) -> Options:
-    """The likeliest classes now, the likeliest on top; of equal ones the first of the catalogue."""
+def ranking(history: History, show_truth: bool) -> Options:
+    """The likeliest classes now, the likeliest on top."""
     percent = np.round(100.0 * history.probability[-1].astype(np.float64), 1)
-    order = np.argsort(-percent, kind="stable")[:RANKED][::-1]
-    bars = [{"value": float(percent[k]), "itemStyle": {"color": _look(k)["colour"]}} for k in order]
+    order = np.argsort(-percent, kind="stable")[:N_BARS][::-1]
+    bars = []
+    for k in order:
+        style = {"color": _class_style(k)["colour"]}
+        bars.append({"value": float(percent[k]), "itemStyle": style})
     label = {"show": True, "position": "right", "fontSize": 11}
     return {
         "animation": False,
@@ -129,12 +135,13 @@ def _sides(history: History, quantity: str) -> dict[str, Options]:
     return {side: _line(_channel(history, f"{side}_{quantity}"), colours[side]) for side in SIDES}
 
 
-def _look(index: int) -> dict[str, str]:
-    """Colour and dash of a class: `normal` is black, sensors are dashed."""
+def _class_style(index: int) -> dict[str, str]:
+    """Colour and dash of a class: `normal` is black, sensor faults are dashed."""
     if classes()[index] == NORMAL:
         return {"colour": TRUTH, "dash": "solid"}
-    sensor = classes()[index].startswith("sensor:")
-    return {"colour": PALETTE[(index - 1) % len(PALETTE)], "dash": "dashed" if sensor else "solid"}
+    is_sensor = classes()[index].startswith("sensor:")
+    colour = CLASS_COLOURS[(index - 1) % len(CLASS_COLOURS)]
+    return {"colour": colour, "dash": "dashed" if is_sensor else "solid"}
 
 
 def _line(values: np.ndarray, colour: str, dash: str = "solid", width: int = 1) -> Options:
@@ -150,14 +157,14 @@ def _line(values: np.ndarray, colour: str, dash: str = "solid", width: int = 1) 
 def _over_time(
     title: str, history: History, lines: Mapping[str, Options], top: float | None = None
 ) -> Options:
-    """Lines over the last minute, with the alarms as areas and what was done as upright lines."""
+    """Lines over the last minute, alarms as areas, and faults and repairs as vertical lines."""
     end = max(WINDOW, float(history.time[-1]))
-    still = end == WINDOW  # else the ends of the axis are no round numbers
-    series = [
-        line | {"name": name, "data": _points(history.time, line["data"])}
-        for name, line in lines.items()
-    ]
+    has_round_ends = end == WINDOW
+    series = []
+    for name, line in lines.items():
+        series.append(line | {"name": name, "data": _points(history.time, line["data"])})
     series[0] |= _marks(history)
+    limits = {} if top is None else {"min": 0, "max": top}
     return {
         "animation": False,
         "title": _title(title),
@@ -178,32 +185,27 @@ def _over_time(
             "min": round(end - WINDOW, 1),
             "max": round(end, 1),
             "splitLine": {"show": False},
-            "axisLabel": {"showMinLabel": still, "showMaxLabel": still},
+            "axisLabel": {"showMinLabel": has_round_ends, "showMaxLabel": has_round_ends},
         },
-        "yAxis": {"type": "value"} | ({} if top is None else {"min": 0, "max": top}),
+        "yAxis": {"type": "value"} | limits,
         "series": series,
     }
 
 
 def _points(time: np.ndarray, values: np.ndarray) -> list[list[float | None]]:
-    """Pairs for a line; no number becomes a gap."""
-    kept = np.round(values.astype(np.float64), 4)
-    return [
-        [x, y if y == y else None]
-        for x, y in zip(np.round(time, 1).tolist(), kept.tolist(), strict=True)
-    ]
+    """Pairs for a line; NaN becomes a gap."""
+    times = np.round(time, 1).tolist()
+    rounded = np.round(values.astype(np.float64), 4)
+    with_gaps = np.where(np.isnan(rounded), None, rounded).tolist()
+    return [list(point) for point in zip(times, with_gaps, strict=True)]
 
 
 def _marks(history: History) -> Options:
     label = {"formatter": "{b}", "fontSize": 10, "position": "insideEndTop"}
-    lines = [
-        {
-            "name": mark.what,
-            "xAxis": round(mark.time, 1),
-            "lineStyle": {"color": MARKED[mark.what], "type": "solid"},
-        }
-        for mark in history.marks
-    ]
+    lines = []
+    for mark in history.marks:
+        style = {"color": MARK_COLOURS[mark.action], "type": "solid"}
+        lines.append({"name": mark.action, "xAxis": round(mark.time, 1), "lineStyle": style})
     areas = [[{"name": "alarm", "xAxis": begin}, {"xAxis": end}] for begin, end in history.alarms()]
     tint = {"color": "rgba(192, 57, 43, 0.12)"}
     name = {"fontSize": 10, "color": PORT, "position": "insideBottom"}

@@ -1,4 +1,4 @@
-"""What is remembered of a session, as arrays: a minute of readings and beliefs, and what was done to the vehicle."""
+"""The last minute of a session as arrays: readings, beliefs, and marks of faults and repairs."""
 
 from typing import NamedTuple
 
@@ -7,14 +7,14 @@ import numpy as np
 from auv_fault_env.faults import NORMAL, classes
 from diagnosers import Belief, decide
 
-WINDOW = 60.0  # s that are remembered
+WINDOW = 60.0  # s, length of the history
 
 
 class Mark(NamedTuple):
-    """Something that a person did to the vehicle: when [s], and what."""
+    """Something that a person did to the vehicle: time [s], and `fault` or `repair`."""
 
     time: float
-    what: str
+    action: str
 
 
 class History(NamedTuple):
@@ -23,7 +23,7 @@ class History(NamedTuple):
     Attributes
     ----------
     time
-        Since the vehicle has set out [s], (n_samples,).
+        Since the start [s], (n_samples,).
     observation
         (n_samples, n_channels), channels as in `CHANNELS`.
     belief
@@ -33,7 +33,7 @@ class History(NamedTuple):
     true_speed
         (n_samples,) [m/s].
     marks
-        What was done in that time.
+        What a person did to the vehicle in that time.
     """
 
     time: np.ndarray
@@ -45,31 +45,36 @@ class History(NamedTuple):
 
     @property
     def probability(self) -> np.ndarray:
-        """Of every class, (n_samples, n_classes)."""
+        """Probability of every class, (n_samples, n_classes)."""
         return np.exp(self.belief.log_probability)
 
     @property
-    def suspect(self) -> int:
+    def likeliest_fault(self) -> int:
         """Index of the class that is the likeliest fault now."""
         return 1 + int(self.belief.log_probability[-1, 1:].argmax())
 
     @property
     def verdict(self) -> str:
-        """`normal` while no alarm stands, then the fault's class, or `unknown` if none has half of the suspicion."""
+        """`normal` while no alarm stands, then the class of the fault.
+
+        `unknown` if no class has half of the probability that is left beside `normal`.
+        """
         if not self.alarm[-1]:
             return NORMAL
-        return decide(Belief(*(part[-1:] for part in self.belief)), classes(), alarm=1.0)[0]
+        now = Belief(*(values[-1:] for values in self.belief))
+        return decide(now, classes(), alarm=1.0)[0]
 
     def severity(self, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Mean of a class's severity if that is the fault, and its 95 % interval within 0 to 1, (n_samples,) each."""
+        """Severity of a class if that is the fault: mean and 95 % interval, (n_samples,) each."""
         mean = self.belief.severity_mean[:, index]
-        spread = 1.96 * self.belief.severity_std[:, index]
-        return mean, np.clip(mean - spread, 0.0, 1.0), np.clip(mean + spread, 0.0, 1.0)
+        half_width = 1.96 * self.belief.severity_std[:, index]
+        low = np.clip(mean - half_width, 0.0, 1.0)
+        high = np.clip(mean + half_width, 0.0, 1.0)
+        return mean, low, high
 
     def alarms(self) -> list[tuple[float, float]]:
         """Begin and end [s] of every alarm."""
-        edges = np.flatnonzero(np.diff(self.alarm.astype(int), prepend=0, append=0))
-        last = len(self.time) - 1
-        return [
-            (float(self.time[a]), float(self.time[min(b, last)])) for a, b in edges.reshape(-1, 2)
-        ]
+        changes = np.diff(self.alarm.astype(int), prepend=0, append=0)
+        edges = np.flatnonzero(changes).reshape(-1, 2)
+        time = np.append(self.time, self.time[-1]).tolist()
+        return [(time[begin], time[end]) for begin, end in edges]

@@ -1,4 +1,4 @@
-"""The vehicle behind the live page, and what a diagnoser makes of it while a person breaks it. No web here."""
+"""The simulated vehicle behind the live page, with diagnoser, stimulus and advice; no web here."""
 
 from collections import deque
 from dataclasses import replace
@@ -22,13 +22,13 @@ from training.metrics.records import PERSISTENCE
 from training.stimuli import STIMULI
 from training.stimuli.base import MISSION_SPEED, N_SAMPLES
 
-DIAGNOSERS = tuple(
-    name for name in ONE_PER_HOUR if name != "oracle"
-)  # which would have to be told what a person is up to
+# the oracle would need the faults that a person is going to inject
+DIAGNOSERS = tuple(name for name in ONE_PER_HOUR if name != "oracle")
 SLOWEST = 0.1  # m/s, least mission speed
-ADVISED = round(SAMPLE_RATE)  # samples between two advices
-WAY = 2000.0  # m from home to the goal
-BATTERY = 36e3  # J, a quarter more than a healthy vehicle needs for the way at its first speed
+ADVICE_INTERVAL = round(SAMPLE_RATE)  # samples
+DISTANCE_TO_GOAL = 2000.0  # m, from home
+# J, a quarter more than a healthy vehicle needs to the goal at its first speed
+BATTERY = 36e3
 HOTEL_LOAD = 3.0  # W of all but the motors
 ANY_FAULT = ScheduleSampler(
     healthy=0.0, compound=0.0, incipient=0.5, intermittent=0.0, repaired=0.0
@@ -36,7 +36,19 @@ ANY_FAULT = ScheduleSampler(
 
 
 class Sample(NamedTuple):
-    """A sample: time [s], observation (1, n_channels), what is believed after it, and the true speed [m/s]."""
+    """One sample.
+
+    Attributes
+    ----------
+    time
+        Since the start [s].
+    observation
+        (1, n_channels).
+    belief
+        Of the diagnoser after the observation, (1, n_classes) each.
+    true_speed
+        [m/s].
+    """
 
     time: float
     observation: np.ndarray
@@ -45,7 +57,17 @@ class Sample(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """What is so: class of the worst fault, severities in force by class, changed parameters' healthy and new value."""
+    """The truth about the vehicle now.
+
+    Attributes
+    ----------
+    label
+        Class of the worst fault, `normal` without one.
+    severity
+        By class, of the faults that are present.
+    parameters
+        Healthy and faulty value by name, of the parameters that the faults have changed.
+    """
 
     label: str
     severity: dict[str, float]
@@ -53,26 +75,29 @@ class Truth(NamedTuple):
 
 
 class Session:
-    """A vehicle under way, sample by sample; faults, mission speed, diagnoser and stimulus may change at any time.
+    """A vehicle under way, which a person changes at any time.
 
     Attributes
     ----------
     diagnoser, stimulus
-        At work now.
+        Those in use now.
     mission_speed
-        Speed [m/s] that the mission asks for.
+        [m/s].
     faults
-        What is wrong with the vehicle, by name of the fault.
+        The injected faults by name.
     advice
-        The last one, once a second.
-    travelled, energy_left
-        Way made good [m], and what is left in the battery [J].
+        The last advice; a new one comes every second.
+    travelled
+        Distance since the start [m].
+    energy_left
+        Energy left in the battery [J].
     """
 
     def __init__(self, seed: int = 0):
         self._fleet = Fleet(1)
         self._seed = whole_number("seed", seed, 0)
-        self._truth, self._random = SingleLaneTruth(self._fleet), np.random.default_rng(self._seed)
+        self._truth = SingleLaneTruth(self._fleet)
+        self._random = np.random.default_rng(self._seed)
         self._samples: deque[Sample] = deque(maxlen=round(WINDOW * SAMPLE_RATE) + 1)
         self.mission_speed = FOOT
         self.diagnoser = make("filter_bank")
@@ -80,7 +105,7 @@ class Session:
         self.reset()
 
     def reset(self) -> None:
-        """Set out with a healthy vehicle: at first that of the seed, then another one of the healthy band each time."""
+        """Start again with a healthy vehicle, each time another one of the healthy band."""
         seeds = None if self._fleet.changes else [self._seed]
         observation = self._fleet.reset(seeds, schedules=[()], missions=[self._mission()])
         self.faults: dict[str, FaultEvent] = {}
@@ -90,65 +115,79 @@ class Session:
         self._steps = 0
         self.diagnoser.reset(1)
         self.stimulus = STIMULI[self.stimulus.name]()
-        self._stirred = 0
+        self._stimulus_start = 0
         self._samples.clear()
         self.advice: Advice | None = None
-        self._note(observation)
+        self._record(observation)
 
     def step(self) -> None:
-        """Let 0.1 s pass."""
+        """Simulate 0.1 s."""
         last = self._samples[-1]
-        # the budget of a stimulus begins anew with every episode
-        sample = (self._steps - self._stirred) % N_SAMPLES
-        speed = last.observation[:, MISSION_SPEED] + self.stimulus.offset(
-            sample, last.observation, last.belief
-        )
+        # a stimulus has a new budget every episode
+        sample = (self._steps - self._stimulus_start) % N_SAMPLES
+        offset = self.stimulus.offset(sample, last.observation, last.belief)
+        speed = last.observation[:, MISSION_SPEED] + offset
         observation = self._fleet.step(np.column_stack([speed, np.zeros((1, 2))]))
         self._steps += 1
-        self._note(observation)
+        self._record(observation)
 
-    def _note(self, observation: np.ndarray) -> None:
+    def _record(self, observation: np.ndarray) -> None:
         true_speed = self._truth.read()["state"]["speed"]
         belief = self.diagnoser.update(observation)
         self._samples.append(Sample(self.time, observation, belief, true_speed))
         self.travelled += true_speed * SAMPLE_TIME
-        self.energy_left = max(
-            0.0, self.energy_left - self._fleet.outcomes[1, 0] - HOTEL_LOAD * SAMPLE_TIME
+        energy_left = self.energy_left - self._fleet.outcomes[1, 0] - HOTEL_LOAD * SAMPLE_TIME
+        self.energy_left = max(0.0, energy_left)
+        if self._steps % ADVICE_INTERVAL == 0:
+            self.advice = self._advise(belief)
+
+    def _advise(self, belief: Belief) -> Advice:
+        situation = Situation(
+            speed=self.mission_speed,
+            distance_to_go=max(0.0, DISTANCE_TO_GOAL - self.travelled),
+            distance_home=self.travelled,
+            energy_left=self.energy_left,
+            hotel_load=HOTEL_LOAD,
         )
-        if self._steps % ADVISED == 0:
-            to_go = max(0.0, WAY - self.travelled)
-            situation = Situation(
-                self.mission_speed, to_go, self.travelled, self.energy_left, HOTEL_LOAD
-            )
-            self.advice = advise(belief, situation, self._fleet.vehicle, previous=self.advice)
+        return advise(belief, situation, self._fleet.vehicle, previous=self.advice)
 
     @property
     def time(self) -> float:
-        """Since the vehicle has set out [s]."""
+        """Time since the start [s]."""
         return float(self._fleet.time[0])
 
     def inject(self, fault: str, severity: float = 1.0, ramp: float = 0.0) -> None:
-        """Break something from now on, abruptly or growing over a ramp [s]; the same fault again replaces the first."""
-        self._break(FaultEvent(fault, self.time, severity, ramp))
+        """Begin a fault now.
 
-    def surprise(self) -> None:
-        """Break something that nobody has chosen, every class being as likely."""
+        Parameters
+        ----------
+        fault
+            Name in the catalogue; the same fault again replaces the first.
+        severity
+            0 to 1.
+        ramp
+            Time to full severity [s].
+        """
+        self._add_fault(FaultEvent(fault, self.time, severity, ramp))
+
+    def inject_random_fault(self) -> None:
+        """Begin a random fault now, every class with the same probability."""
         event = ANY_FAULT.sample(int(self._random.integers(2**62)))[0]
-        self._break(replace(event, onset=self.time))
+        self._add_fault(replace(event, onset=self.time))
 
-    def _break(self, event: FaultEvent) -> None:
+    def _add_fault(self, event: FaultEvent) -> None:
         self.faults[event.fault] = event
         self._fleet.replan(schedules=[tuple(self.faults.values())])
         self._marks.append(Mark(self.time, "fault"))
 
     def repair(self) -> None:
-        """Make the vehicle whole again."""
+        """End all faults."""
         self.faults = {}
         self._fleet.replan(schedules=[()])
         self._marks.append(Mark(self.time, "repair"))
 
     def set_mission_speed(self, speed: float) -> None:
-        """Ask for another speed [m/s] from now on."""
+        """Set another mission speed [m/s] from now on."""
         self.mission_speed = finite_in_range("mission speed", speed, SLOWEST, MAXIMUM_COMMAND)
         self._fleet.replan(missions=[self._mission()])
 
@@ -156,16 +195,16 @@ class Session:
         return Mission(((0.0, self.mission_speed),))
 
     def choose_stimulus(self, name: str) -> None:
-        """Another stimulus from now on."""
+        """Use another stimulus from now on."""
         stimulus = STIMULI[known_name("stimulus", name, STIMULI)]()
         last = self._samples[-1]
-        # what it has to load or to work out does not keep a step
+        # load or compute now what the first offset needs, so that the next step is not late
         stimulus.offset(0, last.observation, last.belief)
         self.stimulus = stimulus
-        self._stirred = self._steps
+        self._stimulus_start = self._steps
 
     def choose_diagnoser(self, name: str) -> None:
-        """Another diagnoser; it first reads what is remembered, so that its belief can be seen from there on."""
+        """Use another diagnoser, which first processes the recorded samples."""
         diagnoser = make(known_name("diagnoser", name, DIAGNOSERS))
         diagnoser.reset(1)
         for k, sample in enumerate(self._samples):
@@ -173,29 +212,29 @@ class Session:
         self.diagnoser = diagnoser
 
     def truth(self) -> Truth:
-        """What is so."""
-        so = self._truth.read()
-        healthy = dict(zip(PARAMETERS, self._fleet.plan.healthy[0].tolist(), strict=True))
-        return Truth(
-            so["label"],
-            {name: severity for name, severity in so["severity"].items() if severity},
-            {
-                name: (healthy[name], value)
-                for name, value in so["parameters"].items()
-                if value != healthy[name]
-            },
-        )
+        """The truth about the vehicle now."""
+        truth = self._truth.read()
+        healthy = self._fleet.plan.healthy[0].tolist()
+        severity = {name: value for name, value in truth["severity"].items() if value}
+        parameters = {}
+        for name, healthy_value in zip(PARAMETERS, healthy, strict=True):
+            value = truth["parameters"][name]
+            if value != healthy_value:
+                parameters[name] = (healthy_value, value)
+        return Truth(truth["label"], severity, parameters)
 
     def history(self) -> History:
-        """What is remembered."""
+        """The recorded samples, with the alarm at one false alarm per hour."""
         time, observation, beliefs, true_speed = zip(*self._samples, strict=True)
         belief = Belief(*map(np.concatenate, zip(*beliefs, strict=True)))
         threshold = ONE_PER_HOUR[self.diagnoser.name]
+        alarm = alarms(belief.log_probability[:, :1], threshold, PERSISTENCE)[:, 0]
+        marks = tuple(mark for mark in self._marks if mark.time >= time[0])
         return History(
             np.array(time),
             np.concatenate(observation),
             belief,
-            alarms(belief.log_probability[:, :1], threshold, PERSISTENCE)[:, 0],
+            alarm,
             np.array(true_speed),
-            tuple(mark for mark in self._marks if mark.time >= time[0]),
+            marks,
         )

@@ -86,7 +86,7 @@ def test_the_likeliest_is_on_top_and_has_the_severity(history):
     assert named(severity, "95 % interval")["data"][-1][1] == pytest.approx(1.0 - (0.9 - 0.196))
 
 
-def test_verdict_needs_an_alarm_and_half_of_the_suspicion(history):
+def test_verdict_needs_an_alarm_and_half_of_the_probability(history):
     assert history.verdict == "propeller_loss:port"
     assert history._replace(alarm=np.zeros(4, bool)).verdict == NORMAL
     even = np.log(np.full((4, len(classes())), 1.0 / len(classes())))

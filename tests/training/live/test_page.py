@@ -4,7 +4,7 @@ import pytest
 from nicegui.testing.user_simulation import user_simulation
 
 from auv_fault_env.faults import CATALOGUE
-from training.live.page import Page, places
+from training.live.page import Page, fault_places
 
 
 def visit(act):
@@ -48,7 +48,7 @@ def test_a_person_breaks_the_vehicle_and_sees_it_named():
         user.find("pause").click()
         user.find("repair").click()
         page.session.step()
-        page.draw()
+        page.update()
         await user.should_see("The vehicle is healthy.")
         user.find("reset").click()
         await user.should_see("0.0 s, 0 m")
@@ -63,7 +63,7 @@ def test_controls_reach_the_vehicle():
         only(user, "kind").value = "sensor_bias"
         only(user, "place").value = "port_rpm"
         only(user, "severity").value = 0.4
-        only(user, "growth").value = 10.0
+        only(user, "ramp").value = 10.0
         user.find("inject").click()
         (event,) = page.session.faults.values()
         assert (event.fault, event.severity, event.ramp) == ("sensor_bias:port_rpm", 0.4, 10.0)
@@ -72,7 +72,7 @@ def test_controls_reach_the_vehicle():
         assert not place.visible
         user.find("inject").click()
         assert list(page.session.faults) == ["sensor_bias:port_rpm", "increased_drag"]
-        user.find("surprise").click()
+        user.find("random").click()
         assert len(page.session.faults) == 3
 
     visit(act)
@@ -90,7 +90,7 @@ def test_diagnoser_and_stimulus_are_chosen_while_the_page_waits(control, name):
     visit(act)
 
 
-def test_each_visitor_has_a_vehicle_of_his_own():
+def test_each_visitor_has_another_vehicle():
     async def act(user, page):
         page.session.inject("increased_drag")
         await user.open("/")
@@ -102,7 +102,7 @@ def test_each_visitor_has_a_vehicle_of_his_own():
 def test_places_are_those_of_the_catalogue():
     names = [
         ":".join(filter(None, (kind, place)))
-        for kind, options in places().items()
+        for kind, options in fault_places().items()
         for place in options
     ]
     assert sorted(names) == sorted(CATALOGUE)

@@ -22,13 +22,13 @@ def test_an_injected_fault_is_named_within_ten_seconds_and_then_repaired():
     history = run(session, 10.0)
     assert history.verdict == "propeller_loss:port"
     assert history.alarms()[0][0] > 10.0
-    assert [(mark.time, mark.what) for mark in history.marks] == [(10.0, "fault")]
+    assert [(mark.time, mark.action) for mark in history.marks] == [(10.0, "fault")]
     assert session.truth().label == "propeller_loss:port"
     assert session.truth().parameters["port_beta"][1] == 0.0
     session.repair()
     session.step()
     assert session.truth() == (NORMAL, {}, {})
-    assert session.history().marks[-1].what == "repair"
+    assert session.history().marks[-1].action == "repair"
 
 
 @pytest.mark.parametrize("fault", CATALOGUE)
@@ -96,7 +96,7 @@ def test_a_stimulus_goes_on_after_its_episode():
     assert session.time == (N_SAMPLES + 20) / 10
 
 
-def test_another_diagnoser_reads_what_is_remembered():
+def test_another_diagnoser_processes_the_recorded_samples():
     session = Session()
     session.inject("motor_overheating:starboard")
     before = run(session, 6.0).belief
@@ -125,18 +125,18 @@ def test_reset_brings_another_vehicle_of_the_same_seed():
     assert not np.array_equal(one.history().observation, first)
 
 
-def test_a_surprise_is_some_fault_and_the_same_for_the_same_seed():
+def test_a_random_fault_is_some_fault_and_the_same_for_the_same_seed():
     found = []
     for seed in (0, 0, 1, 2, 3):
         session = Session(seed)
-        session.surprise()
+        session.inject_random_fault()
         assert next(iter(session.faults.values())).onset == session.time == 0.0
         found.append(tuple(session.faults))
     assert found[0] == found[1]
     assert len(set(found)) > 1
 
 
-def test_a_minute_is_remembered():
+def test_a_minute_is_recorded():
     session = Session()
     session.choose_diagnoser("null")
     history = run(session, 70.0)
