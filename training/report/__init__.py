@@ -1,1 +1,1 @@
-"""Run folders and self-contained report pages, shared by all commands and studies."""
+"""Run folders and self-contained pages of reports, for all commands and studies."""

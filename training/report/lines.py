@@ -4,6 +4,6 @@ import numpy as np
 
 
 def line_without_band(values: np.ndarray) -> dict[str, list[float]]:
-    """The values (n_samples,) as a line of the plot `transients`, without noise and standard deviation."""
+    """The values (n_samples,) as a line of the figure `transients`, which has no band."""
     series = np.round(values.astype(float), 6).tolist()
     return {"clean": series, "mean": series, "std": [0.0] * len(series)}

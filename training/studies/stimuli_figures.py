@@ -5,7 +5,7 @@ from itertools import cycle
 from typing import Any
 
 from training.benchmark.leaderboard import figure_section
-from training.report.figures.scores import COLOURS
+from training.report.figures.style import COLOURS
 from training.stimuli.open_loop import Cruise
 from training.studies.stimulus_comparisons import (
     AGENT,

@@ -1,41 +1,59 @@
-"""Figure of how missions ended: a function that takes data and returns the figure."""
+"""Figure of how missions ended."""
 
 from collections.abc import Mapping, Sequence
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from training.report.figures.style import COMMAND, PORT, SPEED, STARBOARD, STYLE, legend_above
+from training.report.figures.style import (
+    COMMAND,
+    PORT,
+    SPEED,
+    STARBOARD,
+    STYLE,
+    legend_above,
+    new_figure,
+)
 
-COLOURS = (STARBOARD, SPEED, COMMAND, PORT)
+OUTCOME_COLOURS = (STARBOARD, SPEED, COMMAND, PORT)
+LEAST_WRITTEN = 4.0  # %, the least share whose number has room in its bar
 
 
 def outcome_shares(
     panels: Mapping[str, Mapping[str, Mapping[str, float]]], names: Sequence[str]
 ) -> Figure:
-    """Shares of the outcomes `names` as stacked bars, a panel per kind of vehicle with a bar for each way to act."""
+    """Shares of the outcomes as stacked bars.
+
+    Parameters
+    ----------
+    panels
+        Shares, 0 to 1, by kind of vehicle (a panel), way to act (a bar) and outcome.
+    names
+        The outcomes, from left to right.
+    """
+    n_bars = sum(map(len, panels.values()))
     with matplotlib.rc_context(STYLE):
-        figure = Figure(
-            figsize=(9.6, 1.0 + 0.5 * sum(map(len, panels.values()))), layout="constrained"
-        )
+        figure = new_figure(1.0 + 0.5 * n_bars)
         axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
         for axis, (title, bars) in zip(axes, panels.items(), strict=True):
-            shares = 100.0 * np.array([[bar[name] for name in names] for bar in bars.values()])
-            starts = shares.cumsum(axis=1) - shares
-            for name, colour, share, start in zip(names, COLOURS, shares.T, starts.T, strict=True):
-                drawn = axis.barh(
-                    list(bars), share, left=start, color=colour, label=name, height=0.7
-                )
-                axis.bar_label(
-                    drawn,
-                    [f"{x:.0f} %" if x >= 4.0 else "" for x in share],
-                    label_type="center",
-                    color="white",
-                )
+            _stacked_bars(axis, bars, names)
             axis.set(title=title, xlim=(0, 100))
-            axis.invert_yaxis()
-            axis.grid(visible=False)
         axes[-1].set_xlabel("missions [%]")
         legend_above(figure, axes)
     return figure
+
+
+def _stacked_bars(
+    axis: Axes, bars: Mapping[str, Mapping[str, float]], names: Sequence[str]
+) -> None:
+    start = np.zeros(len(bars))
+    for name, colour in zip(names, OUTCOME_COLOURS, strict=True):
+        share = 100.0 * np.array([shares[name] for shares in bars.values()])
+        drawn = axis.barh(list(bars), share, left=start, color=colour, label=name, height=0.7)
+        texts = [f"{value:.0f} %" if value >= LEAST_WRITTEN else "" for value in share]
+        axis.bar_label(drawn, texts, label_type="center", color="white")
+        start = start + share
+    axis.invert_yaxis()
+    axis.grid(visible=False)

@@ -1,4 +1,4 @@
-"""Figures of what can be known at all: functions that take data and return the figure."""
+"""Figures of the limits of diagnosis: isolability, sensors, and the Cramér-Rao bound."""
 
 from collections.abc import Mapping, Sequence
 
@@ -7,58 +7,65 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from training.report.figures.style import COMMAND, PORT, SPEED, STYLE, TRUTH, legend_above
+from training.report.figures.style import (
+    COMMAND,
+    MAP_STYLE,
+    PORT,
+    SPEED,
+    STYLE,
+    TRUTH,
+    legend_above,
+    new_figure,
+    panel_grid,
+    slanted_names,
+    write_cell,
+)
 
 Series = Sequence[float]
 Matrix = Sequence[Series]
 # nat/s, ends of the colour scale
 LEAST = 1e-2
 MOST = 1e3
+LINE_COLOURS = (COMMAND, TRUTH, SPEED, PORT)
 
 
 def isolability_maps(classes: Sequence[str], rates: Mapping[str, Matrix]) -> Figure:
-    """Rate of evidence for each class (row) against each other (column), a map per condition, logarithmic colours."""
-    columns = 2
-    rows = -(-len(rates) // 2)
-    with matplotlib.rc_context(STYLE | {"axes.grid": False}):
-        figure = Figure(figsize=(9.6, 3.5 * rows + 1.8), layout="constrained")
-        axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-        places = np.arange(len(classes))
-        for axis in axes.flat[len(rates) :]:
-            axis.remove()
-        for k, (axis, (name, matrix)) in enumerate(zip(axes.flat, rates.items(), strict=False)):
-            shown = np.ma.masked_array(np.maximum(matrix, LEAST), np.eye(len(classes), dtype=bool))
+    """Rate of evidence for each class (row) against each other (column), a map per condition."""
+    n_columns = 2
+    n_rows = -(-len(rates) // n_columns)
+    same_class = np.eye(len(classes), dtype=bool)
+    with matplotlib.rc_context(MAP_STYLE):
+        figure = new_figure(3.5 * n_rows + 1.8)
+        axes = panel_grid(figure, len(rates), n_columns, sharex=True, sharey=True)
+        for k, (axis, (name, matrix)) in enumerate(zip(axes, rates.items(), strict=True)):
+            shown = np.ma.masked_array(np.maximum(matrix, LEAST), same_class)
             image = axis.imshow(shown, cmap="viridis", norm=LogNorm(LEAST, MOST), aspect="auto")
             axis.set_title(name)
-            axis.set_xticks(
-                places, classes, rotation=60, ha="right", rotation_mode="anchor", fontsize=7
-            )
-            axis.set_yticks(places, classes, fontsize=7)
-            axis.tick_params(labelbottom=k >= len(rates) - columns)
-        bar = figure.colorbar(
-            image, ax=figure.axes, location="bottom", shrink=0.6, aspect=40, extend="both"
-        )
+            slanted_names(axis, classes, 60, fontsize=7)
+            axis.set_yticks(range(len(classes)), classes, fontsize=7)
+            axis.tick_params(labelbottom=k >= len(rates) - n_columns)
+        place = {"location": "bottom", "shrink": 0.6, "aspect": 40, "extend": "both"}
+        bar = figure.colorbar(image, ax=figure.axes, **place)
         bar.set_label("evidence for the row's class against the column's [nat/s]")
     return figure
 
 
 def sensor_removal(classes: Sequence[str], channels: Sequence[str], shares: Matrix) -> Figure:
-    """Share of the evidence against the most dangerous rival that a class (row) keeps without a sensor (column)."""
+    """Share of the evidence of a class (row) that is left without a sensor (column).
+
+    The evidence is that against the rival hardest to distinguish from the class.
+    """
     percent = 100.0 * np.array(shares, float)
-    with matplotlib.rc_context(STYLE | {"axes.grid": False}):
-        figure = Figure(figsize=(9.6, 6.4), layout="constrained")
+    with matplotlib.rc_context(MAP_STYLE):
+        figure = new_figure(6.4)
         axis = figure.subplots()
         image = axis.imshow(percent, cmap="viridis", vmin=0, vmax=100, aspect="auto")
         for (row, column), value in np.ndenumerate(percent):
             if np.isfinite(value):
                 colour = TRUTH if value > 55 else "white"
-                axis.text(
-                    column, row, f"{value:.0f}", ha="center", va="center", color=colour, fontsize=8
-                )
-        axis.set_xticks(
-            np.arange(len(channels)), channels, rotation=40, ha="right", rotation_mode="anchor"
-        )
-        axis.set_yticks(np.arange(len(classes)), classes)
+                write_cell(axis, row, column, f"{value:.0f}", colour)
+        slanted_names(axis, channels, 40)
+        axis.set_yticks(range(len(classes)), classes)
         axis.set(xlabel="sensor that is missing", ylabel="class")
         figure.colorbar(image, ax=axis, label="evidence left [%]", pad=0.01)
     return figure
@@ -67,19 +74,13 @@ def sensor_removal(classes: Sequence[str], channels: Sequence[str], shares: Matr
 def cramer_rao(time: Series, lines: Mapping[str, Mapping[str, Series]]) -> Figure:
     """Root mean square errors of drag and thrust over time, by estimator, beside their bound."""
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 3.6), layout="constrained")
+        figure = new_figure(3.6)
         axes = figure.subplots(1, 2)
         for axis, parameter in zip(axes, ("alpha", "beta"), strict=True):
-            for (name, values), colour in zip(
-                lines.items(), (COMMAND, TRUTH, SPEED, PORT), strict=False
-            ):
+            for (name, errors), colour in zip(lines.items(), LINE_COLOURS, strict=False):
                 dash = "--" if name.startswith("bound") else "-"
-                axis.plot(time, values[parameter], color=colour, ls=dash, lw=1.3, label=name)
-            axis.set(
-                xlabel="time [s]",
-                ylabel=f"error of {parameter} [%]",
-                xlim=(0, time[-1]),
-                ylim=(0, None),
-            )
+                axis.plot(time, errors[parameter], color=colour, ls=dash, lw=1.3, label=name)
+            axis.set(xlabel="time [s]", ylabel=f"error of {parameter} [%]")
+            axis.set(xlim=(0, time[-1]), ylim=(0, None))
         legend_above(figure, axes)
     return figure

@@ -1,86 +1,99 @@
-"""Figures of the published data sets: functions that take data and return the figure."""
+"""Figures of the published data sets."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from training.report.figures.style import (
     COMMAND,
+    MAP_STYLE,
     PORT,
     SPEED,
     STARBOARD,
     STYLE,
     TRUTH,
     legend_above,
+    new_figure,
+    slanted_names,
+    write_cell,
 )
 
 Series = Sequence[float]
+BAND_LABEL = "default healthy band"
 
 
 def confusion_grid(
     classes: Sequence[str], shares: Mapping[str, Mapping[str, Sequence[Series]]]
 ) -> Figure:
-    """Per cent of each true class (row) given each class (column): a row of panels per name, a panel per inner name."""
-    rows = len(shares)
-    columns = max(map(len, shares.values()))
-    with matplotlib.rc_context(STYLE | {"axes.grid": False}):
-        figure = Figure(figsize=(9.6, 0.8 + 2.3 * rows), layout="constrained")
-        grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    """Confusion matrices in per cent, true classes in rows.
+
+    Parameters
+    ----------
+    classes
+        Names of the classes.
+    shares
+        Matrices, 0 to 1, by protocol (a row of panels) and title (a panel).
+    """
+    n_rows = len(shares)
+    n_columns = max(map(len, shares.values()))
+    with matplotlib.rc_context(MAP_STYLE):
+        figure = new_figure(0.8 + 2.3 * n_rows)
+        grid = figure.subplots(n_rows, n_columns, sharex=True, sharey=True, squeeze=False)
         for axes, (protocol, panels) in zip(grid, shares.items(), strict=True):
-            for axis, (title, values) in zip(axes, panels.items(), strict=True):
-                axis.imshow(np.array(values), cmap="Blues", vmin=0, vmax=1)
-                for (row, column), share in np.ndenumerate(values):
-                    colour = "white" if share > 0.55 else TRUTH
-                    axis.text(
-                        column,
-                        row,
-                        f"{100 * share:.0f}",
-                        ha="center",
-                        va="center",
-                        color=colour,
-                        fontsize=7,
-                    )
+            for axis, (title, matrix) in zip(axes, panels.items(), strict=True):
+                _confusion(axis, classes, np.array(matrix))
                 axis.set_title(title, fontsize=9)
-                axis.set_xticks(
-                    range(len(classes)), classes, rotation=50, ha="right", rotation_mode="anchor"
-                )
-                axis.set_yticks(range(len(classes)), classes)
             axes[0].set_ylabel(protocol, fontweight="bold")
     return figure
 
 
-def healthy_band(runs: Sequence[str], panels: Mapping[str, Mapping[str, Any]]) -> Figure:
-    """Relative parameters of each run with intervals, a panel per parameter, over a band and a wider window.
+def _confusion(axis: Axes, classes: Sequence[str], matrix: np.ndarray) -> None:
+    axis.imshow(matrix, cmap="Blues", vmin=0, vmax=1)
+    for (row, column), share in np.ndenumerate(matrix):
+        colour = "white" if share > 0.55 else TRUTH
+        write_cell(axis, row, column, f"{100 * share:.0f}", colour, size=7)
+    slanted_names(axis, classes, 50)
+    axis.set_yticks(range(len(classes)), classes)
 
-    A panel has series by name, of values (n_runs,) and intervals (n_runs, 2), and the ends of band
-    and window.
+
+def healthy_band(runs: Sequence[str], panels: Mapping[str, Mapping[str, Any]]) -> Figure:
+    """Relative parameters of each run with intervals, over a band and a wider window.
+
+    Parameters
+    ----------
+    runs
+        Names of the runs.
+    panels
+        By parameter: `series` by name, of values (n_runs,) and intervals (n_runs, 2), and the ends
+        of `band` and `window`.
     """
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 1.2 + 0.4 * len(runs)), layout="constrained")
+        figure = new_figure(1.2 + 0.4 * len(runs))
         axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
         for axis, (parameter, panel) in zip(axes, panels.items(), strict=True):
-            axis.axvspan(
-                *panel["band"], color=STARBOARD, alpha=0.18, lw=0, label="default healthy band"
-            )
+            axis.axvspan(*panel["band"], color=STARBOARD, alpha=0.18, lw=0, label=BAND_LABEL)
             for edge in panel["window"]:
                 axis.axvline(edge, color=COMMAND, lw=1, ls="--", label="thesis' window")
-            for k, ((name, series), colour) in enumerate(
-                zip(panel["series"].items(), (PORT, SPEED), strict=True)
-            ):
-                rows = np.arange(len(runs)) + 0.3 * k - 0.15
-                ends = np.array(series["intervals"])
-                axis.hlines(rows, ends[:, 0], ends[:, 1], color=colour, lw=1.4)
-                axis.plot(series["values"], rows, "o", color=colour, ms=5, label=name)
-            values = np.concatenate([series["values"] for series in panel["series"].values()])
-            reach = 0.5 * np.ptp(values)
-            axis.set(
-                xlabel=f"{parameter} relative to all runs",
-                xlim=(values.min() - reach, values.max() + reach),
-            )
+            _run_intervals(axis, panel["series"])
+            axis.set_xlabel(f"{parameter} relative to all runs")
             axis.set_yticks(np.arange(len(runs)), runs)
         axes[0].invert_yaxis()
         legend_above(figure, axes)
     return figure
+
+
+def _run_intervals(axis: Axes, series: Mapping[str, Mapping[str, Any]]) -> None:
+    """Dots with intervals, a row per run, the series one above the other."""
+    for k, (name, colour) in enumerate(zip(series, (PORT, SPEED), strict=True)):
+        values = np.array(series[name]["values"])
+        low, high = np.transpose(series[name]["intervals"])
+        rows = np.arange(len(values)) + 0.3 * k - 0.15
+        axis.hlines(rows, low, high, color=colour, lw=1.4)
+        axis.plot(values, rows, "o", color=colour, ms=5, label=name)
+    values = np.concatenate([line["values"] for line in series.values()])
+    margin = 0.5 * np.ptp(values)
+    axis.set_xlim(values.min() - margin, values.max() + margin)

@@ -4,45 +4,48 @@ from collections.abc import Mapping, Sequence
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from training.report.figures.scores import COLOURS
 from training.report.figures.style import (
+    COLOURS,
     COMMAND,
     PORT,
     SPEED,
     STARBOARD,
     STYLE,
     TRUTH,
+    fill_band,
     legend_above,
+    new_figure,
+    panel_grid,
 )
 
 Series = Sequence[float | None]
-NAMED = {
+LINE_COLOURS = {
     "port": PORT,
     "starboard": STARBOARD,
     "speed": SPEED,
     "commanded": COMMAND,
     "threshold": TRUTH,
 }
+SIDE_COLOURS = {"all shafts": SPEED, "port": PORT, "starboard": STARBOARD}
 DASHED = ("threshold", "commanded")
 SPARSE = 100  # points; fewer are marked one by one
 
 
 def measured_and_simulated(time: Series, panels: Mapping[str, Mapping[str, Series]]) -> Figure:
-    """Readings over what the model makes of them, a row per channel, and their difference beside it."""
+    """Readings and their simulation, a row per channel, and beside it their difference."""
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 1.9 * len(panels) + 0.7), layout="constrained")
+        figure = new_figure(1.9 * len(panels) + 0.7)
         axes = figure.subplots(len(panels), 2, sharex=True, squeeze=False, width_ratios=(3, 2))
         for (left, right), (label, lines) in zip(axes, panels.items(), strict=True):
-            measured, simulated = (
-                np.array(lines[name], float) for name in ("measured", "simulated")
-            )
+            measured = np.array(lines["measured"], float)
+            simulated = np.array(lines["simulated"], float)
+            residual = measured - simulated
             left.plot(time, measured, ".", ms=2, color=COMMAND, label="measured")
             left.plot(time, simulated, color=SPEED, lw=1.2, label="simulated")
-            right.plot(
-                time, measured - simulated, ".", ms=2, color=PORT, label="measured − simulated"
-            )
+            right.plot(time, residual, ".", ms=2, color=PORT, label="measured − simulated")
             left.set(ylabel=label, xlim=(time[0], time[-1]))
         for axis in axes[-1]:
             axis.set_xlabel("time [s]")
@@ -51,48 +54,61 @@ def measured_and_simulated(time: Series, panels: Mapping[str, Mapping[str, Serie
 
 
 def mission_estimates(panels: Mapping[str, Mapping]) -> Figure:
-    """Each mission's own estimates around the common one, relative, a panel per parameter, with the healthy band."""
-    colours = {"all shafts": SPEED, "port": PORT, "starboard": STARBOARD}
+    """Estimates of each mission around the common one, relative, with the healthy band.
+
+    Parameters
+    ----------
+    panels
+        By parameter: `band`, its half-width, and `sides` with mission (number), value and std of
+        the estimates.
+    """
+    n_columns = 2
+    n_rows = -(-len(panels) // n_columns)
     with matplotlib.rc_context(STYLE):
-        columns = 2
-        rows = -(-len(panels) // 2)
-        figure = Figure(figsize=(9.6, 2.1 * rows + 0.5), layout="constrained")
-        axes = figure.subplots(rows, columns, squeeze=False)
-        for axis in axes.flat[len(panels) :]:
-            axis.remove()
-        for axis, (name, panel) in zip(axes.flat, panels.items(), strict=False):
+        figure = new_figure(2.1 * n_rows + 0.5)
+        axes = panel_grid(figure, len(panels), n_columns)
+        for axis, (name, panel) in zip(axes, panels.items(), strict=True):
             band = 100.0 * panel["band"]
             axis.axhspan(-band, band, color=STARBOARD, alpha=0.12, lw=0, label="healthy band")
             axis.axhline(0.0, color=TRUTH, lw=0.8)
-            for k, (side, points) in enumerate(panel["sides"].items()):
-                place, value, std = (
-                    np.array(points[key], float) for key in ("mission", "value", "std")
-                )
-                bars = dict(fmt="o", ms=3, lw=1, color=colours[side], label=f"{side}, ± 2 std")
-                axis.errorbar(place + 0.16 * k, 100.0 * value, 200.0 * std, **bars)
+            for k, (side, estimates) in enumerate(panel["sides"].items()):
+                _error_bars(axis, side, estimates, shift=0.16 * k)
             axis.set_title(name, loc="left", fontsize=9)
             axis.set_ylabel("from common [%]")
             axis.xaxis.get_major_locator().set_params(integer=True)
             axis.set_xlabel("mission")
-        legend_above(figure, axes.flat[: len(panels)], columns=4)
+        legend_above(figure, axes, columns=4)
     return figure
+
+
+def _error_bars(axis: Axes, side: str, estimates: Mapping[str, Series], shift: float) -> None:
+    mission = np.array(estimates["mission"], float)
+    value = 100.0 * np.array(estimates["value"], float)
+    std = 100.0 * np.array(estimates["std"], float)
+    style = {"fmt": "o", "ms": 3, "lw": 1, "color": SIDE_COLOURS[side]}
+    axis.errorbar(mission + shift, value, 2.0 * std, label=f"{side}, ± 2 std", **style)
 
 
 def diagnosed_log(
     panels: Mapping[str, Mapping[str, Mapping[str, Sequence[float]]]],
     alarms: Sequence[Sequence[float]],
 ) -> Figure:
-    """Panels by axis label, in each lines by name: time [s], value, and a half-width if it has a band.
+    """Panels above one another on one time axis, the alarms shaded in all of them.
 
-    alarms (n_alarms, 2): begin and end [s]. A name ending in ", healthy" is the dotted companion of
-    the one before.
+    Parameters
+    ----------
+    panels
+        By label of the axis and name of the line: time [s], value, and a half-width if it has a
+        band. A name that ends in ", healthy" is the dotted companion of the line before.
+    alarms
+        Begin and end [s], (n_alarms, 2).
     """
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 1.45 * len(panels) + 0.5), layout="constrained")
+        figure = new_figure(1.45 * len(panels) + 0.5)
         axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
         for axis, (label, lines) in zip(axes, panels.items(), strict=True):
             for k, (name, line) in enumerate(lines.items()):
-                _draw(axis, name, line, COLOURS[k % len(COLOURS)])
+                _log_line(axis, name, line, COLOURS[k % len(COLOURS)])
             for begin, end in alarms:
                 axis.axvspan(begin, max(end, begin + 0.1), color=PORT, alpha=0.10, lw=0)
             axis.set_ylabel(label)
@@ -102,17 +118,19 @@ def diagnosed_log(
     return figure
 
 
-def _draw(axis, name: str, line: Mapping[str, Sequence[float]], other: str) -> None:
+def _log_line(
+    axis: Axes, name: str, line: Mapping[str, Sequence[float]], default_colour: str
+) -> None:
     base, healthy, _ = name.partition(", healthy")
-    colour = NAMED.get(base, other)
-    dash = ":" if healthy else "--" if base in DASHED else "-"
-    marker = "." if len(line["time"]) < SPARSE and base not in DASHED else None
-    axis.plot(
-        line["time"], line["value"], color=colour, lw=1.2, ls=dash, marker=marker, ms=3, label=name
-    )
+    colour = LINE_COLOURS.get(base, default_colour)
+    style = {"color": colour, "lw": 1.2, "label": name}
+    if healthy:
+        style["ls"] = ":"
+    elif base in DASHED:
+        style["ls"] = "--"
+    if len(line["time"]) < SPARSE and base not in DASHED:
+        style |= {"marker": ".", "ms": 3}
+    axis.plot(line["time"], line["value"], **style)
     if "width" in line:
-        value = np.array(line["value"])
-        width = np.array(line["width"])
-        axis.fill_between(
-            line["time"], value - width, value + width, color=colour, alpha=0.18, lw=0
-        )
+        middle = np.array(line["value"])
+        fill_band(axis, line["time"], middle, np.array(line["width"]), colour)

@@ -14,11 +14,16 @@ from training.report.figures.style import (
     STARBOARD,
     STYLE,
     TRUTH,
+    fill_band,
     legend_above,
+    new_figure,
 )
 
 Series = Sequence[float]
 Lines = Mapping[str, Series]  # clean, mean and std over time
+LINE_COLOURS = {"port": PORT, "starboard": STARBOARD, "speed": SPEED, "commanded": COMMAND}
+DASHED = ("starboard", "commanded")
+NOISY_BAND = "noisy, ±1 std"
 
 
 def filter_response(
@@ -30,16 +35,19 @@ def filter_response(
     units: Mapping[str, str],
     speed_changes: Series,
 ) -> Figure:
-    """Estimates of the parameter filter over time, one panel per parameter; scatter of the noisy runs as a band."""
+    """Estimates of the parameter filter over time, a panel per parameter.
+
+    The band is the standard deviation of the noisy runs; dotted lines are changes of the speed
+    command.
+    """
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 3.6), layout="constrained")
+        figure = new_figure(3.6)
         axes = figure.subplots(1, len(truth))
         for axis, name in zip(axes, truth, strict=True):
             mean = np.array(noisy_mean[name])
             std = np.array(noisy_std[name])
-            axis.fill_between(
-                time, mean - std, mean + std, color=SPEED, alpha=0.18, lw=0, label="noisy, ±1 std"
-            )
+            band = {"color": SPEED, "alpha": 0.18, "lw": 0, "label": NOISY_BAND}
+            axis.fill_between(time, mean - std, mean + std, **band)
             axis.plot(time, mean, color=SPEED, lw=1, label="noisy, mean")
             axis.plot(time, clean[name], color=PORT, lw=1.4, label="noise-free")
             axis.plot(time, truth[name], color=TRUTH, lw=1, ls="--", label="true")
@@ -50,26 +58,25 @@ def filter_response(
     return figure
 
 
-def _line(axis: Axes, time: Series, line: Mapping[str, Series], **style) -> None:
-    mean = np.array(line["mean"])
-    std = np.array(line["std"])
-    axis.fill_between(time, mean - std, mean + std, color=style["color"], alpha=0.18, lw=0)
-    axis.plot(time, line["clean"], lw=1.2, **style)
-
-
 def transients(
     time: Series, panels: Mapping[str, Mapping[str, Lines]], onset: float | None = None
 ) -> Figure:
-    """Readings over time: panels by axis label, each with lines by name; a fault's onset as a vertical line."""
-    named = {"port": PORT, "starboard": STARBOARD, "speed": SPEED, "commanded": COMMAND}
+    """Readings over time.
+
+    Parameters
+    ----------
+    time
+        [s].
+    panels
+        By label of the axis and name of the line: `clean`, and `mean` and `std` of the noisy runs.
+    onset
+        Onset of the fault [s].
+    """
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 5.0), layout="constrained")
+        figure = new_figure(5.0)
         axes = figure.subplots(2, 2, sharex=True)
         for axis, (label, lines) in zip(axes.flat, panels.items(), strict=True):
-            for (name, line), other in zip(
-                lines.items(), (TRUTH, PORT, STARBOARD, SPEED), strict=False
-            ):
-                _line(axis, time, line, color=named.get(name, other), label=name, ls=_dash(name))
+            _reading_lines(axis, time, lines)
             if onset is not None:
                 axis.axvline(onset, color=TRUTH, lw=0.8, ls=":", label="onset of the fault")
             axis.set(ylabel=label, xlim=(time[0], time[-1]))
@@ -79,29 +86,35 @@ def transients(
     return figure
 
 
-def _dash(name: str) -> str:
-    return "--" if name in ("starboard", "commanded") else "-"
+def _reading_lines(axis: Axes, time: Series, lines: Mapping[str, Lines]) -> None:
+    default_colours = (TRUTH, PORT, STARBOARD, SPEED)
+    for (name, line), default in zip(lines.items(), default_colours, strict=False):
+        colour = LINE_COLOURS.get(name, default)
+        dash = "--" if name in DASHED else "-"
+        fill_band(axis, time, np.array(line["mean"]), np.array(line["std"]), colour)
+        axis.plot(time, line["clean"], lw=1.2, color=colour, label=name, ls=dash)
 
 
 def consistency(time: Series, summaries: Sequence[Mapping]) -> Figure:
     """NEES and NIS over time, a row per filter, with the 95 % band of one instant."""
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 4.6), layout="constrained")
+        figure = new_figure(4.6)
         grid = figure.subplots(len(summaries), 2, sharex=True, squeeze=False)
         for axes, summary in zip(grid, summaries, strict=True):
             for axis, key in zip(axes, ("NEES", "NIS"), strict=True):
-                part = summary[key]
-                axis.axhspan(
-                    part["low"], part["high"], color=STARBOARD, alpha=0.15, lw=0, label="95 % band"
-                )
-                axis.plot(time, part["series"], lw=0.8, color=SPEED, label="mean over seeds")
-                reach = 2.5 * (part["high"] - part["low"])
-                axis.set(
-                    xlim=(0, time[-1]),
-                    ylim=(part["freedom"] - reach / 2, part["freedom"] + reach / 2),
-                )
+                _statistic(axis, time, summary[key])
                 axis.set_ylabel(f"{key}, {summary['name']}")
         for axis in grid[-1]:
             axis.set_xlabel("time [s]")
         legend_above(figure, grid.flat)
     return figure
+
+
+def _statistic(axis: Axes, time: Series, statistic: Mapping) -> None:
+    low = statistic["low"]
+    high = statistic["high"]
+    expected = statistic["freedom"]
+    axis.axhspan(low, high, color=STARBOARD, alpha=0.15, lw=0, label="95 % band")
+    axis.plot(time, statistic["series"], lw=0.8, color=SPEED, label="mean over seeds")
+    reach = 1.25 * (high - low)
+    axis.set(xlim=(0, time[-1]), ylim=(expected - reach, expected + reach))

@@ -1,4 +1,4 @@
-"""Figures of how good diagnosers are: functions that take data and return the figure."""
+"""Figures of how good diagnosers are."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
@@ -8,42 +8,33 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from training.report.figures.style import (
+    COLOURS,
     COMMAND,
-    PORT,
+    MAP_STYLE,
     SPEED,
-    STARBOARD,
     STYLE,
     TRUTH,
     legend_above,
+    new_figure,
+    panel_grid,
+    slanted_names,
+    write_cell,
 )
 
 Series = Sequence[float]
-COLOURS = (
-    PORT,
-    SPEED,
-    STARBOARD,
-    "#b9770e",
-    "#7d3c98",
-    "#117a8b",
-    "#8d6e63",
-    "#d4478c",
-    "#5d6d7e",
-    "#a3b81e",
-    "#f0a8b8",
-    "#4a235a",
-)
 DASHES = ("--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)))
 
 
 def line_styles(names: Iterable[str], references: Collection[str]) -> dict[str, dict[str, Any]]:
-    """How the line of each name looks: coloured and the first thick, references grey and dashed, and these last."""
+    """Style of the line of each name: the first thick, references last, grey and dashed."""
     names = list(names)
-    ranked = [name for name in names if name not in references]
-    styles = {
-        name: {"color": COLOURS[k % len(COLOURS)], "lw": 1.3 if k else 2.2}
-        for k, name in enumerate(ranked)
-    }
-    for k, name in enumerate(name for name in names if name in references):
+    styles: dict[str, dict[str, Any]] = {}
+    for name in names:
+        if name not in references:
+            colour = COLOURS[len(styles) % len(COLOURS)]
+            styles[name] = {"color": colour, "lw": 1.3 if styles else 2.2}
+    present = [name for name in names if name in references]
+    for k, name in enumerate(present):
         styles[name] = {"color": COMMAND, "lw": 1.3, "ls": DASHES[k % len(DASHES)]}
     return styles
 
@@ -53,16 +44,12 @@ def isolation_curves(
 ) -> Figure:
     """Share of the faults isolated by a time since onset, a line per name."""
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 4.8), layout="constrained")
+        figure = new_figure(4.8)
         axis = figure.subplots()
         for name, style in line_styles(shares, references).items():
             axis.plot(time, shares[name], label=name, **style)
-        axis.set(
-            xlabel="time since onset [s]",
-            ylabel="share of the faults isolated",
-            xlim=(0, time[-1]),
-            ylim=(-0.02, 1.02),
-        )
+        axis.set(xlabel="time since onset [s]", ylabel="share of the faults isolated")
+        axis.set(xlim=(0, time[-1]), ylim=(-0.02, 1.02))
         legend_above(figure, [axis], columns=5)
     return figure
 
@@ -75,53 +62,45 @@ def heat_map(
     digits: int,
     labels: tuple[str, str],
 ) -> Figure:
-    """Values from 0 to `top` as colour and, unless they round to 0, as numbers; labels of the axes, (columns, rows)."""
-    with matplotlib.rc_context(STYLE | {"axes.grid": False}):
-        figure = Figure(figsize=(9.6, 7.8), layout="constrained")
+    """Values from 0 to `top` as colour and, unless they round to 0, as numbers.
+
+    `labels` are those of the columns and of the rows.
+    """
+    with matplotlib.rc_context(MAP_STYLE):
+        figure = new_figure(7.8)
         axis = figure.subplots()
         axis.imshow(values, cmap="Blues", vmin=0, vmax=top, aspect="auto")
         for (row, column), value in np.ndenumerate(values):
             if round(value, digits) > 0.0:
                 colour = "white" if value > 0.55 * top else TRUTH
-                axis.text(
-                    column,
-                    row,
-                    f"{value:.{digits}f}",
-                    ha="center",
-                    va="center",
-                    color=colour,
-                    fontsize=8,
-                )
-        axis.set_xticks(
-            np.arange(len(columns)), columns, rotation=50, ha="right", rotation_mode="anchor"
-        )
+                write_cell(axis, row, column, f"{value:.{digits}f}", colour)
+        slanted_names(axis, columns, 50)
         axis.set_yticks(np.arange(len(rows)), rows)
         axis.set(xlabel=labels[0], ylabel=labels[1])
     return figure
 
 
 def confusion_matrix(classes: Sequence[str], shares: Sequence[Series]) -> Figure:
-    """Per cent of each true class (row) that were given each class (column)."""
-    return heat_map(
-        classes, classes, 100.0 * np.array(shares, float), 100.0, 0, ("decision", "true class")
-    )
+    """Per cent of each true class (row) decided as each class (column)."""
+    percent = 100.0 * np.array(shares, float)
+    return heat_map(classes, classes, percent, 100.0, 0, ("decision", "true class"))
 
 
 def reliability_diagrams(diagrams: Mapping[str, Mapping[str, Series]]) -> Figure:
-    """Accuracy against confidence, a panel per name; the area of a point is the share of the beliefs in its bin."""
-    columns = 4
-    rows = -(-len(diagrams) // 4)
+    """Accuracy against confidence, a panel per name.
+
+    The area of a point is the share of the beliefs in its bin.
+    """
+    n_columns = 4
+    n_rows = -(-len(diagrams) // n_columns)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 2.5 * rows), layout="constrained")
-        axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-        for axis in axes.flat[len(diagrams) :]:
-            axis.remove()
-        for axis, (name, bins) in zip(axes.flat, diagrams.items(), strict=False):
+        figure = new_figure(2.5 * n_rows)
+        axes = panel_grid(figure, len(diagrams), n_columns, sharex=True, sharey=True)
+        for axis, (name, bins) in zip(axes, diagrams.items(), strict=True):
             axis.plot([0, 1], [0, 1], color=COMMAND, lw=1, ls="--")
             area = 8 + 300 * np.array(bins["share"])
-            axis.scatter(
-                bins["confidence"], bins["accuracy"], area, color=SPEED, alpha=0.7, clip_on=False
-            )
+            style = {"color": SPEED, "alpha": 0.7, "clip_on": False}
+            axis.scatter(bins["confidence"], bins["accuracy"], area, **style)
             axis.set(title=name, xlim=(-0.05, 1.05), ylim=(-0.05, 1.05), aspect="equal")
             axis.tick_params(labelbottom=True)
         figure.supxlabel("confidence in the most probable class", fontsize=9)
@@ -131,19 +110,15 @@ def reliability_diagrams(diagrams: Mapping[str, Mapping[str, Series]]) -> Figure
 
 def severities(truth: Series, estimates: Mapping[str, Series]) -> Figure:
     """Estimated against true severity, a panel per name."""
+    limits = (-0.02, 1.02)
+    ticks = (0.0, 0.5, 1.0)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 3.6), layout="constrained")
+        figure = new_figure(3.6)
         axes = figure.subplots(1, len(estimates), sharex=True, sharey=True, squeeze=False)
-        for axis, (name, values) in zip(axes.flat, estimates.items(), strict=True):
+        for axis, (name, estimated) in zip(axes.flat, estimates.items(), strict=True):
             axis.plot([0, 1], [0, 1], color=COMMAND, lw=1, ls="--")
-            axis.plot(truth, values, ".", color=SPEED, alpha=0.45, ms=4, mew=0)
-            axis.set(
-                title=name,
-                xlabel="true severity",
-                xlim=(-0.02, 1.02),
-                ylim=(-0.02, 1.02),
-                aspect="equal",
-            )
-            axis.set(xticks=(0.0, 0.5, 1.0), yticks=(0.0, 0.5, 1.0))
+            axis.plot(truth, estimated, ".", color=SPEED, alpha=0.45, ms=4, mew=0)
+            axis.set(title=name, xlabel="true severity")
+            axis.set(xlim=limits, ylim=limits, aspect="equal", xticks=ticks, yticks=ticks)
         axes[0, 0].set_ylabel("estimated severity, given the true class")
     return figure

@@ -1,15 +1,33 @@
-"""The look of every figure: fonts, colours, and one legend for all panels."""
+"""The look of every figure: size, fonts, colours, panels and legends."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 PORT = "#c0392b"
 STARBOARD = "#1e8449"
 SPEED = "#1f4e79"
 COMMAND = "#8a949e"
 TRUTH = "#111111"
+COLOURS = (
+    PORT,
+    SPEED,
+    STARBOARD,
+    "#b9770e",
+    "#7d3c98",
+    "#117a8b",
+    "#8d6e63",
+    "#d4478c",
+    "#5d6d7e",
+    "#a3b81e",
+    "#f0a8b8",
+    "#4a235a",
+)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 STYLE = {
     "font.size": 9,
     "axes.grid": True,
@@ -20,15 +38,55 @@ STYLE = {
     "svg.fonttype": "path",
     "svg.hashsalt": "auv-fault",
 }
+MAP_STYLE = STYLE | {"axes.grid": False}
+
+
+def new_figure(height: float) -> Figure:
+    """An empty figure as wide as the page, its height in inches."""
+    return Figure(figsize=(9.6, height), layout="constrained")
+
+
+def panel_grid(figure: Figure, n_panels: int, n_columns: int, **options: Any) -> list[Axes]:
+    """So many panels, row by row in a grid of `n_columns`; the rest of the grid stays empty."""
+    n_rows = -(-n_panels // n_columns)
+    grid = figure.subplots(n_rows, n_columns, squeeze=False, **options)
+    for axis in grid.flat[n_panels:]:
+        axis.remove()
+    return list(grid.flat[:n_panels])
+
+
+def fill_band(
+    axis: Axes, x: Sequence[float], middle: np.ndarray, half_width: np.ndarray, colour: str
+) -> None:
+    """A transparent band around a line."""
+    low = middle - half_width
+    high = middle + half_width
+    axis.fill_between(x, low, high, color=colour, alpha=0.18, lw=0)
+
+
+def slanted_names(axis: Axes, names: Sequence[str], angle: float, **options: Any) -> None:
+    """Names below the columns of a map."""
+    options |= {"rotation": angle, "ha": "right", "rotation_mode": "anchor"}
+    axis.set_xticks(range(len(names)), names, **options)
+
+
+def write_cell(axis: Axes, row: int, column: int, text: str, colour: str, size: int = 8) -> None:
+    """A text in the middle of a cell of a map."""
+    axis.text(column, row, text, ha="center", va="center", color=colour, fontsize=size)
 
 
 def legend_above(figure: Figure, axes: Iterable[Axes], columns: int | None = None) -> None:
-    """One legend for all panels, above them, each name once; all names in one row unless `columns` are given."""
+    """One legend above all panels with each name once; in one row unless `columns` are given."""
     entries = {}
     for axis in axes:
         handles, names = axis.get_legend_handles_labels()
         entries |= dict(zip(names, handles, strict=True))
-    columns = columns or len(entries)
-    figure.legend(
-        entries.values(), entries.keys(), loc="outside upper center", ncols=columns, frameon=False
-    )
+    options = {"ncols": columns or len(entries), "frameon": False}
+    figure.legend(entries.values(), entries.keys(), loc="outside upper center", **options)
+
+
+def marker_legend(figure: Figure, markers: Mapping[str, str], title: str) -> None:
+    """A legend of the markers below all panels."""
+    handles = [Line2D([], [], marker=marker, color=TRUTH, ls="") for marker in markers.values()]
+    options = {"title": title, "ncols": 6, "frameon": False}
+    figure.legend(handles, markers, loc="outside lower center", **options)

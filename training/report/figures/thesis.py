@@ -1,29 +1,36 @@
-"""Figures of the thesis' networks: functions that take data and return the figure."""
+"""Figures of the thesis' networks."""
 
 from collections.abc import Mapping, Sequence
 from textwrap import fill
+from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 
 from training.report.figures.style import (
     COMMAND,
+    MAP_STYLE,
     PORT,
     SPEED,
     STARBOARD,
     STYLE,
     TRUTH,
+    fill_band,
     legend_above,
+    new_figure,
+    write_cell,
 )
 
 Series = Sequence[float]
 Rows = Sequence[Series]
-COLOURS = (STARBOARD, "#b9770e", SPEED, PORT, "#7d3c98")  # by output node, normal first
+MODE_COLOURS = (STARBOARD, "#b9770e", SPEED, PORT, "#7d3c98")  # by output node, normal first
 HEIGHT = {"cmap": "YlOrRd", "vmin": 0.0, "vmax": 1.0}
+SAME_PLACE = 0.05  # on the map, within which instants share a text
 
 
 def network_outputs(
@@ -33,22 +40,24 @@ def network_outputs(
     mean: Sequence[Rows],
     std: Sequence[Rows],
 ) -> Figure:
-    """Outputs over the points of the training set, (n_checkpoints, n_modes, n_points), a panel per checkpoint."""
+    """Outputs over the points of the training set, a panel per checkpoint.
+
+    `mean` and `std` are (n_checkpoints, n_modes, n_points).
+    """
+    n_points = len(point) * (point[1] - point[0])
+    length = n_points / len(modes)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 7.6), layout="constrained")
+        figure = new_figure(7.6)
         axes = figure.subplots(len(presentations), 1, sharex=True)
-        step = point[1] - point[0]
-        length = len(point) * step / len(modes)
         for axis, count, means, stds in zip(axes, presentations, mean, std, strict=True):
             _outputs(axis, point, modes, means, stds)
             for k in range(1, len(modes)):
                 axis.axvline(k * length, color=TRUTH, lw=0.8, ls=":")
-            axis.set(ylabel="output", xlim=(0, len(modes) * length), ylim=(-0.05, 1.1))
+            axis.set(ylabel="output", xlim=(0, n_points), ylim=(-0.05, 1.1))
             axis.set_title(f"after {count:,} presentations", loc="left", fontsize=9)
-        for k, mode in enumerate(modes):
-            axes[0].text(
-                (k + 0.5) * length, 1.14, f"true: {mode}", ha="center", fontsize=8, color=COLOURS[k]
-            )
+        for k, (mode, colour) in enumerate(zip(modes, MODE_COLOURS, strict=False)):
+            style = {"ha": "center", "fontsize": 8, "color": colour}
+            axes[0].text((k + 0.5) * length, 1.14, f"true: {mode}", **style)
         axes[0].set_title(f"after {presentations[0]:,} presentations\n", loc="left", fontsize=9)
         axes[-1].set_xlabel("point of the training set")
         legend_above(figure, axes)
@@ -57,28 +66,23 @@ def network_outputs(
 
 def _outputs(axis: Axes, x: Series, modes: Sequence[str], means: Rows, stds: Rows) -> None:
     """A line with a band per output."""
-    for mode, colour, mean, std in zip(
-        modes, COLOURS, np.array(means), np.array(stds), strict=False
-    ):
-        axis.fill_between(x, mean - std, mean + std, color=colour, alpha=0.18, lw=0)
+    for mode, colour, mean, std in zip(modes, MODE_COLOURS, means, stds, strict=False):
+        fill_band(axis, x, np.array(mean), np.array(std), colour)
         axis.plot(x, mean, color=colour, lw=1.1, label=mode)
 
 
 def confusion_by_size(
     drags: Sequence[str], propellers: Sequence[str], count: Rows, text: Sequence[Sequence[str]]
 ) -> Figure:
-    """How many of 100 points are confused, by size of the drag fault (rows) and kind of the propeller fault."""
-    with matplotlib.rc_context(STYLE | {"axes.grid": False}):
-        figure = Figure(figsize=(9.6, 3.6), layout="constrained")
+    """How many of 100 points are confused, by drag fault (rows) and propeller fault (columns)."""
+    counts = np.array(count)
+    scale = {"cmap": "YlOrRd", "vmin": 0.0, "vmax": 100.0}
+    with matplotlib.rc_context(MAP_STYLE):
+        figure = new_figure(3.6)
         axis = figure.subplots()
-        image = axis.imshow(
-            np.array(count), aspect="auto", cmap="YlOrRd", vmin=0.0, vmax=100.0, origin="lower"
-        )
-        for (row, column), value in np.ndenumerate(np.array(count)):
-            colour = "w" if value > 60 else TRUTH
-            axis.text(
-                column, row, text[row][column], ha="center", va="center", color=colour, fontsize=8
-            )
+        image = axis.imshow(counts, aspect="auto", origin="lower", **scale)
+        for (row, column), value in np.ndenumerate(counts):
+            write_cell(axis, row, column, text[row][column], "w" if value > 60 else TRUTH)
         axis.set_xticks(range(len(propellers)), [fill(name, 16) for name in propellers], fontsize=8)
         axis.set_yticks(range(len(drags)), drags)
         axis.set(xlabel="propeller fault", ylabel="drag fault")
@@ -89,9 +93,9 @@ def confusion_by_size(
 def decision_surfaces(
     axis: Series, surfaces: Mapping[str, Rows], windows: Mapping[str, Series]
 ) -> Figure:
-    """Heights over the map of alpha (across) and beta, (n_alpha, n_beta), a panel each; the normal window as a box."""
-    with matplotlib.rc_context(STYLE | {"axes.grid": False}):
-        figure = Figure(figsize=(9.6, 3.5), layout="constrained")
+    """Heights over the map, (n_alpha, n_beta), a panel each; the normal window as a box."""
+    with matplotlib.rc_context(MAP_STYLE):
+        figure = new_figure(3.5)
         panels = figure.subplots(1, len(surfaces), sharex=True, sharey=True)
         for panel, (title, surface) in zip(panels, surfaces.items(), strict=True):
             image = _surface(panel, axis, surface, windows)
@@ -101,19 +105,15 @@ def decision_surfaces(
     return figure
 
 
-def _surface(
-    panel: Axes, axis: Series, surface: Rows, windows: Mapping[str, Series]
-) -> matplotlib.image.AxesImage:
-    half = 0.5 * (axis[1] - axis[0])
-    extent = (axis[0] - half, axis[-1] + half) * 2
-    image = panel.imshow(
-        np.array(surface).T, origin="lower", extent=extent, aspect="auto", **HEIGHT
-    )
-    (left, right) = windows["alpha"]
-    (low, high) = windows["beta"]
-    panel.add_patch(
-        Rectangle((left, low), right - left, high - low, fill=False, ec=TRUTH, lw=1.0, ls="--")
-    )
+def _surface(panel: Axes, axis: Series, surface: Rows, windows: Mapping[str, Series]) -> AxesImage:
+    half_step = 0.5 * (axis[1] - axis[0])
+    extent = (axis[0] - half_step, axis[-1] + half_step) * 2
+    heights = np.array(surface).T
+    image = panel.imshow(heights, origin="lower", extent=extent, aspect="auto", **HEIGHT)
+    left, right = windows["alpha"]
+    low, high = windows["beta"]
+    style = {"fill": False, "ec": TRUTH, "lw": 1.0, "ls": "--"}
+    panel.add_patch(Rectangle((left, low), right - left, high - low, **style))
     return image
 
 
@@ -124,9 +124,12 @@ def network_response(
     onset: float,
     speed_changes: Series,
 ) -> Figure:
-    """Outputs and severity over time, a panel per kind of data: mean and std (n_modes + 1, n_samples) over networks."""
+    """Outputs and severity over time, a panel per kind of data.
+
+    Each panel has mean and std over networks, (n_modes + 1, n_samples), the severity last.
+    """
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 5.0), layout="constrained")
+        figure = new_figure(5.0)
         axes = figure.subplots(len(panels), 1, sharex=True)
         for axis, (title, lines) in zip(axes, panels.items(), strict=True):
             _outputs(axis, time, modes, lines["mean"], lines["std"])
@@ -148,20 +151,17 @@ def trajectories(
     paths: Mapping[str, Mapping[str, Sequence[Series]]],
     instants: Sequence[float],
 ) -> Figure:
-    """Estimates (n_samples, 2) moving over the map, a panel per run: noise-free, and one with noise."""
-    with matplotlib.rc_context(STYLE | {"axes.grid": False}):
-        figure = Figure(figsize=(9.6, 4.4), layout="constrained")
+    """Estimates (n_samples, 2) moving over the map, a panel per run.
+
+    Each path has the estimates without noise (`clean`), those of one noisy run (`noisy`), and the
+    samples of `clean` at the `instants` (`marks`).
+    """
+    with matplotlib.rc_context(MAP_STYLE):
+        figure = new_figure(4.4)
         panels = figure.subplots(1, len(paths), sharex=True, sharey=True)
         for panel, (title, path) in zip(panels, paths.items(), strict=True):
             image = _surface(panel, axis, surface, windows)
-            panel.plot(*np.array(path["noisy"]).T, color="#5dade2", lw=0.8, label="one noisy run")
-            clean = np.array(path["clean"])
-            panel.plot(*clean.T, color=SPEED, lw=1.6, label="noise-free")
-            marked = clean[np.array(path["marks"], int)]
-            panel.plot(*marked.T, "o", color=SPEED, ms=4, ls="", label="at the times given")
-            for group in _gathered(marked, instants):
-                text = panel.annotate(*group, textcoords="offset points", xytext=(6, 5), fontsize=8)
-                text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
+            _path(panel, path, instants)
             panel.set(title=title, xlabel="alpha, normalised", xlim=(0, 1), ylim=(0, 1))
         panels[0].set_ylabel("beta, normalised")
         figure.colorbar(image, ax=panels, label="severity of the map")
@@ -169,13 +169,30 @@ def trajectories(
     return figure
 
 
-def _gathered(points: np.ndarray, instants: Sequence[float]) -> list[tuple[str, np.ndarray]]:
-    """One text per place, naming all instants at which the path is within 0.05 of it."""
-    groups: list[tuple[list[str], np.ndarray]] = []
+def _path(panel: Axes, path: Mapping[str, Any], instants: Sequence[float]) -> None:
+    clean = np.array(path["clean"])
+    marked = clean[np.array(path["marks"], int)]
+    panel.plot(*np.array(path["noisy"]).T, color="#5dade2", lw=0.8, label="one noisy run")
+    panel.plot(*clean.T, color=SPEED, lw=1.6, label="noise-free")
+    panel.plot(*marked.T, "o", color=SPEED, ms=4, ls="", label="at the times given")
+    style = {"textcoords": "offset points", "xytext": (6, 5), "fontsize": 8}
+    for text, place in _instants_by_place(marked, instants):
+        annotation = panel.annotate(text, place, **style)
+        annotation.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
+
+
+def _instants_by_place(
+    points: np.ndarray, instants: Sequence[float]
+) -> list[tuple[str, np.ndarray]]:
+    """One text per place with all instants at which the path is near it."""
+    places: list[np.ndarray] = []
+    texts: list[list[str]] = []
     for point, instant in zip(points, instants, strict=True):
-        near = next((names for names, place in groups if np.hypot(*(place - point)) < 0.05), None)
-        if near is None:
-            groups.append(([f"{instant:g}"], point))
+        near = [k for k, place in enumerate(places) if np.hypot(*(place - point)) < SAME_PLACE]
+        if near:
+            texts[near[0]].append(f"{instant:g}")
         else:
-            near.append(f"{instant:g}")
-    return [(", ".join(names) + " s", place) for names, place in groups]
+            places.append(point)
+            texts.append([f"{instant:g}"])
+    joined = [", ".join(names) + " s" for names in texts]
+    return list(zip(joined, places, strict=True))
