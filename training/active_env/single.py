@@ -34,9 +34,9 @@ class ActiveDiagnosisEnv(gym.Env):
 
     | Names | Meaning |
     |---|---|
-    | `log_odds:CLASS` | asinh of the log odds of each class of `auv_fault_env.classes()`, within +-20 |
+    | `log_odds:CLASS` | asinh of the log odds of each class, within +-20 |
     | `severity` | mean severity of the most probable fault |
-    | `alpha`, `alpha_std`, `beta`, `beta_std` | drag and thrust of the parameter filter, by nominal |
+    | `alpha`, `alpha_std`, `beta`, `beta_std` | estimated drag and thrust over nominal |
     | `mission_speed` | [m/s] |
     | `speed_error` | measured speed minus mission speed [m/s] |
     | `last_offset` | the last action, 0 at the start |

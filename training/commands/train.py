@@ -1,10 +1,10 @@
-"""``auv-fault train``: a diagnoser's weights, with a card that tells how they were made and a report.
+"""``auv-fault train``: the weights of a diagnoser, with their card and a report.
 
-While it trains, checkpoint and TensorBoard log lie in ``OUTPUT-unfinished``, visible beside the
-output; when all is done, the output appears and that folder goes. Whatever breaks a run off, the
-same command goes on after the last complete epoch and ends with the same weights, bit for bit. They
-are the same on one machine with one number of threads (OMP_NUM_THREADS): another number, or another
-processor, adds up in another order.
+During the training checkpoint and TensorBoard log are in ``OUTPUT-unfinished`` beside the output;
+at the end the output appears and that folder disappears. After any interruption the same command
+continues after the last complete epoch and ends with the same weights, bit for bit. That holds on
+one machine with one number of threads (OMP_NUM_THREADS): another number, or another processor, adds
+up in another order.
 """
 
 import os
@@ -23,7 +23,7 @@ from training.arguments import Train
 from training.learning.checkpoint import LOG, Progress, unfinished_folder
 from training.learning.loop import train
 from training.learning.page import page
-from training.learning.trainer import Trainer, trainer_of
+from training.learning.trainer import Trainer, make_trainer
 from training.report.page import write_report
 from training.report.run_folder import (
     checked_output,
@@ -37,20 +37,17 @@ SETTINGS = ("name", "seed", "epochs")
 
 
 def main(arguments: Train) -> None:
-    """Train, or go on with a training that was broken off; a finished one is left as it is."""
+    """Train, or continue an interrupted training; a finished one stays as it is."""
     finite_in_range("seed", arguments.seed, 0, 2**62)
-    trainer = trainer_of(arguments.name, arguments.seed)
+    trainer = make_trainer(arguments.name, arguments.seed)
     if arguments.epochs is not None and whole_number("epochs", arguments.epochs) > trainer.epochs:
         raise refusal("epochs", arguments.epochs, f"1 to {trainer.epochs}", "leave it out for all")
     output = checked_output(arguments.output or Path("runs") / f"train-{arguments.name}")
     unfinished = unfinished_folder(output)
     if arguments.restart:
         shutil.rmtree(unfinished, ignore_errors=True)
-    if (
-        arguments.restart
-        or unfinished.exists()
-        or not is_finished(output, "train", arguments, SETTINGS)
-    ):
+    must_train = arguments.restart or unfinished.exists()
+    if must_train or not is_finished(output, "train", arguments, SETTINGS):
         _run(arguments, trainer, output, unfinished)
         print(f"report: {output / 'index.html'}")
     else:
@@ -60,51 +57,58 @@ def main(arguments: Train) -> None:
 
 
 def is_finished(output: Path, name: str, arguments: Any, settings: Sequence[str]) -> bool:
-    """Whether this very training is at the output; another training there is refused: it may have taken hours.
+    """Whether the output is that of this training; another training is refused, for its hours.
 
-    `name` is that of the command, `settings` the arguments that make a training what it is.
+    Parameters
+    ----------
+    name
+        Of the command.
+    settings
+        Names of the arguments in which two trainings must agree.
     """
     manifest = read_manifest(output)
     if manifest is None or manifest["command"] != f"auv-fault {name}":
         return False
-    got = {setting: manifest["arguments"][setting] for setting in settings}
-    if got != {setting: getattr(arguments, setting) for setting in settings}:
+    finished = {setting: manifest["arguments"][setting] for setting in settings}
+    if finished != {setting: getattr(arguments, setting) for setting in settings}:
         remedy = "choose another --output, or add --restart to replace it"
-        raise refusal(f"training in {output}", got, "that of this command", remedy)
+        raise refusal(f"training in {output}", finished, "that of this command", remedy)
     return True
 
 
 @contextmanager
-def to_be_repeated(output: Path, restart: bool) -> Iterator[None]:
-    """Whatever breaks a training off, say that the same command goes on."""
+def explain_interruption(output: Path, restart: bool) -> Iterator[None]:
+    """Turn an interruption into an error which says that the same command continues."""
     try:
         yield
     except KeyboardInterrupt:
         same = "the same command without --restart" if restart else "the same command"
         raise KeyboardInterrupt(f"{same} goes on after the last complete epoch") from None
     except (OSError, SafetensorError) as error:
-        allowed = f"a place that can be written ({getattr(error, 'strerror', None) or error})"
-        raise refusal(
-            "output", str(output), allowed, "make room and repeat the command: it goes on"
-        ) from None
+        reason = getattr(error, "strerror", None) or error
+        allowed = f"a place that can be written ({reason})"
+        remedy = "make room and repeat the command: it goes on"
+        raise refusal("output", str(output), allowed, remedy) from None
 
 
 def _run(arguments: Train, trainer: Trainer, output: Path, unfinished: Path) -> None:
-    with to_be_repeated(output, arguments.restart):
+    with explain_interruption(output, arguments.restart):
         progress = train(trainer, arguments.name, arguments.seed, unfinished, arguments.epochs)
-        begin = time.perf_counter()
+        start = time.perf_counter()
         diagnoser, figures = trainer.finish()
-        seconds = time.perf_counter() - begin + sum(epoch["seconds"] for epoch in progress.history)
+        seconds = time.perf_counter() - start
+        seconds += sum(epoch["seconds"] for epoch in progress.history)
         with run_folder(output, "train", arguments) as folder:
             shutil.copytree(unfinished / LOG, folder / LOG)
-            write_run(folder, diagnoser, card(arguments, trainer.data, progress, figures, seconds))
+            training_card = card(arguments, trainer.data, progress, figures, seconds)
+            write_run(folder, diagnoser, training_card)
     shutil.rmtree(unfinished, ignore_errors=True)
 
 
 def card(
     arguments: Train, data: str, progress: Progress, figures: dict[str, Any], seconds: float
 ) -> dict[str, Any]:
-    """How the weights were made: command, seed, data, versions, what it took, and what came out, as plain data."""
+    """The card of the weights as plain data: command, seed, data, versions, effort and figures."""
     shortened = "" if arguments.epochs is None else f" --epochs {arguments.epochs}"
     return {
         "diagnoser": arguments.name,
@@ -121,18 +125,18 @@ def card(
     }
 
 
-def write_run(folder: Path, diagnoser: Recursive, made: dict[str, Any]) -> None:
+def write_run(folder: Path, diagnoser: Recursive, training_card: dict[str, Any]) -> None:
     """Write weights, card and report."""
-    name = made["diagnoser"]
+    name = training_card["diagnoser"]
     diagnoser.save(folder / f"{name}.safetensors")
-    write_json(folder / f"{name}.json", made)
-    results = page(made)
+    write_json(folder / f"{name}.json", training_card)
+    results = page(training_card)
     write_json(folder / "results.json", results)
     write_report(results, folder)
 
 
 def install(folder: Path, name: str) -> None:
-    """Copy weights and card to where the package looks for them; each file is replaced whole."""
+    """Copy weights and card into the package; each file is replaced as a whole."""
     try:
         storage.WEIGHTS.mkdir(exist_ok=True)
         for file in (f"{name}.safetensors", f"{name}.json"):
@@ -140,7 +144,6 @@ def install(folder: Path, name: str) -> None:
             os.replace(storage.WEIGHTS / f".{file}", storage.WEIGHTS / file)
     except OSError as error:
         allowed = f"files and a place that can be written ({error.strerror or error})"
-        raise refusal(
-            "installing weights", str(storage.WEIGHTS), allowed, f"copy them from {folder}"
-        ) from None
+        remedy = f"copy them from {folder}"
+        raise refusal("installing weights", str(storage.WEIGHTS), allowed, remedy) from None
     print(f"installed: {storage.WEIGHTS / name}.safetensors and .json")

@@ -1,9 +1,9 @@
-"""``auv-fault train-stimulus``: a policy that chooses the speed so that a fault shows sooner, within a budget.
+"""``auv-fault train-stimulus``: a policy that chooses the speed, within a budget.
 
-It runs and goes on as ``auv-fault train`` does: checkpoint and TensorBoard log lie in
-``OUTPUT-unfinished`` until all is done, and the same command goes on after the last complete epoch
-and ends with the same policy, bit for bit, on one machine. Whole epochs are trained: `--steps` is
-rounded up to them.
+It runs and continues as ``auv-fault train``: checkpoint and TensorBoard log are in
+``OUTPUT-unfinished`` until the end, and after an interruption the same command continues after the
+last complete epoch and ends with the same policy, bit for bit, on one machine. `--steps` is rounded
+up to whole epochs.
 """
 
 import shutil
@@ -15,7 +15,7 @@ from auv_fault_env.channels import MAXIMUM_COMMAND
 from auv_fault_env.errors import finite_in_range, known_name, whole_number
 from diagnosers.registry import ranked
 from training.arguments import TrainStimulus
-from training.commands.train import install, is_finished, to_be_repeated
+from training.commands.train import explain_interruption, install, is_finished
 from training.learning.checkpoint import LOG, Progress, unfinished_folder
 from training.learning.loop import train
 from training.learning.page import page
@@ -28,22 +28,18 @@ SETTINGS = ("diagnoser", "budget", "seed", "steps")
 
 
 def main(arguments: TrainStimulus) -> None:
-    """Train, or go on with a training that was broken off; a finished one is left as it is."""
-    trainer = trainer_of(arguments)
+    """Train, or continue an interrupted training; a finished one stays as it is."""
+    trainer = make_trainer(arguments)
     name = policy_name(arguments.diagnoser, arguments.seed)
     output = checked_output(arguments.output or Path("runs") / f"train-{name}")
     unfinished = unfinished_folder(output)
     if arguments.restart:
         shutil.rmtree(unfinished, ignore_errors=True)
-    if (
-        arguments.restart
-        or unfinished.exists()
-        or not is_finished(output, "train-stimulus", arguments, SETTINGS)
-    ):
-        made = _run(arguments, trainer, output, unfinished)
-        print(
-            f"{made['figures']['decisions_per_second']:.0f} decisions per second, 10 samples of 0.1 s each"
-        )
+    must_train = arguments.restart or unfinished.exists()
+    if must_train or not is_finished(output, "train-stimulus", arguments, SETTINGS):
+        figures = _run(arguments, trainer, output, unfinished)["figures"]
+        rate = f"{figures['decisions_per_second']:.0f} decisions per second"
+        print(f"{rate}, 10 samples of 0.1 s each")
         print(f"report: {output / 'index.html'}")
     else:
         print(f"already trained: {output}; --restart trains anew")
@@ -51,8 +47,8 @@ def main(arguments: TrainStimulus) -> None:
         install(output, name)
 
 
-def trainer_of(arguments: TrainStimulus) -> StimulusTrainer:
-    """The trainer that is asked for; bad arguments are refused."""
+def make_trainer(arguments: TrainStimulus) -> StimulusTrainer:
+    """The trainer of these arguments, which are checked."""
     seed = int(finite_in_range("seed", arguments.seed, 0, 2**62))
     budget = finite_in_range("budget", arguments.budget, 0.001, MAXIMUM_COMMAND)
     diagnoser = known_name("diagnoser", arguments.diagnoser, ranked())
@@ -63,16 +59,17 @@ def trainer_of(arguments: TrainStimulus) -> StimulusTrainer:
 def _run(
     arguments: TrainStimulus, trainer: StimulusTrainer, output: Path, unfinished: Path
 ) -> dict[str, Any]:
+    """Train and write the run folder; the card."""
     name = policy_name(arguments.diagnoser, arguments.seed)
-    with to_be_repeated(output, arguments.restart):
+    with explain_interruption(output, arguments.restart):
         progress = train(trainer, name, arguments.seed, unfinished)
         policy, figures = trainer.finish()
-        made = card(arguments, trainer, progress, figures)
+        training_card = card(arguments, trainer, progress, figures)
         with run_folder(output, "train-stimulus", arguments) as folder:
             shutil.copytree(unfinished / LOG, folder / LOG)
-            write_run(folder, name, policy, made)
+            write_run(folder, name, policy, training_card)
     shutil.rmtree(unfinished, ignore_errors=True)
-    return made
+    return training_card
 
 
 def card(
@@ -81,18 +78,20 @@ def card(
     progress: Progress,
     figures: dict[str, float],
 ) -> dict[str, Any]:
-    """How the policy was made: command, seed, data, versions, what it took, and what came out, as plain data."""
-    options = " ".join(f"--{name} {getattr(arguments, name)}" for name in SETTINGS)
-    made_with = provenance()
-    made_with["versions"]["stable-baselines3"] = version("stable-baselines3")
+    """The card of the policy as plain data: command, seed, data, versions, effort and figures."""
+    settings = {name: getattr(arguments, name) for name in SETTINGS}
+    options = " ".join(f"--{name} {setting}" for name, setting in settings.items())
+    origin = provenance()
+    origin["versions"]["stable-baselines3"] = version("stable-baselines3")
     seconds = sum(epoch["seconds"] for epoch in progress.history)
-    decisions = len(progress.history) * (trainer.decisions + trainer.validation_decisions)
+    decisions_per_epoch = trainer.decisions + trainer.validation_decisions
+    decisions = len(progress.history) * decisions_per_epoch
     return {
-        **{name: getattr(arguments, name) for name in SETTINGS},
+        **settings,
         "command": f"auv-fault train-stimulus {options}",
         "data": trainer.data,
         "features": trainer.policy().features,
-        **made_with,
+        **origin,
         "epochs": len(progress.history),
         "best_epoch": progress.best_epoch,
         "seconds": round(seconds, 1),
@@ -102,11 +101,13 @@ def card(
     }
 
 
-def write_run(folder: Path, name: str, policy: LearnedPolicy, made: dict[str, Any]) -> None:
+def write_run(
+    folder: Path, name: str, policy: LearnedPolicy, training_card: dict[str, Any]
+) -> None:
     """Write policy, card and report."""
     policy.save(folder / f"{name}.safetensors")
-    write_json(folder / f"{name}.json", made)
+    write_json(folder / f"{name}.json", training_card)
     title = f"Training of a stimulus for {policy.diagnoser} within {policy.budget:g} m/s"
-    results = page(made) | {"title": title}
+    results = page(training_card) | {"title": title}
     write_json(folder / "results.json", results)
     write_report(results, folder)

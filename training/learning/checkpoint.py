@@ -1,4 +1,4 @@
-"""The checkpoint of a training: how far it has come, in one file beside the output, for as long as it is unfinished."""
+"""The checkpoint of an unfinished training: its progress, in one file beside the output."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,11 +15,15 @@ Tensors = dict[str, np.ndarray]
 
 
 class Progress(NamedTuple):
-    """How far a training has come.
+    """The progress of a training.
 
-    history: an entry per epoch with seconds and the scalars of train and validation; current and
-    best: the trainer's state after the last epoch, and after the one with the lowest validation
-    loss (the initial one before the first).
+    Attributes
+    ----------
+    history
+        An entry per epoch with seconds and the scalars of train and validation.
+    current, best
+        The trainer's state after the last epoch, and after the one with the lowest validation loss;
+        the initial one before the first.
     """
 
     history: list[dict[str, Any]]
@@ -33,65 +37,62 @@ class Progress(NamedTuple):
 
     @property
     def best_epoch(self) -> int:
-        """The epoch with the lowest validation loss, the first of equals, counted from 1; 0 before the first."""
+        """The first epoch with the lowest validation loss, counted from 1; 0 before the first."""
         return self.losses.index(min(self.losses)) + 1 if self.history else 0
 
     def after(self, epoch: Mapping[str, Any], state: Mapping[str, np.ndarray]) -> "Progress":
-        """The progress with one more epoch and the state that it led to."""
+        """The progress with one more epoch and the state after it."""
         current = {name: np.array(tensor) for name, tensor in state.items()}
-        better = epoch["validation"]["loss"] < min(self.losses, default=np.inf)
-        return Progress([*self.history, dict(epoch)], current, current if better else self.best)
+        is_better = epoch["validation"]["loss"] < min(self.losses, default=np.inf)
+        best = current if is_better else self.best
+        return Progress([*self.history, dict(epoch)], current, best)
 
 
 def unfinished_folder(output: Path) -> Path:
-    """The folder of the checkpoint and the log while the training for `output` lasts; a foreign one is refused."""
+    """The folder of checkpoint and log until the output is written; a foreign one is refused."""
     folder = output.with_name(f"{output.name}-unfinished")
-    foreign = {path.name for path in folder.glob("*") if not path.name.startswith(f".{FILE}-")} - {
-        FILE,
-        LOG,
-    }
-    if foreign or (folder.exists() and not folder.is_dir()):
-        allowed = "a free place for the checkpoint"
+    names = {path.name for path in folder.glob("*")}
+    own = {name for name in names if name in (FILE, LOG) or name.startswith(f".{FILE}-")}
+    is_foreign = names != own or (folder.exists() and not folder.is_dir())
+    if is_foreign:
         raise refusal(
-            "folder of the unfinished run", str(folder), allowed, "choose another --output"
+            "folder of the unfinished run",
+            str(folder),
+            "a free place for the checkpoint",
+            "choose another --output",
         )
     return folder
 
 
 def write(folder: Path, origin: Mapping[str, Any], progress: Progress) -> None:
-    """Write the checkpoint, aside first: whenever the process dies, the file is whole, the old or the new one."""
-    states = {"current": progress.current, "best": progress.best}
-    tensors = {
-        f"{kind}/{name}": tensor for kind, state in states.items() for name, tensor in state.items()
-    }
-    # the file sorts, and knows no scalars
+    """Write the checkpoint, aside first: whenever the process dies, one whole file is there."""
+    tensors = {f"current/{name}": tensor for name, tensor in progress.current.items()}
+    tensors |= {f"best/{name}": tensor for name, tensor in progress.best.items()}
+    # the file sorts the tensors, and has no scalars
     shapes = [(name, np.shape(tensor)) for name, tensor in tensors.items()]
-    storage.write(
-        folder / FILE, tensors, {"origin": origin, "history": progress.history, "shapes": shapes}
-    )
+    header = {"origin": origin, "history": progress.history, "shapes": shapes}
+    storage.write(folder / FILE, tensors, header)
 
 
 def read(folder: Path, origin: Mapping[str, Any]) -> Progress:
-    """The progress that `write` kept, if it is of the same origin (diagnoser, seed, code); else a refusal."""
+    """The progress in the file; one of another origin (diagnoser, seed, code) is refused."""
     try:
         tensors, header = storage.read(folder / FILE)
-        got = header["origin"]
+        found_origin = header["origin"]
         history = header["history"]
         tensors = {name: tensors[name].reshape(shape) for name, shape in header["shapes"]}
     except (InputError, KeyError, TypeError, ValueError):
         allowed = "a complete checkpoint, and this file is damaged"
-        raise refusal(
-            "checkpoint", str(folder / FILE), allowed, "add --restart to train anew"
-        ) from None
-    if got != origin:
+        remedy = "add --restart to train anew"
+        raise refusal("checkpoint", str(folder / FILE), allowed, remedy) from None
+    if found_origin != origin:
+        allowed = f"that of this command, {dict(origin)}"
         remedy = "add --restart to train anew, or choose another --output"
-        raise refusal(
-            f"checkpoint in {folder}", got, f"that of this command, {dict(origin)}", remedy
-        )
-    return Progress(history, _part(tensors, "current/"), _part(tensors, "best/"))
+        raise refusal(f"checkpoint in {folder}", found_origin, allowed, remedy)
+    return Progress(history, _with_prefix(tensors, "current/"), _with_prefix(tensors, "best/"))
 
 
-def _part(tensors: Tensors, prefix: str) -> Tensors:
+def _with_prefix(tensors: Tensors, prefix: str) -> Tensors:
     return {
         name.removeprefix(prefix): tensor
         for name, tensor in tensors.items()

@@ -1,204 +1,210 @@
-"""Trains the integrated network (VI.B): a recurrent network on readings, residuals and filter estimates."""
+"""Trains the integrated network (VI.B): a recurrent network on readings, residuals and filters."""
 
-import re
 from collections import deque
-from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from collections.abc import Iterator
 from itertools import chain, islice
 from math import cos, pi
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
 from torch import nn
 
 from auv_fault_env.faults import classes
-from auv_fault_env.parameters import PRESETS
-from auv_fault_env.schedules import ScheduleSampler
 from diagnosers.integrated import Integrated, smooth_opinion
-from diagnosers.networks.features import Features, feature_names
 from diagnosers.networks.integrated_network import Network
 from training.learning.adam import AdamTraining
-from training.learning.episodes import training_episodes
+from training.learning.episode_sets import (
+    LANES,
+    EpisodeSet,
+    batches,
+    mirrored,
+    simulated_sets,
+    single_samples,
+)
 from training.learning.reproducible import one_thread
-from training.rollouts import Rollout
 from training.seeds import SPAN
 
-# faults stay; after a repair, reset
-SCHEDULES = ScheduleSampler(compound=0.05, intermittent=0.05, repaired=0.0)
-LANES = 512  # episodes simulated together
-LESSONS = 4  # such simulations per epoch
-# simulations at a time, and ahead of their use: the filter bank takes more time than all else
-SIMULATORS = 2
-AHEAD = 4
-# epochs whose lessons the encoder looks back on, and at which of their samples
-KEPT = 6
-KEPT_EVERY = 6
-GLANCES = 150  # steps of the encoder per lesson
-# lessons drawn for such a step, and samples of each
-MIXED = 8
-GLANCED = 256
-BATCH = 32  # episodes per step of the memory
-LOOKING = 6  # epochs in which the encoder learns alone
-RATE = 1e-3  # of Adam at the highest
-MEMORY_RATE = 2e-3  # they fall to zero as a cosine over all epochs
+SETS = 4  # simulated sets of episodes per epoch
+VALIDATION_SETS = 2  # to validate and to calibrate on
+# the encoder learns from single samples of the last epochs
+REPLAY_EPOCHS = 6
+REPLAY_STRIDE = 6
+ENCODER_STEPS = 150  # per set
+# of a step of the encoder
+SETS_PER_STEP = 8
+SAMPLES_PER_SET = 256
+ENCODER_EPOCHS = 6  # in which the encoder learns alone
+# of Adam at the highest; both rates fall to zero as a cosine over all epochs
+ENCODER_RATE = 1e-3
+MEMORY_RATE = 2e-3
 SEVERITY_WEIGHT = 0.1  # of the severity's likelihood beside the cross-entropy
-TRIED = 2  # lessons to validate and to calibrate on
-LEAN = 0.4  # on the bank, in the pool of both; chosen on calibration lanes
-CALIBRATED_EVERY = 10  # samples: neighbours tell the same
-
-
-class Lesson(NamedTuple):
-    """Episodes as the network sees them: features (n_samples, n_lanes, n_features), label and severity likewise."""
-
-    features: torch.Tensor
-    label: torch.Tensor
-    severity: torch.Tensor
+BANK_WEIGHT = 0.4  # of the bank in the pool of both; chosen on calibration lanes
+CALIBRATION_STRIDE = 10  # samples: neighbours are alike
 
 
 class IntegratedTrainer:
-    """Cross-entropy of the class plus Gaussian likelihood of the severity, on every sample of streamed episodes.
+    """Cross-entropy of the class and Gaussian likelihood of the severity, at every sample.
 
-    The encoder learns from samples drawn at random out of many episodes, in many small steps
-    (samples of few episodes are too much alike: it would learn these by heart); the memory from
-    whole episodes of what the encoder makes of them. Half of all episodes are learnt from as mirror
-    images, port and starboard exchanged.
+    The encoder learns in many small steps from random samples of many episodes: samples of few
+    episodes are too much alike, and it would learn them by heart. The memory learns from whole
+    episodes behind the encoder. Every second batch is mirrored, port and starboard exchanged.
     """
 
     epochs = 20
     patience = 20
     data = (
-        f"training: {LESSONS * LANES} episodes of 60 s an epoch, half of them mirrored, half with the thesis' "
-        "stimulus, half with random missions and manoeuvres; single, compound, incipient and intermittent "
-        "faults and healthy vehicles, default band, noise and disturbance; validated and calibrated on "
-        f"{TRIED * LANES} such episodes each, with seeds of their own"
+        f"training: {SETS * LANES} episodes of 60 s an epoch, half of them mirrored, half with the "
+        "thesis' stimulus, half with random missions and manoeuvres; single, compound, incipient "
+        "and intermittent faults and healthy vehicles, default band, noise and disturbance; "
+        f"validated and calibrated on {VALIDATION_SETS * LANES} such episodes each, with seeds of "
+        "their own"
     )
 
     def __init__(self, seed: int) -> None:
         self.seed = seed
         with torch.random.fork_rng():
             torch.manual_seed(seed)
-            self.learner = AdamTraining(Network(classes=classes()))
-        self.network = self.learner.network
-        self.validation: list[Lesson] = []
-        self.kept: deque[Lesson] = deque(maxlen=KEPT * LESSONS)
+            self.training = AdamTraining(Network(classes=classes()))
+        self.network = self.training.network
+        self.validation: list[EpisodeSet] = []
+        self.replay: deque[EpisodeSet] = deque(maxlen=REPLAY_EPOCHS * SETS)
         self.next_epoch = -1
-        self.stream = iter(())
+        self.sets: Iterator[EpisodeSet] = iter(())
 
     def epoch(self, number: int) -> dict[str, float]:
-        """Train on episodes that depend on (seed, number) alone; the next are simulated while these are learnt from."""
+        """Train on episodes that depend on (seed, number) alone, and simulate the next ones."""
         random = np.random.default_rng([self.seed, number, 1])
-        glances = []
-        episodes = []
-        if not self.kept:
-            self._look_back(number)
+        encoder_losses = []
+        memory_losses = []
+        if not self.replay:
+            self._refill_replay(number)
         with one_thread():
-            for k, taught in enumerate(self._lessons(number)):
-                fall = 0.5 * (1.0 + cos(pi * min((number + k / LESSONS) / self.epochs, 1.0)))
-                self.kept.append(sampled(taught, k))
-                glances += self.glance(RATE * fall, random)
-                if number >= LOOKING:
-                    episodes += self.remember(taught, MEMORY_RATE * fall)
-        return {"loss": float(np.mean(episodes or glances)), "glance_loss": float(np.mean(glances))}
+            for k, episodes in enumerate(self._sets_of(number)):
+                progress = min((number + k / SETS) / self.epochs, 1.0)
+                fall = 0.5 * (1.0 + cos(pi * progress))
+                self.replay.append(replay_samples(episodes, k))
+                encoder_losses += self._train_encoder(ENCODER_RATE * fall, random)
+                if number >= ENCODER_EPOCHS:
+                    memory_losses += self._train_memory(episodes, MEMORY_RATE * fall)
+        return {
+            "loss": float(np.mean(memory_losses or encoder_losses)),
+            # the name in the cards of the weights
+            "glance_loss": float(np.mean(encoder_losses)),
+        }
 
-    def _lessons(self, number: int) -> Iterator[Lesson]:
-        """The lessons of an epoch, from a stream that goes on over all epochs."""
+    def _sets_of(self, number: int) -> Iterator[EpisodeSet]:
+        """The sets of an epoch, from an iterator over those of all epochs to come."""
         if number != self.next_epoch:
-            firsts = chain.from_iterable(map(self._firsts, range(number, self.epochs)))
-            self.stream = simulated("training", firsts)
+            epochs = range(number, self.epochs)
+            firsts = chain.from_iterable(self._first_seeds(epoch) for epoch in epochs)
+            self.sets = simulated_sets("training", firsts)
         self.next_epoch = number + 1
-        return islice(self.stream, LESSONS)
+        return islice(self.sets, SETS)
 
-    def _firsts(self, number: int) -> list[int]:
-        """First seeds of the lessons of an epoch."""
-        return (
-            np.random.default_rng([self.seed, number]).integers(SPAN - LANES, size=LESSONS).tolist()
-        )
+    def _first_seeds(self, number: int) -> list[int]:
+        """First seeds of the sets of an epoch."""
+        random = np.random.default_rng([self.seed, number])
+        return random.integers(SPAN - LANES, size=SETS).tolist()
 
-    def _look_back(self, number: int) -> None:
-        """Simulate again what a training that goes on from here had kept."""
-        for earlier in range(max(0, number - KEPT), number):
-            taught = enumerate(simulated("training", self._firsts(earlier)))
-            self.kept.extend(sampled(one, k) for k, one in taught)
+    def _refill_replay(self, number: int) -> None:
+        """Simulate again what an interrupted training had in its replay before this epoch."""
+        for earlier in range(max(0, number - REPLAY_EPOCHS), number):
+            sets = simulated_sets("training", self._first_seeds(earlier))
+            self.replay.extend(replay_samples(episodes, k) for k, episodes in enumerate(sets))
 
-    def glance(self, rate: float, random: np.random.Generator) -> list[float]:
-        """Steps of the encoder, each on samples drawn at random from lessons drawn at random; their losses."""
+    def _train_encoder(self, rate: float, random: np.random.Generator) -> list[float]:
+        """Steps of the encoder on random samples of the replay; their losses."""
         losses = []
-        for k in range(GLANCES):
-            chosen = [self.kept[place] for place in random.integers(len(self.kept), size=MIXED)]
-            places = [
-                torch.from_numpy(random.integers(len(one.label), size=GLANCED)) for one in chosen
-            ]
-            parts = zip(
-                *(tuple(part[at] for part in one) for one, at in zip(chosen, places, strict=True)),
-                strict=True,
-            )
-            features, label, severity = (torch.cat(part) for part in parts)
-            seen = mirrored_if(k % 2, Lesson(features.float(), label, severity))
-            losses.append(self._descend(self.network.encode(seen.features)[1], seen, rate))
+        for k in range(ENCODER_STEPS):
+            samples = self._random_samples(random)
+            if k % 2:
+                samples = mirrored(samples)
+            _, opinion = self.network.encode(samples.features)
+            losses.append(self._step(opinion, samples, rate))
         return losses
 
-    def remember(self, taught: Lesson, rate: float) -> list[float]:
+    def _random_samples(self, random: np.random.Generator) -> EpisodeSet:
+        """Random samples of random sets of the replay."""
+        numbers = random.integers(len(self.replay), size=SETS_PER_STEP)
+        chosen = []
+        for samples in [self.replay[number] for number in numbers]:
+            places = random.integers(len(samples.label), size=SAMPLES_PER_SET)
+            places = torch.from_numpy(places)
+            chosen.append([part[places] for part in samples])
+        features, label, severity = (torch.cat(parts) for parts in zip(*chosen, strict=True))
+        return EpisodeSet(features.float(), label, severity)
+
+    def _train_memory(self, episodes: EpisodeSet, rate: float) -> list[float]:
         """Steps of the memory, each on a batch of whole episodes; their losses."""
-        return [
-            self._descend(self.outputs(seen), seen, rate)
-            for k, batch in enumerate(batches(taught))
-            for seen in [mirrored_if(k % 2, batch)]
-        ]
+        losses = []
+        for k, batch in enumerate(batches(episodes)):
+            if k % 2:
+                batch = mirrored(batch)
+            losses.append(self._step(self.outputs(batch), batch, rate))
+        return losses
 
-    def _descend(self, outputs: torch.Tensor, taught: Lesson, rate: float) -> float:
-        loss, severity_loss = self.losses(outputs, taught)
-        self.learner.step(loss + SEVERITY_WEIGHT * severity_loss, rate)
-        return loss.item()
+    def _step(self, outputs: torch.Tensor, samples: EpisodeSet, rate: float) -> float:
+        """One step down both losses; the loss of the class."""
+        class_loss, severity_loss = self.losses(outputs, samples)
+        self.training.step(class_loss + SEVERITY_WEIGHT * severity_loss, rate)
+        return class_loss.item()
 
-    def outputs(self, taught: Lesson) -> torch.Tensor:
-        """The network's outputs on whole episodes (n_samples, n_lanes, 3 n_classes); the encoder gets no gradient."""
+    def outputs(self, episodes: EpisodeSet) -> torch.Tensor:
+        """Outputs (n_samples, n_lanes, 3 n_classes), without a gradient for the encoder."""
         with torch.no_grad():
-            encoded, opinions = self.network.encode(taught.features)
+            encoded, opinions = self.network.encode(episodes.features)
             for k in range(1, len(opinions)):
                 opinions[k] = smooth_opinion(opinions[k], opinions[k - 1])
-        return self.network.recur(encoded, opinions)[0]
+        outputs, _ = self.network.recur(encoded, opinions)
+        return outputs
 
-    def losses(self, outputs: torch.Tensor, taught: Lesson) -> tuple[torch.Tensor, torch.Tensor]:
-        """Mean negative log-probability of the class, and of the severity where there is a fault."""
-        log_probability, mean, std = self.network.decode(outputs, taught.features)
-        label = taught.label[..., None]
+    def losses(
+        self, outputs: torch.Tensor, samples: EpisodeSet
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Mean negative log-likelihoods of the class, and of the severity of a fault."""
+        log_probability, mean, std = self.network.decode(outputs, samples.features)
+        label = samples.label[..., None]
         mean = mean.gather(-1, label)[..., 0]
         std = std.gather(-1, label)[..., 0]
-        faulty = (taught.label > 0).float()
-        severity_loss = 0.5 * ((taught.severity - mean) / std) ** 2 + std.log()
+        is_faulty = (samples.label > 0).float()
+        severity_loss = 0.5 * ((samples.severity - mean) / std) ** 2 + std.log()
+        n_faulty = is_faulty.sum().clamp(min=1.0)
         class_loss = -log_probability.gather(-1, label).mean()
-        return class_loss, (severity_loss * faulty).sum() / faulty.sum().clamp(min=1.0)
+        return class_loss, (severity_loss * is_faulty).sum() / n_faulty
 
     def validate(self) -> dict[str, float]:
         """Both losses on the validation seeds."""
-        self.validation = self.validation or list(simulated("validation", tried()))
-        seen = [batch for taught in self.validation for batch in batches(taught)]
+        if not self.validation:
+            self.validation = list(simulated_sets("validation", validation_seeds()))
+        losses = []
         with one_thread(), torch.no_grad():
-            losses = [tuple(map(float, self.losses(self.outputs(batch), batch))) for batch in seen]
-        return dict(zip(("loss", "severity_loss"), np.mean(losses, axis=0).tolist(), strict=True))
+            for batch in chain.from_iterable(map(batches, self.validation)):
+                class_loss, severity_loss = self.losses(self.outputs(batch), batch)
+                losses.append((float(class_loss), float(severity_loss)))
+        class_loss, severity_loss = np.mean(losses, axis=0).tolist()
+        return {"loss": class_loss, "severity_loss": severity_loss}
 
     def state(self) -> dict[str, np.ndarray]:
         """Weights and moments of Adam, by name."""
-        return self.learner.state()
+        return self.training.state()
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Take over what `state` gave."""
-        self.learner.restore(state)
+        """Take over a result of `state`."""
+        self.training.restore(state)
 
     def finish(self) -> tuple[Integrated, dict[str, Any]]:
-        """Calibrate, and give the diagnoser with its losses on the calibration seeds before and after."""
+        """The calibrated diagnoser, and its losses on the calibration seeds before and after."""
         network = self.network
         scores = []
         label = []
-        network.lean.fill_(LEAN)
+        network.lean.fill_(BANK_WEIGHT)
         with one_thread(), torch.no_grad():
-            for taught in simulated("calibration", tried()):
-                for batch in batches(taught):
+            for episodes in simulated_sets("calibration", validation_seeds()):
+                for batch in batches(episodes):
                     pooled = network.pool_scores(self.outputs(batch), batch.features)
-                    scores.append(pooled[::CALIBRATED_EVERY].flatten(0, 1))
-                    label.append(batch.label[::CALIBRATED_EVERY].flatten())
+                    scores.append(pooled[::CALIBRATION_STRIDE].flatten(0, 1))
+                    label.append(batch.label[::CALIBRATION_STRIDE].flatten())
         before, after = calibrate(network, torch.cat(scores), torch.cat(label))
         figures = {
             "calibration_loss_before": before,
@@ -208,89 +214,33 @@ class IntegratedTrainer:
         return Integrated(weights=network.tensors(), trained_classes=classes()), figures
 
 
-def tried() -> list[int]:
-    """First seeds of the lessons to validate or calibrate on."""
-    return [k * LANES for k in range(TRIED)]
+def replay_samples(episodes: EpisodeSet, number: int) -> EpisodeSet:
+    """The samples of a set for the replay, others for each set of an epoch."""
+    return single_samples(episodes, number % REPLAY_STRIDE, REPLAY_STRIDE)
 
 
-def simulated(purpose: str, firsts: Iterable[int]) -> Iterator[Lesson]:
-    """A lesson of `LANES` episodes from each of these seeds of a purpose on, a few simulated ahead of their use."""
-    pool = ThreadPoolExecutor(SIMULATORS)
-    coming = iter(firsts)
-    try:
-        waiting = deque(pool.submit(lesson, purpose, first) for first in islice(coming, AHEAD))
-        while waiting:
-            ready = waiting.popleft().result()
-            waiting.extend(pool.submit(lesson, purpose, first) for first in islice(coming, 1))
-            yield ready
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-
-
-def lesson(purpose: str, first: int) -> Lesson:
-    """`LANES` episodes from the first-th seed of a purpose on, as the network sees them."""
-    rollouts = list(training_episodes(purpose, LANES, first, SCHEDULES))
-    parts = (
-        [encoded(rollout) for rollout in rollouts],
-        [r.label for r in rollouts],
-        [r.severity for r in rollouts],
-    )
-    return Lesson(*(torch.from_numpy(np.concatenate(part, axis=1)) for part in parts))
-
-
-def encoded(rollout: Rollout) -> np.ndarray:
-    """The features of a rollout, (n_samples, n_lanes, n_features) float32."""
-    encoder = Features(PRESETS["thesis1992"], classes())
-    state = encoder.initial(rollout.label.shape[1])
-    features = np.empty((*rollout.label.shape, encoder.n_features), np.float32)
-    for k, observation in enumerate(rollout.observations.astype(np.float64)):
-        state, features[k] = encoder.step(state, observation)
-    return features
-
-
-def sampled(taught: Lesson, turn: int) -> Lesson:
-    """One sample in `KEPT_EVERY` of a lesson, lanes in a row, in half precision: what the encoder looks back on."""
-    features, label, severity = (
-        part[turn % KEPT_EVERY :: KEPT_EVERY].flatten(0, 1) for part in taught
-    )
-    return Lesson(features.half(), label.clone(), severity.clone())
-
-
-def batches(taught: Lesson) -> Iterator[Lesson]:
-    """The lesson in batches of `BATCH` lanes, each with thesis and random missions alike."""
-    step = taught.label.shape[1] // BATCH
-    for k in range(step):
-        yield Lesson(*(part[:, k::step].contiguous() for part in taught))
-
-
-@cache
-def image(names: tuple[str, ...]) -> torch.Tensor:
-    """For each name the place of its mirror image: port and starboard exchanged."""
-    swap = {"port": "starboard", "starboard": "port"}
-    mirrored_name = lambda name: re.sub("starboard|port", lambda side: swap[side[0]], name)  # noqa: E731
-    return torch.tensor([names.index(mirrored_name(name)) for name in names])
-
-
-def mirrored_if(turn: int, taught: Lesson) -> Lesson:
-    """The lesson as it is, or (turn 1) on a vehicle with port and starboard exchanged."""
-    if not turn:
-        return taught
-    names = classes()
-    features = taught.features[..., image(feature_names(names))]
-    return Lesson(features, image(names)[taught.label], taught.severity)
+def validation_seeds() -> list[int]:
+    """First seeds of the sets to validate or calibrate on."""
+    return [k * LANES for k in range(VALIDATION_SETS)]
 
 
 def calibrate(network: Network, scores: torch.Tensor, label: torch.Tensor) -> tuple[float, float]:
-    """Fit sharpness and bias to scores (n, n_classes) of lanes not trained on; returns the losses before and after."""
+    """Fit sharpness and bias of the network; returns the losses before and after.
+
+    Parameters
+    ----------
+    scores, label
+        Of lanes that are not trained on, (n, n_classes) and (n,).
+    """
     sharpness = torch.ones(1, requires_grad=True)
     bias = torch.zeros(scores.shape[1], requires_grad=True)
     optimiser = torch.optim.LBFGS([sharpness, bias], max_iter=100, line_search_fn="strong_wolfe")
 
     def loss() -> torch.Tensor:
         optimiser.zero_grad()
-        value = nn.functional.cross_entropy(sharpness * scores + bias, label)
-        value.backward()
-        return value
+        cross_entropy = nn.functional.cross_entropy(sharpness * scores + bias, label)
+        cross_entropy.backward()
+        return cross_entropy
 
     before = optimiser.step(loss).item()
     with torch.no_grad():

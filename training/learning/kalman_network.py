@@ -1,4 +1,4 @@
-"""Trains the thesis' network on Kalman-filtered data (V.D): 2-8-5 on the fault map alone; calibrated on episodes."""
+"""Trains the thesis' network on Kalman-filtered data (V.D): 2-8-5, on the fault map alone."""
 
 from typing import Any
 
@@ -15,37 +15,37 @@ from diagnosers.networks.modes import class_shares, log_softmax
 from training.learning.episodes import training_episodes
 
 POINTS = 41  # along an axis of the map
-VALIDATION_POINTS = 60  # no point in common but the corners
+VALIDATION_POINTS = 60  # in common with the others only the corners
 ITERATIONS = 50  # of L-BFGS in an epoch
 STEEPNESS = 10.0  # of the hidden nodes' edges at the start, per unit of the map
-# of the weights: 0 learns less of the map (84 to 90 %, not 95) and 1e-5 too (93 %), with smoother
-# edges
+# of the weights: with 0 or with 1e-5 less of the map is right (84 to 90 %, and 93 %, not 95 %)
 DECAY = 3e-6
 LANES = 1024  # episodes to calibrate on
-EVERY = 8  # one sample in so many
+STRIDE = 8  # one sample in so many is used
 
 
 class KalmanNetworkTrainer:
-    """Squared error of the outputs on a grid over the fault map, the thesis' single training file, and weight decay.
+    """Squared error of the outputs on a grid over the fault map, and weight decay.
 
-    The map is one data set without randomness, so every epoch is a full-batch run of L-BFGS,
-    started afresh.
+    The map is the only training file of the thesis. It is one data set without randomness, so every
+    epoch is a full-batch run of L-BFGS with a new start of its memory.
     """
 
     epochs = 20
     patience = 5
     data = (
-        f"trained on {POINTS} x {POINTS} points of the fault map, validated on {VALIDATION_POINTS} x "
-        f"{VALIDATION_POINTS} others; calibrated on {LANES} episodes of 60 s, half with the thesis' stimulus, half "
-        "with random missions and manoeuvres; default faults, band and noise"
+        f"trained on {POINTS} x {POINTS} points of the fault map, validated on "
+        f"{VALIDATION_POINTS} x {VALIDATION_POINTS} others; calibrated on {LANES} episodes of "
+        "60 s, half with the thesis' stimulus, half with random missions and manoeuvres; default faults, "
+        "band and noise"
     )
 
     def __init__(self, seed: int) -> None:
-        self.network = FeedForward(started(seed))
+        self.network = FeedForward(initial_tensors(seed))
 
     def epoch(self, number: int) -> dict[str, float]:
-        """Go on descending; the data are the same in every epoch."""
-        inputs, target = _map(POINTS)
+        """Continue the descent; the data are the same in every epoch."""
+        inputs, target = _map_points(POINTS)
         optimiser = torch.optim.LBFGS(
             self.network.parameters(),
             max_iter=ITERATIONS,
@@ -63,106 +63,127 @@ class KalmanNetworkTrainer:
         return {"loss": closure().item()}
 
     def _loss(self, inputs: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
-        weights = (
-            self.network.hidden_weight.square().sum() + self.network.output_weight.square().sum()
-        )
-        return (
-            torch.nn.functional.mse_loss(torch.sigmoid(self.network(inputs)), target)
-            + DECAY * weights
-        )
+        network = self.network
+        error = torch.nn.functional.mse_loss(torch.sigmoid(network(inputs)), target)
+        weights = network.hidden_weight.square().sum() + network.output_weight.square().sum()
+        return error + DECAY * weights
 
     def validate(self) -> dict[str, float]:
-        """The same loss between the points."""
+        """The same loss at other points."""
         with torch.inference_mode():
-            return {"loss": self._loss(*_map(VALIDATION_POINTS)).item()}
+            return {"loss": self._loss(*_map_points(VALIDATION_POINTS)).item()}
 
     def state(self) -> dict[str, np.ndarray]:
         """The weights, by name."""
         return self.network.tensors()
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Take over what `state` gave."""
+        """Take over a result of `state`."""
         self.network = FeedForward(state)
 
     def finish(self) -> tuple[KalmanNetwork, dict[str, Any]]:
-        """The calibrated diagnoser, and what the calibration came to."""
-        sums, label, grown = _filtered(self.network)
-        slope, offset, loss = calibrated(sums, label)
+        """The calibrated diagnoser, and the figures of its calibration."""
+        sums, label, true_severity = _calibration_samples(self.network)
+        slope, offset, loss = calibrate(sums, label)
+        height = severity(outputs(sums))
+        lines = severity_lines(height, label, true_severity)
         tensors = self.network.tensors() | {
             "slope": slope.astype(np.float32),
             "offset": offset.astype(np.float32),
-            "severity": lines(severity(outputs(sums)), label, grown).astype(np.float32),
+            "severity": lines.astype(np.float32),
         }
         figures = {"calibration_loss": loss, "share_of_map_right": share_right(self.network)}
         return KalmanNetwork(weights=tensors), figures
 
 
-def started(seed: int) -> dict[str, np.ndarray]:
-    """Tensors to start from: the edge of every hidden node, of any direction, goes through the map's square."""
+def initial_tensors(seed: int) -> dict[str, np.ndarray]:
+    """Tensors at the start; the edge of each hidden node, in a random direction, cuts the map."""
     random = np.random.default_rng(seed)
     tensors = random_tensors(ARCHITECTURE, seed)
     normals = STEEPNESS * random.normal(size=tensors["hidden_weight"].shape)
-    through = random.uniform(size=normals.shape)
-    edges = {"hidden_weight": normals, "hidden_bias": -(normals * through).sum(axis=1)}
-    return tensors | {name: tensor.astype(np.float32) for name, tensor in edges.items()}
+    points_on_edges = random.uniform(size=normals.shape)
+    bias = -(normals * points_on_edges).sum(axis=1)
+    tensors["hidden_weight"] = normals.astype(np.float32)
+    tensors["hidden_bias"] = bias.astype(np.float32)
+    return tensors
 
 
-def _map(n: int) -> tuple[torch.Tensor, torch.Tensor]:
+def _map_points(n: int) -> tuple[torch.Tensor, torch.Tensor]:
+    """Inputs and targets at n x n points of the map."""
     inputs = grid(n)
     return torch.from_numpy(inputs).float(), torch.from_numpy(fault_map(inputs)).float()
 
 
 def share_right(network: FeedForward) -> float:
     """Share of the map on which the largest output is the right mode."""
-    between = grid(VALIDATION_POINTS)
-    return float(
-        np.mean(network.evaluate(between).argmax(axis=1) == fault_map(between).argmax(axis=1))
-    )
+    inputs = grid(VALIDATION_POINTS)
+    chosen = network.evaluate(inputs).argmax(axis=1)
+    right = fault_map(inputs).argmax(axis=1)
+    return float(np.mean(chosen == right))
 
 
-def _filtered(network: FeedForward) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Output nodes' sums (n, 5), true class and severity (n,) of samples from the calibration episodes."""
-    parts = []
+def _calibration_samples(network: FeedForward) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sums of the output nodes (n, n_modes), true class and severity (n,) of episodes."""
+    sums = []
+    label = []
+    true_severity = []
+    parameters = ParameterFilter()
     for rollout in training_episodes("calibration", LANES):
-        parameters = ParameterFilter()
         estimate = parameters.initial(rollout.observations.shape[1])
         for k, observation in enumerate(rollout.observations):
             estimate = parameters.update(estimate, observation)
-            if k % EVERY == 0:
-                parts.append(
-                    (network.evaluate(points(estimate)), rollout.label[k], rollout.severity[k])
-                )
-    sums, label, grown = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return sums, label, grown
+            if k % STRIDE == 0:
+                sums.append(network.evaluate(points(estimate)))
+                label.append(rollout.label[k])
+                true_severity.append(rollout.severity[k])
+    return np.concatenate(sums), np.concatenate(label), np.concatenate(true_severity)
 
 
-def calibrated(sums: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Slopes and offsets (n_modes,) that give the true classes (n,) the most probability, and the loss they leave."""
+def calibrate(sums: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Slopes and offsets (n_modes,) with the largest likelihood of the true classes, and the loss.
+
+    Parameters
+    ----------
+    sums, label
+        Of the output nodes (n, n_modes), and true classes (n,).
+    """
     with np.errstate(divide="ignore"):
         log_share = np.log(class_shares(labels(), MODES_5_2)).T[label]
     n_samples, n_modes = sums.shape
 
-    def loss(parameters: np.ndarray) -> tuple[float, np.ndarray]:
+    def loss_and_gradient(parameters: np.ndarray) -> tuple[float, np.ndarray]:
         slope, offset = parameters.reshape(2, n_modes)
         log_modes = log_softmax(slope * sums + offset)
         joint = log_modes + log_share
         pull = (np.exp(log_modes) - np.exp(log_softmax(joint))) / n_samples
-        return -logsumexp(joint, axis=1).mean(), np.concatenate(
-            [(pull * sums).sum(axis=0), pull.sum(axis=0)]
-        )
+        gradient = np.concatenate([(pull * sums).sum(axis=0), pull.sum(axis=0)])
+        return -logsumexp(joint, axis=1).mean(), gradient
 
     start = np.concatenate([np.ones(n_modes), np.zeros(n_modes)])
-    found = minimize(loss, start, jac=True, method="L-BFGS-B")
-    return *found.x.reshape(2, n_modes), float(found.fun)
+    optimum = minimize(loss_and_gradient, start, jac=True, method="L-BFGS-B")
+    slope, offset = optimum.x.reshape(2, n_modes)
+    return slope, offset, float(optimum.fun)
 
 
-def lines(height: np.ndarray, label: np.ndarray, grown: np.ndarray) -> np.ndarray:
-    """Intercept, slope and scatter of the severity in the map's height, by mode (n_modes, 3); zeros for `normal`."""
-    mode = np.array([MODES_5_2.index(name) if name else -1 for name in labels().values()])[label]
-    table = np.zeros((len(MODES_5_2), 3))
+def severity_lines(height: np.ndarray, label: np.ndarray, true_severity: np.ndarray) -> np.ndarray:
+    """Straight lines of the severity over the height in the map, one for each mode.
+
+    Parameters
+    ----------
+    height, label, true_severity
+        Of samples, (n,) each.
+
+    Returns
+    -------
+    Intercept, slope and scatter (n_modes, 3); zeros for `normal`.
+    """
+    mode_of_class = [MODES_5_2.index(name) if name else -1 for name in labels().values()]
+    mode = np.array(mode_of_class)[label]
+    lines = np.zeros((len(MODES_5_2), 3))
     for k in range(1, len(MODES_5_2)):
         x = height[mode == k]
-        y = grown[mode == k]
+        y = true_severity[mode == k]
         slope, intercept = np.polyfit(x, y, 1)
-        table[k] = intercept, slope, np.std(y - intercept - slope * x)
-    return table
+        scatter = np.std(y - intercept - slope * x)
+        lines[k] = intercept, slope, scatter
+    return lines

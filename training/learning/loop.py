@@ -1,4 +1,4 @@
-"""The training loop: epochs with validation, early stop, a log and a checkpoint after each, whatever the trainer."""
+"""The training loop: epochs with validation, early stop, log and checkpoint, for any trainer."""
 
 import inspect
 import math
@@ -18,12 +18,13 @@ from training.learning.checkpoint import LOG, Progress
 from training.learning.trainer import Trainer
 
 Epoch = dict[str, Any]
+PARTS = ("train", "validation")
 
 
 def train(
     trainer: Trainer, name: str, seed: int, folder: Path, epochs: int | None = None
 ) -> Progress:
-    """Train to the end, from the checkpoint in `folder` on if there is one; the trainer is left in its best state.
+    """Train to the end, from a checkpoint on if there is one; the trainer ends in its best state.
 
     Parameters
     ----------
@@ -32,39 +33,38 @@ def train(
     name, seed
         With the trainer's code the origin of the checkpoint: one of another origin is refused.
     folder
-        Holds checkpoint and TensorBoard log; made if missing.
+        Of checkpoint and TensorBoard log; created if it is missing.
     epochs
-        Most epochs; None for the trainer's own number. Fewer change nothing in those that are
-        trained.
+        Most epochs, by default the trainer's own number. A smaller number does not change the
+        epochs that are trained.
 
     Raises
     ------
-    `InputError` for a checkpoint that is damaged or of another origin, a place that cannot be written, and for a loss
-    that is not finite.
+    InputError
+        For a checkpoint that is damaged or of another origin, a place that cannot be written, and a
+        loss that is not finite.
     """
     last = trainer.epochs if epochs is None else epochs
     origin = {"diagnoser": name, "seed": seed, "code": digest(Path(inspect.getfile(type(trainer))))}
-    progress = _begun(trainer, folder, origin)
+    progress = _initial_progress(trainer, folder, origin)
     with (
-        _log(folder / LOG, progress) as log,
+        _tensorboard_log(folder / LOG, progress) as log,
         tqdm(initial=len(progress.history), total=last, unit="epoch") as bar,
     ):
-        while len(progress.history) < last and not _stalled(progress, trainer.patience):
-            epoch = _epoch(trainer, len(progress.history))
+        while len(progress.history) < last and not _is_stalled(progress, trainer.patience):
+            epoch = _run_epoch(trainer, len(progress.history))
             progress = progress.after(epoch, trainer.state())
             checkpoint.write(folder, origin, progress)
-            _add(log, len(progress.history), epoch)
-            bar.set_postfix(
-                {part: f"{epoch[part]['loss']:.4g}" for part in ("train", "validation")},
-                refresh=False,
-            )
+            _add_epoch(log, len(progress.history), epoch)
+            losses = {part: f"{epoch[part]['loss']:.4g}" for part in PARTS}
+            bar.set_postfix(losses, refresh=False)
             bar.update()
     trainer.restore(progress.best)
     return progress
 
 
-def _begun(trainer: Trainer, folder: Path, origin: dict[str, Any]) -> Progress:
-    """The progress so far; the first checkpoint is written before any work, so that a bad place shows at once."""
+def _initial_progress(trainer: Trainer, folder: Path, origin: dict[str, Any]) -> Progress:
+    """The progress so far; the first checkpoint precedes all work, to show a bad place at once."""
     if not (folder / checkpoint.FILE).exists():
         state = trainer.state()
         progress = Progress([], state, state)
@@ -75,38 +75,37 @@ def _begun(trainer: Trainer, folder: Path, origin: dict[str, Any]) -> Progress:
     return progress
 
 
-def _stalled(progress: Progress, patience: int) -> bool:
+def _is_stalled(progress: Progress, patience: int) -> bool:
     return len(progress.history) - progress.best_epoch >= patience
 
 
-def _epoch(trainer: Trainer, number: int) -> Epoch:
-    begin = time.perf_counter()
+def _run_epoch(trainer: Trainer, number: int) -> Epoch:
+    start = time.perf_counter()
     epoch = {"train": trainer.epoch(number), "validation": trainer.validate()}
     for part, scalars in epoch.items():
         for name, value in scalars.items():
             if not math.isfinite(value):
-                remedy = "training has diverged: take another --seed, or mend the trainer"
-                raise refusal(
-                    f"{part} {name} of epoch {number + 1}", value, "a finite number", remedy
-                )
+                thing = f"{part} {name} of epoch {number + 1}"
+                remedy = "training has diverged: take another --seed, or correct the trainer"
+                raise refusal(thing, value, "a finite number", remedy)
             scalars[name] = float(value)
-    return epoch | {"seconds": time.perf_counter() - begin}
+    return epoch | {"seconds": time.perf_counter() - start}
 
 
 @contextmanager
-def _log(folder: Path, progress: Progress) -> Iterator[Any]:
-    """A TensorBoard log that begins with the epochs so far: what a killed run has logged may end anywhere."""
-    from tensorboard.summary import Writer  # a quarter of a second
+def _tensorboard_log(folder: Path, progress: Progress) -> Iterator[Any]:
+    """A new TensorBoard log with the epochs so far: that of a killed run may end anywhere."""
+    from tensorboard.summary import Writer  # takes a quarter of a second
 
     shutil.rmtree(folder, ignore_errors=True)
     with closing(Writer(str(folder))) as log:
         for number, epoch in enumerate(progress.history, start=1):
-            _add(log, number, epoch)
+            _add_epoch(log, number, epoch)
         yield log
 
 
-def _add(log: Any, number: int, epoch: Epoch) -> None:
-    for part in ("train", "validation"):
+def _add_epoch(log: Any, number: int, epoch: Epoch) -> None:
+    for part in PARTS:
         for name, value in epoch[part].items():
             log.add_scalar(f"{part}/{name}", value, number)
     log.flush()

@@ -58,7 +58,7 @@ class Outcomes:
     def update(
         self, infos: Sequence[dict[str, Any]], done: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Take the information of a step of `ActiveVecEnv`; its costs and true labels, (n_lanes,)."""
+        """Take the information of a step of `ActiveVecEnv`; its costs and labels, (n_lanes,)."""
         cost = np.array([info["cost"] for info in infos])
         label = np.array([info["truth"]["label"] for info in infos], object)
         self._last_fault = np.where(label != NORMAL, label, self._last_fault)

@@ -1,4 +1,4 @@
-"""The page of `auv-fault train`: the learning curve and how the weights were made, from their card."""
+"""The page of a training from its card: the learning curve and how the weights were made."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,8 +10,8 @@ def page(card: Mapping[str, Any]) -> dict[str, Any]:
         "title": f"Training of {card['diagnoser']}",
         "command": card["command"],
         "intro": [
-            f"{card['epochs']} epochs in {card['seconds']:g} s; the weights are those of epoch {card['best_epoch']}, "
-            "whose validation loss is the lowest.",
+            f"{card['epochs']} epochs in {card['seconds']:g} s; the weights are those of epoch "
+            f"{card['best_epoch']} with the lowest validation loss.",
             card["data"],
         ],
         "sections": [
@@ -35,13 +35,11 @@ def _curve(card: Mapping[str, Any]) -> dict[str, Any]:
 
 def _table(card: Mapping[str, Any]) -> dict[str, Any]:
     rows = [["validation", name, f"{value:.4g}"] for name, value in card["validation"].items()]
-    rows += [["calibrated", name, _shown(value)] for name, value in card["figures"].items()]
-    rows += [
-        ["made with", name, version or "not installed"]
-        for name, version in card["versions"].items()
-    ]
+    rows += [["calibrated", name, _text(value)] for name, value in card["figures"].items()]
+    for name, version in card["versions"].items():
+        rows.append(["made with", name, version or "not installed"])
     return {"columns": ["of", "what", "value"], "rows": rows}
 
 
-def _shown(value: Any) -> str:
+def _text(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,4 +1,4 @@
-"""Trains the thesis' network on unprocessed data (V.C): 4-6-4 with shared weights for both shafts."""
+"""Trains the thesis' network on unprocessed data (V.C): 4-6-4, weights shared by both shafts."""
 
 from math import cos, pi
 from typing import Any
@@ -14,56 +14,64 @@ from training.learning.episodes import training_episodes
 from training.seeds import SPAN
 
 LANES = 1024  # episodes of an epoch
-EVERY = 8  # one sample in so many is learnt from: neighbours tell the same
+STRIDE = 8  # one sample in so many is used: neighbours are alike
 BATCH = 1024
 RATE = 0.01  # of Adam at the start; falls to zero as a cosine over all epochs
 
 
 class RawNetworkTrainer:
-    """Cross-entropy of the belief over all classes, on single samples drawn at random from episodes.
+    """Cross-entropy of the belief over all classes, on random samples of episodes.
 
     The thesis trains on squared error with four modes only. Here the loss is the negative
-    log-probability that the diagnoser's belief gives to the true class, so that the belief comes
-    out calibrated; the faults that Table 5.1 does not know are in the data, and lower the
-    probability of `normal` where they can be seen.
+    log-probability of the true class in the diagnoser's belief, so that the belief is calibrated.
+    The data have the faults that are missing in Table 5.1, too; where these show, they lower the
+    probability of `normal`.
     """
 
     epochs = 60
     patience = 15
     data = (
-        f"training: {LANES} episodes of 60 s an epoch, half with the thesis' stimulus, half with random missions and "
-        f"manoeuvres, default faults, band and noise, one sample in {EVERY}; validated likewise; no calibration needed"
+        f"training: {LANES} episodes of 60 s an epoch, half with the thesis' stimulus, half with "
+        "random missions and manoeuvres, default faults, band and noise, one sample in "
+        f"{STRIDE}; validated likewise; no calibration needed"
     )
 
     def __init__(self, seed: int) -> None:
         self.seed = seed
         self.training = AdamTraining(FeedForward(random_tensors(ARCHITECTURE, seed)))
         with np.errstate(divide="ignore"):
-            self.log_shares = (
-                torch.from_numpy(np.log(class_shares(labels(), tuple(HYPOTHESES))))
-                .float()
-                .T.contiguous()
-            )
+            log_shares = np.log(class_shares(labels(), tuple(HYPOTHESES)))
+        self.log_shares = torch.from_numpy(log_shares).float().T.contiguous()
         self.validation: tuple[np.ndarray, np.ndarray] | None = None
 
     def epoch(self, number: int) -> dict[str, float]:
         """Train on episodes and in an order that depend on (seed, number) alone."""
         random = np.random.default_rng([self.seed, number])
-        observations, label = samples("training", LANES, int(random.integers(SPAN - LANES)), random)
+        first = int(random.integers(SPAN - LANES))
+        observations, label = samples("training", LANES, first, random)
+        order = random.permutation(len(label))
+        batches = np.array_split(order, len(label) // BATCH)
         losses = []
-        batches = np.array_split(random.permutation(len(label)), len(label) // BATCH)
         for k, batch in enumerate(batches):
-            done = (number + k / len(batches)) / self.epochs
+            progress = min((number + k / len(batches)) / self.epochs, 1.0)
             loss = self.loss(observations[batch], label[batch])
-            self.training.step(loss, RATE * 0.5 * (1.0 + cos(pi * min(done, 1.0))))
+            self.training.step(loss, RATE * 0.5 * (1.0 + cos(pi * progress)))
             losses.append(loss.item())
         return {"loss": float(np.mean(losses))}
 
     def loss(self, observations: np.ndarray, label: np.ndarray) -> torch.Tensor:
-        """Mean negative log-probability of the true classes (n,), given observations (n, n_channels)."""
-        outputs = self.training.network(torch.from_numpy(inputs(observations).astype(np.float32)))
+        """Mean negative log-probability of the true classes.
+
+        Parameters
+        ----------
+        observations, label
+            (n, n_channels) and (n,).
+        """
+        network_inputs = torch.from_numpy(inputs(observations).astype(np.float32))
+        outputs = self.training.network(network_inputs)
         log_modes = torch.log_softmax(scores(outputs), dim=1)
-        return -torch.logsumexp(log_modes + self.log_shares[torch.from_numpy(label)], dim=1).mean()
+        log_shares = self.log_shares[torch.from_numpy(label)]
+        return -torch.logsumexp(log_modes + log_shares, dim=1).mean()
 
     def validate(self) -> dict[str, float]:
         """The same loss on the validation seeds."""
@@ -77,7 +85,7 @@ class RawNetworkTrainer:
         return self.training.state()
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Take over what `state` gave."""
+        """Take over a result of `state`."""
         self.training.restore(state)
 
     def finish(self) -> tuple[RawNetwork, dict[str, Any]]:
@@ -91,11 +99,11 @@ class RawNetworkTrainer:
 def samples(
     purpose: str, n_lanes: int, first: int, random: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Single time steps drawn at random from episodes: observations (n, n_channels) and classes (n,)."""
-    drawn_samples = [
-        (rollout.observations[chosen], rollout.label[chosen])
-        for rollout in training_episodes(purpose, n_lanes, first)
-        for chosen in [random.uniform(size=rollout.label.shape) < 1.0 / EVERY]
-    ]
-    observations, label = (np.concatenate(parts) for parts in zip(*drawn_samples, strict=True))
-    return observations, label
+    """Random samples of training episodes: observations (n, n_channels) and classes (n,)."""
+    observations = []
+    label = []
+    for rollout in training_episodes(purpose, n_lanes, first):
+        chosen = random.uniform(size=rollout.label.shape) < 1.0 / STRIDE
+        observations.append(rollout.observations[chosen])
+        label.append(rollout.label[chosen])
+    return np.concatenate(observations), np.concatenate(label)

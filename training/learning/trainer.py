@@ -1,4 +1,4 @@
-"""What the training loop asks of a trainer, and the trainers by the name of their diagnoser."""
+"""The interface of a trainer, and the trainers by the name of their diagnoser."""
 
 import pkgutil
 from typing import Any, Protocol
@@ -10,49 +10,49 @@ from diagnosers import Recursive
 
 
 class Trainer(Protocol):
-    """Trains one diagnoser, epoch by epoch; the loop in `training.learning.loop` owns everything else.
+    """Trains one diagnoser, epoch by epoch; the loop in `training.learning.loop` does the rest.
 
     The loop logs, keeps the best state, stops early, and writes a checkpoint after every epoch. It
-    can be killed at any moment: a new trainer of the same seed that is given `state()` by `restore`
-    must go on bit for bit as the old one would have. So nothing may outlive an epoch that is not in
-    `state()`, no running random generator either.
+    may be killed at any moment: a new trainer of the same seed with the old `state()`, through
+    `restore`, must continue bit for bit. So `state()` has all that outlives an epoch; a running
+    random generator must not.
     """
 
     epochs: int
-    """Most epochs to train; a run can be asked for fewer, which changes nothing in those that it does."""
+    """Most epochs to train; a run may have fewer, which are the same."""
     patience: int
-    """Stop after so many epochs in a row without a better validation loss."""
+    """The training stops after so many epochs in a row without a better validation loss."""
     data: str
-    """One sentence for the card: the data it learns from, is validated on, and is calibrated on."""
+    """One sentence for the card: the data for training, validation and calibration."""
 
     def __init__(self, seed: int) -> None:
-        """Initial weights from the seed (0 or larger) alone; quick, episodes are simulated later."""
+        """Initial weights from the seed (0 or larger) alone; fast, without simulations."""
         ...
 
     def epoch(self, number: int) -> dict[str, float]:
-        """Train epoch `number` (from 0) on data that depend on (seed, number) alone; finite scalars to log.
+        """Train an epoch on data that depend on (seed, number) alone; finite scalars to log.
 
-        The entry ``loss`` is the training loss; it should be comparable with that of `validate`.
+        Numbers start at 0. The entry ``loss`` is the training loss; it should be comparable with
+        that of `validate`.
         """
         ...
 
     def validate(self) -> dict[str, float]:
-        """Finite scalars to log, from the validation seeds; the entry ``loss`` decides, lower is better."""
+        """Finite scalars to log, from the validation seeds; the lowest ``loss`` is the best."""
         ...
 
     def state(self) -> dict[str, np.ndarray]:
-        """Weights, optimiser, everything that the next epoch depends on, by name; later epochs must not change it."""
+        """All that the next epoch depends on, by name; later epochs must not change it."""
         ...
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Take over what `state` gave; exactly its names in their order, dtypes and shapes come back."""
+        """Take over a result of `state`, with the same names, order, dtypes and shapes."""
         ...
 
     def finish(self) -> tuple[Recursive, dict[str, Any]]:
-        """Calibrate on calibration seeds, then give the diagnoser with what it has learnt and figures for its card.
+        """Calibrate on calibration seeds; the trained diagnoser and figures for its card.
 
-        Called once, after the best state has been restored. The figures are plain data that JSON
-        takes, without NaN.
+        Called once, in the best state. The figures are plain data for JSON, without NaN.
         """
         ...
 
@@ -64,6 +64,7 @@ TRAINERS: dict[str, str] = {
 }
 
 
-def trainer_of(name: str, seed: int) -> Trainer:
-    """A new trainer by the name of its diagnoser; a name that is unknown or does not learn is refused."""
-    return pkgutil.resolve_name(TRAINERS[known_name("diagnoser to train", name, TRAINERS)])(seed)
+def make_trainer(name: str, seed: int) -> Trainer:
+    """A new trainer by the name of its diagnoser; a name without a trainer is refused."""
+    target = TRAINERS[known_name("diagnoser to train", name, TRAINERS)]
+    return pkgutil.resolve_name(target)(seed)

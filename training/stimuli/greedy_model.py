@@ -134,9 +134,9 @@ def write_changes(parameters, present, command, constants, readings, changes):
 
 @scalar
 def information(changes, probability, variance):
-    """Lower bound of the information on the hypotheses [nat]: ``-sum_i p_i log sum_j p_j exp(-k_ij)``.
+    """Lower bound of the information on the hypotheses [nat].
 
-    k_ij is the Bhattacharyya distance of two normal distributions of equal variance.
+    ``-sum_i p_i log sum_j p_j exp(-k_ij)``; k_ij is the Bhattacharyya distance of two normal distributions of equal variance.
     """
     total = 0.0
     for i in range(probability.size):

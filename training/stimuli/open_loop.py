@@ -52,7 +52,7 @@ class Thesis(OpenLoop):
 
 
 class Prbs(OpenLoop):
-    """A pseudo-random binary sequence: all frequencies up to a quarter of a hertz, without pause."""
+    """A pseudo-random binary sequence: all frequencies up to a quarter of a hertz."""
 
     name = "prbs"
     seed_block = 2
@@ -60,7 +60,7 @@ class Prbs(OpenLoop):
 
 
 class Multisine(OpenLoop):
-    """Eight harmonics of equal amplitude: smoother than steps, with peaks of 1.7 times the budget."""
+    """Eight harmonics of equal amplitude: smoother than steps, peaks of 1.7 times the budget."""
 
     name = "multisine"
     seed_block = 3

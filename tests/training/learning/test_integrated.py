@@ -6,14 +6,9 @@ import torch
 
 from auv_fault_env import classes
 from diagnosers.networks.features import FEATURES
-from training.learning import integrated
-from training.learning.integrated import (
-    IntegratedTrainer,
-    calibrate,
-    image,
-    lesson,
-    mirrored_if,
-)
+from training.learning import episode_sets, integrated
+from training.learning.episode_sets import mirror_order, mirrored, simulate_set
+from training.learning.integrated import IntegratedTrainer, calibrate
 
 CLASSES = classes()
 
@@ -21,9 +16,11 @@ CLASSES = classes()
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
     for name, value in dict(
-        LANES=8, LESSONS=2, GLANCES=3, GLANCED=16, BATCH=4, LOOKING=1, TRIED=1
+        LANES=8, SETS=2, ENCODER_STEPS=3, SAMPLES_PER_SET=16, ENCODER_EPOCHS=1, VALIDATION_SETS=1
     ).items():
         monkeypatch.setattr(integrated, name, value)
+    monkeypatch.setattr(episode_sets, "LANES", 8)
+    monkeypatch.setattr(episode_sets, "BATCH", 4)
     monkeypatch.setattr("training.learning.episodes.N_SAMPLES", 60)
 
 
@@ -51,22 +48,22 @@ def test_memory_learns_only_after_the_encoder():
 
 def test_epochs_and_purposes_learn_from_different_episodes():
     features = [
-        lesson(purpose, first).features
+        simulate_set(purpose, first).features
         for purpose, first in (("training", 0), ("training", 8), ("validation", 0))
     ]
     assert all(not torch.equal(features[a], features[b]) for a, b in ((0, 1), (0, 2), (1, 2)))
-    assert torch.equal(lesson("training", 0).features, features[0])
+    assert torch.equal(simulate_set("training", 0).features, features[0])
 
 
 def test_mirror_image_is_its_own_inverse_and_swaps_the_label():
-    taught = lesson("training", 0)
+    episodes = simulate_set("training", 0)
     port, starboard = (CLASSES.index(f"seal_friction:{side}") for side in ("port", "starboard"))
-    taught = taught._replace(label=torch.full_like(taught.label, port))
-    swapped = mirrored_if(1, taught)
+    episodes = episodes._replace(label=torch.full_like(episodes.label, port))
+    swapped = mirrored(episodes)
     assert (swapped.label == starboard).all()
-    assert torch.equal(mirrored_if(1, swapped).features, taught.features)
-    assert mirrored_if(0, taught) is taught
-    assert FEATURES[image(FEATURES)[FEATURES.index("port_rpm:step")]] == "starboard_rpm:step"
+    assert not torch.equal(swapped.features, episodes.features)
+    assert torch.equal(mirrored(swapped).features, episodes.features)
+    assert FEATURES[mirror_order(FEATURES)[FEATURES.index("port_rpm:step")]] == "starboard_rpm:step"
 
 
 def test_calibration_mends_what_is_too_sure():

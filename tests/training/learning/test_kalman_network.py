@@ -5,7 +5,7 @@ from diagnosers.kalman_network import labels
 from diagnosers.networks.fault_map import MODES_5_2
 from diagnosers.networks.modes import class_log_probability, class_shares, log_softmax
 from training.learning import kalman_network
-from training.learning.kalman_network import KalmanNetworkTrainer, calibrated, lines
+from training.learning.kalman_network import KalmanNetworkTrainer, calibrate, severity_lines
 
 CLASSES = list(labels())
 
@@ -41,9 +41,9 @@ def test_calibration_finds_slopes_and_offsets_that_made_the_classes():
         class_log_probability(log_softmax(slope * sums + offset), class_shares(labels(), MODES_5_2))
     )
     label = (belief.cumsum(axis=1) > random.uniform(size=(len(sums), 1))).argmax(axis=1)
-    got_slope, got_offset, loss = calibrated(sums, label)
-    np.testing.assert_allclose(got_slope, slope, atol=0.3)
-    np.testing.assert_allclose(got_offset - got_offset[0], offset, atol=0.3)
+    found_slope, found_offset, loss = calibrate(sums, label)
+    np.testing.assert_allclose(found_slope, slope, atol=0.3)
+    np.testing.assert_allclose(found_offset - found_offset[0], offset, atol=0.3)
     assert loss == pytest.approx(-np.log(belief[np.arange(len(sums)), label]).mean(), abs=1e-3)
 
 
@@ -54,8 +54,8 @@ def test_lines_by_hand():
         [drag, loss, CLASSES.index("decreased_drag"), CLASSES.index("propeller_damage:port")], 4
     )
     height = np.tile([0.0, 0.0, 1.0, 1.0], 4)
-    grown = np.concatenate([[0.2, 0.4, 0.8, 1.0], np.full(4, 0.7), height[:8]])
-    table = lines(height, label, grown)
+    true_severity = np.concatenate([[0.2, 0.4, 0.8, 1.0], np.full(4, 0.7), height[:8]])
+    table = severity_lines(height, label, true_severity)
     np.testing.assert_allclose(table[:2], [[0, 0, 0], [0.3, 0.6, 0.1]], atol=1e-12)
     np.testing.assert_allclose(table[-1], [0.7, 0, 0], atol=1e-12)
 

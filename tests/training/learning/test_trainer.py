@@ -7,13 +7,13 @@ import pytest
 from auv_fault_env.errors import InputError
 from diagnosers import NAMES
 from training.arguments import Train
-from training.learning.trainer import TRAINERS, trainer_of
+from training.learning.trainer import TRAINERS, make_trainer
 
 
 @pytest.mark.parametrize("name", TRAINERS)
 def test_state_of_every_trainer_is_all_that_the_next_epoch_needs_to_begin(name):
-    one = trainer_of(name, 0)
-    other = trainer_of(name, 1)
+    one = make_trainer(name, 0)
+    other = make_trainer(name, 1)
     before = {key: np.array(tensor) for key, tensor in one.state().items()}
     assert any(not np.array_equal(tensor, other.state()[key]) for key, tensor in before.items())
     other.restore(before)
@@ -36,7 +36,7 @@ def test_what_does_not_learn_is_refused(name):
     with pytest.raises(
         InputError, match="diagnoser to train: got .* allowed is one of " + ", ".join(TRAINERS)
     ):
-        trainer_of(name, 0)
+        make_trainer(name, 0)
 
 
 def test_help_names_every_trainer():

@@ -1,0 +1,116 @@
+"""Episodes for the integrated network: simulated ahead, as features, in batches and mirrored."""
+
+import re
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from itertools import islice
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from auv_fault_env.faults import classes
+from auv_fault_env.parameters import PRESETS
+from auv_fault_env.schedules import ScheduleSampler
+from diagnosers.networks.features import Features, feature_names
+from training.learning.episodes import training_episodes
+from training.rollouts import Rollout
+
+# no repairs: after a repair the diagnoser is reset
+SCHEDULES = ScheduleSampler(compound=0.05, intermittent=0.05, repaired=0.0)
+LANES = 512  # episodes of a set
+SIMULATORS = 2  # threads; the filter bank among the features takes more time than all else
+SIMULATED_AHEAD = 4  # sets
+BATCH = 32  # episodes
+OTHER_SIDE = {"port": "starboard", "starboard": "port"}
+
+
+class EpisodeSet(NamedTuple):
+    """Episodes as the network sees them.
+
+    Attributes
+    ----------
+    features
+        (n_samples, n_lanes, n_features).
+    label, severity
+        True class and its severity, (n_samples, n_lanes).
+    """
+
+    features: torch.Tensor
+    label: torch.Tensor
+    severity: torch.Tensor
+
+
+def simulated_sets(purpose: str, firsts: Iterable[int]) -> Iterator[EpisodeSet]:
+    """The sets that begin at these seeds of a purpose, a few simulated ahead of their use."""
+    pool = ThreadPoolExecutor(SIMULATORS)
+    remaining = iter(firsts)
+    submitted = deque()
+
+    def submit(n_sets: int) -> None:
+        for first in islice(remaining, n_sets):
+            submitted.append(pool.submit(simulate_set, purpose, first))
+
+    try:
+        submit(SIMULATED_AHEAD)
+        while submitted:
+            episodes = submitted.popleft().result()
+            submit(1)
+            yield episodes
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def simulate_set(purpose: str, first: int) -> EpisodeSet:
+    """`LANES` episodes from the first-th seed of a purpose on."""
+    rollouts = list(training_episodes(purpose, LANES, first, SCHEDULES))
+    features = np.concatenate([features_of(rollout) for rollout in rollouts], axis=1)
+    label = np.concatenate([rollout.label for rollout in rollouts], axis=1)
+    severity = np.concatenate([rollout.severity for rollout in rollouts], axis=1)
+    return EpisodeSet(
+        torch.from_numpy(features), torch.from_numpy(label), torch.from_numpy(severity)
+    )
+
+
+def features_of(rollout: Rollout) -> np.ndarray:
+    """The features of a rollout, (n_samples, n_lanes, n_features) float32."""
+    extractor = Features(PRESETS["thesis1992"], classes())
+    state = extractor.initial(rollout.label.shape[1])
+    features = np.empty((*rollout.label.shape, extractor.n_features), np.float32)
+    for k, observation in enumerate(rollout.observations.astype(np.float64)):
+        state, features[k] = extractor.step(state, observation)
+    return features
+
+
+def batches(episodes: EpisodeSet) -> Iterator[EpisodeSet]:
+    """Batches of `BATCH` episodes, each with thesis and random missions alike."""
+    n_batches = episodes.label.shape[1] // BATCH
+    for k in range(n_batches):
+        yield EpisodeSet(*(part[:, k::n_batches].contiguous() for part in episodes))
+
+
+def single_samples(episodes: EpisodeSet, start: int, stride: int) -> EpisodeSet:
+    """Every so many-th sample, all lanes in one row of (n,), with features in half precision."""
+    chosen = slice(start, None, stride)
+    features, label, severity = (part[chosen].flatten(0, 1) for part in episodes)
+    return EpisodeSet(features.half(), label.clone(), severity.clone())
+
+
+def mirrored(episodes: EpisodeSet) -> EpisodeSet:
+    """The same episodes on a vehicle with port and starboard exchanged."""
+    names = classes()
+    features = episodes.features[..., mirror_order(feature_names(names))]
+    label = mirror_order(names)[episodes.label]
+    return EpisodeSet(features, label, episodes.severity)
+
+
+@cache
+def mirror_order(names: tuple[str, ...]) -> torch.Tensor:
+    """For each name the index of the name with port and starboard exchanged."""
+
+    def mirror(name: str) -> str:
+        return re.sub("starboard|port", lambda side: OTHER_SIDE[side[0]], name)
+
+    return torch.tensor([names.index(mirror(name)) for name in names])
