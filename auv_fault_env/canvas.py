@@ -1,4 +1,4 @@
-"""Where frames are drawn: an off-screen surface with a few strokes, and the colours."""
+"""The surface off screen on which frames are drawn, its strokes and colours."""
 
 import os
 import warnings
@@ -39,13 +39,12 @@ def _pygame():
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # pygame looks for pkg_resources, which warns
+            warnings.simplefilter("ignore")  # pygame imports pkg_resources, which warns
             import pygame
     except ImportError as error:
         remedy = 'pip install "auv-fault[render]"'
-        raise gym.error.DependencyNotInstalled(
-            f"pygame: got no such package; rendering needs it; {remedy}"
-        ) from error
+        message = f"pygame: got no such package; rendering needs it; {remedy}"
+        raise gym.error.DependencyNotInstalled(message) from error
     return pygame
 
 
@@ -59,10 +58,14 @@ class Canvas:
         self._texts: dict[tuple, Any] = {}
 
     @contextmanager
-    def fresh(self):
-        """A new sheet. Fonts live no longer than it: an older one crashes after another user's `pygame.quit()`."""
+    def new_sheet(self):
+        """An empty sheet.
+
+        Its fonts end with it: they crash if somebody else has called `pygame.quit()` meanwhile.
+        """
         self.pygame.font.init()
-        self._fonts = {size: self.pygame.font.Font(None, size) for size in (SMALL, MEDIUM, LARGE)}
+        font = self.pygame.font.Font
+        self._fonts = {size: font(None, size) for size in (SMALL, MEDIUM, LARGE)}
         self.surface.fill(PAPER)
         try:
             yield
@@ -81,33 +84,45 @@ class Canvas:
         else:
             self.pygame.draw.lines(self.surface, colour, False, points, width)
 
-    def circle(self, middle: Point, radius: float, colour: Colour, width: int = 0):
+    def circle(self, centre: Point, radius: float, colour: Colour, width: int = 0):
         """A disc, or a ring of that width."""
-        self.pygame.draw.circle(self.surface, colour, middle, radius, width)
+        self.pygame.draw.circle(self.surface, colour, centre, radius, width)
 
     def box(
-        self, left: float, top: float, width: float, height: float, fill: Colour, radius: int = 0
+        self,
+        left: float,
+        top: float,
+        width: float,
+        height: float,
+        fill: Colour,
+        radius: int = 0,
     ):
         """A filled rectangle with rounded corners."""
-        self.pygame.draw.rect(self.surface, fill, (left, top, width, height), border_radius=radius)
+        rectangle = (left, top, width, height)
+        self.pygame.draw.rect(self.surface, fill, rectangle, border_radius=radius)
 
     def width(self, words: str) -> int:
         """Width of words of medium size [px]."""
         return self._text(words, INK, MEDIUM).get_width()
 
     def text(
-        self, words: str, place: Point, colour: Colour = INK, align: float = 0.0, size: int = MEDIUM
+        self,
+        words: str,
+        place: Point,
+        colour: Colour = INK,
+        align: float = 0.0,
+        size: int = MEDIUM,
     ):
-        """Words whose middle height is at `place`, to the right of it (align 0), centred (0.5) or to the left (1)."""
+        """Words at the height of `place`: right of it (align 0), centred (0.5) or left (1)."""
         text = self._text(words, colour, size)
-        self.surface.blit(
-            text,
-            (round(place[0] - align * text.get_width()), round(place[1] - text.get_height() / 2)),
-        )
+        left = round(place[0] - align * text.get_width())
+        top = round(place[1] - text.get_height() / 2)
+        self.surface.blit(text, (left, top))
 
     def _text(self, words: str, colour: Colour, size: int):
         if len(self._texts) > 1000:
             self._texts.clear()
-        if (words, colour, size) not in self._texts:
-            self._texts[words, colour, size] = self._fonts[size].render(words, True, colour)
-        return self._texts[words, colour, size]
+        key = (words, colour, size)
+        if key not in self._texts:
+            self._texts[key] = self._fonts[size].render(words, True, colour)
+        return self._texts[key]

@@ -65,41 +65,40 @@ def ticks(low: float, high: float, intervals: int = 4) -> np.ndarray:
     >>> ticks(0.12, 0.87)
     array([0. , 0.2, 0.4, 0.6, 0.8, 1. ])
     """
-    wanted = (high - low) / intervals
-    power = 10.0 ** math.floor(math.log10(wanted))
-    step = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= 0.999 * wanted)
-    return np.arange(math.floor(low / step + 0.02), math.ceil(high / step - 0.02) + 1) * step
+    least_step = (high - low) / intervals
+    power = 10.0 ** math.floor(math.log10(least_step))
+    steps = [factor * power for factor in (1, 2, 5, 10)]
+    step = next(step for step in steps if step >= 0.999 * least_step)
+    first = math.floor(low / step + 0.02)
+    last = math.ceil(high / step - 0.02)
+    return np.arange(first, last + 1) * step
 
 
-def _bounds(traces: Sequence[Trace], values: np.ndarray) -> np.ndarray:
-    """Ticks around the values, never over less than twenty times the noise, which would be blown up."""
+def _value_ticks(traces: Sequence[Trace], values: np.ndarray) -> np.ndarray:
+    """Ticks around the values, over at least twenty standard deviations of the noise."""
     channel = CHANNELS[traces[0].channel]
-    least = 20.0 * channel.noise or (channel.high - channel.low) / 2
-    margin = max(least - np.ptp(values), 0.0) / 2
+    least_range = 20.0 * channel.noise or (channel.high - channel.low) / 2
+    margin = max(least_range - np.ptp(values), 0.0) / 2
     return ticks(values.min() - margin, values.max() + margin)
 
 
 def _number(value: float, step: float) -> str:
-    """The value with as many decimals as a step of that size needs."""
+    """The value with the decimals of a step of that size."""
     decimals = max(0, math.ceil(-math.log10(step) - 1e-9))
     return f"{round(value, decimals) + 0.0:.{decimals}f}"
 
 
-def _round_times(start: float) -> np.ndarray:
+def _time_ticks(start: float) -> np.ndarray:
+    """Multiples of 10 s within the window."""
     return np.arange(math.ceil(start / 10.0) * 10.0, start + WINDOW + 0.01, 10.0)
 
 
 def draw_times(canvas: Canvas, corner: Point, now: float):
     """The time scale below a column of charts."""
     start = max(0.0, now - WINDOW)
-    for time in _round_times(start):
-        canvas.text(
-            f"{time:.0f} s",
-            (corner[0] + 46 + (time - start) / WINDOW * 400, corner[1] + 10),
-            FAINT,
-            0.5,
-            SMALL,
-        )
+    for time in _time_ticks(start):
+        x = corner[0] + 46 + (time - start) / WINDOW * 400
+        canvas.text(f"{time:.0f} s", (x, corner[1] + 10), FAINT, 0.5, SMALL)
 
 
 def draw_chart(
@@ -109,21 +108,27 @@ def draw_chart(
     rows: np.ndarray,
     onsets: Sequence[float],
 ):
-    """One chart: grid, onsets of the faults as vertical lines, and a line per trace."""
+    """One chart: grid, a vertical line for each onset, and a line for each trace."""
     left = corner[0] + 46
     top = corner[1] + 24
     width = 400
     height = 88
     start = max(0.0, rows[-1, 0] - WINDOW)
     values = rows[:, [COLUMNS[trace.channel] for trace in traces]]
-    marks = _bounds(traces, values)
-    x = lambda time: left + (time - start) / WINDOW * width  # noqa: E731
-    y = lambda value: top + (marks[-1] - value) / (marks[-1] - marks[0]) * height  # noqa: E731
+    marks = _value_ticks(traces, values)
+
+    def x(time):
+        return left + (time - start) / WINDOW * width
+
+    def y(value):
+        return top + (marks[-1] - value) / (marks[-1] - marks[0]) * height
+
     canvas.box(left, top, width, height, PANEL)
     for mark in marks:
+        words = _number(mark, marks[1] - marks[0])
         canvas.box(left, round(y(mark)), width, 1, GRID)
-        canvas.text(_number(mark, marks[1] - marks[0]), (left - 6, y(mark)), FAINT, 1.0, SMALL)
-    for time in _round_times(start):
+        canvas.text(words, (left - 6, y(mark)), FAINT, 1.0, SMALL)
+    for time in _time_ticks(start):
         canvas.box(round(x(time)), top, 1, height, GRID)
     for onset in onsets:
         canvas.box(round(x(onset)), top, 2, height, WARNING)
@@ -142,18 +147,17 @@ def draw_legend(
     row: Mapping[str, float],
     faulty: set[str],
 ):
-    """Title and unit of a chart, name and latest value of its traces; a faulty sensor's are highlighted."""
+    """Title and unit of a chart, names and latest values of its traces, faulty sensors marked."""
     unit = CHANNELS[traces[0].channel].unit.replace("^2", "²")
     canvas.text(f"{title} [{unit}]", (corner[0], corner[1] + 9))
     right = corner[0] + 446
     y = corner[1] + 9
     for trace in reversed(traces):
-        noise = CHANNELS[trace.channel].noise if trace.channel in CHANNELS else 0.01
+        noise = CHANNELS[trace.channel].noise if trace.channel in CHANNELS else 0.0
         words = f"{trace.name} {_number(row[trace.channel], noise or 0.01)}"
-        broken = f"sensor:{trace.channel}" in faulty
-        if broken:
-            canvas.box(
-                right - canvas.width(words) - 4, y - 9, canvas.width(words) + 8, 17, WARNING, 4
-            )
-        canvas.text(words, (right, y), INK if broken else trace.colour, 1.0)
-        right -= canvas.width(words) + 16
+        width = canvas.width(words)
+        is_faulty = f"sensor:{trace.channel}" in faulty
+        if is_faulty:
+            canvas.box(right - width - 4, y - 9, width + 8, 17, WARNING, 4)
+        canvas.text(words, (right, y), INK if is_faulty else trace.colour, 1.0)
+        right -= width + 16

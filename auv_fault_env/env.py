@@ -1,8 +1,9 @@
-"""Gymnasium environments over the fleet: spaces, reset, step, info. No equation and no fault name stands here."""
+"""Gymnasium environments over the fleet: spaces, reset, step and info."""
 
 import math
 import numbers
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -22,23 +23,20 @@ ACTIONS = COMMANDS[1:]
 
 
 def _box(names: Sequence[str]) -> gym.spaces.Box:
-    low, high = ([getattr(CHANNELS[name], side) for name in names] for side in ("low", "high"))
-    return gym.spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
+    """The space of these channels."""
+    low = np.array([CHANNELS[name].low for name in names], np.float32)
+    high = np.array([CHANNELS[name].high for name in names], np.float32)
+    return gym.spaces.Box(low, high, dtype=np.float32)
 
 
 def _checked_schedule(value, end: float) -> Schedule:
+    """The schedule, if all its faults begin before the end [s] of the episode."""
     schedule = schedule_of(value)
     for event in schedule:
         if event.onset >= end:
-            remedy = (
-                "begin earlier, or raise max_episode_steps (of a single environment, horizon too)"
-            )
-            raise refusal(
-                f"onset of {event.fault}",
-                event.onset,
-                f"before the episode's end at {end:g} s",
-                remedy,
-            )
+            allowed = f"before the episode's end at {end:g} s"
+            remedy = "begin earlier, or raise max_episode_steps (single environment: also horizon)"
+            raise refusal(f"onset of {event.fault}", event.onset, allowed, remedy)
     return schedule
 
 
@@ -50,14 +48,15 @@ def _need_reset(started: bool):
 
 
 class PropulsionEnv(gym.Env):
-    """The NPS AUV II under way: surge motion, two propeller shafts, controllers and sensors, with injected faults.
+    """An underwater vehicle under way: surge, two propeller shafts, controllers, sensors, faults.
 
     ## Description
-    The vehicle keeps the speed of its mission while a fault may strike its hull, propellers, shaft seals, motors or
-    sensors. The agent commands speed, rudder and stern plane; a diagnoser, outside, reads the observations and names
-    the fault. The plant is that of the NPS thesis "Neural network based propulsion system fault diagnostics for the
-    NPS AUV II" (June 1992); a sample is 0.1 s. Every episode draws its own healthy vehicle, mission, faults and noise
-    from the seed. The same seed with an empty schedule is the exact fault-free twin.
+    The vehicle follows the speed of its mission while a fault may strike its hull, propellers,
+    shaft seals, motors or sensors. The agent commands speed, rudder and stern plane; a diagnoser
+    outside reads the observations and names the fault. The plant is that of the NPS thesis "Neural
+    network based propulsion system fault diagnostics for the NPS AUV II" (June 1992); a sample is
+    0.1 s. The seed decides healthy vehicle, mission, faults and noise of every episode. The same
+    seed with an empty schedule is the exact fault-free twin.
 
     ## Action Space
     `Box(3)`, float32, in physical units; values outside are clipped, NaN and infinity are refused.
@@ -69,7 +68,7 @@ class PropulsionEnv(gym.Env):
     | 2 | stern plane | -0.4 | 0.4 | rad |
 
     ## Observation Space
-    `Box(12)`, float32, in the order of `auv_fault_env.CHANNELS`. A reading saturates at the full scale given here.
+    `Box(12)`, float32, in the order of `auv_fault_env.CHANNELS`. Readings saturate at these limits.
 
     | Index | Channel | Minimum | Maximum | Unit | Noise (1 sigma) |
     |---|---|---|---|---|---|
@@ -84,26 +83,27 @@ class PropulsionEnv(gym.Env):
     | 8, 11 | port_rpm, starboard_rpm | -500 | 6000 | rpm | 1 |
 
     Readings are taken at the end of the sample, simultaneously, before the controllers act again;
-    channels 1 to 3 are the commands held during the sample that ended. A dropped-out reading is 0,
+    channels 1 to 3 are the commands of the sample that ended. A dropped-out reading is 0,
     as a pulled-down input gives, never NaN. Faults show in the readings only: there is no
     fault-free channel, and the controllers too use the faulty readings.
 
     ## Rewards
-    ``-(speed - mission_speed)^2 - 0.01 energy`` with the true speed [m/s] and the electrical energy [J] of the sample.
-    It pays for the mission, not for a diagnosis.
+    ``-(speed - mission_speed)^2 - 0.01 energy`` with the true speed [m/s] and the electrical energy
+    [J] of the sample. It pays for the mission, not for a diagnosis.
 
     ## Starting State
-    In steady motion at the mission's first speed, or at rest (one sampled mission in five). The first command acts on
-    the first step.
+    In motion at the first speed of the mission, or at rest (one sampled mission in five). The first
+    command acts on the first step.
 
     ## Episode End
     `terminated` stays False; the registration truncates after 600 steps (60 s).
 
     ## Information
-    `mission_speed` [m/s], `energy` [J of the step], `cost` (squared deviation from the mission speed, m^2/s^2) and
-    `truth`: `label` (diagnosis class with the largest severity in force during the step, else `normal`), `severity`
-    (by class, in force), `onset` [s] of the first fault of the schedule (infinite if none), `parameters` (physical, by
-    name, in force), `state` (noise-free, by name). The truth tells a future onset: it is for scoring, not for agents.
+    `mission_speed` [m/s], `energy` [J of the step], `cost` (squared deviation from the mission
+    speed, m^2/s^2) and `truth`: `label` (diagnosis class of the largest severity during the step,
+    else `normal`), `severity` (by class), `onset` [s] of the first fault of the schedule (infinite
+    if none), `parameters` (by name, under the faults), `state` (noise-free, by name). The truth
+    contains a future onset: it is for scoring, not for agents.
 
     ## Arguments
     ```python
@@ -115,9 +115,10 @@ class PropulsionEnv(gym.Env):
         healthy_band=1.0,
     )
     ```
-    `preset`: `thesis1992`, `npsnet1995` or a `Vehicle`. `sensor_noise`, `disturbance`, `healthy_band`: factors on the
-    default noise, disturbing acceleration and spread of healthy vehicles; 0 switches off. `horizon`: end of the episode
-    [s], by which every fault of a given schedule must have begun; raise it along with another `max_episode_steps`.
+    `preset`: `thesis1992`, `npsnet1995` or a `Vehicle`. `sensor_noise`, `disturbance`,
+    `healthy_band`: factors on the default noise, the disturbing acceleration and the healthy band;
+    0 switches off. `horizon`: end of the episode [s], before which every fault of a schedule must
+    begin; raise it together with `max_episode_steps`.
 
     `reset(options={"schedule": ..., "mission": ...})`: the schedule is a sequence of `FaultEvent`
     or of mappings with their fields, or the path of a JSON file; empty means healthy; without it
@@ -161,7 +162,7 @@ class PropulsionEnv(gym.Env):
         self._renderer = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        """Start an episode: of the given seed, or the next one of the last seed."""
+        """Start the first episode of the seed; without a seed the next episode of the last one."""
         options = _known_options(options, ("schedule", "mission"))
         schedules = missions = None
         if options.get("schedule") is not None:
@@ -169,21 +170,21 @@ class PropulsionEnv(gym.Env):
         if options.get("mission") is not None:
             missions = [mission_of(options["mission"])]
         super().reset(seed=seed)
-        fresh = seed is not None or self._observation is None
-        seeds = [self.np_random_seed] if fresh else None
+        is_first_episode = seed is not None or self._observation is None
+        seeds = [self.np_random_seed] if is_first_episode else None
         self._observation = self.fleet.reset(seeds, schedules=schedules, missions=missions)[0]
         if self._renderer is not None:
             self._renderer.clear()
-        return self._after()
+        return self._observation_and_info()
 
     def step(self, action):
-        """Hold the action for one sample of 0.1 s."""
+        """Apply the action for one sample of 0.1 s."""
         _need_reset(self._observation is not None)
         self._observation = self.fleet.advance(checked_actions(action, (3,))[None])[0]
-        observation, info = self._after()
+        observation, info = self._observation_and_info()
         return observation, self.fleet.outcomes.item(0), False, False, info
 
-    def _after(self):
+    def _observation_and_info(self):
         _, energy, cost, mission_speed = self.fleet.outcomes[:, 0].tolist()
         info = {
             "mission_speed": mission_speed,
@@ -205,7 +206,7 @@ class PropulsionEnv(gym.Env):
             self._renderer.show()
 
     def render(self) -> np.ndarray | None:
-        """The frame (height, width, 3) uint8 in mode `rgb_array`; in mode `human` the window is kept up to date."""
+        """The frame (height, width, 3) uint8 in mode `rgb_array`, None in mode `human`."""
         _need_reset(self._observation is not None)
         return self._renderer.frame() if self.render_mode == "rgb_array" else None
 
@@ -220,7 +221,7 @@ class PropulsionEnv(gym.Env):
 
 
 class PropulsionVectorEnv(gym.vector.VectorEnv):
-    """`PropulsionEnv` for many vehicles at once, in compiled code: see there for spaces, rewards and information.
+    """`PropulsionEnv` for many vehicles at once, with the same spaces, rewards and information.
 
     Lane k of ``reset(seed=s)`` is the single environment with seed s + k, bit for bit. A finished
     lane resets itself on the next step, whose action it ignores (`AutoresetMode.NEXT_STEP`). Values
@@ -264,11 +265,8 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
     ):
         """Start an episode on every lane."""
         options = _known_options(options, ("schedule", "mission", "schedules", "missions"))
-        schedules = self._per_lane(
-            options,
-            "schedule",
-            lambda value: _checked_schedule(value, self.max_episode_steps / SAMPLE_RATE),
-        )
+        end = self.max_episode_steps / SAMPLE_RATE
+        schedules = self._per_lane(options, "schedule", partial(_checked_schedule, end=end))
         missions = self._per_lane(options, "mission", mission_of)
         if isinstance(seed, numbers.Integral):
             seed = whole_number("seed", seed, 0)
@@ -278,7 +276,10 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
         return observations, self._info()
 
     def step(self, actions):
-        """Hold the actions (num_envs, 3) for one sample of 0.1 s; lanes that had finished start their next episode."""
+        """Apply the actions (num_envs, 3) for one sample of 0.1 s.
+
+        Lanes that have finished start their next episode instead.
+        """
         _need_reset(self._done is not None)
         observations = self.fleet.step(actions)
         if self._done.any():
@@ -306,33 +307,35 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
         }
 
     def _seeds(self, seed) -> list[int] | None:
+        """One seed per lane; None to go on with the next episodes."""
         if seed is None and self._done is not None:
             return None
         if seed is None or isinstance(seed, int):
             first = self.np_random_seed if seed is None else seed
             return [first + lane for lane in range(self.num_envs)]
         seeds = one_per_lane("seeds", seed, self.num_envs, "give one int for all")
-        return [self.np_random.integers(2**63) if one is None else one for one in seeds]
+        return [self.np_random.integers(2**63) if seed is None else seed for seed in seeds]
 
     def _per_lane(
-        self, options: dict[str, Any], name: str, read
+        self, options: dict[str, Any], name: str, convert: Callable[[Any], Any]
     ) -> list[Schedule | Mission] | None:
-        if options.get(name) is not None and options.get(f"{name}s") is not None:
-            raise refusal(
-                "reset option", [name, f"{name}s"], f"either {name} or {name}s", "leave one out"
-            )
-        if options.get(name) is not None:
-            return [read(options[name])] * self.num_envs
-        values = options.get(f"{name}s")
-        if values is None:
+        """The schedules or missions of all lanes, from the option `name` or from its plural."""
+        plural = f"{name}s"
+        for_all = options.get(name)
+        for_each = options.get(plural)
+        if for_all is not None and for_each is not None:
+            allowed = f"either {name} or {plural}"
+            raise refusal("reset option", [name, plural], allowed, "leave one out")
+        if for_all is not None:
+            return [convert(for_all)] * self.num_envs
+        if for_each is None:
             return None
-        return [
-            read(value)
-            for value in one_per_lane(f"{name}s", values, self.num_envs, f"or give one {name!r}")
-        ]
+        for_each = one_per_lane(plural, for_each, self.num_envs, f"or give one {name!r}")
+        return [convert(value) for value in for_each]
 
 
 def _known_options(options: dict[str, Any] | None, names: Sequence[str]) -> dict[str, Any]:
+    """The options of a reset, if all have one of these names."""
     if not isinstance(options, Mapping | None):
         raise refusal("reset options", options, "a mapping", f"give some of {', '.join(names)}")
     for name in options or {}:

@@ -102,7 +102,8 @@ def sample_normals(scratch, width, key, step):
     for pair in range(5):
         first = (row.NORMAL + 2 * pair) * LANES
         for k in range(width):
-            one, two = normal_pair(random_bits(key[k], step[k], np.uint64(pair)))
+            word = random_bits(key[k], step[k], np.uint64(pair))
+            one, two = normal_pair(word)
             scratch[first + k] = one
             scratch[first + LANES + k] = two
 
@@ -265,7 +266,8 @@ def write_outcomes(block, width, constants):
     for k in range(width):
         energy = energy_of_lane(block, row.PORT_SHAFT, row.PORT_STATE, k)
         energy += energy_of_lane(block, row.STARBOARD_SHAFT, row.STARBOARD_STATE, k)
-        deviation = block[row.SPEED * LANES + k] - block[row.MISSION_SPEED * LANES + k]
+        mission_speed = block[row.MISSION_SPEED * LANES + k]
+        deviation = block[row.SPEED * LANES + k] - mission_speed
         block[row.ENERGY * LANES + k] = energy
         block[row.COST * LANES + k] = deviation * deviation
         block[row.REWARD * LANES + k] = mission_reward(deviation, energy, constants)

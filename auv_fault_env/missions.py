@@ -1,4 +1,4 @@
-"""The mission: which speed the vehicle is asked to keep, leg by leg."""
+"""The mission: the speed that the vehicle is asked to have, leg by leg."""
 
 import numbers
 from collections.abc import Mapping, Sequence
@@ -18,6 +18,8 @@ from auv_fault_env.errors import (
 from auv_fault_env.noise import STREAMS, uniforms
 from auv_fault_env.parameters import FOOT, SAMPLE_TIME
 
+LONGEST = 1e12  # s
+
 
 @dataclass(frozen=True)
 class Mission:
@@ -28,30 +30,28 @@ class Mission:
     legs
         Pairs (start [s], speed [m/s]), the first at 0 s, in ascending order.
     start_speed
-        Speed [m/s] at which the vehicle starts in steady motion; None for that of the first leg, 0
-        for rest.
+        Speed [m/s] at which the vehicle moves at the start; None for that of the first leg, 0 for
+        rest.
     """
 
     legs: tuple[tuple[float, float], ...]
     start_speed: float | None = None
 
     def __post_init__(self):
-        legs = tuple(
-            (
-                finite_in_range("start of a mission leg", start, 0.0, 1e12),
-                finite_in_range("mission speed", speed, 0.0, MAXIMUM_COMMAND),
-            )
-            for start, speed in self.legs
-        )
+        legs = tuple(_checked_leg(start, speed) for start, speed in self.legs)
         starts = [start for start, _ in legs]
         if not legs or starts[0] != 0.0 or sorted(set(starts)) != starts:
-            raise refusal(
-                "mission legs", starts, "start times that begin at 0 and ascend", "order the legs"
-            )
+            allowed = "start times that begin at 0 and ascend"
+            raise refusal("mission legs", starts, allowed, "order the legs")
         start_speed = legs[0][1] if self.start_speed is None else self.start_speed
         start_speed = finite_in_range("mission speed", start_speed, 0.0, MAXIMUM_COMMAND)
         object.__setattr__(self, "legs", legs)
         object.__setattr__(self, "start_speed", start_speed)
+
+
+def _checked_leg(start: float, speed: float) -> tuple[float, float]:
+    start = finite_in_range("start of a mission leg", start, 0.0, LONGEST)
+    return start, finite_in_range("mission speed", speed, 0.0, MAXIMUM_COMMAND)
 
 
 MISSIONS: dict[str, Mission] = {
@@ -64,7 +64,7 @@ MISSIONS: dict[str, Mission] = {
 
 
 def mission_of(value: "Mission | str | float | Sequence | Mapping") -> Mission:
-    """A mission from itself, a name of `MISSIONS`, a constant speed [m/s], a list of legs, or a mapping of fields."""
+    """A mission, or that of a name in `MISSIONS`, a speed [m/s], a list of legs or its fields."""
     if isinstance(value, Mission):
         return value
     if isinstance(value, str):
@@ -78,14 +78,13 @@ def mission_of(value: "Mission | str | float | Sequence | Mapping") -> Mission:
     except InputError:
         raise
     except (TypeError, ValueError):
-        raise refusal(
-            "mission", value, "a name, a speed or a list of (start, speed)", "write one of these"
-        ) from None
+        allowed = "a name, a speed or a list of (start, speed)"
+        raise refusal("mission", value, allowed, "write one of these") from None
 
 
 @dataclass(frozen=True)
 class MissionSampler:
-    """Missions of `n_legs` legs; a share of them starts at rest, the others in steady motion.
+    """Random missions of `n_legs` legs; a share of them starts at rest, the others in motion.
 
     Attributes
     ----------
@@ -106,22 +105,28 @@ class MissionSampler:
 
     def __post_init__(self):
         pair_in_range("speed of the legs", self.speed, 0.0, MAXIMUM_COMMAND)
-        pair_in_range("duration of the legs", self.duration, SAMPLE_TIME, 1e12)
+        pair_in_range("duration of the legs", self.duration, SAMPLE_TIME, LONGEST)
         whole_number("number of legs", self.n_legs)
         finite_in_range("from_rest", self.from_rest, 0.0, 1.0)
 
     def sample_legs(self, key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Legs (n_lanes, n_legs, 2) and start speeds (n_lanes,) for lanes with the given noise keys (n_lanes,)."""
+        """Legs and start speeds of many lanes at random, from their noise keys (n_lanes,).
+
+        Legs are (n_lanes, n_legs, 2), start speeds (n_lanes,).
+        """
         u = uniforms(key, STREAMS["mission"], 2 * self.n_legs + 1)
         legs = np.empty((key.size, self.n_legs, 2))
-        durations = self.duration[0] + (self.duration[1] - self.duration[0]) * u[:, : self.n_legs]
+        shortest, longest = self.duration
+        durations = shortest + (longest - shortest) * u[:, : self.n_legs]
         legs[:, :, 0] = np.cumsum(durations, axis=1) - durations
-        legs[:, :, 1] = self.speed[0] + (self.speed[1] - self.speed[0]) * u[:, self.n_legs : -1]
-        return legs, np.where(u[:, -1] < self.from_rest, 0.0, legs[:, 0, 1])
+        slowest, fastest = self.speed
+        legs[:, :, 1] = slowest + (fastest - slowest) * u[:, self.n_legs : -1]
+        start_at_rest = u[:, -1] < self.from_rest
+        return legs, np.where(start_at_rest, 0.0, legs[:, 0, 1])
 
 
 def follow_mission(observation: np.ndarray) -> np.ndarray:
-    """The actions (n_lanes, 3) that command the mission speed with rudder and stern plane amidships.
+    """Actions (n_lanes, 3) that command the mission speed, with rudder and stern plane amidships.
 
     observation is (n_lanes, n_channels).
     """

@@ -29,8 +29,15 @@ CHANCE_WORD = np.uint64(8)
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 MIX_2 = np.uint64(0x94D049BB133111EB)
-U27, U30, U31, U32, U52 = (np.uint64(k) for k in (27, 30, 31, 32, 52))
-LOW_16, LOW_32, LOW_52 = (np.uint64((1 << k) - 1) for k in (16, 32, 52))
+U12 = np.uint64(12)
+U27 = np.uint64(27)
+U30 = np.uint64(30)
+U31 = np.uint64(31)
+U32 = np.uint64(32)
+U52 = np.uint64(52)
+LOW_16 = np.uint64((1 << 16) - 1)
+LOW_32 = np.uint64((1 << 32) - 1)
+LOW_52 = np.uint64((1 << 52) - 1)
 TWO_52 = 4503599627370496.0
 BITS_OF_ONE = np.uint64(0x3FF0000000000000)
 BITS_OF_TWO_52 = np.uint64(0x4330000000000000)
@@ -85,7 +92,8 @@ def sine_of_turns(x):
 @scalar
 def normal_pair(word):
     """Two independent standard normals from 64 random bits (Box & Muller 1958), bounded by 6.8."""
-    radius = math.sqrt(-2.0 * logarithm((float_of_integer(word >> U32) + 0.5) * 2.0**-32))
+    uniform = (float_of_integer(word >> U32) + 0.5) * 2.0**-32
+    radius = math.sqrt(-2.0 * logarithm(uniform))
     turn = float_of_integer(word & LOW_32) * 2.0**-32
     cosine = sine_of_turns(abs(turn - 0.5) - 0.25)
     shifted = turn - 0.25 if turn >= 0.25 else turn + 0.75
@@ -96,7 +104,8 @@ def normal_pair(word):
 @scalar
 def channel_uniform(word, channel):
     """A uniform number in [0, 1) from the 16 bits of a word that belong to a channel."""
-    return float_of_integer((word >> np.uint64(16 * (channel % 4))) & LOW_16) * 2.0**-16
+    shift = np.uint64(16 * (channel % 4))
+    return float_of_integer((word >> shift) & LOW_16) * 2.0**-16
 
 
 @kernel
@@ -104,7 +113,8 @@ def episode_keys(seed, episode):
     """Noise keys (n_lanes,) of the given episodes of the given seeds, both uint64 (n_lanes,)."""
     keys = np.empty_like(seed)
     for k in range(seed.size):
-        keys[k] = mix_bits(mix_bits(seed[k] + GOLDEN) ^ (episode[k] * MIX_1))
+        seed_bits = mix_bits(seed[k] + GOLDEN)
+        keys[k] = mix_bits(seed_bits ^ (episode[k] * MIX_1))
     return keys
 
 
@@ -113,8 +123,9 @@ def uniforms(key, stream, count):
     """Uniform numbers in (0, 1), (n_lanes, count), from one of the `STREAMS` of each lane's key."""
     out = np.empty((key.size, count))
     for k in range(key.size):
-        start = mix_bits(key[k] ^ ((np.uint64(stream) + np.uint64(1)) * MIX_2))
+        stream_bits = (np.uint64(stream) + np.uint64(1)) * MIX_2
+        start = mix_bits(key[k] ^ stream_bits)
         for c in range(count):
             word = mix_bits(start + np.uint64(c + 1) * GOLDEN)
-            out[k, c] = (float_of_integer(word >> np.uint64(12)) + 0.5) * 2.0**-52
+            out[k, c] = (float_of_integer(word >> U12) + 0.5) * 2.0**-52
     return out

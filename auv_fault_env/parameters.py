@@ -1,7 +1,7 @@
 """The constants of a vehicle with unit, meaning and source; presets; parameters that faults change.
 
-SI units; those of the thesis are converted here and nowhere else. Shaft speed is in rpm in ``beta``,
-as in the thesis and every vehicle log, and in rad/s in the motor constants.
+SI units; those of the thesis are converted here and nowhere else. Shaft speed is in rpm in
+``beta``, as in the thesis and every vehicle log, and in rad/s in the motor constants.
 
 Sources
 -------
@@ -46,9 +46,10 @@ def blade_pair_inertia(
 def quantity(
     value: float, unit: str, about: str, source: str, low: float, high: float, band: float = 0.0
 ):
-    """A field of `Vehicle`: low and high are physical limits, band half the width of the healthy band.
+    """A field of `Vehicle`.
 
-    The band is relative to the value.
+    low and high are physical limits, band is half the width of the healthy band relative to the
+    value.
     """
     metadata = dict(unit=unit, about=about, source=source, low=low, high=high, band=band)
     return field(default=value, metadata=metadata)
@@ -56,7 +57,7 @@ def quantity(
 
 @dataclass(frozen=True)
 class Vehicle:
-    """A healthy vehicle: hull, shafts and motors (both sides are alike), water and controller gains.
+    """A healthy vehicle: hull, shafts and motors (both sides alike), water and controller gains.
 
     A variant is ``dataclasses.replace(PRESETS["thesis1992"], alpha=-0.1)``; a value outside its
     physical limits raises `ValueError`. Units, meanings and sources are in each field's metadata:

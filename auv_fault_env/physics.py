@@ -25,8 +25,10 @@ RPM = 30.0 / math.pi  # rpm per rad/s
 # Graded substeps: short while the shaft answers a new voltage, long once it has settled; see
 # `python -m training.studies.integrators`.
 SUBSTEPS = 8
+GRADING = 1.75
 SUBSTEP = tuple(
-    SAMPLE_TIME * (((k + 1) / SUBSTEPS) ** 1.75 - (k / SUBSTEPS) ** 1.75) for k in range(SUBSTEPS)
+    SAMPLE_TIME * (((k + 1) / SUBSTEPS) ** GRADING - (k / SUBSTEPS) ** GRADING)
+    for k in range(SUBSTEPS)
 )
 # Lobatto points and weights on [0, 1], order 6
 NODE_1 = 0.5 - 0.1 * math.sqrt(5.0)
@@ -62,7 +64,8 @@ class PlantConstants(NamedTuple):
 def plant_constants(vehicle: Vehicle, disturbance: float = 1.0) -> PlantConstants:
     """The constants of a vehicle; `disturbance` is a factor on the disturbing acceleration."""
     names = PlantConstants._fields[:-1]
-    constants = PlantConstants(*(float(getattr(vehicle, name)) for name in names), ENERGY_WEIGHT)
+    values = [float(getattr(vehicle, name)) for name in names]
+    constants = PlantConstants(*values, ENERGY_WEIGHT)
     return constants._replace(disturbance_std=constants.disturbance_std * disturbance)
 
 
@@ -372,10 +375,10 @@ def rpm_command(constants, speed_command, speed, delta_squared):
     """
     ahead = min(speed, speed_command + constants.boundary_layer)
     drag = (constants.alpha + constants.gamma * delta_squared) * ahead * abs(ahead)
-    reach = constants.reaching_rate * clipped(
-        (speed - speed_command) / constants.boundary_layer, -1.0, 1.0
-    )
-    return min(math.sqrt(max(-(drag + reach) / constants.beta, 0.0)), constants.maximum_rpm)
+    distance = (speed - speed_command) / constants.boundary_layer
+    reach = constants.reaching_rate * clipped(distance, -1.0, 1.0)
+    rpm_squared = max(-(drag + reach) / constants.beta, 0.0)
+    return min(math.sqrt(rpm_squared), constants.maximum_rpm)
 
 
 @scalar

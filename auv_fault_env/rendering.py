@@ -1,11 +1,10 @@
-"""Frames of `PropulsionEnv`: the vehicle in three views with its faulty parts, and strip charts of the last minute.
+"""Frames of `PropulsionEnv`: the vehicle in three projections, and strip charts of the last minute.
 
 Everything follows from the channels, the catalogue and the truth: a new fault shows on the part
-that its `component` names, and in the caption, without an edit here. Nothing is drawn of a fault
-before it strikes.
+that its `component` names, and in the caption, without an edit here. A fault shows from its onset
+on.
 """
 
-import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -40,22 +39,23 @@ from auv_fault_env.charts import (
 )
 from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import SAMPLE_RATE, SIDES
+from auv_fault_env.physics import RPM
 from auv_fault_env.silhouette import PROJECTIONS, draw_ruler, draw_vehicle, vehicle_parts
 
-# propellers turn on the screen this much slower, or ten frames a second would show them stand still
+# factor by which propellers turn slower on the screen: ten frames a second would show them at rest
 SLOW_MOTION = 20.0
 
 
 def _draw_gauge(canvas: Canvas, row: Mapping[str, float]):
-    """The scale of speed: the true one as a bar, the reading as a line, mission and command as marks at its edges."""
+    """The scale of speed: true speed as a bar, reading as a line, mission and command as marks."""
     left = 678.0
     width = 258.0
     top = 74.0
     marks = ticks(0.0, max(MAXIMUM_COMMAND, row[TRUE_SPEED]))
-    places = {
-        name: left + width * min(max(row[name] / marks[-1], 0.0), 1.0)
-        for name in (trace.channel for trace in SPEEDS)
-    }
+    places = {}
+    for trace in SPEEDS:
+        fraction = min(max(row[trace.channel] / marks[-1], 0.0), 1.0)
+        places[trace.channel] = left + width * fraction
     canvas.text(f"{row['speed']:.2f} m/s measured", (left, 52), size=LARGE)
     canvas.box(left, top, width, 12, GRID)
     canvas.box(left, top, places[TRUE_SPEED] - left, 12, VIOLET)
@@ -64,41 +64,38 @@ def _draw_gauge(canvas: Canvas, row: Mapping[str, float]):
         ("speed_command", BLUE, top - 5, top + 3),
         ("mission_speed", STEEL, top + 17, top + 9),
     ):
-        canvas.polygon(
-            [(places[name] - 4, y), (places[name] + 4, y), (places[name], tip)], colour, INK
-        )
+        x = places[name]
+        canvas.polygon([(x - 4, y), (x + 4, y), (x, tip)], colour, INK)
     for mark in marks:
-        canvas.text(f"{mark:.1f}", (left + width * mark / marks[-1], top + 24), FAINT, 0.5, SMALL)
+        x = left + width * mark / marks[-1]
+        canvas.text(f"{mark:.1f}", (x, top + 24), FAINT, 0.5, SMALL)
 
 
 def _draw_caption(canvas: Canvas, time: float, faults: Sequence[tuple[str, float, float]]):
-    """Time, and a table of the faults in force: class, severity, since when."""
+    """Time, and a table of the present faults: class, severity, onset."""
     for side, x in zip(SIDES, (513, 579), strict=True):
         canvas.text(side, (x, 204), SIDE_COLOURS[side], 0.5)
     canvas.text("NPS AUV II", (674, 18), size=LARGE)
     canvas.text(f"{time:.1f} s", (946, 18), size=LARGE, align=1.0)
-    for words, x, align in (
-        ("fault" if faults else "no fault", 674, 0),
-        ("severity", 896, 1),
-        ("since", 946, 1),
-    ):
-        canvas.text(words if faults or x == 674 else "", (x, 122), FAINT, align)
+    canvas.text("fault" if faults else "no fault", (674, 122), FAINT)
+    if faults:
+        canvas.text("severity", (896, 122), FAINT, 1.0)
+        canvas.text("since", (946, 122), FAINT, 1.0)
     shown = 5 if len(faults) <= 5 else 4
     for line, (name, severity, since) in enumerate(faults[:shown]):
         y = 142 + 20 * line
         canvas.box(668, y - 9, 282, 18, WARNING, 4)
-        for words, x, align in (
-            (name, 674, 0),
-            (f"{severity:.2f}", 896, 1),
-            (f"{since:.1f} s", 946, 1),
-        ):
-            canvas.text(words, (x, y), align=align)
+        canvas.text(name, (674, y))
+        canvas.text(f"{severity:.2f}", (896, y), align=1.0)
+        canvas.text(f"{since:.1f} s", (946, y), align=1.0)
     if len(faults) > shown:
         canvas.text(f"and {len(faults) - shown} more", (674, 142 + 20 * shown), FAINT)
 
 
 class Renderer:
-    """Keeps the last minute of an episode and draws it. Without pygame: `gymnasium.error.DependencyNotInstalled`.
+    """Records the last minute of an episode and draws it.
+
+    Without pygame it raises `gymnasium.error.DependencyNotInstalled`.
 
     Parameters
     ----------
@@ -112,35 +109,35 @@ class Renderer:
         self._mode = mode
         self._fps = fps
         self._canvas = Canvas()
-        self._components = {fault.diagnosis: fault.component for fault in CATALOGUE.values()}
         self._clock = self._canvas.pygame.time.Clock()
         self._dismissed = False
         self.clear()
 
     def clear(self):
         """Forget the episode."""
-        self._rows: deque[tuple[float, ...]] = deque(maxlen=round(WINDOW * SAMPLE_RATE) + 1)
+        n_rows = round(WINDOW * SAMPLE_RATE) + 1
+        self._rows: deque[tuple[float, ...]] = deque(maxlen=n_rows)
         self._onsets: dict[str, float] = {}
         self._severity: dict[str, float] = {}
         self._angles = dict.fromkeys(SIDES, 0.0)
         self._thrust = dict.fromkeys(SIDES, 0.0)
-        self._travelled = self._full_thrust = 0.0
+        self._travelled = 0.0
+        self._full_thrust = 0.0
 
     def record(self, time: float, observation: np.ndarray, truth: Mapping[str, Any]):
-        """Take in a sample: its time [s], the observation (n_channels,) and ``info["truth"]``."""
+        """Record a sample: its time [s], the observation (n_channels,) and ``info["truth"]``."""
         previous = self._rows[-1][0] if self._rows else time
         state = truth["state"]
         self._rows.append((time, *map(float, observation), state["speed"]))
-        self._severity = {
-            name: severity for name, severity in truth["severity"].items() if severity > 0.0
-        }
+        severities = truth["severity"].items()
+        self._severity = {name: severity for name, severity in severities if severity > 0.0}
         for name in self._severity:
             self._onsets.setdefault(name, previous)
-        self._travelled += state["speed"] * (time - previous)
+        duration = time - previous
+        self._travelled += state["speed"] * duration
         for side in SIDES:
-            self._angles[side] += (
-                state[f"{side}_rpm"] * 2.0 * math.pi / 60.0 / SLOW_MOTION * (time - previous)
-            )
+            shaft_speed = state[f"{side}_rpm"] / RPM
+            self._angles[side] += shaft_speed / SLOW_MOTION * duration
             self._thrust[side] = truth["parameters"][f"{side}_beta"]
         self._full_thrust = max(self._full_thrust, *self._thrust.values())
 
@@ -148,10 +145,12 @@ class Renderer:
         """The picture, (height, width, 3) uint8."""
         self._draw()
         pixels = self._canvas.pygame.image.tobytes(self._canvas.surface, "RGB")
-        return np.frombuffer(bytearray(pixels), np.uint8).reshape(*SIZE[::-1], 3)
+        width, height = SIZE
+        frame = np.frombuffer(bytearray(pixels), np.uint8)
+        return frame.reshape(height, width, 3)
 
     def show(self):
-        """Bring the window up to date; once the user has closed it, do nothing."""
+        """Update the window; do nothing once the user has closed it."""
         if self._dismissed:
             return
         self._draw()
@@ -163,7 +162,8 @@ class Renderer:
         display.get_surface().blit(self._canvas.surface, (0, 0))
         display.flip()
         self._clock.tick(self._fps)
-        if any(event.type == self._canvas.pygame.QUIT for event in self._canvas.pygame.event.get()):
+        events = self._canvas.pygame.event.get()
+        if any(event.type == self._canvas.pygame.QUIT for event in events):
             self.close()
 
     def close(self):
@@ -176,16 +176,17 @@ class Renderer:
         canvas = self._canvas
         rows = np.array(self._rows)
         row = dict(zip(COLUMNS, self._rows[-1], strict=True))
-        faulty = {self._components.get(name, name) for name in self._severity}
-        onsets = [onset for onset in self._onsets.values() if onset >= row["time"] - WINDOW]
-        shares = {
-            side: thrust / (self._full_thrust or 1.0) for side, thrust in self._thrust.items()
-        }
+        components = {fault.diagnosis: fault.component for fault in CATALOGUE.values()}
+        faulty = {components[name] for name in self._severity}
+        start = row["time"] - WINDOW
+        onsets = [onset for onset in self._onsets.values() if onset >= start]
+        full_thrust = self._full_thrust or 1.0
+        shares = {side: thrust / full_thrust for side, thrust in self._thrust.items()}
         parts = vehicle_parts(row["rudder"], row["stern_plane"], self._angles, shares)
         faults = [(name, severity, self._onsets[name]) for name, severity in self._severity.items()]
-        with canvas.fresh():
-            for view in PROJECTIONS:
-                draw_vehicle(canvas, view, parts, faulty)
+        with canvas.new_sheet():
+            for projection in PROJECTIONS:
+                draw_vehicle(canvas, projection, parts, faulty)
             draw_ruler(canvas, self._travelled)
             _draw_gauge(canvas, row)
             _draw_caption(canvas, row["time"], sorted(faults, key=lambda fault: fault[2]))

@@ -1,4 +1,4 @@
-"""When faults come and go: events, their profiles, schedules as JSON, and samplers with declared distributions."""
+"""When faults come and go: events, schedules, their JSON, and the sampler of schedules."""
 
 import json
 import math
@@ -14,10 +14,14 @@ from auv_fault_env.faults import CATALOGUE, fault_of
 from auv_fault_env.layout import EpisodePlan, SeverityProfile
 from auv_fault_env.noise import STREAMS, episode_keys, uniforms
 
+LONGEST = 1e12  # s
+# largest value of each column of a severity profile but its end
+LIMITS = {"severity": 1.0, "duty": 1.0, "onset": LONGEST, "ramp": LONGEST, "period": LONGEST}
+
 
 @dataclass(frozen=True)
 class FaultEvent:
-    """One fault in time: abrupt, incipient (ramp), intermittent (period, duty) or repaired (end).
+    """One fault of an episode: abrupt, incipient (ramp), intermittent (period, duty) or repaired.
 
     Attributes
     ----------
@@ -47,67 +51,55 @@ class FaultEvent:
 
     def __post_init__(self):
         fault_of(self.fault)
-        limits = {
-            "severity": 1.0,
-            "duty": 1.0,
-            "onset": 1e12,
-            "ramp": 1e12,
-            "period": 1e12,
-            "end": math.inf,
-        }
+        limits = LIMITS | {"end": math.inf}
         for name, high in limits.items():
             value = finite_in_range(f"{name} of {self.fault}", getattr(self, name), 0.0, high)
             object.__setattr__(self, name, value)
         if self.end <= self.onset:
-            raise refusal(
-                f"onset of {self.fault}",
-                self.onset,
-                f"before its end at {self.end:g} s",
-                "mend one of them",
-            )
+            allowed = f"before its end at {self.end:g} s"
+            raise refusal(f"onset of {self.fault}", self.onset, allowed, "mend one of them")
 
 
 Schedule = tuple[FaultEvent, ...]
 PROFILE = SeverityProfile._fields
+JSON_FORM = "a JSON list of fault events"
 
 
 def event_of(value: FaultEvent | Mapping) -> FaultEvent:
-    """An event from itself or from a mapping of its fields; unknown and missing fields are refused."""
+    """An event, or the event of a mapping; unknown and missing fields are refused."""
     if isinstance(value, FaultEvent):
         return value
     if not isinstance(value, Mapping):
-        raise refusal(
-            "event of a schedule", value, "a mapping with fault, onset, severity", "write one"
-        )
+        allowed = "a mapping with fault, onset, severity"
+        raise refusal("event of a schedule", value, allowed, "write one")
     names = [spec.name for spec in fields(FaultEvent)]
     for name in value:
         known_name("field of a fault event", name, names)
     for spec in fields(FaultEvent):
         if spec.default is MISSING and spec.name not in value:
-            raise refusal(
-                "fault event", dict(value), "fault, onset and severity given", f"add {spec.name!r}"
-            )
+            allowed = "fault, onset and severity given"
+            raise refusal("fault event", dict(value), allowed, f"add {spec.name!r}")
     return FaultEvent(**value)
 
 
 def schedule_of(value: Sequence[FaultEvent | Mapping] | str | Path) -> Schedule:
-    """A schedule from events, mappings, or the path of a JSON file. An empty one is healthy."""
+    """A schedule from events, mappings, or the path of a JSON file; an empty one is healthy."""
     if isinstance(value, str | Path):
         return load_schedule(value)
     if isinstance(value, Mapping | bytes | bytearray) or not isinstance(value, Sequence):
-        raise refusal(
-            "schedule", value, "a sequence of events or a path", "put the event into a list"
-        )
+        allowed = "a sequence of events or a path"
+        raise refusal("schedule", value, allowed, "put the event into a list")
     return tuple(event_of(item) for item in value)
 
 
 def to_json(schedule: Schedule) -> str:
-    """The schedule as JSON, fields at their default left out; `from_json` gives it back exactly."""
-    plain = [
-        {spec.name: row[spec.name] for spec in fields(FaultEvent) if row[spec.name] != spec.default}
-        for row in map(asdict, schedule)
-    ]
-    return json.dumps(plain, indent=2)
+    """The schedule as JSON without default values; `from_json` returns it exactly."""
+    defaults = {spec.name: spec.default for spec in fields(FaultEvent)}
+    events = []
+    for row in map(asdict, schedule):
+        not_default = {name: value for name, value in row.items() if value != defaults[name]}
+        events.append(not_default)
+    return json.dumps(events, indent=2)
 
 
 def from_json(text: str, origin: str = "schedule") -> Schedule:
@@ -115,21 +107,12 @@ def from_json(text: str, origin: str = "schedule") -> Schedule:
     try:
         events = json.loads(text)
     except json.JSONDecodeError as error:
-        place = f"line {error.lineno} column {error.colno}"
-        raise refusal(
-            f"{origin}, {place}", error.msg, "a JSON list of fault events", "mend that place"
-        ) from None
+        place = f"{origin}, line {error.lineno} column {error.colno}"
+        raise refusal(place, error.msg, JSON_FORM, "mend that place") from None
     except (RecursionError, ValueError) as error:
-        raise refusal(
-            origin, str(error), "a JSON list of fault events", "write plain events"
-        ) from None
+        raise refusal(origin, str(error), JSON_FORM, "write plain events") from None
     if not isinstance(events, list):
-        raise refusal(
-            origin,
-            type(events).__name__,
-            "a JSON list of fault events",
-            "put the event into a list",
-        )
+        raise refusal(origin, type(events).__name__, JSON_FORM, "put the event into a list")
     return schedule_of(events)
 
 
@@ -139,9 +122,8 @@ def load_schedule(path: str | Path) -> Schedule:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
-        raise refusal(
-            "schedule file", str(path), "a readable JSON file", f"check the path ({reason})"
-        ) from None
+        remedy = f"check the path ({reason})"
+        raise refusal("schedule file", str(path), "a readable JSON file", remedy) from None
     return from_json(text, str(path))
 
 
@@ -173,7 +155,8 @@ def no_events(n_lanes: int, n_events: int) -> Events:
 def events_of(schedules: Sequence[Schedule]) -> Events:
     """The schedules (one per lane) as arrays."""
     rows = {name: row for row, name in enumerate(CATALOGUE)}
-    events = no_events(len(schedules), max(map(len, schedules), default=0))
+    n_events = max(map(len, schedules), default=0)
+    events = no_events(len(schedules), n_events)
     for lane, schedule in enumerate(schedules):
         for slot, event in enumerate(schedule):
             events.fault[lane, slot] = rows[event.fault]
@@ -184,23 +167,22 @@ def events_of(schedules: Sequence[Schedule]) -> Events:
 def schedules_of(events: Events) -> list[Schedule]:
     """The schedule of every lane: the inverse of `events_of`."""
     names = list(CATALOGUE)
-    return [
-        tuple(
-            FaultEvent(names[row], **dict(zip(PROFILE, profile.tolist(), strict=True)))
-            for row, profile in zip(faults, profiles, strict=True)
-            if row >= 0
-        )
-        for faults, profiles in zip(*events, strict=True)
-    ]
+    schedules = []
+    for faults, profiles in zip(*events, strict=True):
+        present = faults >= 0
+        rows = zip(faults[present], profiles[present].tolist(), strict=True)
+        schedule = [FaultEvent(names[row], *profile) for row, profile in rows]
+        schedules.append(tuple(schedule))
+    return schedules
 
 
 @dataclass(frozen=True)
 class ScheduleSampler:
-    """Schedules from declared distributions, all uniform within their range.
+    """Random schedules, all quantities uniform within their ranges.
 
-    A lane is healthy with probability `healthy`; else it gets one fault, and a second, different
-    one with probability `compound` (none if the prior knows but one fault). Diagnosis classes are
-    equally likely unless `prior` weighs them; the kinds within a class are equally likely.
+    A lane is healthy with probability `healthy`; else it has one fault, and with probability
+    `compound` a second, different one, if the prior allows for it. Diagnosis classes are equally
+    likely unless `prior` weighs them; the faults of a class are equally likely.
 
     Attributes
     ----------
@@ -215,11 +197,11 @@ class ScheduleSampler:
     onset
         Range of the onset [s].
     incipient
-        Probability of a ramp, and its range [s].
+        Probability of a ramp; `ramp` is the range of its duration [s].
     intermittent
-        Probability of an intermittent fault, and the ranges of period [s] and duty.
+        Probability of an intermittent fault; `period` [s] and `duty` are ranges.
     repaired
-        Probability that the fault ends, and the range of its life [s].
+        Probability that the fault ends; `life` is the range of its duration [s].
     """
 
     prior: Mapping[str, float] = field(default_factory=dict)
@@ -240,40 +222,38 @@ class ScheduleSampler:
     def __post_init__(self):
         for name in ("healthy", "compound", "incipient", "intermittent", "repaired"):
             finite_in_range(name, getattr(self, name), 0.0, 1.0)
-        limits = {
-            "severity": 1.0,
-            "duty": 1.0,
-            "onset": 1e12,
-            "ramp": 1e12,
-            "period": 1e12,
-            "life": 1e12,
-        }
+        limits = LIMITS | {"life": LONGEST}
         for name, high in limits.items():
             pair_in_range(name, getattr(self, name), 0.0, high)
         if self.life[0] <= 0.0:
             raise refusal("life", self.life, "a pair above 0", "let a fault last")
         for name, weight in self.prior.items():
-            known_name(
-                "class of the prior", name, [fault.diagnosis for fault in CATALOGUE.values()]
-            )
+            known_name("class of the prior", name, _diagnoses())
             finite_in_range(f"prior of {name}", weight, 0.0, 1e12)
         if self.prior and not any(self.prior.values()):
             raise refusal("prior", dict(self.prior), "some weight above 0", "give a class weight")
 
     def weights(self) -> np.ndarray:
         """Probability of every fault of the catalogue, (n_faults,)."""
-        diagnoses = [fault.diagnosis for fault in CATALOGUE.values()]
-        weight = np.array([self.prior.get(name, 0.0 if self.prior else 1.0) for name in diagnoses])
-        weight /= [diagnoses.count(name) for name in diagnoses]
-        return weight / weight.sum()
+        diagnoses = _diagnoses()
+        weight_of_others = 0.0 if self.prior else 1.0
+        weights = np.array([self.prior.get(name, weight_of_others) for name in diagnoses])
+        weights /= [diagnoses.count(name) for name in diagnoses]
+        return weights / weights.sum()
 
     def _faults(self, chance: np.ndarray) -> np.ndarray:
-        """Two rows of the catalogue (n_lanes, 2) from uniform numbers; the second goes round without the first."""
+        """Rows of the catalogue for two candidate faults of each lane, (n_lanes, 2).
+
+        chance is (n_lanes, 2), uniform in (0, 1). The second fault comes from what the first one
+        leaves of the probability.
+        """
         weights = self.weights()
         edges = np.cumsum(weights)
         first = np.searchsorted(edges[:-1], chance[:, 0], side="right")
-        rest = (edges[first] + chance[:, 1] * (1.0 - weights[first])) % 1.0
-        return np.stack([first, np.searchsorted(edges[:-1], rest, side="right")], axis=1)
+        from_first = chance[:, 1] * (1.0 - weights[first])
+        without_first = (edges[first] + from_first) % 1.0
+        second = np.searchsorted(edges[:-1], without_first, side="right")
+        return np.stack([first, second], axis=1)
 
     def sample_events(self, key: np.ndarray) -> Events:
         """Events of many lanes at random, from their noise keys (n_lanes,)."""
@@ -284,19 +264,24 @@ class ScheduleSampler:
         fault = self._faults(u.fault)
         onset = _within(self.onset, u.onset)
         is_intermittent = u.intermittent < self.intermittent
+        ramp = _within(self.ramp, u.ramp)
+        end = onset + _within(self.life, u.life)
+        period = _within(self.period, u.period)
+        duty = _within(self.duty, u.duty)
         profile = SeverityProfile(
             onset=onset,
             severity=_within(self.severity, u.severity),
-            ramp=np.where(u.incipient < self.incipient, _within(self.ramp, u.ramp), 0.0),
-            end=np.where(u.repaired < self.repaired, onset + _within(self.life, u.life), math.inf),
-            period=np.where(is_intermittent, _within(self.period, u.period), 0.0),
-            duty=np.where(is_intermittent, _within(self.duty, u.duty), 1.0),
+            ramp=np.where(u.incipient < self.incipient, ramp, 0.0),
+            end=np.where(u.repaired < self.repaired, end, math.inf),
+            period=np.where(is_intermittent, period, 0.0),
+            duty=np.where(is_intermittent, duty, 1.0),
         )
+        profiles = np.stack(profile, axis=-1)
         is_present = self._presence(key, fault)
         empty = no_events(*fault.shape)
         return Events(
             np.where(is_present, fault, empty.fault),
-            np.where(is_present[..., None], np.stack(profile, axis=-1), empty.profile),
+            np.where(is_present[..., None], profiles, empty.profile),
         )
 
     def _presence(self, key: np.ndarray, fault: np.ndarray) -> np.ndarray:
@@ -304,13 +289,16 @@ class ScheduleSampler:
         u = uniforms(key, STREAMS["number_of_faults"], 2)
         is_faulty = u[:, 0] >= self.healthy
         is_compound = (u > [self.healthy, 1 - self.compound]).all(axis=1)
-        return np.stack([is_faulty, is_compound & (fault[:, 1] != fault[:, 0])], axis=1)
+        differs = fault[:, 1] != fault[:, 0]
+        return np.stack([is_faulty, is_compound & differs], axis=1)
 
     def sample(self, seed: int) -> Schedule:
         """The schedule of the first episode of an environment with this seed."""
         whole_number("seed", seed, 0)
-        key = episode_keys(np.array([seed % 2**64], np.uint64), np.zeros(1, np.uint64))
-        return schedules_of(self.sample_events(key))[0]
+        seeds = np.array([seed % 2**64], np.uint64)
+        key = episode_keys(seeds, np.zeros(1, np.uint64))
+        events = self.sample_events(key)
+        return schedules_of(events)[0]
 
 
 class EventUniforms(NamedTuple):
@@ -326,6 +314,11 @@ class EventUniforms(NamedTuple):
     duty: np.ndarray
     repaired: np.ndarray
     life: np.ndarray
+
+
+def _diagnoses() -> list[str]:
+    """Diagnosis class of every fault of the catalogue."""
+    return [fault.diagnosis for fault in CATALOGUE.values()]
 
 
 def _within(limits: tuple[float, float], uniform: np.ndarray) -> np.ndarray:

@@ -1,8 +1,7 @@
-"""The vehicle's shape for its pictures: parts in body coordinates, by the component that a fault names, and views."""
+"""The shape of the vehicle in pictures: parts in body coordinates, and projections."""
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +27,11 @@ FIN = (206, 176, 70)
 
 
 class Part(NamedTuple):
-    """A part of the vehicle: corners (n, 3) in m, forward, to starboard, down from amidships; drawn as their hull."""
+    """A part of the vehicle, drawn as the convex hull of its corners.
+
+    corners is (n, 3) [m]: forward, to starboard, down from amidships. component is that of a
+    `Fault`.
+    """
 
     component: str
     corners: np.ndarray
@@ -36,17 +39,17 @@ class Part(NamedTuple):
 
 
 class Projection(NamedTuple):
-    """A projection: title and its place, middle [px], scale [px/m], body axes that run right and down the screen."""
+    """A projection: body axes that run right and down the screen, centre [px], scale [px/m]."""
 
     title: str
     label: Point
-    middle: Point
+    centre: Point
     scale: float
     axes: tuple[int, int]
 
     def project(self, corners: np.ndarray) -> np.ndarray:
         """Screen positions (n, 2) of points (n, 3)."""
-        return corners[:, self.axes] * self.scale + self.middle
+        return corners[:, self.axes] * self.scale + self.centre
 
 
 PROJECTIONS = (
@@ -70,93 +73,127 @@ AMIDSHIPS = (0.0, 0.0, 0.0)
 
 
 def _box(low: Point, high: Point) -> np.ndarray:
-    return np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
+    """Corners (8, 3) of a box."""
+    coordinates = np.meshgrid(*zip(low, high, strict=True))
+    return np.stack(coordinates, axis=-1).reshape(-1, 3)
 
 
-def _cube(middle: Point) -> np.ndarray:
-    return _box(np.subtract(middle, 0.013), np.add(middle, 0.013))
+def _cube(centre: Point) -> np.ndarray:
+    return _box(np.subtract(centre, 0.013), np.add(centre, 0.013))
 
 
 def _turned(corners: np.ndarray, axis: int, pivot: Point, angle: float) -> np.ndarray:
     """The points turned by the right-hand rule about a body axis through the pivot."""
     first = (axis + 1) % 3
     second = (axis + 2) % 3
-    moved = corners - pivot
-    a = moved[:, first].copy()
-    b = moved[:, second].copy()
-    moved[:, first] = a * math.cos(angle) - b * math.sin(angle)
-    moved[:, second] = a * math.sin(angle) + b * math.cos(angle)
-    return moved + pivot
+    turned = corners - pivot
+    a = turned[:, first].copy()
+    b = turned[:, second].copy()
+    cosine = math.cos(angle)
+    sine = math.sin(angle)
+    turned[:, first] = a * cosine - b * sine
+    turned[:, second] = a * sine + b * cosine
+    return turned + pivot
 
 
 def _hull() -> np.ndarray:
-    """The box of the NPS AUV II, 2.2 m long: stations along the hull with half breadth and half height."""
-    stations = ((-1.1, 0.2, 0.045), (-0.72, 0.21, 0.127), (0.72, 0.21, 0.127), (0.9, 0.19, 0.115))
-    nose = ((1.0, 0.155, 0.095), (1.07, 0.1, 0.062), (1.1, 0.04, 0.025))
-    return np.concatenate([_box((x, -y, -z), (x, y, z)) for x, y, z in stations + nose])
+    """The hull of the NPS AUV II, 2.2 m long, from half breadth and half height of its stations."""
+    stations = (
+        (-1.1, 0.2, 0.045),
+        (-0.72, 0.21, 0.127),
+        (0.72, 0.21, 0.127),
+        (0.9, 0.19, 0.115),
+        (1.0, 0.155, 0.095),
+        (1.07, 0.1, 0.062),
+        (1.1, 0.04, 0.025),
+    )
+    sections = [_box((x, -y, -z), (x, y, z)) for x, y, z in stations]
+    return np.concatenate(sections)
 
 
 def _fins(rudder: float, plane: float) -> list[np.ndarray]:
-    """Stern rudders and planes, and those of the bow, which the vehicle deflects by as much the other way."""
+    """Rudders and planes of the stern, and those of the bow, which deflect the other way."""
     fins = []
     for x, sign in ((-0.93, 1.0), (0.62, -1.0)):
         for end in (-1.0, 1.0):
             upright = _box((x - 0.11, -0.007, end * 0.085), (x + 0.05, 0.007, end * 0.25))
             level = _box((x - 0.11, end * 0.2, -0.007), (x + 0.05, end * 0.33, 0.007))
-            fins += [
-                _turned(upright, 2, (x, 0, 0), sign * rudder),
-                _turned(level, 1, (x, 0, 0), sign * plane),
-            ]
+            fins.append(_turned(upright, 2, (x, 0, 0), sign * rudder))
+            fins.append(_turned(level, 1, (x, 0, 0), sign * plane))
     return fins
 
 
-def _drive(side: str, angle: float, share: float) -> list[Part]:
-    """Motor, shaft with its seal, and the propeller: its swept disc and two blades as long as its share of thrust."""
+def _disc(x: float, y: float, radius: float) -> np.ndarray:
+    """Points (24, 3) around a thin disc across the shaft at (x, y)."""
+    turns = np.arange(0.0, 2.0 * math.pi, math.pi / 12)
+    along = x + 0.005 * (-1) ** np.arange(24)
+    across = y + radius * np.cos(turns)
+    down = radius * np.sin(turns)
+    return np.stack([along, across, down], axis=1)
+
+
+def _blades(x: float, y: float, radius: float) -> np.ndarray:
+    """Corners of two upright blades of that radius, which are widest in the middle."""
+    tips = _box((x - 0.006, y - 0.004, -radius), (x + 0.006, y + 0.004, radius))
+    inner = 0.6 * radius
+    middle = _box((x - 0.012, y - 0.011, -inner), (x + 0.012, y + 0.011, inner))
+    return np.concatenate([tips, middle])
+
+
+def _drive(side: str, angle: float, thrust: float) -> list[Part]:
+    """Motor, shaft with its seal, swept disc and propeller, whose blades are as long as `thrust`.
+
+    The thrust is relative to a whole propeller; a lost one is not drawn.
+    """
     y = SHAFT_OFFSET[side]
     x = PROPELLER_PLACE
-    radius = PROPELLER_RADIUS
-    turns = np.arange(0.0, 2.0 * math.pi, math.pi / 12)
-    disc = np.stack(
-        [x + 0.005 * (-1) ** np.arange(24), y + radius * np.cos(turns), radius * np.sin(turns)],
-        axis=1,
-    )
-    blades = _box((x - 0.006, y - 0.004, -radius * share), (x + 0.006, y + 0.004, radius * share))
-    middle = _box(
-        (x - 0.012, y - 0.011, -0.6 * radius * share), (x + 0.012, y + 0.011, 0.6 * radius * share)
-    )
-    propeller = _turned(np.concatenate([blades, middle]), 0, (x, y, 0), angle)
-    return [
-        Part(f"motor:{side}", _box((-0.84, y - 0.035, -0.035), (-0.62, y + 0.035, 0.035)), STEEL),
-        Part(
-            f"shaft:{side}", _box((x - 0.015, y - 0.008, -0.008), (-0.84, y + 0.008, 0.008)), FAINT
-        ),
-        Part(f"shaft:{side}", _box((-1.13, y - 0.018, -0.018), (-1.08, y + 0.018, 0.018)), FAINT),
-        Part(f"propeller:{side}", disc, PANEL),
-    ] + [Part(f"propeller:{side}", propeller, SIDE_COLOURS[side])] * (share > 0.02)
+    motor = _box((-0.84, y - 0.035, -0.035), (-0.62, y + 0.035, 0.035))
+    shaft = _box((x - 0.015, y - 0.008, -0.008), (-0.84, y + 0.008, 0.008))
+    seal = _box((-1.13, y - 0.018, -0.018), (-1.08, y + 0.018, 0.018))
+    parts = [
+        Part(f"motor:{side}", motor, STEEL),
+        Part(f"shaft:{side}", shaft, FAINT),
+        Part(f"shaft:{side}", seal, FAINT),
+        Part(f"propeller:{side}", _disc(x, y, PROPELLER_RADIUS), PANEL),
+    ]
+    if thrust > 0.02:
+        blades = _blades(x, y, PROPELLER_RADIUS * thrust)
+        blades = _turned(blades, 0, (x, y, 0), angle)
+        parts.append(Part(f"propeller:{side}", blades, SIDE_COLOURS[side]))
+    return parts
 
 
 def vehicle_parts(
     rudder: float, plane: float, angles: Mapping[str, float], shares: Mapping[str, float]
 ) -> list[Part]:
-    """The hull and all that is on it.
+    """The hull and all parts on it.
 
-    Args:
-        rudder: Deflection [rad], positive to port at the trailing edge of the stern.
-        plane: Deflection [rad], positive downwards there.
-        angles: Angle of each side's propeller [rad]; the two turn against each other.
-        shares: Thrust of each side's propeller relative to a whole one, which is the length of its
-        blades; 0 if lost.
+    Parameters
+    ----------
+    rudder
+        Deflection of the stern rudders [rad], positive to port at the trailing edge.
+    plane
+        Deflection of the stern planes [rad], positive downwards at the trailing edge.
+    angles
+        Angle of the propeller of each side [rad]; the two turn against each other.
+    shares
+        Thrust of each side relative to a whole propeller, 0 if lost.
     """
+    hull = Part("hull", _hull(), HULL)
     fins = [Part("fins", fin, FIN) for fin in _fins(rudder, plane)]
-    sensors = [
-        Part(f"sensor:{name}", _cube(SENSOR_PLACES.get(name, AMIDSHIPS)), PANEL)
-        for name in READINGS
-    ]
-    drives = [
-        _drive(side, sign * angles[side], shares[side])
-        for side, sign in zip(SIDES, (-1.0, 1.0), strict=True)
-    ]
-    return [Part("hull", _hull(), HULL), *fins, *sensors, *chain.from_iterable(drives)]
+    sensors = []
+    for name in READINGS:
+        cube = _cube(SENSOR_PLACES.get(name, AMIDSHIPS))
+        sensors.append(Part(f"sensor:{name}", cube, PANEL))
+    port = _drive("port", -angles["port"], shares["port"])
+    starboard = _drive("starboard", angles["starboard"], shares["starboard"])
+    return [hull, *fins, *sensors, *port, *starboard]
+
+
+def _turns_right(first: Point, second: Point, third: Point) -> bool:
+    """Whether the way along three points turns right on the screen."""
+    (ax, ay), (bx, by), (cx, cy) = first, second, third
+    return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax) > 0.0
 
 
 def _outline(points: np.ndarray) -> list[Point]:
@@ -166,40 +203,41 @@ def _outline(points: np.ndarray) -> list[Point]:
     for run in (ordered, ordered[::-1]):
         start = len(ring)
         for x, y in run:
-            while len(ring) >= start + 2:
-                (ax, ay), (bx, by) = ring[-2:]
-                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0:
-                    break
+            while len(ring) >= start + 2 and not _turns_right(*ring[-2:], (x, y)):
                 ring.pop()
             ring.append((x, y))
         ring.pop()
     return ring
 
 
-def draw_vehicle(canvas: Canvas, view: Projection, parts: Sequence[Part], faulty: set[str]):
-    """The parts in one view, the hull first, those of faulty components last and in the warning colour."""
-    canvas.text(view.title, view.label, FAINT)
-    for part in (parts[0], *sorted(parts[1:], key=lambda part: part.component in faulty)):
-        points = view.project(part.corners)
-        alarm = part.component in faulty
+def draw_vehicle(canvas: Canvas, projection: Projection, parts: Sequence[Part], faulty: set[str]):
+    """Draw the hull first, the parts of faulty components last and in the colour of a warning."""
+    canvas.text(projection.title, projection.label, FAINT)
+    hull, *others = parts
+    for part in (hull, *sorted(others, key=lambda part: part.component in faulty)):
+        points = projection.project(part.corners)
+        outline = _outline(points)
+        if part.component not in faulty:
+            canvas.polygon(outline, part.colour, INK)
+            continue
         reach = np.ptp(points, axis=0).max() / 2
-        # what lies in the hull must still stand out
-        warning = WARNING if reach < 60 else PALE_WARNING
-        canvas.polygon(
-            _outline(points), *((warning, WARNING_EDGE) if alarm else (part.colour, INK))
-        )
-        if alarm and reach < 12:
-            canvas.circle(points.mean(axis=0), max(1.5 * reach, 11), WARNING_EDGE, 2)
+        # parts within a faulty hull must still stand out
+        canvas.polygon(outline, WARNING if reach < 60 else PALE_WARNING, WARNING_EDGE)
+        if reach < 12:
+            radius = max(1.5 * reach, 11)
+            canvas.circle(points.mean(axis=0), radius, WARNING_EDGE, 2)
 
 
 def draw_ruler(canvas: Canvas, travelled: float):
-    """Metres through the water, which pass below the vehicle as it moves."""
-    (middle, _) = PROJECTIONS[0].middle
-    scale = PROJECTIONS[0].scale
+    """Draw metres through the water, which pass below the vehicle as it moves."""
+    from_above = PROJECTIONS[0]
     top = 216
     canvas.line([(16, top), (420, top)], FAINT)
-    for half in range(math.ceil(2 * travelled - 2.4), math.floor(2 * travelled + 2.4) + 1):
-        x = middle + (half / 2 - travelled) * scale
-        canvas.line([(x, top), (x, top + 4 + 3 * (half % 2 == 0))], FAINT)
-        if half % 2 == 0:
-            canvas.text(f"{half // 2} m", (x, top + 14), FAINT, 0.5)
+    first = math.ceil(2 * travelled - 2.4)
+    last = math.floor(2 * travelled + 2.4)
+    for half_metre in range(first, last + 1):
+        is_metre = half_metre % 2 == 0
+        x = from_above.centre[0] + (half_metre / 2 - travelled) * from_above.scale
+        canvas.line([(x, top), (x, top + 4 + 3 * is_metre)], FAINT)
+        if is_metre:
+            canvas.text(f"{half_metre // 2} m", (x, top + 14), FAINT, 0.5)

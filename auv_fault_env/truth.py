@@ -1,5 +1,9 @@
-"""What is true behind the readings: label, severities, onset, parameters, noise-free state. For scoring only."""
+"""The truth behind the readings: labels, severities, onset, parameters, noise-free state.
 
+It is for scoring only.
+"""
+
+import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -11,9 +15,9 @@ from auv_fault_env.faults import NORMAL, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import PARAMETERS
 from auv_fault_env.physics import RPM
-from auv_fault_env.schedules import first_onset
+from auv_fault_env.schedules import first_onset, profile_of
 
-# Noise-free state by memory row and unit factor.
+# row of the memory and factor of the unit by name of the noise-free state
 STATE: dict[str, tuple[int, float]] = {
     "speed": (layout.SPEED, 1.0),
     "acceleration": (layout.ACCELERATION, 1.0),
@@ -28,9 +32,9 @@ STATE: dict[str, tuple[int, float]] = {
 
 
 class FleetTruth(Mapping):
-    """The truth of a step as arrays (n_lanes,), each read afresh when asked for: reading all costs more than a step.
+    """The truth of one step as arrays (n_lanes,), each computed when it is accessed.
 
-    It speaks for one step only; keep ``dict(info["truth"])`` where it is to outlive the step.
+    It is valid for its own step only; ``dict(info["truth"])`` keeps it for later.
     """
 
     def __init__(self, fleet: Fleet):
@@ -46,9 +50,8 @@ class FleetTruth(Mapping):
 
     def __getitem__(self, key: str):
         if self._fleet.outcomes is not self._outcomes:
-            raise RuntimeError(
-                f"truth[{key!r}]: got a later step; allowed is its own step; keep dict(info['truth'])"
-            )
+            allowed = "its own step; keep dict(info['truth'])"
+            raise RuntimeError(f"truth[{key!r}]: got a later step; allowed is {allowed}")
         return self._readers[known_name("truth", key, self._readers)]()
 
     def __iter__(self) -> Iterator[str]:
@@ -58,7 +61,9 @@ class FleetTruth(Mapping):
         return len(self._readers)
 
     def _row(self, index: int) -> np.ndarray:
-        return self._fleet.table[:, index].reshape(-1)[: self._fleet.n_lanes].copy()
+        """One row of the memory, (n_lanes,)."""
+        row = self._fleet.table[:, index].reshape(-1)
+        return row[: self._fleet.n_lanes].copy()
 
     def _parameters(self) -> dict[str, np.ndarray]:
         return {name: self._row(layout.PARAMETER + p) for p, name in enumerate(PARAMETERS)}
@@ -72,12 +77,14 @@ class FleetTruth(Mapping):
     def _severity(self) -> dict[str, np.ndarray]:
         plan = self._fleet.plan
         names = classes()
-        of_fault = np.array([names.index(diagnosis) for diagnosis in self._fleet.diagnoses])
-        table = np.zeros((len(names), self._fleet.n_lanes))
+        class_of_fault = [names.index(name) for name in self._fleet.diagnoses]
+        class_of_fault = np.array(class_of_fault)
+        largest = np.zeros((len(names), self._fleet.n_lanes))
         lanes = np.arange(self._fleet.n_lanes)
         for fault, severity in zip(plan.fault.T, plan.severity.T, strict=True):
-            np.maximum.at(table, (np.where(fault >= 0, of_fault[fault], 0), lanes), severity)
-        return dict(zip(names[1:], table[1:], strict=True))
+            row = np.where(fault >= 0, class_of_fault[fault], 0)
+            np.maximum.at(largest, (row, lanes), severity)
+        return dict(zip(names[1:], largest[1:], strict=True))
 
     def _label(self) -> np.ndarray:
         plan = self._fleet.plan
@@ -85,26 +92,31 @@ class FleetTruth(Mapping):
         if not plan.severity.size:
             return np.full(lanes.size, NORMAL)
         worst = plan.severity.argmax(axis=1)
-        active = plan.severity[lanes, worst] > 0.0
-        return np.where(active, self._fleet.diagnoses[plan.fault[lanes, worst]], NORMAL)
+        is_faulty = plan.severity[lanes, worst] > 0.0
+        diagnosis = self._fleet.diagnoses[plan.fault[lanes, worst]]
+        return np.where(is_faulty, diagnosis, NORMAL)
 
 
 class SingleLaneTruth:
-    """The truth of one lane in plain numbers; what changes only with the faults is read anew only then."""
+    """The truth of one lane in plain numbers; what only faults change is cached between changes."""
 
     def __init__(self, fleet: Fleet, lane: int = 0):
         self._fleet = fleet
         self._lane = lane
-        self._seen = -1
-        first = lane // layout.LANES * layout.N_ROWS * layout.LANES + lane % layout.LANES
-        self._state_at = first + layout.LANES * np.array([row for row, _ in STATE.values()])
+        self._changes = -1  # of the fleet, when the cached values were read
+        self._block = lane // layout.LANES
+        self._column = lane % layout.LANES
+        first = self._block * layout.N_ROWS * layout.LANES + self._column
+        rows = np.array([row for row, _ in STATE.values()])
+        self._state_places = first + layout.LANES * rows
         self._state_factors = np.array([factor for _, factor in STATE.values()])
 
     def read(self) -> dict[str, Any]:
-        """A fresh dictionary: label, severity by class, onset [s], parameters and noise-free state by name."""
-        if self._seen != self._fleet.changes:
+        """A new dictionary of label, severity by class, onset [s], parameters and state by name."""
+        if self._changes != self._fleet.changes:
             self._read_faults()
-        state = (self._fleet.state.memory.take(self._state_at) * self._state_factors).tolist()
+        values = self._fleet.state.memory.take(self._state_places)
+        state = (values * self._state_factors).tolist()
         return {
             "label": self._label,
             "severity": self._severity.copy(),
@@ -115,25 +127,22 @@ class SingleLaneTruth:
 
     def _read_faults(self):
         plan = self._fleet.plan
-        self._seen = self._fleet.changes
-        column = self._fleet.table[
-            self._lane // layout.LANES, layout.PARAMETER :, self._lane % layout.LANES
-        ]
-        self._parameters = dict(zip(PARAMETERS, column.tolist(), strict=True))
+        self._changes = self._fleet.changes
+        parameters = self._fleet.table[self._block, layout.PARAMETER :, self._column]
+        self._parameters = dict(zip(PARAMETERS, parameters.tolist(), strict=True))
         self._severity = dict.fromkeys(classes()[1:], 0.0)
-        self._onset = float("inf")
+        self._onset = math.inf
         self._label = NORMAL
         worst = 0.0
-        rows = (
-            plan.fault[self._lane].tolist(),
-            plan.severity[self._lane].tolist(),
-            plan.profile[self._lane].tolist(),
-        )
-        for fault, severity, profile in zip(*rows, strict=True):
-            if fault >= 0:
-                name = str(self._fleet.diagnoses[fault])
-                self._severity[name] = max(self._severity[name], severity)
-                self._onset = min(self._onset, profile[0])
-                if severity > worst:  # of equal ones the first event, as in `FleetTruth`
-                    self._label = name
-                    worst = severity
+        faults = plan.fault[self._lane].tolist()
+        severities = plan.severity[self._lane].tolist()
+        onsets = profile_of(plan).onset[self._lane].tolist()
+        for fault, severity, onset in zip(faults, severities, onsets, strict=True):
+            if fault < 0:
+                continue
+            name = str(self._fleet.diagnoses[fault])
+            self._severity[name] = max(self._severity[name], severity)
+            self._onset = min(self._onset, onset)
+            if severity > worst:  # of equal severities the first event, as in `FleetTruth`
+                self._label = name
+                worst = severity

@@ -1,5 +1,9 @@
 """Every fault of the catalogue through the same checks; a new fault is one entry."""
 
+import subprocess
+import sys
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -248,19 +252,68 @@ def test_a_new_kind_of_a_sensor_joins_its_class(monkeypatch):
     assert parameters["speed_bias"].tolist() == [0.05, 0.0]
 
 
-def test_fault_added_beside_open_environments_strikes_in_them(monkeypatch):
-    single = gym.make("auv_fault_env/Propulsion-v0")
-    batch = gym.make_vec("auv_fault_env/Propulsion-v0", num_envs=3)
-    single.reset(seed=0), batch.reset(seed=0)
-    ice = Fault("ice_on_hull", "hull", scale={"alpha": 1.4}, about="Ice.", source="test")
-    monkeypatch.setitem(CATALOGUE, "ice_on_hull", ice)
+ENVIRONMENT = "auv_fault_env/Propulsion-v0"
+MAKERS = {"single": gym.make, "vector": lambda name: gym.make_vec(name, num_envs=3)}
+
+
+@pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
+def test_fault_added_beside_an_open_environment_strikes_in_it(monkeypatch, make):
+    env = make(ENVIRONMENT)
+    env.reset(seed=0)
+    env.step(np.zeros(env.action_space.shape))
+    monkeypatch.setitem(CATALOGUE, "ice_on_hull", ice())
     options = {"schedule": [{"fault": "ice_on_hull", "onset": 0.0, "severity": 1.0}]}
-    for env, action in ((single, np.zeros(3)), (batch, np.zeros((3, 3)))):
-        healthy = env.reset(seed=0, options={"schedule": []})[1]["truth"]["parameters"]["alpha"]
-        env.reset(seed=0, options=options)
-        truth = env.step(action)[-1]["truth"]
-        assert np.all(np.array(truth["label"]) == "ice_on_hull")
-        np.testing.assert_allclose(truth["parameters"]["alpha"], 1.4 * np.array(healthy))
+    healthy = env.reset(seed=0, options={"schedule": []})[1]["truth"]["parameters"]["alpha"]
+    env.reset(seed=0, options=options)
+    truth = env.step(np.zeros(env.action_space.shape))[-1]["truth"]
+    assert np.all(np.array(truth["label"]) == "ice_on_hull")
+    np.testing.assert_allclose(truth["parameters"]["alpha"], 1.4 * np.array(healthy))
+
+
+@pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
+def test_fault_added_beside_an_open_environment_is_sampled_in_it(monkeypatch, make):
+    env = make(ENVIRONMENT)
+    env.reset(seed=0)
+    for k in range(500):
+        monkeypatch.setitem(CATALOGUE, f"ice_{k}", replace(ice(), name=f"ice_{k}"))
+    fleet = env.unwrapped.fleet
+    for seed in range(20):
+        env.reset(seed=seed)
+        if fleet.plan.fault.max() >= len(CATALOGUE) - 500:
+            break
+    else:
+        pytest.fail("no added fault among 20 episodes")
+    onset = env.step(np.zeros(env.action_space.shape))[-1]["truth"]["onset"]
+    assert np.isfinite(np.min(onset))
+
+
+def test_lanes_under_way_keep_their_faults_when_one_is_added(monkeypatch):
+    fleet = Fleet(2, **QUIET)
+    drag = (FaultEvent("increased_drag", 0.0, 1.0),)
+    fleet.reset([1, 1], schedules=[drag, drag])
+    monkeypatch.setitem(CATALOGUE, "ice_on_hull", ice())
+    fleet.reset(lanes=np.array([1]), schedules=[(FaultEvent("ice_on_hull", 0.0, 1.0),)])
+    fleet.step(np.zeros((2, 3)))
+    truth = FleetTruth(fleet)
+    assert truth["label"].tolist() == ["increased_drag", "ice_on_hull"]
+    np.testing.assert_allclose(truth["parameters"]["alpha"] / PRESETS["thesis1992"].alpha, [2, 1.4])
+
+
+@pytest.mark.parametrize("first_import", ["auv_fault_env.faults", "auv_fault_env.env"])
+def test_fault_added_at_the_first_import_strikes(first_import):
+    program = f"""
+import {first_import}
+from auv_fault_env.faults import CATALOGUE, Fault
+CATALOGUE["ice"] = Fault("ice", "hull", scale={{"alpha": 1.4}})
+import gymnasium as gym
+import numpy as np
+schedule = [{{"fault": "ice", "onset": 0.0, "severity": 1.0}}]
+for env in (gym.make("{ENVIRONMENT}"), gym.make_vec("{ENVIRONMENT}", num_envs=2)):
+    env.reset(seed=1, options={{"schedule": schedule}})
+    truth = env.step(np.zeros(env.action_space.shape))[-1]["truth"]
+    assert np.all(np.array(truth["label"]) == "ice"), truth["label"]
+"""
+    subprocess.run([sys.executable, "-W", "ignore", "-c", program], check=True, timeout=600)
 
 
 def test_compound_of_many_stops_at_the_physical_limits():

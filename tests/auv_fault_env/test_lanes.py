@@ -30,7 +30,7 @@ def history(seeds, n_steps, parallel=False, keep=slice(None)):
     if parallel and fleet.table.shape[0] > 1:
         middle = fleet.table.shape[0] // 2
         last = fleet.table.shape[0]
-        fleet._shares = [(0, middle), (middle, last)]  # two threads even on one core
+        fleet._block_ranges = [(0, middle), (middle, last)]  # two threads even on one core
     observations = [fleet.reset(seeds=seeds)[keep].copy()]
     outcomes = []
     for actions in actions_of(seeds, n_steps):
