@@ -206,7 +206,9 @@ class Fleet:
             return np.zeros(shape, np.float32)
         if observations.shape != shape or observations.dtype != np.float32:
             got = f"{observations.dtype} {observations.shape}"
-            raise refusal("observations", got, f"float32 {shape}", "make them so")
+            raise refusal(
+                "observations", got, f"float32 {shape}", "give an array of that type and shape"
+            )
         return observations
 
     def _lane_indices(self, lanes: np.ndarray | None) -> np.ndarray:

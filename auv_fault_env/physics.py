@@ -268,8 +268,8 @@ def shaft_speed_after(start, side, mean_speed, slope, time):
     = tanh(l t)/l, l^2 = b^2/4 + a c. A linear speed turns b; the Magnus expansion, summed to first
     order in the slope, then scales a by (1 + k) and c by (1 - k), k = coupling slope t^2 (y coth y
     - 1)/(4 y^2), y = l t. With x = y^2, one Pade approximant gives both functions, tanh(y)/y = p/(p
-    + x q) and (y coth y - 1)/y^2 = q/p, to all orders of k one division in all: no exponential, no
-    singularity at c = 0, and x < 0 is as good as x > 0.
+    + x q) and (y coth y - 1)/y^2 = q/p. So all orders of k cost one division: no exponential, no
+    singularity at c = 0, and x < 0 needs no other formula than x > 0.
     """
     damping = side.damping - side.coupling * mean_speed
     x = (0.25 * damping * damping + side.drive * side.load) * time * time

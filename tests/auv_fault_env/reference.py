@@ -1,6 +1,6 @@
 """An independent solution of the plant's equations: written from the thesis, calls nothing of `physics`.
 
-Voltages, angles and disturbance are held over each sample; scipy's DOP853 goes from event to event,
+Voltages, angles and disturbance are constant over each sample; scipy's DOP853 goes from event to event,
 an event being a shaft that stops. A stopped shaft stays until the motor's torque exceeds the
 Coulomb friction.
 """
@@ -34,7 +34,7 @@ class Inputs(NamedTuple):
     disturbance: np.ndarray  # m/s^2
 
 
-def held(rng: np.random.Generator, n_samples: int) -> np.ndarray:
+def stepwise_voltage(rng: np.random.Generator, n_samples: int) -> np.ndarray:
     """A voltage sequence of segments: nothing, everything, anything, or about what breaks the shaft away."""
     levels = lambda: [0.0, FULL, rng.uniform(0, FULL), rng.uniform(0, 1.0)]  # noqa: E731
     segments = [np.full(rng.integers(1, 12), levels()[rng.integers(4)]) for _ in range(n_samples)]
@@ -44,7 +44,7 @@ def held(rng: np.random.Generator, n_samples: int) -> np.ndarray:
 def random_inputs(seed: int, n_samples: int) -> Inputs:
     """From rest to full speed, through jumps, and back to standing shafts."""
     rng = np.random.default_rng(seed)
-    voltages = [held(rng, n_samples) for _ in SIDES]
+    voltages = [stepwise_voltage(rng, n_samples) for _ in SIDES]
     for voltage in voltages:
         voltage[: n_samples // 4] = FULL
         voltage[-n_samples // 8 :] = 0.0
@@ -112,8 +112,14 @@ def sample(
 
         def rates(t, y, moving=moving):
             u, *w = y[:3].tolist()
-            spins = [shafts[k][0](u, w[k], voltages[k]) if moving[k] else 0.0 for k in range(2)]
-            return [hull(u) + shafts[0][2] * w[0] ** 2 + shafts[1][2] * w[1] ** 2, *spins, *w]
+            shaft_accelerations = [
+                shafts[k][0](u, w[k], voltages[k]) if moving[k] else 0.0 for k in range(2)
+            ]
+            return [
+                hull(u) + shafts[0][2] * w[0] ** 2 + shafts[1][2] * w[1] ** 2,
+                *shaft_accelerations,
+                *w,
+            ]
 
         events = [stop(1 + k) for k in range(2) if moving[k]]
         solution = solve_ivp(
@@ -144,6 +150,6 @@ def solve(
     return np.array(states)
 
 
-def error(got: np.ndarray, exact: np.ndarray) -> np.ndarray:
+def error(simulated: np.ndarray, exact: np.ndarray) -> np.ndarray:
     """The worst error of each state (5,), relative to max(|x|, 0.05 m/s, 1 rad/s, 0.1 rad)."""
-    return np.max(np.abs(got - exact) / np.maximum(np.abs(exact), FLOOR), axis=0)
+    return np.max(np.abs(simulated - exact) / np.maximum(np.abs(exact), FLOOR), axis=0)

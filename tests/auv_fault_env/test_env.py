@@ -20,7 +20,7 @@ ENERGY_WEIGHT = 0.01  # as the class documents it
 FAULTS = [{"fault": "propeller_damage:port", "onset": 2.0, "severity": 0.7, "ramp": 3.0}]
 
 
-def ride(env, steps, seed=3, **options):
+def simulate(env, steps, seed=3, **options):
     """Every (observation, reward, info) of an episode under wild commands, the reset first."""
     random = np.random.default_rng(seed)
     observation, info = env.reset(seed=seed, options=options)
@@ -77,7 +77,7 @@ def test_spaces_are_the_documented_ones():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_info_and_truth_have_their_form(seed):
-    for observation, _, info in ride(PropulsionEnv(), 30, seed):
+    for observation, _, info in simulate(PropulsionEnv(), 30, seed):
         assert set(info) == {"mission_speed", "energy", "cost", "truth"}
         assert [type(info[key]) for key in ("mission_speed", "energy", "cost")] == [float] * 3
         truth = info["truth"]
@@ -98,7 +98,7 @@ def test_info_and_truth_have_their_form(seed):
 
 
 def test_truth_is_a_fresh_dictionary_every_step():
-    rows = ride(PropulsionEnv(), 3, schedule=FAULTS)
+    rows = simulate(PropulsionEnv(), 3, schedule=FAULTS)
     rows[1][2]["truth"]["parameters"]["alpha"] = rows[1][2]["truth"]["severity"][
         "increased_drag"
     ] = 7.0
@@ -109,7 +109,7 @@ def test_truth_is_a_fresh_dictionary_every_step():
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_reward_is_the_documented_formula(preset):
-    for _, reward, info in ride(PropulsionEnv(preset=preset), 200, schedule=FAULTS)[1:]:
+    for _, reward, info in simulate(PropulsionEnv(preset=preset), 200, schedule=FAULTS)[1:]:
         deviation = info["truth"]["state"]["speed"] - info["mission_speed"]
         assert info["cost"] == pytest.approx(deviation**2, rel=1e-12)
         assert reward == pytest.approx(-(deviation**2) - ENERGY_WEIGHT * info["energy"], rel=1e-12)
@@ -117,7 +117,7 @@ def test_reward_is_the_documented_formula(preset):
 
 
 def test_energy_lies_between_the_powers_at_the_ends_of_the_sample():
-    rows = ride(PropulsionEnv(healthy_band=3.0), 400, schedule=FAULTS)
+    rows = simulate(PropulsionEnv(healthy_band=3.0), 400, schedule=FAULTS)
     wide = 0
     for (_, _, before), (_, _, after) in itertools.pairwise(rows):
         low = high = 0.0
@@ -126,8 +126,8 @@ def test_energy_lies_between_the_powers_at_the_ends_of_the_sample():
             parameters = after["truth"]["parameters"]
             flux = parameters[f"{side}_torque_constant"] * math.pi / 30.0
             voltage = state[f"{side}_voltage"]
-            spin = before["truth"]["state"][f"{side}_rpm"]
-            first = (voltage - flux * spin) / parameters[f"{side}_resistance"]
+            shaft_speed = before["truth"]["state"][f"{side}_rpm"]
+            first = (voltage - flux * shaft_speed) / parameters[f"{side}_resistance"]
             ends = sorted(0.1 * voltage * current for current in (first, state[f"{side}_current"]))
             low = low + ends[0]
             high = high + ends[1]
@@ -139,7 +139,7 @@ def test_energy_lies_between_the_powers_at_the_ends_of_the_sample():
 
 
 def test_energy_of_steady_motion_is_voltage_times_current():
-    rows = ride(PropulsionEnv(**QUIET), 0, mission="cruise", schedule=[])
+    rows = simulate(PropulsionEnv(**QUIET), 0, mission="cruise", schedule=[])
     env = PropulsionEnv(**QUIET)
     env.reset(options={"mission": "cruise", "schedule": []})
     for _ in range(300):
@@ -150,14 +150,14 @@ def test_energy_of_steady_motion_is_voltage_times_current():
 
 
 def test_readings_without_noise_are_the_true_state():
-    for observation, _, info in ride(PropulsionEnv(sensor_noise=0.0), 200, schedule=FAULTS):
+    for observation, _, info in simulate(PropulsionEnv(sensor_noise=0.0), 200, schedule=FAULTS):
         state = info["truth"]["state"]
         expected = np.float32([state[name] for name in list(CHANNELS)[4:]])
         np.testing.assert_allclose(observation[4:], expected, rtol=2e-7, atol=1e-12)
 
 
 def test_noise_of_the_readings_has_its_default_size():
-    rows = ride(PropulsionEnv(), 600, mission="cruise", schedule=[])
+    rows = simulate(PropulsionEnv(), 600, mission="cruise", schedule=[])
     readings = list(CHANNELS)[4:]
     errors = np.array(
         [row[0][4:] - [row[2]["truth"]["state"][name] for name in readings] for row in rows]
@@ -192,7 +192,7 @@ def test_an_action_may_be_any_sequence_of_numbers(kind):
 
 
 def test_same_seed_same_episode():
-    one, two = (ride(PropulsionEnv(), 100, seed=9) for _ in range(2))
+    one, two = (simulate(PropulsionEnv(), 100, seed=9) for _ in range(2))
     assert [row[0].tobytes() for row in one] == [row[0].tobytes() for row in two]
     assert [(row[1], row[2]) for row in one] == [(row[1], row[2]) for row in two]
 

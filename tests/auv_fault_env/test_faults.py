@@ -47,8 +47,8 @@ PLACES = {
 every_fault = pytest.mark.parametrize("name", CATALOGUE)
 
 
-def ride(*schedules, seed=5, steps=300, **factors):
-    """Observations (steps + 1, n_lanes, n_channels) and parameters in force at the end; all lanes have one seed."""
+def simulate(*schedules, seed=5, steps=300, **factors):
+    """Observations (steps + 1, n_lanes, n_channels) and parameters at the end; all lanes have one seed."""
     fleet = Fleet(len(schedules), **factors)
     n = len(schedules)
     rows = [fleet.reset([seed] * n, schedules=schedules, missions=[MISSIONS["thesis"]] * n)]
@@ -68,14 +68,14 @@ def faulty(fault, healthy, severity=1.0):
 
 @every_fault
 def test_severity_zero_is_healthy_bit_for_bit(name):
-    observations, parameters = ride((FaultEvent(name, 0.0, 0.0),), ())
+    observations, parameters = simulate((FaultEvent(name, 0.0, 0.0),), ())
     assert observations[:, 0].tobytes() == observations[:, 1].tobytes()
     assert all(value[0] == value[1] for value in parameters.values())
 
 
 @every_fault
 def test_same_seed_is_the_exact_twin_until_the_onset(name):
-    observations, _ = ride((FaultEvent(name, ONSET, 1.0),), (), seed=11)
+    observations, _ = simulate((FaultEvent(name, ONSET, 1.0),), (), seed=11)
     before = round(10 * ONSET) + 1
     assert observations[:before, 0].tobytes() == observations[:before, 1].tobytes()
     assert (observations[before:, 0] != observations[before:, 1]).any()
@@ -96,7 +96,7 @@ def test_parameters_stay_physical_at_severity_one(name, preset):
 
 @every_fault
 def test_parameters_in_force_follow_the_formula(name):
-    _, parameters = ride((FaultEvent(name, 0.2, 0.7),), (), steps=4)
+    _, parameters = simulate((FaultEvent(name, 0.2, 0.7),), (), steps=4)
     healthy = {parameter: float(value[1]) for parameter, value in parameters.items()}
     expected = faulty(CATALOGUE[name], healthy, 0.7)
     assert {parameter: float(value[0]) for parameter, value in parameters.items()} == pytest.approx(
@@ -107,7 +107,7 @@ def test_parameters_in_force_follow_the_formula(name):
 
 @every_fault
 def test_a_reading_moves_beyond_its_noise_under_a_speed_change(name):
-    observations, _ = ride((FaultEvent(name, ONSET, 1.0),), (), **QUIET)
+    observations, _ = simulate((FaultEvent(name, ONSET, 1.0),), (), **QUIET)
     assert (
         (observations[:, 1, READINGS_AT] != observations[0, 1, READINGS_AT]).any(axis=0).all()
     )  # a speed change it is
@@ -138,7 +138,7 @@ def test_an_entry_is_complete(name):
 @pytest.mark.parametrize("name", [name for name in CATALOGUE if name.endswith(":port")])
 def test_a_port_fault_mirrors_the_starboard_fault(name):
     twin = name.replace(":port", ":starboard")
-    observations, _ = ride(
+    observations, _ = simulate(
         (FaultEvent(name, ONSET, 0.6),), (FaultEvent(twin, ONSET, 0.6),), **QUIET
     )
     port = observations[:, 0]
@@ -152,7 +152,7 @@ def test_a_port_fault_mirrors_the_starboard_fault(name):
 def test_broken_sensors_read_as_documented(channel):
     kinds = ("bias", "scale", "stuck", "dropout")
     schedules = [(FaultEvent(f"sensor_{kind}:{channel}", ONSET, 1.0),) for kind in kinds]
-    observations, parameters = ride(*schedules, seed=2, **QUIET | {"healthy_band": 1.0})
+    observations, parameters = simulate(*schedules, seed=2, **QUIET | {"healthy_band": 1.0})
     column = INDEX[channel]
     onset = round(10 * ONSET)
     assert (observations[onset + 1 :, 2, column] == observations[onset, 2, column]).all()
@@ -166,7 +166,7 @@ def test_broken_sensors_read_as_documented(channel):
 @pytest.mark.parametrize("kind", ["stuck", "dropout"])
 def test_severity_is_the_share_of_lost_samples(kind):
     event = FaultEvent(f"sensor_{kind}:port_rpm", 0.0, 0.3)
-    observations, _ = ride((event,), seed=8, steps=4000, disturbance=0.0)
+    observations, _ = simulate((event,), seed=8, steps=4000, disturbance=0.0)
     rpm = observations[:, 0, INDEX["port_rpm"]]
     lost = (np.diff(rpm) == 0.0) if kind == "stuck" else (rpm[1:] == 0.0)
     assert abs(lost.mean() - 0.3) < 3.29 * (0.3 * 0.7 / lost.size) ** 0.5
@@ -221,7 +221,7 @@ def test_a_new_fault_needs_one_entry(monkeypatch):
         for seed in range(9)
     ]
     assert [schedule[0].fault for schedule in sampled] == ["ice_on_hull"] * 9
-    observations, parameters = ride((event,), (), **QUIET)
+    observations, parameters = simulate((event,), (), **QUIET)
     assert parameters["alpha"][0] == pytest.approx(1.2 * parameters["alpha"][1], rel=1e-14)
     assert parameters["gamma"][0] == pytest.approx(1.1 * parameters["gamma"][1], rel=1e-14)
     assert np.abs(observations[:, 0] - observations[:, 1]).max() > 1.0
@@ -248,7 +248,7 @@ def test_a_new_kind_of_a_sensor_joins_its_class(monkeypatch):
     drift = Fault("sensor_drift:speed", "sensor:speed", offset={"speed_bias": 0.05})
     monkeypatch.setitem(CATALOGUE, drift.name, drift)
     assert classes() == before and drift.diagnosis == "sensor:speed"
-    _, parameters = ride((FaultEvent(drift.name, 0.0, 1.0),), (), steps=1)
+    _, parameters = simulate((FaultEvent(drift.name, 0.0, 1.0),), (), steps=1)
     assert parameters["speed_bias"].tolist() == [0.05, 0.0]
 
 

@@ -13,9 +13,9 @@ LATE = 320  # steps: every sampled fault has begun
 
 def accuracy(features, labels):
     """Held-out accuracy of least squares on the standardised features and their products, one output per class."""
-    spread = features.std(axis=0)
+    scale = features.std(axis=0)
     training = len(labels) // 2
-    scaled = (features - features.mean(axis=0))[:, spread > 0] / spread[spread > 0]
+    scaled = (features - features.mean(axis=0))[:, scale > 0] / scale[scale > 0]
     one, two = np.triu_indices(scaled.shape[1])
     design = np.c_[np.ones(len(labels)), scaled, scaled[:, one] * scaled[:, two]]
     names, numbers = np.unique(labels, return_inverse=True)

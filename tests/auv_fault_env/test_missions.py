@@ -1,4 +1,4 @@
-"""Missions: every form that a user may give, legs at exact instants, starts at rest and in steady motion."""
+"""Missions: every form that a user may give, legs at exact instants, starts at rest and in motion."""
 
 import numpy as np
 import pytest
@@ -19,8 +19,8 @@ def legs_seen(mission, steps):
     for _ in range(steps):
         observation, _, _, _, info = env.step([0.3, 0.0, 0.0])
         seen.append((float(observation[0]), info["mission_speed"]))
-    assert all(observed == pytest.approx(told, rel=1e-7) for observed, told in seen)
-    return [told for _, told in seen]
+    assert all(observed == pytest.approx(commanded, rel=1e-7) for observed, commanded in seen)
+    return [commanded for _, commanded in seen]
 
 
 FORMS = {
@@ -109,6 +109,6 @@ def test_a_given_mission_and_a_sampled_schedule_go_together():
     fixed = PropulsionVectorEnv(30)
     free = PropulsionVectorEnv(30)
     _, given = fixed.reset(seed=4, options={"mission": "cruise"})
-    _, drawn = free.reset(seed=4)
-    assert given["truth"]["onset"].tolist() == drawn["truth"]["onset"].tolist()
-    assert len(set(given["mission_speed"])) == 1 and len(set(drawn["mission_speed"])) == 30
+    _, sampled = free.reset(seed=4)
+    assert given["truth"]["onset"].tolist() == sampled["truth"]["onset"].tolist()
+    assert len(set(given["mission_speed"])) == 1 and len(set(sampled["mission_speed"])) == 30

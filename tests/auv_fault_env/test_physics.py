@@ -63,12 +63,12 @@ def healthy_case(preset):
 
 
 def check(vehicle, parameters, inputs, exact):
-    got = simulate(vehicle, parameters, inputs)
-    errors = reference.error(got, exact)
+    simulated = simulate(vehicle, parameters, inputs)
+    errors = reference.error(simulated, exact)
     # pytest -rP shows it
     print(f"worst error: speed {errors[0]:.1e}, shafts {max(errors[1:3]):.1e}")
     assert max(errors[:3]) < 1e-6
-    angles = np.abs(got[:, 3:] - exact[:, 3:])
+    angles = np.abs(simulated[:, 3:] - exact[:, 3:])
     # within the sample, which leaves a kink: energy only
     stopped = (exact[:, 1:3] == 0.0) & (exact[:, 3:] > 0.0)
     assert angles.max(where=~stopped, initial=0.0) < 1e-5 and angles.max() < 1e-2
@@ -144,11 +144,11 @@ def test_stall_and_no_load_current_are_those_of_appendix_a():
     block = fleet.table[0]
     current = []
     block[layout.PORT_STATE + layout.VOLTAGE, 0] = 24.0
-    for spin in (
+    for shaft_speed in (
         0.0,
         (24.0 - 1.01 * THESIS.coulomb_friction / THESIS.torque_constant) / THESIS.torque_constant,
     ):
-        block[layout.PORT_STATE + layout.SHAFT_SPEED, 0] = spin
+        block[layout.PORT_STATE + layout.SHAFT_SPEED, 0] = shaft_speed
         lanes.write_true_values(block.ravel(), scratch, 1)
         current.append(block[layout.PORT_STATE + layout.CURRENT, 0])
     assert current[0] == pytest.approx(24 / 1.01, rel=1e-12)
@@ -157,27 +157,27 @@ def test_stall_and_no_load_current_are_those_of_appendix_a():
 
 
 @EACH_PRESET
-def test_terminal_speed_at_a_held_shaft_speed(preset):
+def test_terminal_speed_at_a_constant_shaft_speed(preset):
     vehicle = PRESETS[preset]
-    spin = 40.0
-    held = Motor(0.0, 0.0, 0.0, 0.0, 0.5 * vehicle.beta * RPM**2)
-    motion = REST._replace(port_shaft_speed=spin, starboard_shaft_speed=spin)
+    shaft_speed = 40.0
+    torque_free = Motor(0.0, 0.0, 0.0, 0.0, 0.5 * vehicle.beta * RPM**2)
+    motion = REST._replace(port_shaft_speed=shaft_speed, starboard_shaft_speed=shaft_speed)
     for _ in range(6000):
-        motion = physics.advance(motion, vehicle.alpha, 0.0, held, held)
-    assert motion.port_shaft_speed == spin
+        motion = physics.advance(motion, vehicle.alpha, 0.0, torque_free, torque_free)
+    assert motion.port_shaft_speed == shaft_speed
     assert motion.speed == pytest.approx(
-        sqrt(vehicle.beta / -vehicle.alpha) * spin * RPM, rel=1e-10
+        sqrt(vehicle.beta / -vehicle.alpha) * shaft_speed * RPM, rel=1e-10
     )
 
 
 @pytest.mark.parametrize("feet,seconds", [(0.5, 40.0), (1.0, 20.0), (2.0, 10.0)])
-def test_time_constant_at_a_held_shaft_speed(feet, seconds):
+def test_time_constant_at_a_constant_shaft_speed(feet, seconds):
     speed = feet * FOOT
-    spin = sqrt(-THESIS.alpha / THESIS.beta) * speed / RPM
-    held = Motor(0.0, 0.0, 0.0, 0.0, 0.5 * THESIS.beta * RPM**2)
-    motion = Motion(speed * (1 + 1e-5), spin, spin, 0.0, 0.0)
+    shaft_speed = sqrt(-THESIS.alpha / THESIS.beta) * speed / RPM
+    torque_free = Motor(0.0, 0.0, 0.0, 0.0, 0.5 * THESIS.beta * RPM**2)
+    motion = Motion(speed * (1 + 1e-5), shaft_speed, shaft_speed, 0.0, 0.0)
     for _ in range(100):
-        motion = physics.advance(motion, THESIS.alpha, 0.0, held, held)
+        motion = physics.advance(motion, THESIS.alpha, 0.0, torque_free, torque_free)
     decay = (motion.speed / speed - 1) / 1e-5
     assert decay == pytest.approx(exp(-10.0 * 2 * -THESIS.alpha * speed), rel=1e-4)
     assert 1 / (2 * -THESIS.alpha * speed) == pytest.approx(seconds, rel=0.02)
@@ -231,7 +231,7 @@ def test_operating_points(feet, ampere, volt):
     assert fleet.outcomes[1, 0] == pytest.approx(0.1 * power, rel=1e-6)
 
 
-def textbook_spin(start, side, speed, time):
+def textbook_shaft_speed(start, side, speed, time):
     """Solution of dw/dt = a - b w - c w^2 for constant coefficients."""
     a = side.drive
     b = side.damping - side.coupling * speed
@@ -266,7 +266,7 @@ def test_spin_is_the_textbook_solution_at_constant_speed(lost):
     time = 0.01
     rng = np.random.default_rng(1)
     for side, start, speed in random_shafts(200, rng, lost):
-        expected = textbook_spin(start, side, speed, time)
+        expected = textbook_shaft_speed(start, side, speed, time)
         if expected > 0.0:
             assert physics.shaft_speed_after(start, side, speed, 0.0, time) == pytest.approx(
                 expected, rel=1e-12, abs=1e-12
@@ -278,14 +278,14 @@ def test_longest_substep_lies_within_the_reach_of_the_approximant():
     time = max(physics.SUBSTEP)
     assert sum(physics.SUBSTEP) == pytest.approx(0.1, rel=1e-14)
     for side, start, speed in random_shafts(200, rng):
-        expected = max(textbook_spin(start, side, speed, time), 0.0)
+        expected = max(textbook_shaft_speed(start, side, speed, time), 0.0)
         assert physics.shaft_speed_after(start, side, speed, 0.0, time) == pytest.approx(
             expected, rel=1e-9, abs=1e-9
         )
 
 
 def sloped_error(slope, time, used):
-    """Error of `shaft_speed_after` under u = 0.5 + slope t, told the slope `used`."""
+    """Error of `shaft_speed_after` under u = 0.5 + slope t, solved with the slope `used`."""
     side = motors_of(THESIS, nominal(THESIS), 12.0, 0.0)[0]
 
     def rate(t, w):
@@ -297,19 +297,19 @@ def sloped_error(slope, time, used):
 
 
 def test_order_of_the_slope_correction():
-    """Untold of the slope, the error is its first power and of order 3 in time; told, the second power and order 5."""
+    """Error: order 3 in time and 1 in the slope if the slope is ignored, else order 5 and 2."""
 
     def order(error, large, small):
         return log2(error(large) / error(small))
 
-    def told(slope, time):
+    def with_slope(slope, time):
         return sloped_error(slope, time, slope)
 
-    untold = partial(sloped_error, used=0.0)
-    assert order(lambda t: untold(50.0, t), 0.002, 0.001) == pytest.approx(3.0, abs=0.1)
-    assert order(lambda s: untold(s, 0.002), 50.0, 25.0) == pytest.approx(1.0, abs=0.02)
-    assert order(lambda t: told(2e4, t), 0.002, 0.001) == pytest.approx(5.0, abs=0.2)
-    assert order(lambda s: told(s, 0.002), 2e4, 1e4) == pytest.approx(2.0, abs=0.1)
+    without_slope = partial(sloped_error, used=0.0)
+    assert order(lambda t: without_slope(50.0, t), 0.002, 0.001) == pytest.approx(3.0, abs=0.1)
+    assert order(lambda s: without_slope(s, 0.002), 50.0, 25.0) == pytest.approx(1.0, abs=0.02)
+    assert order(lambda t: with_slope(2e4, t), 0.002, 0.001) == pytest.approx(5.0, abs=0.2)
+    assert order(lambda s: with_slope(s, 0.002), 2e4, 1e4) == pytest.approx(2.0, abs=0.1)
 
 
 EXTREMES = {
@@ -334,10 +334,10 @@ def test_extreme_vehicles_stay_within_physical_bounds(name, period):
     vehicle: Vehicle = replace(THESIS, **EXTREMES[name])
     on = (np.arange(300) // period) % 2 == 0
     inputs = Inputs(np.where(on, 24.0, 0.0), np.where(on, 0.0, 24.0), *np.zeros((3, 300)))
-    got = simulate(vehicle, nominal(vehicle), inputs)
-    assert np.isfinite(got).all() and (got[:, 1:3] >= 0.0).all()
-    assert got[:, 1:3].max() <= 24.0 / vehicle.torque_constant
-    assert got[:, 0].max() <= 10.0 and got[:, 0].min() >= 0.0
+    simulated = simulate(vehicle, nominal(vehicle), inputs)
+    assert np.isfinite(simulated).all() and (simulated[:, 1:3] >= 0.0).all()
+    assert simulated[:, 1:3].max() <= 24.0 / vehicle.torque_constant
+    assert simulated[:, 0].max() <= 10.0 and simulated[:, 0].min() >= 0.0
 
 
 @pytest.mark.parametrize("name", ["friction", "stuck", "light", "light and hot"])
@@ -347,9 +347,9 @@ def test_unpowered_shaft_stops_and_stays(name):
         inputs = np.zeros(30)
         motors = motors_of(vehicle, nominal(vehicle), 0.0, 0.0)
         motion = Motion(speed, 200.0, 1.0, 0.0, 0.0)
-        spins = []
+        shaft_speeds = []
         for _ in inputs:
             motion = physics.advance(motion, vehicle.alpha, 0.0, *motors)
-            spins.append(motion[1:3])
-        assert np.array(spins)[-1].max() == 0.0
-        assert (np.diff(np.array(spins), axis=0) <= 0.0).all()
+            shaft_speeds.append(motion[1:3])
+        assert np.array(shaft_speeds)[-1].max() == 0.0
+        assert (np.diff(np.array(shaft_speeds), axis=0) <= 0.0).all()
