@@ -4,6 +4,7 @@ Source: Page, "Continuous inspection schemes", Biometrika 41, 1954; as charts of
 Basseville & Nikiforov, "Detection of Abrupt Changes", Prentice Hall 1993.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -14,7 +15,7 @@ from scipy.spatial.distance import cdist
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import whole_number
-from auv_fault_env.faults import CATALOGUE
+from auv_fault_env.faults import CATALOGUE, Fault
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import follow_mission
 from auv_fault_env.parameters import SAMPLE_RATE, Vehicle, vehicle_of
@@ -24,57 +25,60 @@ from diagnosers.kalman import Estimate, SurgeFilter
 from diagnosers.symptoms.residuals import RESIDUALS, healthy_band, residuals
 
 SIGNALS = (*RESIDUALS, "innovation")
-# of each signal: mean up, mean down, scatter up, scatter down
-CHARTS = ("above", "below", "rough", "smooth")
+CHARTS = ("mean_up", "mean_down", "scatter_up", "scatter_down")  # of each signal
 SLACK = 0.25  # standard deviations, of the drift term beyond the healthy band
-# the same, relative, of the squared differences
-ROUGH_SLACK = 1.5
-SMOOTH_SLACK = 0.75
-DISTURBED = 0.6  # standard deviations of the disturbance in the drift term
-# of the charts of a signal (mean, rough, smooth): what healthy vehicles reach about once an hour
+# of the squared differences, relative to their healthy mean
+SCATTER_UP_SLACK = 1.5
+SCATTER_DOWN_SLACK = 0.75
+DISTURBANCE_SLACK = 0.6  # standard deviations of the disturbance in the drift term
+# statistics of mean, scatter up and scatter down that a healthy vehicle reaches once an hour
 LIMIT = {
     "voltage": (12.0, 31.0, 2.8),
     "torque": (9.0, 31.0, 4.2),
     "surge": (57.0, 31.0, 2.9),
     "innovation": (8.7, 31.0, 2.6),
 }
-MEAN, ROUGH, SMOOTH = np.array([LIMIT[name.split("_")[-1]] for name in SIGNALS]).T
-LIMITS = np.concatenate([MEAN, MEAN, ROUGH, SMOOTH])
+MEAN, SCATTER_UP, SCATTER_DOWN = np.array([LIMIT[name.split("_")[-1]] for name in SIGNALS]).T
+LIMITS = np.concatenate([MEAN, MEAN, SCATTER_UP, SCATTER_DOWN])
 GAIN = 4.0  # log odds of a fault per limit
-DEEPEST = 100.0  # largest log odds of a fault
-MISSIONS = ("thesis", 0.2, 0.45)  # of the signatures: a name or a speed [m/s]
-# s, of the faults of the signatures, and how old they are
+LARGEST_LOG_ODDS = 100.0  # of a fault
+# of the signatures: missions, names or speeds [m/s]; onset and ages of the faults [s]
+MISSIONS = ("thesis", 0.2, 0.45)
 ONSET = 5.0
 AGES = (2.0, 6.0, 14.0, 24.0)
 SEVERITIES = (0.3, 0.6, 1.0)
+SEVERITY_STD = 0.15  # half the distance between the severities
 WIDTH = 0.5  # of a signature, in logarithms of statistics
-IN_CACHE = 32  # lanes whose distances to all signatures a processor's cache holds
-SEVERITY_STD = 0.15  # half the distance between the severities of the signatures
+LANES_IN_CACHE = 32  # whose distances to all signatures a processor's cache holds
 
 
 class CusumState(NamedTuple):
-    """Lane first: last observation and signals (6), statistics (24), filter; 0 before the first sample, then 1."""
+    """What the charts remember of every lane.
+
+    previous (n_lanes, n_channels), the last observation; signals (n_lanes, 6); statistics (n_lanes,
+    24); surge, the state of the filter; later (n_lanes, 1), 0 before the first sample, then 1.
+    """
 
     previous: np.ndarray
     signals: np.ndarray
-    charts: np.ndarray
+    statistics: np.ndarray
     surge: Estimate
-    begun: np.ndarray
+    later: np.ndarray
 
 
 class Signatures(NamedTuple):
     """Statistics that faults leave, sorted by class and severity.
 
-    pattern (n, 24), class index (n,), log weight (n,) in its class; starts (n_classes - 1,): first
-    row of every class but normal; grades ((n_classes - 1) * 3,): first row of every severity in
-    every class.
+    pattern (n, 24), class index (n,), log weight (n,) in its class; class_starts (n_classes - 1,):
+    first row of every class but normal; severity_starts ((n_classes - 1) * 3,): first row of every
+    severity in every class.
     """
 
     pattern: np.ndarray
     label: np.ndarray
-    weight: np.ndarray
-    starts: np.ndarray
-    grades: np.ndarray
+    log_weight: np.ndarray
+    class_starts: np.ndarray
+    severity_starts: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -83,18 +87,27 @@ class Cusum(Recursive):
 
     A statistic grows by the normalised signal less a drift term: the shift that the healthy band
     can cause at this operating point (parameter by parameter, added) and `SLACK`. Squared
-    differences catch noise and held readings. The largest statistic, relative to `LIMITS`, gives
-    the log odds of a fault: `GAIN` each, 0 at the limit. A class is named by its signatures: the
+    differences detect noise and repeated readings. The largest statistic, relative to `LIMITS`,
+    gives the log odds of a fault: `GAIN` each, 0 at the limit. Signatures isolate the class: the
     statistics that each fault of the catalogue leaves on the nominal vehicle in simulation, at
-    three severities, ages and missions; their kernel density by class and the weighted severity.
-    Limits, slacks and width are calibrated on ``training.seeds.seeds("calibration", ...)``.
+    three severities, four ages and three missions; their kernel density by class and the weighted
+    severity. Limits, slacks and width are calibrated on
+    ``training.seeds.seeds("calibration", ...)``.
 
-    Misleads: statistics never forget, so a fault that is repaired stays for as long as it lasted; a
-    shift within the healthy band is never found; at rest most signals are silent.
+    Misleads: statistics never forget, so after a repair the belief in a fault stays for as long as
+    the fault lasted; a shift within the healthy band is never detected; at rest most signals are
+    zero.
+
+    Attributes
+    ----------
+    vehicle
+        Preset or nominal vehicle.
+    seed
+        Of the noise in the signatures.
     """
 
     vehicle: str | Vehicle = "thesis1992"
-    seed: int = 0  # of the signatures' noise
+    seed: int = 0
 
     name = "cusum"
 
@@ -111,97 +124,114 @@ class Cusum(Recursive):
         return SurgeFilter(self._nominal)
 
     def initial(self, n_lanes: int) -> CusumState:
-        """All statistics at zero."""
-        charts = np.zeros((n_lanes, len(CHARTS) * len(SIGNALS)))
-        previous = np.zeros((n_lanes, len(CHANNELS)))
-        signals = np.zeros((n_lanes, len(SIGNALS)))
+        """The state with all statistics at zero."""
         return CusumState(
-            previous, signals, charts, self._filter.initial(n_lanes), np.zeros((n_lanes, 1))
+            previous=np.zeros((n_lanes, len(CHANNELS))),
+            signals=np.zeros((n_lanes, len(SIGNALS))),
+            statistics=np.zeros((n_lanes, len(CHARTS) * len(SIGNALS))),
+            surge=self._filter.initial(n_lanes),
+            later=np.zeros((n_lanes, 1)),
         )
 
     def step(self, state: CusumState, observation: np.ndarray) -> tuple[CusumState, Belief]:
-        """One step of the charts, and what they say."""
-        state = self._advance(state, observation)
-        shares = range(0, len(observation), IN_CACHE)
-        beliefs = [self._belief(state.charts[first : first + IN_CACHE]) for first in shares]
+        """The next state, and the belief by its statistics."""
+        state = self._next_state(state, observation)
+        beliefs = []
+        for first in range(0, len(observation), LANES_IN_CACHE):
+            beliefs.append(self._belief(state.statistics[first : first + LANES_IN_CACHE]))
         return state, Belief(*map(np.concatenate, zip(*beliefs, strict=True)))
 
-    def _advance(self, state: CusumState, observation: np.ndarray) -> CusumState:
+    def _next_state(self, state: CusumState, observation: np.ndarray) -> CusumState:
         surge = self._filter.update(state.surge, observation)
-        previous = np.where(state.begun > 0.0, state.previous, observation)
+        previous = np.where(state.later > 0.0, state.previous, observation)
         signals, drift = self._signals(previous, observation, surge)
         scatter = 0.5 * (signals - state.signals) ** 2
-        # a standing shaft is not stuck
-        smooth = np.where(signals == 0.0, 0.0, 1.0 - scatter - SMOOTH_SLACK)
-        steps = np.hstack([signals - drift, -signals - drift, scatter - 1.0 - ROUGH_SLACK, smooth])
-        charts = np.maximum(state.charts + steps, 0.0) * state.begun
-        return CusumState(observation, signals, charts, surge, np.ones_like(state.begun))
+        scatter_up = scatter - 1.0 - SCATTER_UP_SLACK
+        scatter_down = 1.0 - scatter - SCATTER_DOWN_SLACK
+        # the signals of a standing shaft are zero without a fault
+        scatter_down = np.where(signals == 0.0, 0.0, scatter_down)
+        growth = np.hstack([signals - drift, -signals - drift, scatter_up, scatter_down])
+        statistics = np.maximum(state.statistics + growth, 0.0) * state.later
+        return CusumState(observation, signals, statistics, surge, np.ones_like(state.later))
 
     def _signals(
         self, previous: np.ndarray, observation: np.ndarray, surge: Estimate
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Normalised signals (n_lanes, 6) and their drift terms."""
+        """Normalised signals and their drift terms, each (n_lanes, 6)."""
         values, std = residuals(previous, observation, self._nominal)
         band = healthy_band(previous, observation, self._nominal)
-        band[:, RESIDUALS.index("surge")] += DISTURBED * self._nominal.disturbance_std
+        band[:, RESIDUALS.index("surge")] += DISTURBANCE_SLACK * self._nominal.disturbance_std
         innovation = surge.innovation / np.sqrt(surge.innovation_variance)
         drift = np.column_stack([band / std, np.full(len(std), SLACK)])
         return np.column_stack([values / std, innovation]), drift + SLACK
 
-    def _belief(self, charts: np.ndarray) -> Belief:
-        odds = np.minimum(GAIN * ((charts / LIMITS).max(axis=1, keepdims=True) - 1.0), DEEPEST)
-        bank = self._signatures
-        pattern = np.log1p(charts / LIMITS)
-        share = cdist(pattern, bank.pattern, "sqeuclidean")
-        share *= -0.5 / WIDTH**2
-        share += bank.weight
-        nearest = np.maximum.reduceat(share, bank.starts, axis=1)
-        share -= nearest[:, bank.label - 1]
-        np.exp(share, out=share)
-        by_grade = np.add.reduceat(share, bank.grades, axis=1).reshape(
-            len(charts), -1, len(SEVERITIES)
+    def _belief(self, statistics: np.ndarray) -> Belief:
+        relative = statistics / LIMITS
+        excess = relative.max(axis=1, keepdims=True) - 1.0
+        log_odds = np.minimum(GAIN * excess, LARGEST_LOG_ODDS)
+        log_density, mean, std = self._by_signatures(np.log1p(relative))
+        log_faults = log_density - log_density.max(axis=1, keepdims=True)
+        log_total = np.log(np.exp(log_faults).sum(axis=1, keepdims=True))
+        log_faults -= log_total + np.logaddexp(0.0, -log_odds)
+        of_normal = np.zeros((len(statistics), 1))
+        return Belief(
+            np.hstack([-np.logaddexp(0.0, log_odds), log_faults]),
+            np.hstack([of_normal, np.minimum(mean, 1.0)]),
+            np.hstack([of_normal, std]),
         )
-        total, first, second = np.moveaxis(
-            by_grade @ np.vander(SEVERITIES, 3, increasing=True), 2, 0
-        )
+
+    def _by_signatures(self, pattern: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Log density of patterns (n_lanes, 24) under every fault class, severity mean and std, (n_lanes, n_faults)."""
+        signatures = self._signatures
+        kernel = cdist(pattern, signatures.pattern, "sqeuclidean")
+        kernel *= -0.5 / WIDTH**2
+        kernel += signatures.log_weight
+        nearest = np.maximum.reduceat(kernel, signatures.class_starts, axis=1)
+        kernel -= nearest[:, signatures.label - 1]
+        np.exp(kernel, out=kernel)
+        of_severity = np.add.reduceat(kernel, signatures.severity_starts, axis=1)
+        of_severity = of_severity.reshape(len(pattern), -1, len(SEVERITIES))
+        moments = of_severity @ np.vander(SEVERITIES, 3, increasing=True)
+        total, first, second = np.moveaxis(moments, 2, 0)
         mean = first / total
-        none = np.zeros((len(charts), 1))
-        std = np.sqrt(np.maximum(second / total - mean**2, 0.0) + SEVERITY_STD**2)
-        fault = nearest + np.log(total)
-        fault -= fault.max(axis=1, keepdims=True)
-        fault -= np.log(np.exp(fault).sum(axis=1, keepdims=True)) + np.logaddexp(0.0, -odds)
-        chances = np.hstack([-np.logaddexp(0.0, odds), fault])
-        return Belief(chances, np.hstack([none, np.minimum(mean, 1.0)]), np.hstack([none, std]))
+        variance = np.maximum(second / total - mean**2, 0.0)
+        return nearest + np.log(total), mean, np.sqrt(variance + SEVERITY_STD**2)
 
     @cached_property
     def _signatures(self) -> Signatures:
-        """Simulate every fault of the catalogue on the nominal vehicle."""
-        faults = list(CATALOGUE.values())
+        """The signatures of every fault of the catalogue on the nominal vehicle, from a simulation."""
+        faults = [fault for fault in CATALOGUE.values() if fault.diagnosis in self.classes]
         cases = list(product(faults, SEVERITIES, MISSIONS))
+        patterns = np.concatenate(self._patterns(cases))
+        labels = [self.classes.index(fault.diagnosis) for fault, _, _ in cases]
+        grades = [SEVERITIES.index(severity) for _, severity, _ in cases]
+        label = np.array(labels * len(AGES))
+        grade = np.array(grades * len(AGES))
+        order = np.lexsort((grade, label))
+        label = label[order]
+        grade = grade[order]
+        return Signatures(
+            patterns[order],
+            label,
+            -np.log(np.bincount(label)[label]),
+            np.unique(label, return_index=True)[1],
+            np.unique(label * len(SEVERITIES) + grade, return_index=True)[1],
+        )
+
+    def _patterns(self, cases: Sequence[tuple[Fault, float, str | float]]) -> list[np.ndarray]:
+        """The pattern of every case of (fault, severity, mission), (n_cases, 24), at each of the `AGES`."""
         fleet = Fleet(len(cases), self._nominal, healthy_band=0.0, parallel=False)
         schedules = [(FaultEvent(fault.name, ONSET, severity),) for fault, severity, _ in cases]
         missions = [
             mission if isinstance(mission, str) else [(0.0, mission)] for _, _, mission in cases
         ]
+        instants = [int(SAMPLE_RATE * (ONSET + age)) for age in AGES]
         observation = fleet.reset([self.seed] * len(cases), schedules=schedules, missions=missions)
-        state = self._advance(self.initial(len(cases)), observation.astype(np.float64))
+        state = self._next_state(self.initial(len(cases)), observation.astype(np.float64))
         patterns = []
-        for k in range(1, int(SAMPLE_RATE * (ONSET + AGES[-1])) + 1):
+        for k in range(1, instants[-1] + 1):
             observation = fleet.step(follow_mission(observation))
-            state = self._advance(state, observation.astype(np.float64))
-            if k in [int(SAMPLE_RATE * (ONSET + age)) for age in AGES]:
-                patterns.append(np.log1p(state.charts / LIMITS))
-        label = np.array([self.classes.index(fault.diagnosis) for fault, _, _ in cases] * len(AGES))
-        grade = np.array([SEVERITIES.index(severity) for _, severity, _ in cases] * len(AGES))
-        order = np.lexsort((grade, label))
-        label = label[order]
-        grade = grade[order]
-        starts = np.unique(label, return_index=True)[1]
-        grades = np.unique(label * len(SEVERITIES) + grade, return_index=True)[1]
-        return Signatures(
-            np.concatenate(patterns)[order],
-            label,
-            -np.log(np.bincount(label)[label]),
-            starts,
-            grades,
-        )
+            state = self._next_state(state, observation.astype(np.float64))
+            if k in instants:
+                patterns.append(np.log1p(state.statistics / LIMITS))
+        return patterns

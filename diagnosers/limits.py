@@ -17,44 +17,47 @@ from diagnosers.diagnoser import Belief, Recursive, same_severity
 from diagnosers.symptoms import sensor_symptoms
 from diagnosers.symptoms.residuals import healthy_band, residuals
 from diagnosers.symptoms.rulebook import (
-    USUAL,
+    DEFAULT_SEVERITY,
     Rulebook,
-    for_sides,
     log_probability,
-    merged,
-    parsed,
-    truths,
+    merge_rules,
+    parse_rules,
+    rules_of_sides,
+    support,
 )
 
 # low-passed `RESIDUALS`
 LEVELS = ("port_voltage", "port_load", "starboard_voltage", "starboard_load", "push")
-EDGES = (*(f"{side}_torn" for side in SIDES), *(f"{side}_supply" for side in SIDES))
-SYMPTOMS = (*LEVELS, *EDGES, "trend", "step", *sensor_symptoms.SYMPTOMS)
+# a load below that of a damaged propeller; voltage and load together
+SIDE_SYMPTOMS = (*(f"{side}_damage" for side in SIDES), *(f"{side}_supply" for side in SIDES))
+SYMPTOMS = (*LEVELS, *SIDE_SYMPTOMS, "trend", "step", *sensor_symptoms.SYMPTOMS)
 # columns of the levels
 VOLTAGES = [0, 2]
 LOADS = [1, 3]
-SPEED, ACCELERATION = (INDEX[name] for name in ("speed", "acceleration"))
+SPEED = INDEX["speed"]
+ACCELERATION = INDEX["acceleration"]
 
-FORGET = exp(-SAMPLE_TIME / 2.0)  # of the levels and the speed's trend, per sample
-# V, N m, V, N m, m/s^2: limits beside the healthy band
-BESIDE = np.array([0.017, 0.0007, 0.017, 0.0007, 0.0028])
+LEVEL_FORGETTING = exp(-SAMPLE_TIME / 2.0)  # per sample
+TREND_FORGETTING = exp(-SAMPLE_TIME / 8.0)
+STEP_FORGETTING = exp(-SAMPLE_TIME / 8.0)  # of the count of steps
+# V, N m, V, N m, m/s^2: limits for noise and disturbance, beside the healthy band
+NOISE_LIMITS = np.array([0.017, 0.0007, 0.017, 0.0007, 0.0028])
 # limit of voltage and load together, as a share of the sum of their limits: their errors differ
-SUPPLY = 0.6
-TREND = 0.006  # m/s^2, limit of the measured acceleration less the speed's trend
-STEP = 0.07  # m/s, limit of the speed's change over a sample: seven times the paddle wheel's noise
-TREND_FORGET = exp(-SAMPLE_TIME / 8.0)
-STEP_FORGET = exp(-SAMPLE_TIME / 8.0)  # of such changes, per sample
-STEP_SYMPTOM = 1.5  # and what each is worth
-WORST_TEAR = 0.6  # of a propeller's torque, left by the worst damage
-HALF_SEVERE = 3.0  # limits at which a fault is taken to be of severity 1/2
+SUPPLY_SHARE = 0.6
+TREND_LIMIT = 0.006  # m/s^2, of the measured acceleration less the trend of the speed
+# m/s, of the change of the speed over a sample: seven times the noise of the paddle wheel
+STEP_LIMIT = 0.07
+STEP_SYMPTOM = 1.5  # symptom of one step
+DAMAGE_FACTOR = 0.6  # of the torque of a propeller at severity 1 of its damage
+HALF_SEVERITY_EXCESS = 3.0  # excess at which a fault counts as severity 1/2
 
 HULL_RULES = {  # syntax: see `rulebook`
     "increased_drag": ("-push ~port_load ~starboard_load ~trend <step",),
     "decreased_drag": ("+push ~port_load ~starboard_load ~trend <step",),
 }
 SIDE_RULES = {
-    "propeller_damage:{side}": ("-{side}_load ~{side}_voltage >{side}_torn",),
-    "propeller_loss:{side}": ("-{side}_load ~{side}_voltage <{side}_torn",),
+    "propeller_damage:{side}": ("-{side}_load ~{side}_voltage >{side}_damage",),
+    "propeller_loss:{side}": ("-{side}_load ~{side}_voltage <{side}_damage",),
     "seal_friction:{side}": ("+{side}_load ~{side}_voltage",),
     "motor_overheating:{side}": ("-{side}_voltage -{side}_supply >{side}_load",),
     "sensor:{side}_voltage": (
@@ -74,33 +77,38 @@ READING_RULES = {
 
 
 class LimitsState(NamedTuple):
-    """Lane first: last observation, low-passed levels (5), band (5) and torn levels (2), trends, steps, sensor_symptoms."""
+    """What the limits remember of every lane.
+
+    previous (n_lanes, n_channels), the last observation; levels (n_lanes, 12), of the five
+    residuals, of their healthy bands and of the loads of damaged propellers; trend and step
+    (n_lanes, 1); sensors, the state of `sensor_symptoms`.
+    """
 
     previous: np.ndarray
     levels: np.ndarray
     trend: np.ndarray
     step: np.ndarray
-    oddities: sensor_symptoms.Oddities
+    sensors: sensor_symptoms.SensorSymptoms
 
 
 @dataclass(frozen=True)
 class Limits(Recursive):
-    """Limits on low-passed single readings, their trends and their plausibility; the class by a table of which exceed.
+    """Limits on low-passed single readings, their trends and their plausibility; a table of which exceed names the class.
 
-    Each voltage, current and acceleration is compared with what is normal at the present shaft
+    Each voltage, current and acceleration is compared with its normal value at the present shaft
     speeds and speed (`residuals`), averaged over 2 s; its limit is what the healthy band allows
-    there and `BESIDE` for noise and disturbance. The trend of the speed checks the accelerometer; a
-    step between two speed readings, a reading that is held, lost or noisy (`oddities`) needs no
-    model. The table is that of `rulebook`. All limits are calibrated on
-    ``training.seeds.seeds("calibration", ...)`` to be reached about once an hour.
+    there and `NOISE_LIMITS`. The trend of the speed checks the accelerometer; a step between two
+    speed readings and a reading that repeats, is zero or noisy (`sensor_symptoms`) need no model.
+    The table is a `rulebook`. All limits are calibrated on
+    ``training.seeds.seeds("calibration", ...)``: a healthy vehicle reaches them about once an hour.
 
-    Severity: the level relative to what the class's fault does to the operating point is not known
-    to limits, so it is a saturating function of the excess x, ``x/(x + 3)``, and of a lost or held
-    reading its frequency.
+    Severity: limits do not show how far a level is from that of the fault at severity 1, so it is
+    a saturating function of the excess x, ``x/(x + 3)``, and of a zero or repeated reading its
+    share.
 
     Misleads: single limits see no pattern in time, so small faults within the sum of all bands are
-    never found, and faults that raise the same readings (a shaft's friction, its current sensor)
-    are told apart by a hair.
+    never detected, and faults that raise the same readings (the friction of a shaft, its current
+    sensor) are isolated by small differences.
     """
 
     vehicle: str | Vehicle = "thesis1992"
@@ -111,83 +119,83 @@ class Limits(Recursive):
         vehicle_of(self.vehicle)
 
     @cached_property
-    def _vehicles(self) -> tuple[Vehicle, Vehicle]:
-        """The nominal one, and one with torn propellers."""
-        vehicle = vehicle_of(self.vehicle)
-        return vehicle, replace(vehicle, c1=WORST_TEAR * vehicle.c1, c2=WORST_TEAR * vehicle.c2)
+    def _nominal(self) -> Vehicle:
+        return vehicle_of(self.vehicle)
+
+    @cached_property
+    def _damaged(self) -> Vehicle:
+        """The nominal vehicle with damaged propellers."""
+        nominal = self._nominal
+        return replace(nominal, c1=DAMAGE_FACTOR * nominal.c1, c2=DAMAGE_FACTOR * nominal.c2)
 
     @cached_property
     def _rules(self) -> Rulebook:
-        return parsed(
-            merged(HULL_RULES, for_sides(SIDE_RULES), READING_RULES, sensor_symptoms.RULES),
-            SYMPTOMS,
-            self.classes,
-        )
+        of_sides = rules_of_sides(SIDE_RULES)
+        rules = merge_rules(HULL_RULES, of_sides, READING_RULES, sensor_symptoms.RULES)
+        return parse_rules(rules, SYMPTOMS, self.classes)
+
+    @cached_property
+    def _sensor_columns(self) -> list[int]:
+        return sensor_symptoms.sensor_columns(self.classes)
 
     def initial(self, n_lanes: int) -> LimitsState:
-        """Nothing out of limits."""
+        """The state with nothing out of limits."""
         zero = np.zeros((n_lanes, 1))
+        previous = np.zeros((n_lanes, len(CHANNELS)))
         levels = np.zeros((n_lanes, 2 * len(LEVELS) + len(SIDES)))
-        return LimitsState(
-            np.zeros((n_lanes, len(CHANNELS))), levels, zero, zero, sensor_symptoms.initial(n_lanes)
-        )
+        return LimitsState(previous, levels, zero, zero, sensor_symptoms.initial(n_lanes))
 
     def step(self, state: LimitsState, observation: np.ndarray) -> tuple[LimitsState, Belief]:
-        """Compare, and look up."""
-        state = self._advance(state, observation)
-        truth = truths(self._rules, self._symptoms(state))
-        chances = log_probability(self._rules, truth)
-        return state, Belief(chances, *self._severity(truth, state.oddities))
+        """The next state, and the belief by the table."""
+        state = self._next_state(state, observation)
+        class_support = support(self._rules, self._symptoms(state))
+        severity = self._severity(class_support, state.sensors)
+        return state, Belief(log_probability(self._rules, class_support), *severity)
 
-    def _advance(self, state: LimitsState, observation: np.ndarray) -> LimitsState:
-        begun = state.oddities.samples > 0
-        previous = np.where(begun, state.previous, observation)
-        nominal, torn = self._vehicles
-        now = np.hstack(
-            [
-                residuals(previous, observation, nominal).values,
-                healthy_band(previous, observation, nominal),
-                residuals(previous, observation, torn).values[:, LOADS],
-            ]
-        )
+    def _next_state(self, state: LimitsState, observation: np.ndarray) -> LimitsState:
+        is_later = state.sensors.n_samples > 0
+        previous = np.where(is_later, state.previous, observation)
+        of_nominal = residuals(previous, observation, self._nominal).values
+        of_damaged = residuals(previous, observation, self._damaged).values
+        band = healthy_band(previous, observation, self._nominal)
+        now = np.hstack([of_nominal, band, of_damaged[:, LOADS]])
         change = observation[:, [SPEED]] - previous[:, [SPEED]]
-        surplus = observation[:, [ACCELERATION]] - change / SAMPLE_TIME
+        unexplained = observation[:, [ACCELERATION]] - change / SAMPLE_TIME
         return LimitsState(
             observation,
-            FORGET * state.levels + (1.0 - FORGET) * now,
-            TREND_FORGET * state.trend + (1.0 - TREND_FORGET) * surplus,
-            STEP_FORGET * state.step + (np.abs(change) > STEP),
-            sensor_symptoms.update(state.oddities, observation),
+            LEVEL_FORGETTING * state.levels + (1.0 - LEVEL_FORGETTING) * now,
+            TREND_FORGETTING * state.trend + (1.0 - TREND_FORGETTING) * unexplained,
+            STEP_FORGETTING * state.step + (np.abs(change) > STEP_LIMIT),
+            sensor_symptoms.update(state.sensors, observation),
         )
 
     def _symptoms(self, state: LimitsState) -> np.ndarray:
         """Every symptom of `SYMPTOMS`, (n_lanes, n_symptoms)."""
-        level, band, torn = np.split(state.levels, [len(LEVELS), 2 * len(LEVELS)], axis=1)
-        limit = band + BESIDE
-        nominal = self._vehicles[0]
-        by_load = nominal.resistance / nominal.torque_constant
-        supply = level[:, VOLTAGES] + by_load * level[:, LOADS]
-        supply /= SUPPLY * (limit[:, VOLTAGES] + by_load * limit[:, LOADS])
-        singles = [state.trend / TREND, STEP_SYMPTOM * state.step]
+        places = [len(LEVELS), 2 * len(LEVELS)]
+        level, band, damaged_load = np.split(state.levels, places, axis=1)
+        limit = band + NOISE_LIMITS
+        nominal = self._nominal
+        volts_per_torque = nominal.resistance / nominal.torque_constant
+        supply = level[:, VOLTAGES] + volts_per_torque * level[:, LOADS]
+        supply /= SUPPLY_SHARE * (limit[:, VOLTAGES] + volts_per_torque * limit[:, LOADS])
         return np.hstack(
             [
                 level / limit,
-                torn / limit[:, LOADS],
+                damaged_load / limit[:, LOADS],
                 supply,
-                *singles,
-                sensor_symptoms.symptoms(state.oddities),
+                state.trend / TREND_LIMIT,
+                STEP_SYMPTOM * state.step,
+                sensor_symptoms.symptoms(state.sensors),
             ]
         )
 
-    @cached_property
-    def _sensors(self) -> list[int]:
-        return sensor_symptoms.sensor_columns(self.classes)
-
     def _severity(
-        self, truth: np.ndarray, odd: sensor_symptoms.Oddities
+        self, class_support: np.ndarray, sensors: sensor_symptoms.SensorSymptoms
     ) -> tuple[np.ndarray, np.ndarray]:
-        severity, error = same_severity((len(truth), self._rules.n_classes), *USUAL)
-        excess = np.maximum(truth, 0.0)
-        severity[:, self._rules.classes] = excess / (excess + HALF_SEVERE)
-        sensor_symptoms.write_severity(severity, self._sensors, odd)
-        return severity, error
+        """Means and standard deviations, each (n_lanes, n_classes)."""
+        shape = (len(class_support), self._rules.n_classes)
+        mean, std = same_severity(shape, *DEFAULT_SEVERITY)
+        excess = np.maximum(class_support, 0.0)
+        mean[:, self._rules.classes] = excess / (excess + HALF_SEVERITY_EXCESS)
+        sensor_symptoms.write_severity(mean, self._sensor_columns, sensors)
+        return mean, std

@@ -1,4 +1,4 @@
-"""Anchors of the scale: a diagnoser that knows nothing, and one that guesses. What does not beat them is worthless."""
+"""References at the lower end: a diagnoser that always gives the prior, and one that guesses."""
 
 from dataclasses import dataclass
 
@@ -10,49 +10,48 @@ from auv_fault_env.noise import GOLDEN, LOW_32, MIX_2, float_of_integer, mix_bit
 from auv_fault_env.schedules import ScheduleSampler
 from diagnosers.diagnoser import Belief, Recursive, same_severity
 
-HEALTHY = ScheduleSampler.healthy  # prior probability of normal
-GUESSED = 0.5, 12**-0.5  # severity of a guess: uniform from 0 to 1, mean and standard deviation
-DEEPEST = 30.0  # least log probability of normal that `Random` gives
+PRIOR_NORMAL = ScheduleSampler.healthy
+UNIFORM_SEVERITY = 0.5, 12**-0.5  # mean and standard deviation of a uniform one from 0 to 1
+LEAST_LOG_NORMAL = -30.0  # least log probability of `normal` of `Random`
 
 
-def _guess(log_probability: np.ndarray) -> Belief:
-    """A belief that knows nothing of severities."""
-    return Belief(log_probability, *same_severity(log_probability.shape, *GUESSED))
+def _without_severity(log_probability: np.ndarray) -> Belief:
+    """The belief with the prior of the severities."""
+    return Belief(log_probability, *same_severity(log_probability.shape, *UNIFORM_SEVERITY))
 
 
 class Null(Recursive):
     """Always the prior: `normal` as often as in sampled schedules, every fault class with the same share of the rest.
 
-    It never changes its mind, so no threshold makes it alarm once an hour: it alarms never or
-    always.
+    Its belief never changes, so no threshold gives one alarm per hour: it alarms never or always.
     """
 
     name = "null"
 
     def initial(self, n_lanes: int) -> tuple[()]:
-        """Nothing."""
+        """No state."""
         return ()
 
     def step(self, state: tuple[()], observation: np.ndarray) -> tuple[tuple[()], Belief]:
         """The prior."""
         n_faults = len(self.classes) - 1
-        prior = np.log([HEALTHY, *[(1.0 - HEALTHY) / n_faults] * n_faults])
-        return state, _guess(np.tile(prior, (len(observation), 1)))
+        prior = np.log([PRIOR_NORMAL, *[(1.0 - PRIOR_NORMAL) / n_faults] * n_faults])
+        return state, _without_severity(np.tile(prior, (len(observation), 1)))
 
 
 @kernel
 def _uniforms(bits, seed, count):
     """Uniform numbers (n_lanes, count) in (0, 1) from the bits of each row (n_lanes, n_channels) and the seed."""
-    out = np.empty((len(bits), count))
+    uniforms = np.empty((len(bits), count))
     for lane in range(len(bits)):
         key = mix_bits(seed + GOLDEN)
         for channel in range(bits.shape[1]):
             key = mix_bits(key ^ (bits[lane, channel] * MIX_2) + GOLDEN)
         for c in range(count):
-            out[lane, c] = (
+            uniforms[lane, c] = (
                 float_of_integer(mix_bits(key + np.uint64(c + 1) * GOLDEN) & LOW_32) + 0.5
             ) * 2.0**-32
-    return out
+    return uniforms
 
 
 @dataclass(frozen=True)
@@ -72,17 +71,16 @@ class Random(Recursive):
         whole_number("seed", self.seed, 0)
 
     def initial(self, n_lanes: int) -> tuple[()]:
-        """Nothing."""
+        """No state."""
         return ()
 
     def step(self, state: tuple[()], observation: np.ndarray) -> tuple[tuple[()], Belief]:
-        """Another guess."""
-        uniform = _uniforms(
-            observation.view(np.uint64), np.uint64(self.seed % 2**64), len(self.classes)
-        )
-        log_probability = np.log(-np.log(uniform))
-        normal = -DEEPEST * uniform[:, :1]
-        faults = log_probability[:, 1:] - np.log(
-            np.exp(log_probability[:, 1:]).sum(axis=1, keepdims=True)
-        )
-        return state, _guess(np.concatenate([normal, faults + np.log(-np.expm1(normal))], axis=1))
+        """A new guess."""
+        seed = np.uint64(self.seed % 2**64)
+        uniform = _uniforms(observation.view(np.uint64), seed, len(self.classes))
+        log_normal = LEAST_LOG_NORMAL * uniform[:, :1]
+        log_faults = np.log(-np.log(uniform))[:, 1:]
+        log_faults = log_faults - np.log(np.exp(log_faults).sum(axis=1, keepdims=True))
+        log_faulty = np.log(-np.expm1(log_normal))
+        log_probability = np.concatenate([log_normal, log_faults + log_faulty], axis=1)
+        return state, _without_severity(log_probability)

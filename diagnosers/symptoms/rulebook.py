@@ -1,8 +1,8 @@
-"""Rules as text over named symptoms, and how true each class is by them.
+"""Rules as text over named symptoms, and how much the symptoms support each class.
 
-``"+a -b ~c"`` asks for symptom a above its healthy value and b below, and speaks against itself
-where c has moved; ``<c`` where c is above, ``>c`` where c is below. A symptom of 1 is what a
-healthy vehicle shows about once an hour.
+``"+a -b ~c"`` requires symptom a above its healthy value and b below, and loses support where c
+differs from it; ``<c`` where c is above, ``>c`` where c is below. A healthy vehicle reaches a
+symptom of 1 about once an hour.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,36 +13,36 @@ import numpy as np
 from auv_fault_env.errors import known_name
 from auv_fault_env.parameters import SIDES
 
-# signs of symptoms that a rule asks for, and of those that speak against it
-ASKED = "+-"
-AGAINST = "~<>"
-# of a symptom that must not come: how much is nothing, and what the rest counts
+# signs of symptoms that a rule requires, and of those that contradict it
+REQUIRED = "+-"
+CONTRADICTING = "~<>"
+# a contradicting symptom counts beyond the tolerance, by the weight
 TOLERANCE = 0.3
 WEIGHT = 0.5
-# truth at even odds, log odds per truth, log odds between classes
-LEVEL = 1.0
+# support at even odds; log odds of a fault, and between classes, per support
+EVEN_SUPPORT = 1.0
 GAIN = 6.0
 SHARPNESS = 3.0
-USUAL = 0.6, 0.25  # severity of which no symptom tells: mean and standard deviation
-DEEPEST = 100.0  # largest log odds of a fault, and of an unsupported class
+DEFAULT_SEVERITY = 0.6, 0.25  # mean and standard deviation where no symptom shows it
+LARGEST_LOG_ODDS = 100.0  # of a fault, and of an unsupported class
 
 
 class Rulebook(NamedTuple):
-    """Parsed rules, those of a class side by side: where their symptoms stand in what `truths` lays out.
+    """Parsed rules, those of a class side by side.
 
-    asked (n_rules, most) and against (n_rules, most): columns, padded with one that changes
-    nothing. starts (n_supported,): first rule of each class that has rules; classes (n_supported,):
-    its index; n_classes: of all.
+    required (n_rules, most) and contradicting (n_rules, most): columns in the tables of `support`,
+    padded with one that changes nothing. first_rules (n_supported,): first rule of each class that
+    has rules; classes (n_supported,): its index; n_classes: of all.
     """
 
-    asked: np.ndarray
-    against: np.ndarray
-    starts: np.ndarray
+    required: np.ndarray
+    contradicting: np.ndarray
+    first_rules: np.ndarray
     classes: np.ndarray
     n_classes: int
 
 
-def merged(*books: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
+def merge_rules(*books: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
     """The rules of several books, by class."""
     rules: dict[str, tuple[str, ...]] = {}
     for book in books:
@@ -51,8 +51,8 @@ def merged(*books: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
     return rules
 
 
-def for_sides(book: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
-    """A book of rules for ``{side}``, written out for both sides."""
+def rules_of_sides(book: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
+    """The rules of both sides from a book of rules for ``{side}``."""
     return {
         name.format(side=side): tuple(text.format(side=side) for text in texts)
         for side in SIDES
@@ -60,43 +60,44 @@ def for_sides(book: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
     }
 
 
-def parsed(
+def parse_rules(
     rules: Mapping[str, Sequence[str]], symptoms: Sequence[str], classes: Sequence[str]
 ) -> Rulebook:
-    """The rules of each class, any of which suffices; a class, sign or symptom that is not known is refused."""
-    columns = {name: k for k, name in enumerate(symptoms)}
-    asked = []
-    against = []
+    """The rulebook of rules by class, one of which suffices.
+
+    Raises `InputError` for an unknown class, sign or symptom.
+    """
+    class_index = {
+        name: classes.index(known_name("class of a rule", name, classes)) for name in rules
+    }
+    required = []
+    contradicting = []
     owners = []
-    for name in sorted(
-        rules, key=lambda name: classes.index(known_name("class of a rule", name, classes))
-    ):
+    for name in sorted(rules, key=class_index.get):
         for text in rules[name]:
-            parts = [
-                (
-                    known_name("sign", part[0], ASKED + AGAINST),
-                    columns[known_name("symptom", part[1:], columns)],
-                )
-                for part in text.split()
-            ]
-            asked.append(
-                [
-                    column + ASKED.index(sign) * len(symptoms)
-                    for sign, column in parts
-                    if sign in ASKED
-                ]
-            )
-            against.append(
-                [
-                    column + AGAINST.index(sign) * len(symptoms)
-                    for sign, column in parts
-                    if sign in AGAINST
-                ]
-            )
-            owners.append(classes.index(name))
-    supported, starts = np.unique(owners, return_index=True)
-    places = _padded(asked, 2 * len(symptoms)), _padded(against, 3 * len(symptoms))
-    return Rulebook(*places, starts, supported, len(classes))
+            parts = [_parsed_part(part, symptoms) for part in text.split()]
+            required.append(_columns(parts, REQUIRED, len(symptoms)))
+            contradicting.append(_columns(parts, CONTRADICTING, len(symptoms)))
+            owners.append(class_index[name])
+    supported, first_rules = np.unique(owners, return_index=True)
+    return Rulebook(
+        _padded(required, len(REQUIRED) * len(symptoms)),
+        _padded(contradicting, len(CONTRADICTING) * len(symptoms)),
+        first_rules,
+        supported,
+        len(classes),
+    )
+
+
+def _parsed_part(part: str, symptoms: Sequence[str]) -> tuple[str, int]:
+    """Sign and symptom of a part of a rule."""
+    sign = known_name("sign", part[0], REQUIRED + CONTRADICTING)
+    return sign, symptoms.index(known_name("symptom", part[1:], symptoms))
+
+
+def _columns(parts: Sequence[tuple[str, int]], signs: str, n_symptoms: int) -> list[int]:
+    """Columns of the parts with these signs in a table with one block of symptoms for each sign."""
+    return [symptom + signs.index(sign) * n_symptoms for sign, symptom in parts if sign in signs]
 
 
 def _padded(rows: list[list[int]], blank: int) -> np.ndarray:
@@ -104,33 +105,34 @@ def _padded(rows: list[list[int]], blank: int) -> np.ndarray:
     return np.array([row + [blank] * (longest - len(row)) for row in rows], np.int64)
 
 
-def truths(book: Rulebook, symptoms: np.ndarray) -> np.ndarray:
-    """How true each class that has rules is, (n_lanes, n_supported), from symptoms (n_lanes, n_symptoms).
+def support(book: Rulebook, symptoms: np.ndarray) -> np.ndarray:
+    """Support of each class that has rules, (n_lanes, n_supported), by symptoms (n_lanes, n_symptoms).
 
-    A rule is as true as the least of what it asks for, less `WEIGHT` times what speaks against it;
-    a class as its truest rule.
+    The support of a rule is the least of the symptoms it requires, less `WEIGHT` times those that
+    contradict it; that of a class is that of its best rule.
     """
-    edge = np.ones((len(symptoms), 1))
-    asked = np.hstack([symptoms, -symptoms, DEEPEST * edge])
-    against = np.maximum(
-        np.hstack([np.abs(symptoms), symptoms, -symptoms, 0.0 * edge]) - TOLERANCE, 0.0
-    )
-    truth = asked[:, book.asked].min(axis=2) - WEIGHT * against[:, book.against].sum(axis=2)
-    return np.maximum.reduceat(truth, book.starts, axis=1)
+    column = np.ones((len(symptoms), 1))
+    required = np.hstack([symptoms, -symptoms, LARGEST_LOG_ODDS * column])
+    magnitudes = np.hstack([np.abs(symptoms), symptoms, -symptoms, 0.0 * column])
+    contradicting = np.maximum(magnitudes - TOLERANCE, 0.0)
+    least = required[:, book.required].min(axis=2)
+    of_rules = least - WEIGHT * contradicting[:, book.contradicting].sum(axis=2)
+    return np.maximum.reduceat(of_rules, book.first_rules, axis=1)
 
 
-def log_probability(book: Rulebook, truth: np.ndarray) -> np.ndarray:
-    """Log probabilities (n_lanes, n_classes) from the classes' truths.
+def log_probability(book: Rulebook, class_support: np.ndarray) -> np.ndarray:
+    """Log probabilities (n_lanes, n_classes) from the `support` of the classes.
 
-    The truest class decides on the odds of a fault, `GAIN` per truth beyond `LEVEL`; each one's
-    truth, times `SHARPNESS`, on the class. Misleads: these are degrees of belief, calibrated only
-    in the threshold.
+    The best class decides on the odds of a fault, `GAIN` per support beyond `EVEN_SUPPORT`; the
+    support of each, times `SHARPNESS`, on the class. Misleads: these are degrees of belief,
+    calibrated only in the threshold.
     """
-    evidence = np.full((len(truth), book.n_classes), -DEEPEST)
-    evidence[:, book.classes] = truth
+    evidence = np.full((len(class_support), book.n_classes), -LARGEST_LOG_ODDS)
+    evidence[:, book.classes] = class_support
     evidence = evidence[:, 1:]
     highest = evidence.max(axis=1, keepdims=True)
-    odds = np.minimum(GAIN * (highest - LEVEL), DEEPEST)
-    shares = SHARPNESS * (evidence - highest)
-    shares -= np.log(np.exp(shares).sum(axis=1, keepdims=True)) + np.logaddexp(0.0, -odds)
-    return np.hstack([-np.logaddexp(0.0, odds), shares])
+    log_odds = np.minimum(GAIN * (highest - EVEN_SUPPORT), LARGEST_LOG_ODDS)
+    faults = SHARPNESS * (evidence - highest)
+    log_total = np.log(np.exp(faults).sum(axis=1, keepdims=True))
+    faults -= log_total + np.logaddexp(0.0, -log_odds)
+    return np.hstack([-np.logaddexp(0.0, log_odds), faults])

@@ -1,4 +1,4 @@
-"""What is odd about a single reading, whatever the vehicle does: repeated, zero, or too noisy."""
+"""Symptoms of single sensors, whatever the vehicle does: readings that repeat, are zero, or too noisy."""
 
 from collections.abc import Sequence
 from math import exp, pi
@@ -9,55 +9,60 @@ import numpy as np
 from auv_fault_env.channels import CHANNELS, COMMANDS, READINGS
 from auv_fault_env.parameters import SAMPLE_TIME
 
-KINDS = ("held", "lost", "rough")
+KINDS = ("repeated", "zero", "noisy")
 SYMPTOMS = tuple(f"{channel}_{kind}" for kind in KINDS for channel in READINGS)
 RULES = {f"sensor:{channel}": tuple(f"+{channel}_{kind}" for kind in KINDS) for channel in READINGS}
 
-FORGET = exp(-SAMPLE_TIME / 8.0)  # of counts and averages, per sample
-ODD = 1.5  # symptom of a held or lost reading that is not yet forgotten
-# of second differences in standard deviations: most, and mean
-CLIPPED = 3.0
-HEALTHY_BEND = (2.0 / pi) ** 0.5
-# their averaged excess, healthy, once an hour
-ROUGH = {"m/s": 0.27, "m/s^2": 0.33, "V": 0.67, "A": 0.39, "rpm": 1.25}
+FORGETTING = exp(-SAMPLE_TIME / 8.0)  # of counts and averages, per sample
+COUNT_SYMPTOM = 1.5  # symptom of one repeated or zero reading
+# of second differences in standard deviations: the largest that counts, and the healthy mean
+LARGEST_DIFFERENCE = 3.0
+HEALTHY_DIFFERENCE = (2.0 / pi) ** 0.5
+# excess of their mean that a healthy vehicle reaches once an hour
+NOISE_EXCESS = {"m/s": 0.27, "m/s^2": 0.33, "V": 0.67, "A": 0.39, "rpm": 1.25}
 NOISE = np.array([CHANNELS[name].noise for name in READINGS])
-SCALE = np.stack(
-    [np.full(len(READINGS), 1 / ODD)] * 2
-    + [np.array([ROUGH[CHANNELS[name].unit] for name in READINGS])]
-)
+COUNT_SCALE = np.full(len(READINGS), 1 / COUNT_SYMPTOM)
+EXCESS_SCALE = np.array([NOISE_EXCESS[CHANNELS[name].unit] for name in READINGS])
+SCALE = np.stack([COUNT_SCALE, COUNT_SCALE, EXCESS_SCALE])
 
 
-class Oddities(NamedTuple):
-    """Lane first: the last two readings, counts and averages (n_lanes, 3, 8) by kind and reading, samples so far."""
+class SensorSymptoms(NamedTuple):
+    """What the symptoms of every lane follow from.
+
+    last and second_last (n_lanes, n_readings); level (n_lanes, 3, n_readings), decaying counts of
+    repeated and zero readings and the mean excess of noise; n_samples (n_lanes, 1) so far.
+    """
 
     last: np.ndarray
-    before: np.ndarray
-    seen: np.ndarray
-    samples: np.ndarray
+    second_last: np.ndarray
+    level: np.ndarray
+    n_samples: np.ndarray
 
 
-def initial(n_lanes: int) -> Oddities:
-    """Nothing odd has been seen."""
+def initial(n_lanes: int) -> SensorSymptoms:
+    """The state before the first sample."""
     readings = np.zeros((n_lanes, len(READINGS)))
-    return Oddities(
-        readings, readings, np.zeros((n_lanes, len(KINDS), len(READINGS))), np.zeros((n_lanes, 1))
-    )
+    level = np.zeros((n_lanes, len(KINDS), len(READINGS)))
+    return SensorSymptoms(readings, readings, level, np.zeros((n_lanes, 1)))
 
 
-def update(old: Oddities, observation: np.ndarray) -> Oddities:
-    """After the next observation (n_lanes, n_channels)."""
+def update(state: SensorSymptoms, observation: np.ndarray) -> SensorSymptoms:
+    """The state after the next observation (n_lanes, n_channels)."""
     readings = observation[:, len(COMMANDS) :]
-    lost = readings == 0.0
-    held = (readings == old.last) & ~lost & (old.samples > 0)
-    bend = np.abs(readings - 2.0 * old.last + old.before) / (6.0**0.5 * NOISE)
-    rough = (np.minimum(bend, CLIPPED) - HEALTHY_BEND) * (old.samples > 1)
-    seen = FORGET * old.seen + np.stack([held, lost, (1.0 - FORGET) * rough], axis=1)
-    return Oddities(readings, old.last, seen, old.samples + 1)
+    is_zero = readings == 0.0
+    is_repeated = (readings == state.last) & ~is_zero & (state.n_samples > 0)
+    second_difference = readings - 2.0 * state.last + state.second_last
+    difference = np.abs(second_difference) / (6.0**0.5 * NOISE)
+    excess = np.minimum(difference, LARGEST_DIFFERENCE) - HEALTHY_DIFFERENCE
+    excess = excess * (state.n_samples > 1)
+    new = np.stack([is_repeated, is_zero, (1.0 - FORGETTING) * excess], axis=1)
+    level = FORGETTING * state.level + new
+    return SensorSymptoms(readings, state.last, level, state.n_samples + 1)
 
 
-def symptoms(oddities: Oddities) -> np.ndarray:
-    """(n_lanes, 24) in the order of `SYMPTOMS`; 1 is what a healthy vehicle shows about once an hour."""
-    return (oddities.seen / SCALE).reshape(len(oddities.seen), -1)
+def symptoms(state: SensorSymptoms) -> np.ndarray:
+    """(n_lanes, 24) in the order of `SYMPTOMS`; a healthy vehicle reaches 1 about once an hour."""
+    return (state.level / SCALE).reshape(len(state.level), -1)
 
 
 def sensor_columns(classes: Sequence[str]) -> list[int]:
@@ -65,10 +70,11 @@ def sensor_columns(classes: Sequence[str]) -> list[int]:
     return [classes.index(f"sensor:{channel}") for channel in READINGS]
 
 
-def write_severity(severity: np.ndarray, sensors: list[int], oddities: Oddities) -> None:
-    """Where readings have been held or lost, the sensor's severity is how often of late.
+def write_severity(severity: np.ndarray, sensors: list[int], state: SensorSymptoms) -> None:
+    """Set the severity of sensors with repeated or zero readings to the recent share of these.
 
-    severity (n_lanes, n_classes) is changed in place; sensors are the `sensor_columns`.
+    severity (n_lanes, n_classes) changes in place; sensors are the `sensor_columns`.
     """
-    often = np.minimum((1.0 - FORGET) * oddities.seen[:, :2].max(axis=1), 1.0)
-    severity[:, sensors] = np.where(often > 0.0, often, severity[:, sensors])
+    count = state.level[:, :2].max(axis=1)
+    share = np.minimum((1.0 - FORGETTING) * count, 1.0)
+    severity[:, sensors] = np.where(share > 0.0, share, severity[:, sensors])
