@@ -1,4 +1,4 @@
-"""Does a diagnoser keep the rules? `check_diagnoser` tries it on a small fleet and names the first rule it breaks."""
+"""The check that a diagnoser keeps the rules of `Diagnoser`, on a small fleet."""
 
 import tempfile
 from collections.abc import Callable, Iterable
@@ -23,19 +23,20 @@ FAULTS = (
     "sensor_dropout:speed",
 )
 SCHEDULES = ((), (), *((FaultEvent(fault, onset=5.0, severity=0.8),) for fault in FAULTS))
-SHORT = 25  # samples of the checks that run the diagnoser many times
+N_SHORT = 25  # samples of the checks with many runs
 # networks compute in float32
 ROUNDING = 1e-6
 BATCH_TOLERANCE = 1e-4
 
 
 def check_diagnoser(diagnoser: Diagnoser, seed: int = 0) -> None:
-    """Raise `InputError`, one line, if the diagnoser breaks a rule of `Diagnoser`; about 2000 updates, and it is reset.
+    """Raise `InputError`, in one line, for the first rule of `Diagnoser` that the diagnoser breaks.
 
-    It is run on six lanes of which four have a fault. Checked are its classes, that every belief is
-    one, that it is causal, batches like single lanes, resets, stands silent and dropped channels,
-    refuses a wrong shape, and, if it can be saved, is loaded as it was. Misleads: it says nothing
-    of how good the diagnoser is, and a dependence on the future beyond 12 s goes unseen.
+    It makes about 2000 updates on six lanes, four of them with a fault, and resets the diagnoser.
+    The rules: valid classes and beliefs; causality; the same beliefs in a batch and on single
+    lanes, and after another reset; valid beliefs with missing and dropped channels; `ValueError`
+    for a wrong shape; the same beliefs after save and load, if it can be saved. Misleads: it does
+    not measure how good the diagnoser is, and misses a dependence on the future beyond 12 s.
     """
     observations = _fleet_run(whole_number("seed", seed, 0))
     for check in CHECKS:
@@ -58,7 +59,7 @@ def _beliefs(diagnoser: Diagnoser, observations: np.ndarray, when: str = "") -> 
         return [diagnoser.update(observation) for observation in observations]
     except Exception as error:
         raise refusal(
-            f"update{when}", error, "a belief", "hold the last reading where there is none"
+            f"update{when}", error, "a belief", "take the last reading where one is missing"
         ) from error
 
 
@@ -67,25 +68,25 @@ def _stacked(beliefs: Iterable[Belief]) -> np.ndarray:
     return np.array([(np.exp(belief[0]), *belief[1:]) for belief in beliefs])
 
 
-def _demand(kept: bool, thing: str, got, allowed: str, remedy: str) -> None:
-    if not kept:
+def _require(is_met: bool, thing: str, got, allowed: str, remedy: str) -> None:
+    if not is_met:
         raise refusal(thing, got, allowed, remedy)
 
 
-def _demand_belief(diagnoser: Diagnoser, belief: Belief, n_lanes: int, when: str) -> None:
+def _require_belief(diagnoser: Diagnoser, belief: Belief, n_lanes: int, when: str) -> None:
     """Every array of the right shape, finite and within its range, every row of probabilities summing to 1."""
-    _demand(isinstance(belief, Belief), f"belief{when}", belief, "a Belief", "return one")
+    _require(isinstance(belief, Belief), f"belief{when}", belief, "a Belief", "return one")
     shape = (n_lanes, len(diagnoser.classes))
     for name, values in zip(Belief._fields, belief, strict=True):
         got = getattr(values, "shape", None)
-        _demand(
+        _require(
             got == shape,
             f"shape of {name}{when}",
             got,
             f"{shape}",
             "give a row per lane, a column per class",
         )
-        _demand(
+        _require(
             bool(np.isfinite(values).all()),
             f"{name}{when}",
             "NaN or infinity",
@@ -95,11 +96,13 @@ def _demand_belief(diagnoser: Diagnoser, belief: Belief, n_lanes: int, when: str
     highest = float(belief[0].max())
     total = np.exp(belief[0]).sum(axis=1)
     worst = float(total[np.abs(total - 1).argmax()])
-    _demand(highest <= ROUNDING, f"log_probability{when}", highest, "at most 0", "normalise it")
-    _demand(abs(worst - 1) <= ROUNDING, f"sum of probabilities{when}", worst, "1", "normalise them")
+    _require(highest <= ROUNDING, f"log_probability{when}", highest, "at most 0", "normalise it")
+    _require(
+        abs(worst - 1) <= ROUNDING, f"sum of probabilities{when}", worst, "1", "normalise them"
+    )
     low = float(belief[1].min())
     high = float(belief[1].max())
-    _demand(
+    _require(
         -ROUNDING <= low <= high <= 1 + ROUNDING,
         f"severity_mean{when}",
         (low, high),
@@ -107,18 +110,18 @@ def _demand_belief(diagnoser: Diagnoser, belief: Belief, n_lanes: int, when: str
         "clip it",
     )
     low = float(belief[2].min())
-    _demand(low >= 0, f"severity_std{when}", low, "from 0", "give a standard deviation")
+    _require(low >= 0, f"severity_std{when}", low, "from 0", "give a standard deviation")
 
 
-def _demand_equal(
+def _require_equal(
     got: np.ndarray, wanted: np.ndarray, thing: str, allowed: str, remedy: str, tolerance=0.0
 ) -> None:
     difference = float(np.abs(got - wanted).max())
-    _demand(difference <= tolerance, thing, f"a difference of {difference:.2g}", allowed, remedy)
+    _require(difference <= tolerance, thing, f"a difference of {difference:.2g}", allowed, remedy)
 
 
 def _check_interface(diagnoser: Diagnoser, observations: np.ndarray) -> None:
-    _demand(
+    _require(
         isinstance(diagnoser, Diagnoser),
         "diagnoser",
         type(diagnoser),
@@ -126,9 +129,10 @@ def _check_interface(diagnoser: Diagnoser, observations: np.ndarray) -> None:
         "add them",
     )
     names = diagnoser.classes
-    good = isinstance(names, tuple) and names[:1] == (NORMAL,) and len(set(names)) == len(names) > 1
-    _demand(
-        good,
+    is_list = isinstance(names, tuple) and names[:1] == (NORMAL,)
+    is_valid = is_list and len(set(names)) == len(names) > 1
+    _require(
+        is_valid,
         "classes",
         names,
         f"a tuple of different names, {NORMAL!r} first",
@@ -138,41 +142,44 @@ def _check_interface(diagnoser: Diagnoser, observations: np.ndarray) -> None:
 
 def _check_beliefs(diagnoser: Diagnoser, observations: np.ndarray) -> None:
     for k, belief in enumerate(_beliefs(diagnoser, observations)):
-        _demand_belief(diagnoser, belief, observations.shape[1], f" after sample {k}")
+        _require_belief(diagnoser, belief, observations.shape[1], f" after sample {k}")
 
 
 def _check_arrays(diagnoser: Diagnoser, observations: np.ndarray) -> None:
-    """What it is given stays as it is, and so does what it has returned."""
-    given = observations.copy()
-    kept = []
+    """An update changes neither its observation nor a belief that it has returned before."""
+    inputs = observations.copy()
+    beliefs = []
     copies = []
     diagnoser.reset(observations.shape[1])
-    for observation in given:
-        kept.append(diagnoser.update(observation))
-        copies.append(_stacked(kept[-1:]))
-    _demand_equal(
-        given, observations, "observation after update", "the one given", "work on a copy"
+    for observation in inputs:
+        belief = diagnoser.update(observation)
+        beliefs.append(belief)
+        copies.append(_stacked([belief]))
+    _require_equal(
+        inputs, observations, "observation after update", "an unchanged one", "work on a copy"
     )
     allowed = "the belief as it was returned"
     remedy = "return new arrays"
-    _demand_equal(
-        _stacked(kept), np.concatenate(copies), "belief after later updates", allowed, remedy
+    _require_equal(
+        _stacked(beliefs), np.concatenate(copies), "belief after later updates", allowed, remedy
     )
 
 
 def _check_causality(diagnoser: Diagnoser, observations: np.ndarray) -> None:
     half = N_SAMPLES // 2
-    other = np.concatenate([observations[:half], observations[:half][::-1]])
-    one, two = (_stacked(_beliefs(diagnoser, run)[:half]) for run in (observations, other))
-    _demand_equal(
-        one, two, "beliefs before another future", "the same beliefs", "use no later sample"
+    other_future = np.concatenate([observations[:half], observations[:half][::-1]])
+    beliefs = _stacked(_beliefs(diagnoser, observations)[:half])
+    others = _stacked(_beliefs(diagnoser, other_future)[:half])
+    _require_equal(
+        beliefs, others, "beliefs before another future", "the same beliefs", "use no later sample"
     )
 
 
 def _check_reset(diagnoser: Diagnoser, observations: np.ndarray) -> None:
-    first, again = (_stacked(_beliefs(diagnoser, observations)) for _ in range(2))
-    _demand_equal(
-        again,
+    first = _stacked(_beliefs(diagnoser, observations))
+    second = _stacked(_beliefs(diagnoser, observations))
+    _require_equal(
+        second,
         first,
         "beliefs after a second reset",
         "exactly those after the first",
@@ -186,7 +193,7 @@ def _check_lanes(diagnoser: Diagnoser, observations: np.ndarray) -> None:
         single = _stacked(_beliefs(diagnoser, observations[:, lane : lane + 1]))
         thing = f"lane {lane} alone and in the batch"
         allowed = f"equal beliefs within {BATCH_TOLERANCE:g}"
-        _demand_equal(
+        _require_equal(
             batch[:, :, lane : lane + 1],
             single,
             thing,
@@ -197,21 +204,21 @@ def _check_lanes(diagnoser: Diagnoser, observations: np.ndarray) -> None:
 
 
 def _check_channels(diagnoser: Diagnoser, observations: np.ndarray) -> None:
-    """Every channel silent (NaN) or dropped (zero) for the whole of a run, and all channels now and then."""
+    """Every channel missing (NaN) or dropped (zero) for a whole run, and all channels at some samples."""
     names = list(CHANNELS)
-    for value, what, channels in ((np.nan, "silent", names), (0.0, "dropped", READINGS)):
+    for value, state, channels in ((np.nan, "missing", names), (0.0, "dropped", READINGS)):
         for name in channels:
-            run = observations[:SHORT].copy()
+            run = observations[:N_SHORT].copy()
             run[:, :, names.index(name)] = value
-            _check_run(diagnoser, run, f" with {name} {what}")
-        run = observations[:SHORT].copy()
+            _check_run(diagnoser, run, f" with {name} {state}")
+        run = observations[:N_SHORT].copy()
         run[::3] = value
-        _check_run(diagnoser, run, f" with all channels {what} every third sample")
+        _check_run(diagnoser, run, f" with all channels {state} every third sample")
 
 
 def _check_run(diagnoser: Diagnoser, run: np.ndarray, when: str) -> None:
     for belief in _beliefs(diagnoser, run, when):
-        _demand_belief(diagnoser, belief, run.shape[1], when)
+        _require_belief(diagnoser, belief, run.shape[1], when)
 
 
 def _check_shapes(diagnoser: Diagnoser, observations: np.ndarray) -> None:
@@ -235,17 +242,16 @@ def _check_storage(diagnoser: Diagnoser, observations: np.ndarray) -> None:
         path = Path(folder) / "diagnoser.safetensors"
         diagnoser.save(path)
         loaded = load(path)
-        after, before = (
-            _stacked(_beliefs(one, observations[:SHORT])) for one in (loaded, diagnoser)
-        )
-    _demand(
+        before = _stacked(_beliefs(diagnoser, observations[:N_SHORT]))
+        after = _stacked(_beliefs(loaded, observations[:N_SHORT]))
+    _require(
         loaded.classes == diagnoser.classes,
         "classes after load",
         loaded.classes,
         "those saved",
         "save them",
     )
-    _demand_equal(
+    _require_equal(
         after, before, "beliefs after save and load", "equal beliefs", "save all that it has learnt"
     )
 

@@ -1,8 +1,7 @@
-"""What a diagnoser is: readings in, one sample at a time; a belief over the fault classes and their severities out.
+"""The interface of diagnosers: readings in, one sample at a time; a belief over the fault classes out.
 
-`Diagnoser` is the protocol that everything downstream relies on. `Recursive` carries what the
-diagnosers of this package share: they are written as pure functions of a state, and the state is
-arrays with the lane first.
+`Diagnoser` is the protocol. `Recursive` is the base class of the diagnosers of this package, which
+are pure functions of a state; the state is arrays with the lane first.
 """
 
 from abc import ABC, abstractmethod
@@ -23,7 +22,7 @@ UNKNOWN = "unknown"
 
 
 class Belief(NamedTuple):
-    """What a diagnoser believes after a sample; class 0 is `normal`.
+    """The belief of a diagnoser after a sample; class 0 is `normal`.
 
     log_probability (n_lanes, n_classes): natural logarithm, each row's probabilities sum to 1.
     severity_mean and severity_std (n_lanes, n_classes): severity 0 to 1 *if* that class is the
@@ -38,17 +37,17 @@ class Belief(NamedTuple):
 
 @runtime_checkable
 class Diagnoser(Protocol):
-    """Reads observations one sample at a time and says what it believes; the same code onboard and in a batch.
+    """From observations, one sample at a time, to beliefs; the same code on board and in a batch.
 
     It is causal: a belief depends on the observations so far and on nothing else, never on the
-    truth. Calibration is its author's duty: a threshold on the probability of `normal` is all that
-    an alarm looks at.
+    truth. An alarm is a threshold on the probability of `normal`, so its author should calibrate
+    it.
     """
 
     classes: tuple[str, ...]
 
     def reset(self, n_lanes: int) -> None:
-        """Forget everything and get ready for n_lanes vehicles at the start of an episode."""
+        """Start an episode of n_lanes vehicles; nothing remains of the last one."""
         ...
 
     def update(self, observation: np.ndarray) -> Belief:
@@ -79,7 +78,7 @@ class RunningState:
 
 
 class Recursive(ABC):
-    """A diagnoser as a pure recursion: `initial` makes a state, `step` takes state and observation to the next.
+    """A diagnoser as a pure recursion: `initial` is the first state, `step` leads to the next.
 
     A subclass gives these two, and is a frozen dataclass if it has settings: only `running` changes. NaN in a channel means that no reading arrived; the last one takes its place (zero
     before the first), but for channels that are not in `filled_channels`, whose gaps the diagnoser
@@ -96,12 +95,12 @@ class Recursive(ABC):
 
     @cached_property
     def classes(self) -> tuple[str, ...]:
-        """The diagnosis classes of its beliefs, `normal` first: those of the catalogue at the first use."""
+        """The classes of its beliefs, `normal` first: those of the catalogue when it is first used."""
         return classes()
 
     @cached_property
     def labels(self) -> Mapping[str, str | None]:
-        """The label of every class; the diagnoser cannot isolate classes with one label, nor detect those with None."""
+        """The label of every class: the diagnoser cannot separate classes with one label, or with None."""
         return {name: name for name in self.classes}
 
     @abstractmethod
@@ -110,10 +109,10 @@ class Recursive(ABC):
 
     @abstractmethod
     def step(self, state: Any, observation: np.ndarray) -> tuple[Any, Belief]:
-        """The next state and the belief; observation is (n_lanes, n_channels) float64, finite. Changes neither."""
+        """The next state and the belief; observation (n_lanes, n_channels) is finite float64. Changes neither."""
 
     def reset(self, n_lanes: int) -> None:
-        """Forget everything and get ready for n_lanes vehicles at the start of an episode."""
+        """Start an episode of n_lanes vehicles; nothing remains of the last one."""
         n_lanes = whole_number("number of lanes", n_lanes)
         self.running.state = self.initial(n_lanes)
         self.running.observation = np.zeros((n_lanes, len(CHANNELS)))
@@ -131,7 +130,7 @@ class Recursive(ABC):
         return belief
 
     def tensors(self) -> dict[str, np.ndarray]:
-        """What it has learnt, by name; empty if it learns nothing."""
+        """The weights by name; empty if there are none."""
         return {}
 
     def settings(self) -> dict[str, Any]:
@@ -139,12 +138,12 @@ class Recursive(ABC):
         return asdict(self) if is_dataclass(self) else {}
 
     def save(self, path: str | Path) -> None:
-        """Write what `diagnosers.load` needs to make an equal one, not its running state, to a safetensors file."""
+        """Write weights and settings, not the running state, to a safetensors file for `diagnosers.load`."""
         storage.write(path, self.tensors(), {"diagnoser": self.name, "settings": self.settings()})
 
 
 def same_severity(shape: tuple[int, int], mean: float, std: float) -> tuple[np.ndarray, np.ndarray]:
-    """Severities of a belief (n_lanes, n_classes), means and standard deviations: the same for every fault."""
+    """Means and standard deviations (n_lanes, n_classes) of the severities, the same for every fault."""
     severities = np.full(shape, mean), np.full(shape, std)
     for values in severities:
         values[:, 0] = 0.0
@@ -175,7 +174,7 @@ def fill_missing(
     np.copyto(observation[:, channels], previous[:, channels], where=missing)
     if np.isinf(observation).any():
         raise refusal(
-            "observation", "infinity", "finite readings, NaN for none", "mend the reading"
+            "observation", "infinity", "finite readings, NaN for none", "correct the reading"
         )
     return observation
 
@@ -183,7 +182,7 @@ def fill_missing(
 def decide(
     belief: Belief, classes: tuple[str, ...], alarm: float = 0.5, name: float = 0.5
 ) -> list[str]:
-    """One word per lane: `normal`, a class, or `unknown`, a fault that looks like none of the classes, or like several.
+    """The decision on every lane: `normal`, a class, or `unknown`, a fault like none of the classes or several.
 
     Parameters
     ----------
@@ -192,15 +191,14 @@ def decide(
     classes
         Its classes.
     alarm
-        A fault is declared where the probability of `normal` is below this.
+        There is a fault where the probability of `normal` is below this.
     name
-        The fault is named where its class has at least this share of the probability of all faults.
+        It is that of a class with at least this share of the probability of all faults.
     """
     probability = np.exp(belief.log_probability)
     faults = probability[:, 1:]
-    best = faults.argmax(axis=1)
     total = np.maximum(faults.sum(axis=1), np.finfo(float).tiny)
-    named = faults.max(axis=1) / total >= name
-    quiet = probability[:, 0] >= alarm
-    words = np.where(named, np.array(classes[1:], dtype=object)[best], UNKNOWN)
-    return np.where(quiet, classes[0], words).tolist()
+    is_isolated = faults.max(axis=1) / total >= name
+    is_normal = probability[:, 0] >= alarm
+    best = np.array(classes[1:], dtype=object)[faults.argmax(axis=1)]
+    return np.where(is_normal, classes[0], np.where(is_isolated, best, UNKNOWN)).tolist()

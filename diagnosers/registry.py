@@ -1,4 +1,4 @@
-"""The registry of diagnosers: a name, where its class is, and whether it competes."""
+"""The registry of diagnosers: by name the place of the class, and whether it competes."""
 
 import importlib
 import inspect
@@ -13,7 +13,7 @@ from diagnosers.diagnoser import Diagnoser
 
 
 class Entry(NamedTuple):
-    """The class of a diagnoser, best as "module:Class" so that heavy libraries load on demand, and if it competes."""
+    """A diagnoser's class, best as "module:Class" so that libraries load on demand, and if it competes."""
 
     target: str | type
     ranked: bool = True
@@ -51,17 +51,18 @@ def class_of(name: str) -> type:
 
 def make(name: str, **settings: Any) -> Diagnoser:
     """A diagnoser by name, ready for `reset`; settings are those of its class (``help(type(make(name)))``)."""
-    kind = class_of(name)
+    diagnoser_class = class_of(name)
+    signature = inspect.signature(diagnoser_class)
     try:
-        inspect.signature(kind).bind(**settings)
+        signature.bind(**settings)
     except TypeError as error:
-        allowed = f"those of {kind.__name__}{inspect.signature(kind)}"
+        allowed = f"those of {diagnoser_class.__name__}{signature}"
         raise refusal(f"settings of {name}", settings, allowed, str(error)) from None
-    return kind(**settings)
+    return diagnoser_class(**settings)
 
 
 def load(path: str | Path) -> Diagnoser:
-    """The diagnoser that ``save`` wrote to a safetensors file; a file that is none is refused in one line."""
+    """The diagnoser in a safetensors file of ``save``; any other file is refused in one line."""
     tensors, header = storage.read(path)
     if not isinstance(header, dict) or not isinstance(header.get("settings"), dict):
         raise refusal(

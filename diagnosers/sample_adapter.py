@@ -1,4 +1,4 @@
-"""Diagnosers written for the DX competitions, which take one sample and know no lanes, as diagnosers of ours."""
+"""Adapter for diagnosers of the DX competitions, which take one sample of one vehicle."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
@@ -12,9 +12,7 @@ from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers.diagnoser import UNKNOWN, Belief, fill_missing, same_severity
 from diagnosers.networks.modes import PRIOR_SEVERITY
 
-LEAST_PROBABILITY = (
-    1e-9  # left to normal where a fault is detected for certain, and to faults where none is
-)
+LEAST_PROBABILITY = 1e-9  # of normal and of all faults, where the system is certain
 
 
 class SampleSystem(Protocol):
@@ -38,15 +36,16 @@ class SampleSystem(Protocol):
 class SampleAdapter:
     """A diagnoser made of one `SampleSystem` per lane.
 
-    The probability of normal is one minus the detection, however sure the isolation is of a fault:
-    the isolation says which fault it is *if* there is one. It is scaled to a sum of one; where it
-    is all zeros, as the competitions demand while nothing is detected, it counts as unknown. What
-    is unknown is spread evenly over the fault classes without a column of their own, or over all of
-    them if each has one. No severities are told: 0.6 ± 0.23 throughout.
+    The probability of normal is one minus the detection; the isolation is the probability of each
+    fault *if* there is one, scaled to a sum of one. Where it is all zeros, as the competitions
+    require while nothing is detected, it counts as unknown. The fault classes without a column
+    share the probability of unknown evenly, or all of them if each has a column. The systems give
+    no severities: 0.6 ± 0.23 throughout. The classes are those of the catalogue when the adapter
+    is made.
 
     Slow: a Python call and a data frame per lane and sample, some 20 µs besides the system itself.
-    Misleads: a detection of 0 or 1 leaves the alarm threshold no room, so the system stands or
-    falls with its own rate of false alarms; one that gives probabilities can be set to any rate.
+    Misleads: no threshold changes the false alarm rate of a system whose detection is 0 or 1; one
+    that gives probabilities can be set to any rate.
 
     Raises `InputError` where a system breaks the interface, and where pandas is not installed.
     """
@@ -54,24 +53,26 @@ class SampleAdapter:
     def __init__(self, system: Callable[[], SampleSystem]) -> None:
         self.system = system
         self.classes = classes()
-        self._spread = _spread(self.classes, getattr(system(), "faults", self.classes[1:]))
+        self._shares_of_columns = _fault_shares(
+            self.classes, getattr(system(), "faults", self.classes[1:])
+        )
 
     def reset(self, n_lanes: int) -> None:
         """Make and initialise a system for each lane."""
         self._systems = [
-            _started(self.system()) for _ in range(whole_number("number of lanes", n_lanes))
+            _initialised(self.system()) for _ in range(whole_number("number of lanes", n_lanes))
         ]
-        self._held = np.zeros((n_lanes, len(CHANNELS)))
+        self._readings = np.zeros((n_lanes, len(CHANNELS)))
         self._sample = 0
 
     def update(self, observation: np.ndarray) -> Belief:
-        """The belief after the next observation (n_lanes, n_channels); a silent channel (NaN) keeps its reading."""
+        """The belief after the next observation (n_lanes, n_channels); the last reading stands in for a missing one (NaN)."""
         if not hasattr(self, "_systems"):
             raise refusal(
                 "update", "no reset before", "an update after a reset", "call reset(n_lanes) first"
             )
-        self._held = fill_missing(observation, self._held)
-        frames = _frames(self._sample * SAMPLE_TIME, self._held)
+        self._readings = fill_missing(observation, self._readings)
+        frames = _frames(self._sample * SAMPLE_TIME, self._readings)
         answers = [
             self._answer(system, frame) for system, frame in zip(self._systems, frames, strict=True)
         ]
@@ -89,7 +90,7 @@ class SampleAdapter:
         )
         if detection.shape != (1,) or not 0.0 <= detection[0] <= 1.0:
             raise refusal("detection", detection, "0 to 1", "give False, True or a probability")
-        n_columns = len(self._spread) - 1
+        n_columns = len(self._shares_of_columns) - 1
         if isolation.shape != (n_columns,) or not (
             np.isfinite(isolation).all() and (isolation >= 0.0).all()
         ):
@@ -102,17 +103,18 @@ class SampleAdapter:
         shares = np.append(isolation, float(not isolation.any()))
         return float(
             np.clip(detection[0], LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY)
-        ), shares / shares.sum() @ self._spread
+        ), shares / shares.sum() @ self._shares_of_columns
 
 
-def _spread(names: Sequence[str], columns: Sequence[str]) -> np.ndarray:
-    """Which fault classes a column stands for, (n_columns + 1, n_faults), rows sum to 1; the last is unknown."""
+def _fault_shares(names: Sequence[str], columns: Sequence[str]) -> np.ndarray:
+    """The share of each fault class in a column, (n_columns + 1, n_faults); rows sum to 1, the last is unknown."""
     faults = list(names[1:])
     columns = [known_name("name in `faults`", column, [*faults, UNKNOWN]) for column in columns]
     if len(set(columns)) < len(columns):
         raise refusal("`faults`", tuple(columns), "different names", "name each once")
-    untold = np.array([fault not in columns for fault in faults], float)
-    unknown = (untold if untold.any() else np.ones(len(faults))) / (untold.sum() or len(faults))
+    without_column = np.array([fault not in columns for fault in faults], float)
+    candidates = without_column if without_column.any() else np.ones(len(faults))
+    unknown = candidates / candidates.sum()
     rows = [
         unknown if column == UNKNOWN else np.eye(len(faults))[faults.index(column)]
         for column in columns
@@ -120,7 +122,7 @@ def _spread(names: Sequence[str], columns: Sequence[str]) -> np.ndarray:
     return np.array([*rows, unknown])
 
 
-def _started(system: SampleSystem) -> SampleSystem:
+def _initialised(system: SampleSystem) -> SampleSystem:
     if hasattr(system, "Initialize"):
         system.Initialize()
     return system

@@ -14,25 +14,25 @@ from safetensors.numpy import save_file
 from auv_fault_env.errors import refusal
 
 Shapes = dict[str, tuple[int, ...]]  # of tensors, by name
-Weights = str | Path | Mapping[str, np.ndarray]  # where tensors are, or themselves
+Weights = str | Path | Mapping[str, np.ndarray]  # a file of tensors, or tensors by name
 HEADER = "auv_fault"
-WEIGHTS = Path(__file__).parent / "weights"  # those that come with the package, each with its card
+WEIGHTS = Path(__file__).parent / "weights"  # of the package, each file with its card
 
 
 def write(path: str | Path, tensors: Mapping[str, np.ndarray], header: Mapping[str, Any]) -> None:
-    """Write tensors and header, aside first, so that a reader never finds half a file."""
+    """Write tensors and header by way of a temporary file, so that no reader finds half a file."""
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, aside = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
         os.close(handle)
         try:
             contiguous = {name: np.asarray(tensor, order="C") for name, tensor in tensors.items()}
-            save_file(contiguous, aside, metadata={HEADER: json.dumps(header, sort_keys=True)})
-            os.chmod(aside, 0o644)
-            os.replace(aside, path)
+            save_file(contiguous, temporary, metadata={HEADER: json.dumps(header, sort_keys=True)})
+            os.chmod(temporary, 0o644)
+            os.replace(temporary, path)
         finally:
-            Path(aside).unlink(missing_ok=True)
+            Path(temporary).unlink(missing_ok=True)
     # safetensors reports a full disk by an exception of its own
     except (OSError, SafetensorError) as error:
         allowed = f"a place that can be written ({getattr(error, 'strerror', None) or error})"
@@ -62,14 +62,15 @@ def read(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
 def check_tensors(
     path: str | Path, tensors: Mapping[str, np.ndarray], shapes: Mapping[str, tuple[int, ...]]
 ) -> dict[str, np.ndarray]:
-    """The tensors if they have these names and shapes and are finite: the architecture that is to take them."""
-    got = {name: tensor.shape for name, tensor in tensors.items()}
-    if got != dict(shapes):
-        names = sorted(set(got) ^ set(shapes)) or [
-            name for name in shapes if got[name] != shapes[name]
-        ]
-        shown = {name: got.get(name) for name in names[:3]}
-        allowed = f"its architecture, {{{', '.join(f'{name}: {shapes.get(name)}' for name in names[:3])}}}"
+    """The tensors, if they have the names and shapes of the architecture and are finite; else refused."""
+    found = {name: tensor.shape for name, tensor in tensors.items()}
+    if found != dict(shapes):
+        missing_or_extra = sorted(set(found) ^ set(shapes))
+        unequal = [name for name in shapes if found.get(name) != shapes[name]]
+        first = (missing_or_extra or unequal)[:3]
+        expected = ", ".join(f"{name}: {shapes.get(name)}" for name in first)
+        shown = {name: found.get(name) for name in first}
+        allowed = f"its architecture, {{{expected}}}"
         raise refusal(f"tensors of {path}", shown, allowed, "take weights of this diagnoser")
     for name, tensor in tensors.items():
         if not np.isfinite(tensor).all():
@@ -89,7 +90,7 @@ def settings_of(weights: Weights) -> dict[str, Any]:
 
 
 def load_tensors(weights: Weights, architecture: Shapes) -> dict[str, np.ndarray]:
-    """The tensors themselves or from their file, if they have this architecture; else refused in one line."""
-    given = isinstance(weights, Mapping)
-    tensors, path = (weights, "the network") if given else (read(weights)[0], weights)
-    return check_tensors(path, tensors, architecture)
+    """The tensors, from their file if need be, checked for this architecture."""
+    if isinstance(weights, Mapping):
+        return check_tensors("the network", weights, architecture)
+    return check_tensors(weights, read(weights)[0], architecture)

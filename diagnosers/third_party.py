@@ -50,21 +50,21 @@ from diagnosers.registry import NAMES
 from diagnosers.sample_adapter import SampleAdapter
 
 ENTRY_POINT_GROUP = "auv_fault.diagnosers"
-LONGEST_NAME = 60  # it becomes part of the names of files
+LONGEST_NAME = 60  # characters, for the name becomes part of file names
 TARGET_FORM = "module:Class or path/to/file.py:Class"
 
 
 @dataclass(frozen=True)
 class ThirdParty:
-    """Where the class of a diagnoser is, `TARGET_FORM`; called, it makes one. Plain data, so any process can be told of it."""
+    """The place of a diagnoser's class, as `TARGET_FORM`; called, it makes one. Plain data, for any process."""
 
     target: str
 
     def __call__(self) -> Diagnoser:
-        """A diagnoser ready for `reset`; one in the manner of the DX competitions comes in a `SampleAdapter`."""
-        kind = self.kind
+        """A diagnoser ready for `reset`; one of the DX competitions in a `SampleAdapter`."""
+        diagnoser_class = self.diagnoser_class
         try:
-            made = kind()
+            made = diagnoser_class()
         except Exception as error:  # foreign code again
             raise refusal(
                 f"diagnoser {self.target}", error, "a class to call without arguments", "mend it"
@@ -72,12 +72,12 @@ class ThirdParty:
         if isinstance(made, Diagnoser):
             return made
         if callable(getattr(made, "Input", None)):
-            return SampleAdapter(kind)
+            return SampleAdapter(diagnoser_class)
         allowed = "an object with classes, reset and update, or with Input"
         raise refusal(f"diagnoser {self.target}", made, allowed, "see diagnosers.third_party")
 
     @property
-    def kind(self) -> type:
+    def diagnoser_class(self) -> type:
         """The class; its module is imported, which runs it."""
         place, _, name = self.target.rpartition(":")
         try:
@@ -97,8 +97,8 @@ class ThirdParty:
 
     @property
     def source(self) -> Path:
-        """The file with the class; what it imports besides is not known."""
-        return Path(sys.modules[self.kind.__module__].__file__)
+        """The file with the class, without what it imports."""
+        return Path(sys.modules[self.diagnoser_class.__module__].__file__)
 
 
 def load_third_parties(targets: Sequence[str]) -> dict[str, ThirdParty]:
@@ -106,11 +106,11 @@ def load_third_parties(targets: Sequence[str]) -> dict[str, ThirdParty]:
 
     The name is the attribute `name` of the class, else that of the class itself; of a package, that
     of the entry point. Raises `InputError` where a target is no class, where two have one name, and
-    where a name is too long. Entry points are not imported here: one that is broken fails when it
-    is made, and spoils nothing but itself.
+    where a name is too long. Entry points are not imported here: a broken one fails when it is
+    made, and the others still run.
     """
     parties = [ThirdParty(_absolute(target)) for target in targets]
-    named = [(_name_of(party.kind), party) for party in parties]
+    named = [(_name_of(party.diagnoser_class), party) for party in parties]
     named += [
         (point.name, ThirdParty(point.value)) for point in entry_points(group=ENTRY_POINT_GROUP)
     ]
@@ -127,13 +127,13 @@ def load_third_parties(targets: Sequence[str]) -> dict[str, ThirdParty]:
     return by_name
 
 
-def _name_of(kind: type) -> str:
-    name = getattr(kind, "name", None)
-    return name if isinstance(name, str) and name else kind.__name__
+def _name_of(diagnoser_class: type) -> str:
+    name = getattr(diagnoser_class, "name", None)
+    return name if isinstance(name, str) and name else diagnoser_class.__name__
 
 
 def _absolute(target: str) -> str:
-    """The target, a file in it with its whole path: it means the same in another process."""
+    """The target with the absolute path of its file, which is the same in another process."""
     place, _, name = target.rpartition(":")
     return f"{Path(place).resolve()}:{name}" if place.endswith(".py") else target
 

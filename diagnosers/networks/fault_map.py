@@ -1,15 +1,16 @@
-"""The thesis' map from the hull's parameters to operating mode and severity (V.B, Fig. 5.1, Table 5.2), and its modes.
+"""The thesis' map from drag and thrust to operating mode and severity (V.B, Fig. 5.1, Table 5.2).
 
 The plane is that of the thesis: alpha with its nominal value at 0.5, beta with its at 0.9. The
-windows of normal operation are the thesis'. The picture itself is lost, so what follows are
-decisions of this project:
+windows of normal operation are the thesis'. The picture itself is lost, so the
+following are decisions of this project:
 
-* The grade of a fault is the severity at which the catalogue's fault moves the parameter there: +35 % of drag has 0.35,
-  twice the drag 1, half the drag 1 (`decreased_drag`), a whole propeller lost 1. It stays at 1
-  beyond.
-* Severe propulsion failure begins at 0.5, a little above the 0.45 of one propeller lost, so that a filter's scatter
-  does not take a lost propeller out of it.
-* In the corners, where both parameters are out of their windows, the larger grade wins; alpha's if they are equal.
+* The grade of a fault is the severity at which the fault of the catalogue moves the parameter to
+  that point: +35 % of drag has 0.35, twice the drag 1, half the drag 1 (`decreased_drag`), a whole
+  propeller lost 1. It stays at 1 beyond.
+* Severe propulsion failure begins at 0.5, a little above the 0.45 of one propeller lost, so that the
+  scatter of a filter does not move a lost propeller out of it.
+* In the corners, where both parameters are out of their windows, the mode with the larger grade
+  applies; alpha's if they are equal.
 * Beta above its window is normal: Table 5.2 has no mode for too much thrust.
 """
 
@@ -31,20 +32,20 @@ NOMINAL = (0.5, 0.9)  # of (alpha, beta), thesis V.B
 ALPHA_WINDOW = (0.4, 0.6)  # thesis V.B: 20 % either way
 BETA_WINDOW = (0.65, 1.0)  # thesis V.B: 25 % less, as it says; 28 % by its numbers
 SEVERE = 0.5  # beta below which propulsion has failed
-# of the modes in `severity`: exact outputs give the grade back
+# of the modes in `severity`: from exact outputs they return the grade
 SEVERITY_WEIGHTS = (0.0, 1.0, 1.0, 1.0, 1.0)
 
 
 def normalise(alpha_relative: np.ndarray, beta_relative: np.ndarray) -> np.ndarray:
-    """The points of the map, (n, 2) in [0, 1], of alpha and beta relative to nominal, (n,) each.
+    """The points of the map, (n, 2) in [0, 1], from alpha and beta relative to nominal, (n,) each.
 
-    Cut to the map's square: more than twice the drag looks like twice the drag.
+    Clipped to the square of the map: more than twice the drag is at the point of twice the drag.
     """
     return np.clip(np.stack([alpha_relative, beta_relative], axis=-1) * NOMINAL, 0.0, 1.0)
 
 
 def grades(points: np.ndarray) -> np.ndarray:
-    """How severe each mode would be at the points (n, 2), (n, 5); 0 in the window of its parameter, and for `normal`.
+    """The grade of each mode at the points (n, 2), (n, 5); 0 in the window of its parameter and for `normal`.
 
     The two modes of propulsion exclude each other; drag and propulsion do not.
     """
@@ -71,7 +72,7 @@ def _severity(relative: np.ndarray, scale: float) -> np.ndarray:
 
 
 def fault_map(points: np.ndarray) -> np.ndarray:
-    """What the network is to give at the points (n, 2), (n, 5): the fault vector of Table 5.2 times its grade.
+    """The target of the network at the points (n, 2), (n, 5): the fault vector of Table 5.2 times its grade.
 
     Within both windows that is (1, 0, 0, 0, 0).
 
@@ -90,8 +91,8 @@ def severity(outputs: np.ndarray) -> np.ndarray:
     """Height of the decision surface of Fig. 5.12, (n,): the weighted sum of the network's outputs (n, 5).
 
     The thesis does not give its weights; with `SEVERITY_WEIGHTS` the height is 0 where all is
-    normal and 1 where a propeller is lost. Misleads where the network wavers between two modes:
-    their parts add up.
+    normal and 1 where a propeller is lost. Misleads between two modes,
+    whose parts add up.
     """
     return np.asarray(outputs) @ np.array(SEVERITY_WEIGHTS)
 

@@ -19,17 +19,18 @@ def tensor_shapes(n_inputs: int, n_hidden: int, n_outputs: int) -> Shapes:
 
 
 def random_tensors(architecture: Shapes, seed: int) -> dict[str, np.ndarray]:
-    """Tensors to start a training from: uniform within one over the root of a node's inputs; biases likewise."""
+    """Tensors to start a training from: uniform within one over the root of the number of a node's inputs."""
     random = np.random.default_rng(seed)
-    bounds = {layer: architecture[f"{layer}_weight"][1] ** -0.5 for layer in ("hidden", "output")}
-    return {
-        name: (bounds[name.split("_")[0]] * random.uniform(-1.0, 1.0, shape)).astype(np.float32)
-        for name, shape in architecture.items()
-    }
+    tensors = {}
+    for name, shape in architecture.items():
+        layer = name.split("_")[0]
+        bound = architecture[f"{layer}_weight"][1] ** -0.5
+        tensors[name] = (bound * random.uniform(-1.0, 1.0, shape)).astype(np.float32)
+    return tensors
 
 
 class FeedForward(torch.nn.Module):
-    """One hidden layer of sigmoids, float32; the outputs are the output nodes' sums, before any squashing."""
+    """One hidden layer of sigmoids, float32; the outputs are the sums of the output nodes, before their sigmoids."""
 
     def __init__(self, tensors: Mapping[str, np.ndarray]):
         super().__init__()
@@ -46,7 +47,7 @@ class FeedForward(torch.nn.Module):
         return torch.nn.functional.linear(hidden, self.output_weight, self.output_bias)
 
     def evaluate(self, inputs: np.ndarray) -> np.ndarray:
-        """As `forward` without a gradient, from and to numpy, (n, n_outputs) float64."""
+        """As `forward`, without gradients, from and to numpy: (n, n_outputs) float64."""
         with torch.inference_mode():
             return self(torch.from_numpy(inputs.astype(np.float32))).numpy().astype(np.float64)
 

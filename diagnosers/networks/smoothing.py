@@ -1,4 +1,4 @@
-"""A belief steadied over time: a fault that has begun stays, and single samples are noisy."""
+"""Smoothing of a belief over time: a fault that has begun stays, and single samples are noisy."""
 
 from typing import NamedTuple
 
@@ -6,13 +6,13 @@ import numpy as np
 
 from auv_fault_env.parameters import SAMPLE_TIME
 
-FAULT_SMOOTHING = 1.0  # s, over which the belief is averaged to say which fault it is
-ODDS_SMOOTHING = 5.0  # s, in which the odds of any fault fall
-LEAST = np.finfo(float).tiny  # share of a fault, so that its logarithm is finite
+FAULT_SMOOTHING = 1.0  # s, time constant of the mean probabilities of the faults
+ODDS_SMOOTHING = 5.0  # s, time constant with which the log odds of any fault fall
+LEAST = np.finfo(float).tiny  # probability of a fault, so that its logarithm is finite
 
 
 def update_share(time: float) -> float:
-    """Share by which a sample moves an average over this time [s]."""
+    """Share by which a sample moves a running mean with this time constant [s]."""
     return SAMPLE_TIME / (SAMPLE_TIME + time)
 
 
@@ -27,24 +27,21 @@ class SmoothedBelief(NamedTuple):
     faults: np.ndarray
 
     def after(self, log_probability: np.ndarray) -> "SmoothedBelief":
-        """The same one sample later, given that sample's own belief (n_lanes, n_classes)."""
-        odds = np.logaddexp.reduce(log_probability[:, 1:], axis=1) - log_probability[:, 0]
-        faults = self.faults + update_share(FAULT_SMOOTHING) * (
-            np.exp(log_probability[:, 1:]) - self.faults
-        )
-        return SmoothedBelief(
-            np.fmax(odds, self.odds + update_share(ODDS_SMOOTHING) * (odds - self.odds)), faults
-        )
+        """The next state, from the log probabilities (n_lanes, n_classes) of the next sample."""
+        log_faults = log_probability[:, 1:]
+        odds = np.logaddexp.reduce(log_faults, axis=1) - log_probability[:, 0]
+        falling = self.odds + update_share(ODDS_SMOOTHING) * (odds - self.odds)
+        faults = self.faults + update_share(FAULT_SMOOTHING) * (np.exp(log_faults) - self.faults)
+        return SmoothedBelief(np.fmax(odds, falling), faults)
 
     def log_probability(self) -> np.ndarray:
-        """The steadied belief, (n_lanes, n_classes)."""
-        faults = np.log(np.maximum(self.faults / self.faults.sum(axis=1, keepdims=True), LEAST))
-        faulty = (
-            faults
-            - np.logaddexp.reduce(faults, axis=1, keepdims=True)
-            - np.logaddexp(0.0, -self.odds)[:, None]
-        )
-        return np.concatenate([-np.logaddexp(0.0, self.odds)[:, None], faulty], axis=1)
+        """The smoothed log probabilities, (n_lanes, n_classes)."""
+        share = self.faults / self.faults.sum(axis=1, keepdims=True)
+        log_faults = np.log(np.maximum(share, LEAST))
+        log_total = np.logaddexp.reduce(log_faults, axis=1, keepdims=True)
+        log_faulty = log_faults - log_total - np.logaddexp(0.0, -self.odds)[:, None]
+        log_normal = -np.logaddexp(0.0, self.odds)[:, None]
+        return np.concatenate([log_normal, log_faulty], axis=1)
 
 
 def initial_smoothing(n_lanes: int, n_faults: int) -> SmoothedBelief:

@@ -1,8 +1,8 @@
-"""Physical residuals of one sample: what Ohm's law, the torque balance and the surge equation leave unexplained.
+"""Physical residuals of one sample: the errors of Ohm's law, the torque balance and the surge equation.
 
-All from the nominal vehicle and the readings of the sample; no memory but the shaft speeds of the
-sample before. A healthy residual is not zero but lies within what the healthy band allows (5 % of
-the drag, 10 % of the friction ...).
+They follow from the nominal vehicle, the readings of the sample and the shaft speeds of the sample
+before. A healthy residual is not zero but lies within the healthy band (5 % of the drag, 10 % of
+the friction ...).
 """
 
 from dataclasses import fields, replace
@@ -28,15 +28,15 @@ from auv_fault_env.physics import (
 )
 
 RESIDUALS = (*(f"{side}_{kind}" for side in SIDES for kind in ("voltage", "torque")), "surge")
-# times the standard deviation of a shaft speed reading: below, the shaft is taken to stand
+# standard deviations of a shaft speed reading, below which a shaft counts as standing
 STANDSTILL = 5.0
 
 
 class Residuals(NamedTuple):
-    """Residuals and the standard deviation that sensor noise gives each, (n_lanes, 5): `RESIDUALS`, V, N m and m/s^2.
+    """Residuals and their standard deviations by sensor noise, (n_lanes, 5), in the order of `RESIDUALS`.
 
-    The standard deviation misses the disturbance (in ``surge``) and the healthy band: divide by it
-    for sensitivity, not for a test of health.
+    Units: V, N m and m/s^2. The standard deviation leaves out the disturbance (in ``surge``) and the
+    healthy band: divide by it for sensitivity, not for a test of health.
     """
 
     values: np.ndarray
@@ -44,7 +44,7 @@ class Residuals(NamedTuple):
 
 
 class Plant(NamedTuple):
-    """What the compiled code gets of the nominal vehicle and its sensors: SI units, variances of single readings.
+    """Constants of the nominal vehicle and its sensors for the kernel: SI units, variances of single readings.
 
     ``settling`` [1/s]: rate of change of a shaft speed at the end of a sample by its change over
     the sample.
@@ -87,44 +87,44 @@ def plant_of(vehicle: Vehicle) -> tuple[Plant, Shaft]:
 
 
 @scalar
-def _torque(current, spin, speed, change, side, shaft, plant):
+def _torque(current, shaft_speed, speed, change, side, shaft, plant):
     """Torque [N m] that the balance of one shaft leaves unexplained, and its variance.
 
-    The current stands in as the voltage that would drive it. Friction holds a standing shaft with
-    up to its torque.
+    The current takes the place of the voltage that would drive it. Friction holds a standing shaft
+    with up to its torque.
     """
     flux = shaft.torque_constant
     inertia = shaft.inertia
     drive = flux * current
-    held = drive - clipped(drive, -shaft.coulomb_friction, shaft.coulomb_friction)
-    stands = abs(spin) < STANDSTILL * plant.spin_variance**0.5
-    moving = inertia * (shaft_acceleration(spin, speed, side) - plant.settling * change)
+    at_rest = drive - clipped(drive, -shaft.coulomb_friction, shaft.coulomb_friction)
+    is_standing = abs(shaft_speed) < STANDSTILL * plant.spin_variance**0.5
+    moving = inertia * (shaft_acceleration(shaft_speed, speed, side) - plant.settling * change)
     by_previous = inertia * plant.settling
-    by_spin = (
-        inertia * (side.damping - side.coupling * speed + 2.0 * side.load * spin)
+    by_shaft_speed = (
+        inertia * (side.damping - side.coupling * speed + 2.0 * side.load * shaft_speed)
         - flux * flux / shaft.resistance
     )
-    by_spin += by_previous
-    by_speed = inertia * side.coupling * spin
+    by_shaft_speed += by_previous
+    by_speed = inertia * side.coupling * shaft_speed
     variance = flux * flux * plant.current_variance + by_speed * by_speed * plant.speed_variance
-    variance += (by_spin * by_spin + by_previous * by_previous) * plant.spin_variance
-    return held if stands else moving, variance
+    variance += (by_shaft_speed * by_shaft_speed + by_previous * by_previous) * plant.spin_variance
+    return at_rest if is_standing else moving, variance
 
 
 @scalar
-def _shaft(before, row, first, speed, plant, shaft, values, std, k):
+def _shaft(previous_row, row, first, speed, plant, shaft, values, std, k):
     """Both residuals of the shaft whose voltage is channel `first`; returns its `Motor` and its speed [rad/s]."""
     voltage = row[first]
     current = row[first + 1]
-    spin = row[first + 2] / RPM
-    side = motor(shaft, plant, shaft.resistance * current + shaft.torque_constant * spin)
-    values[k] = shaft.resistance * (armature_current(shaft, spin, voltage) - current)
+    shaft_speed = row[first + 2] / RPM
+    side = motor(shaft, plant, shaft.resistance * current + shaft.torque_constant * shaft_speed)
+    values[k] = shaft.resistance * (armature_current(shaft, shaft_speed, voltage) - current)
     variance = plant.voltage_variance + shaft.resistance**2 * plant.current_variance
     std[k] = (variance + shaft.torque_constant**2 * plant.spin_variance) ** 0.5
-    change = spin - before[first + 2] / RPM
-    values[k + 1], variance = _torque(current, spin, speed, change, side, shaft, plant)
+    change = shaft_speed - previous_row[first + 2] / RPM
+    values[k + 1], variance = _torque(current, shaft_speed, speed, change, side, shaft, plant)
     std[k + 1] = variance**0.5
-    return side, spin
+    return side, shaft_speed
 
 
 @kernel
@@ -132,25 +132,29 @@ def _residuals(previous, observation, plant, shaft, columns, values, std):
     """All residuals of all lanes; columns are those of rudder, plane, speed, acceleration and both voltages."""
     rudder, plane, speed, acceleration, port, starboard = columns
     for lane in range(len(observation)):
-        before = previous[lane]
+        previous_row = previous[lane]
         row = observation[lane]
         u = row[speed]
-        left, left_spin = _shaft(before, row, port, u, plant, shaft, values[lane], std[lane], 0)
-        right, right_spin = _shaft(
-            before, row, starboard, u, plant, shaft, values[lane], std[lane], 2
+        out = values[lane]
+        noise = std[lane]
+        port_motor, port_speed = _shaft(previous_row, row, port, u, plant, shaft, out, noise, 0)
+        starboard_motor, starboard_speed = _shaft(
+            previous_row, row, starboard, u, plant, shaft, out, noise, 2
         )
         drag = plant.alpha + plant.gamma * (row[rudder] ** 2 + row[plane] ** 2)
-        force = surge_acceleration(u, left_spin, right_spin, drag, 0.0, left, right)
-        values[lane, 4] = row[acceleration] - force
+        force = surge_acceleration(
+            u, port_speed, starboard_speed, drag, 0.0, port_motor, starboard_motor
+        )
+        out[4] = row[acceleration] - force
+        by_port = 2.0 * port_motor.thrust * port_speed
+        by_starboard = 2.0 * starboard_motor.thrust * starboard_speed
         variance = plant.acceleration_variance + (2.0 * drag * u) ** 2 * plant.speed_variance
-        variance += (2.0 * left.thrust * left_spin) ** 2 * plant.spin_variance
-        std[lane, 4] = (
-            variance + (2.0 * right.thrust * right_spin) ** 2 * plant.spin_variance
-        ) ** 0.5
+        variance += by_port**2 * plant.spin_variance
+        noise[4] = (variance + by_starboard**2 * plant.spin_variance) ** 0.5
 
 
-_READ = ("rudder", "stern_plane", "speed", "acceleration", "port_voltage", "starboard_voltage")
-_COLUMNS = tuple(INDEX[name] for name in _READ)
+_INPUTS = ("rudder", "stern_plane", "speed", "acceleration", "port_voltage", "starboard_voltage")
+_COLUMNS = tuple(INDEX[name] for name in _INPUTS)
 
 
 def residuals(previous: np.ndarray, observation: np.ndarray, vehicle: Vehicle) -> Residuals:
@@ -176,8 +180,8 @@ def residuals(previous: np.ndarray, observation: np.ndarray, vehicle: Vehicle) -
     vehicle
         The nominal vehicle.
 
-    Misleads: a reading that is held or dropped upsets every residual that it enters, and at rest
-    the residuals say nothing of propeller and friction.
+    Misleads: a repeated or dropped reading disturbs every residual that depends on it, and at rest
+    the residuals do not depend on propeller and friction.
     """
     previous, observation = (np.ascontiguousarray(x, np.float64) for x in (previous, observation))
     if (
@@ -185,10 +189,10 @@ def residuals(previous: np.ndarray, observation: np.ndarray, vehicle: Vehicle) -
         or observation.shape[1] != len(CHANNELS)
         or previous.shape != observation.shape
     ):
-        got = f"{previous.shape} and {observation.shape}"
+        shapes = f"{previous.shape} and {observation.shape}"
         raise refusal(
             "shapes of observations",
-            got,
+            shapes,
             f"(n_lanes, {len(CHANNELS)}) twice",
             "give one row per lane",
         )
@@ -199,8 +203,8 @@ def residuals(previous: np.ndarray, observation: np.ndarray, vehicle: Vehicle) -
 
 
 @cache
-def neighbours(vehicle: Vehicle) -> tuple[Vehicle, ...]:
-    """Vehicles at the edge of the healthy band, one for each parameter that varies."""
+def edge_vehicles(vehicle: Vehicle) -> tuple[Vehicle, ...]:
+    """The vehicles at the edge of the healthy band, one for each parameter that varies."""
     bands = {spec.name: spec.metadata["band"] for spec in fields(Vehicle) if spec.metadata}
     edges = {name: getattr(vehicle, name) * (1.0 + band) for name, band in bands.items()}
     return tuple(
@@ -211,9 +215,9 @@ def neighbours(vehicle: Vehicle) -> tuple[Vehicle, ...]:
 
 
 def healthy_band(previous: np.ndarray, observation: np.ndarray, vehicle: Vehicle) -> np.ndarray:
-    """How far the healthy band can shift each residual at this operating point, (n_lanes, 5): the parameters' sum."""
+    """The largest healthy shift of each residual at this operating point, (n_lanes, 5), summed over parameters."""
     values = residuals(previous, observation, vehicle).values
     return sum(
-        np.abs(residuals(previous, observation, other).values - values)
-        for other in neighbours(vehicle)
+        np.abs(residuals(previous, observation, edge).values - values)
+        for edge in edge_vehicles(vehicle)
     )

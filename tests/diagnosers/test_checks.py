@@ -150,7 +150,7 @@ BROKEN = {
     "looks ahead": (Peeking, "beliefs before another future"),
     "reset keeps something": (Forgetless, "second reset|later updates|another future"),
     "lanes mix": (Mixing, "lane 0 alone"),
-    "silence": (Touchy, "silent: got RuntimeError"),
+    "silence": (Touchy, "missing: got RuntimeError"),
     "takes any shape": (Careless, "update with an observation of shape"),
     "load gives another": (Unsaved, "save and load"),
 }

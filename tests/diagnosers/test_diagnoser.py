@@ -1,4 +1,4 @@
-"""What all diagnosers share: readings that fail are held, nonsense is refused, and a belief becomes a word."""
+"""What all diagnosers share: missing readings are filled, nonsense is refused, a belief becomes a decision."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class Echo(Recursive):
         return state, Belief(observation.copy(), observation, observation)
 
 
-def test_silent_channels_hold_their_last_reading_and_are_zero_before_the_first():
+def test_the_last_reading_stands_in_for_a_missing_one_and_zero_before_the_first():
     echo = Echo()
     readings = np.full((1, len(CHANNELS)), 2.0)
     echo.reset(1)
