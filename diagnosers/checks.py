@@ -64,7 +64,7 @@ def _beliefs(diagnoser: Diagnoser, observations: np.ndarray, when: str = "") -> 
 
 
 def _stacked(beliefs: Iterable[Belief]) -> np.ndarray:
-    """Beliefs as one array (n_samples, 3, n_lanes, n_classes): probability, severity mean and std, all near 1."""
+    """Beliefs as one array (n_samples, 3, n_lanes, n_classes): probability, severity mean and std."""
     return np.array([(np.exp(belief[0]), *belief[1:]) for belief in beliefs])
 
 
@@ -74,7 +74,7 @@ def _require(is_met: bool, thing: str, got, allowed: str, remedy: str) -> None:
 
 
 def _require_belief(diagnoser: Diagnoser, belief: Belief, n_lanes: int, when: str) -> None:
-    """Every array of the right shape, finite and within its range, every row of probabilities summing to 1."""
+    """Require arrays of the right shape, finite and in range, and probabilities that sum to 1."""
     _require(isinstance(belief, Belief), f"belief{when}", belief, "a Belief", "return one")
     shape = (n_lanes, len(diagnoser.classes))
     for name, values in zip(Belief._fields, belief, strict=True):
@@ -204,7 +204,7 @@ def _check_lanes(diagnoser: Diagnoser, observations: np.ndarray) -> None:
 
 
 def _check_channels(diagnoser: Diagnoser, observations: np.ndarray) -> None:
-    """Every channel missing (NaN) or dropped (zero) for a whole run, and all channels at some samples."""
+    """Each channel missing (NaN) or dropped (zero) for a whole run, and all at some samples."""
     names = list(CHANNELS)
     for value, state, channels in ((np.nan, "missing", names), (0.0, "dropped", READINGS)):
         for name in channels:
@@ -231,7 +231,8 @@ def _check_shapes(diagnoser: Diagnoser, observations: np.ndarray) -> None:
             continue
         except Exception as error:
             got = error
-        thing = f"update with an observation of shape {wrong.shape} after reset({observations.shape[1]})"
+        reset = f"reset({observations.shape[1]})"
+        thing = f"update with an observation of shape {wrong.shape} after {reset}"
         raise refusal(thing, got, "a ValueError", "check the shape")
 
 

@@ -1,4 +1,4 @@
-"""Two-sided CUSUM (Page 1954) on the physical residuals; the class by the pattern of the statistics.
+"""Two-sided CUSUM (Page 1954) on the residuals; the class by the pattern of the statistics.
 
 Source: Page, "Continuous inspection schemes", Biometrika 41, 1954; as charts of residuals:
 Basseville & Nikiforov, "Detection of Abrupt Changes", Prentice Hall 1993.
@@ -83,7 +83,7 @@ class Signatures(NamedTuple):
 
 @dataclass(frozen=True)
 class Cusum(Recursive):
-    """Page's CUSUM, two-sided, on every residual and the speed filter's innovation; and on their squared differences.
+    """Page's two-sided CUSUM on residuals, the speed innovation, and their squared differences.
 
     A statistic grows by the normalised signal less a drift term: the shift that the healthy band
     can cause at this operating point (parameter by parameter, added) and `SLACK`. Squared
@@ -181,7 +181,10 @@ class Cusum(Recursive):
         )
 
     def _by_signatures(self, pattern: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Log density of patterns (n_lanes, 24) under every fault class, severity mean and std, (n_lanes, n_faults)."""
+        """Log density of patterns (n_lanes, 24) under each fault class, and severity mean and std.
+
+        Each is (n_lanes, n_faults).
+        """
         signatures = self._signatures
         kernel = cdist(pattern, signatures.pattern, "sqeuclidean")
         kernel *= -0.5 / WIDTH**2
@@ -199,7 +202,7 @@ class Cusum(Recursive):
 
     @cached_property
     def _signatures(self) -> Signatures:
-        """The signatures of every fault of the catalogue on the nominal vehicle, from a simulation."""
+        """The signatures of every fault of the catalogue, simulated on the nominal vehicle."""
         faults = [fault for fault in CATALOGUE.values() if fault.diagnosis in self.classes]
         cases = list(product(faults, SEVERITIES, MISSIONS))
         patterns = np.concatenate(self._patterns(cases))
@@ -219,7 +222,7 @@ class Cusum(Recursive):
         )
 
     def _patterns(self, cases: Sequence[tuple[Fault, float, str | float]]) -> list[np.ndarray]:
-        """The pattern of every case of (fault, severity, mission), (n_cases, 24), at each of the `AGES`."""
+        """Patterns (n_cases, 24) of cases of fault, severity and mission, at each of the `AGES`."""
         fleet = Fleet(len(cases), self._nominal, healthy_band=0.0, parallel=False)
         schedules = [(FaultEvent(fault.name, ONSET, severity),) for fault, severity, _ in cases]
         missions = [

@@ -1,4 +1,4 @@
-"""The interface of diagnosers: readings in, one sample at a time; a belief over the fault classes out.
+"""The interface of diagnosers: observations in, one sample at a time; beliefs out.
 
 `Diagnoser` is the protocol. `Recursive` is the base class of the diagnosers of this package, which
 are pure functions of a state; the state is arrays with the lane first.
@@ -51,7 +51,7 @@ class Diagnoser(Protocol):
         ...
 
     def update(self, observation: np.ndarray) -> Belief:
-        """The belief after the next observation (n_lanes, n_channels), 0.1 s later, channels as in `CHANNELS`."""
+        """The belief after the next observation (n_lanes, n_channels), channels as in `CHANNELS`."""
         ...
 
 
@@ -80,8 +80,9 @@ class RunningState:
 class Recursive(ABC):
     """A diagnoser as a pure recursion: `initial` is the first state, `step` leads to the next.
 
-    A subclass gives these two, and is a frozen dataclass if it has settings: only `running` changes. NaN in a channel means that no reading arrived; the last one takes its place (zero
-    before the first), but for channels that are not in `filled_channels`, whose gaps the diagnoser
+    A subclass defines these two, and is a frozen dataclass if it has settings: only `running`
+    changes. NaN in a channel means that no reading arrived; the last one takes its place (zero
+    before the first), but not in channels outside `filled_channels`, whose gaps the diagnoser
     handles itself. The zeros of a disconnected sensor pass as they are.
     """
 
@@ -95,12 +96,12 @@ class Recursive(ABC):
 
     @cached_property
     def classes(self) -> tuple[str, ...]:
-        """The classes of its beliefs, `normal` first: those of the catalogue when it is first used."""
+        """The classes of its beliefs, `normal` first: those of the catalogue at the first use."""
         return classes()
 
     @cached_property
     def labels(self) -> Mapping[str, str | None]:
-        """The label of every class: the diagnoser cannot separate classes with one label, or with None."""
+        """The label of every class; classes with one label, or with None, it cannot separate."""
         return {name: name for name in self.classes}
 
     @abstractmethod
@@ -109,7 +110,10 @@ class Recursive(ABC):
 
     @abstractmethod
     def step(self, state: Any, observation: np.ndarray) -> tuple[Any, Belief]:
-        """The next state and the belief; observation (n_lanes, n_channels) is finite float64. Changes neither."""
+        """The next state and the belief, from a finite float64 observation (n_lanes, n_channels).
+
+        It changes neither state nor observation.
+        """
 
     def reset(self, n_lanes: int) -> None:
         """Start an episode of n_lanes vehicles; nothing remains of the last one."""
@@ -118,7 +122,7 @@ class Recursive(ABC):
         self.running.observation = np.zeros((n_lanes, len(CHANNELS)))
 
     def update(self, observation: np.ndarray) -> Belief:
-        """The belief after the next observation (n_lanes, n_channels), 0.1 s later, channels as in `CHANNELS`.
+        """The belief after the next observation (n_lanes, n_channels), channels as in `CHANNELS`.
 
         Raises `ValueError` for another shape, for infinite readings, and before the first `reset`.
         """
@@ -138,12 +142,12 @@ class Recursive(ABC):
         return asdict(self) if is_dataclass(self) else {}
 
     def save(self, path: str | Path) -> None:
-        """Write weights and settings, not the running state, to a safetensors file for `diagnosers.load`."""
+        """Write weights and settings, not the running state, to a file for `diagnosers.load`."""
         storage.write(path, self.tensors(), {"diagnoser": self.name, "settings": self.settings()})
 
 
 def same_severity(shape: tuple[int, int], mean: float, std: float) -> tuple[np.ndarray, np.ndarray]:
-    """Means and standard deviations (n_lanes, n_classes) of the severities, the same for every fault."""
+    """Means and standard deviations (n_lanes, n_classes), the same for every fault."""
     severities = np.full(shape, mean), np.full(shape, std)
     for values in severities:
         values[:, 0] = 0.0
@@ -153,7 +157,7 @@ def same_severity(shape: tuple[int, int], mean: float, std: float) -> tuple[np.n
 def fill_missing(
     observation: np.ndarray, previous: np.ndarray, channels: slice = slice(None)
 ) -> np.ndarray:
-    """The observation as a float64 copy of its own, with those of `previous` where these channels have NaN."""
+    """A float64 copy of the observation, with the last readings where these channels have NaN."""
     try:
         observation = np.array(observation, np.float64, order="C")
     except (TypeError, ValueError):
@@ -182,7 +186,7 @@ def fill_missing(
 def decide(
     belief: Belief, classes: tuple[str, ...], alarm: float = 0.5, name: float = 0.5
 ) -> list[str]:
-    """The decision on every lane: `normal`, a class, or `unknown`, a fault like none of the classes or several.
+    """The decision on every lane: `normal`, a class, or `unknown`, a fault that is not isolated.
 
     Parameters
     ----------

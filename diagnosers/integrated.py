@@ -1,4 +1,4 @@
-"""The thesis' second recommendation (VI.B): one network on the sensors and on what the Kalman filters make of them.
+"""The thesis' second recommendation (VI.B): one network on readings and filter estimates.
 
 Evaluated in numpy: a vehicle's computer needs no PyTorch for it, and one sample takes a third of
 the time.
@@ -41,7 +41,7 @@ def n_outputs(n_classes: int) -> int:
 
 
 def smooth_opinion(opinion: Array, previous: Array) -> Array:
-    """The running mean of the opinion after this sample, (n_lanes, n_outputs), arrays of numpy or torch."""
+    """The running mean of the opinion (n_lanes, n_outputs), arrays of numpy or torch."""
     return previous + (opinion - previous) * update_share(OPINION_SMOOTHING)
 
 
@@ -139,9 +139,10 @@ class NumpyNetwork:
 
 
 class IntegratedState(NamedTuple):
-    """State of the features; the network's units (n_lanes, n_memory) and mean opinion (n_lanes, n_outputs), float32.
+    """The states of features, network and smoothing.
 
-    The opinion is NaN before the first sample.
+    units (n_lanes, n_memory) and mean opinion (n_lanes, n_outputs) are float32; the opinion is NaN
+    before the first sample.
     """
 
     features: FeatureState
@@ -151,7 +152,7 @@ class IntegratedState(NamedTuple):
 
 
 class Integrated(Recursive):
-    """A recurrent network on readings, motor and surge residuals, and the filters' estimates, innovations, variances.
+    """A recurrent network on readings, residuals, and the filters' estimates and innovations.
 
     Trained on simulated vehicles (``auv-fault train integrated``; see the card beside the weights),
     on every sample of faulty, compound and healthy episodes of 60 s. A fault that is in no class
@@ -225,5 +226,5 @@ class Integrated(Recursive):
         return {name: tensor.copy() for name, tensor in self._tensors.items()}
 
     def settings(self) -> dict[str, Any]:
-        """The nominal vehicle and the classes of the training; what has been learnt is in `tensors`."""
+        """The nominal vehicle and the classes of the training."""
         return {"vehicle": asdict(self.vehicle), "trained_classes": list(self.trained_classes)}

@@ -1,4 +1,4 @@
-"""The thesis' network on Kalman-filtered data (V.D, Table 5.2): parameter filter, then 2-8-5; class and severity.
+"""The thesis' network on filtered data (V.D, Table 5.2): parameter filter, then 2-8-5.
 
 `kalman.ParameterFilter`, at its defaults, estimates alpha and beta, `fault_map.normalise` puts them
 on the thesis' map, and the network, trained on that map alone, gives mode and grade. What makes its
@@ -50,7 +50,7 @@ def points(estimate: Estimate) -> np.ndarray:
 
 
 def outputs(sums: np.ndarray) -> np.ndarray:
-    """The outputs (n, 5), mode times grade, from the output nodes' sums: sigmoids, as in the thesis."""
+    """The outputs (n, 5), mode times grade: sigmoids of the sums, as in the thesis."""
     return 1.0 / (1.0 + np.exp(-sums))
 
 

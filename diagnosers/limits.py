@@ -1,4 +1,4 @@
-"""Limit and trend checking: each reading against its normal value at the operating point, and against its own past.
+"""Limit and trend checking: readings against normal values at the operating point and their past.
 
 Sources: Himmelblau, "Fault Detection and Diagnosis in Chemical and Petrochemical Processes",
 Elsevier 1978; Pau, "Failure Diagnosis and Performance Monitoring", Dekker 1981.
@@ -93,7 +93,7 @@ class LimitsState(NamedTuple):
 
 @dataclass(frozen=True)
 class Limits(Recursive):
-    """Limits on low-passed single readings, their trends and their plausibility; a table of which exceed names the class.
+    """Limits on single readings, their trends and plausibility; a table of them isolates the class.
 
     Each voltage, current and acceleration is compared with its normal value at the present shaft
     speeds and speed (`residuals`), averaged over 2 s; its limit is what the healthy band allows

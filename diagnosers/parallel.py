@@ -1,4 +1,4 @@
-"""Both networks of the thesis side by side (VI.B): one identifies faults of the shafts, the other those of the hull.
+"""Both networks of the thesis side by side (VI.B): one for the shafts, one for the hull.
 
 Each network counts only for what it can isolate, its `labels`: the ratio of its probability of a
 label to the label's prior is its evidence for every class of that label. The belief is the prior
@@ -108,7 +108,7 @@ def _with_prefix(prefix: str, tensors: Mapping[str, np.ndarray]) -> dict[str, np
 
 
 def _ratios(labels: Mapping[str, str | None], prior: np.ndarray) -> np.ndarray:
-    """The matrix (n_classes, n_classes) from probabilities of classes to those of their labels over the labels' prior."""
+    """The matrix from probabilities of classes to those of their labels over the labels' priors."""
     of_class = list(labels.values())
     have_one_label = np.array([[a == b for b in of_class] for a in of_class], dtype=np.float64)
     return have_one_label / (prior @ have_one_label)

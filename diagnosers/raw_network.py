@@ -1,4 +1,4 @@
-"""The thesis' network on unprocessed data (V.C, Table 5.1): 4-6-4, one instance per shaft, one sample at a time.
+"""The thesis' network on raw data (V.C, Table 5.1): 4-6-4, once per shaft, without memory.
 
 Its inputs are voltage, current and rpm of one shaft and the speed; its outputs the modes of Table
 5.1. Both shafts have the same weights, by symmetry. Under each hypothesis on the vehicle (nothing
@@ -47,7 +47,7 @@ PORT, STARBOARD = (list(modes) for modes in zip(*HYPOTHESES.values(), strict=Tru
 
 
 def labels() -> dict[str, str | None]:
-    """The hypothesis of every class, its mode of Table 5.1 with the side; None where it has none."""
+    """The hypothesis of every class, its mode in Table 5.1 with the side; None without one."""
     return {name: _label(name, mode) for name, (mode, _) in tables().items()}
 
 
@@ -58,7 +58,7 @@ def _label(name: str, mode: str | None) -> str | None:
 
 
 def inputs(observation: np.ndarray) -> np.ndarray:
-    """The inputs of both networks from observations (n, n_channels): (2 n, 4), all of port first."""
+    """The inputs (2 n, 4) of both networks, all of port first, from observations (n, n_channels)."""
     return np.concatenate([observation[:, [*columns, SPEED]] for columns in COLUMNS]) / SCALE
 
 

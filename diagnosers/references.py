@@ -21,7 +21,7 @@ def _without_severity(log_probability: np.ndarray) -> Belief:
 
 
 class Null(Recursive):
-    """Always the prior: `normal` as often as in sampled schedules, every fault class with the same share of the rest.
+    """Always the prior: `normal` as often as in sampled schedules, all fault classes alike.
 
     Its belief never changes, so no threshold gives one alarm per hour: it alarms never or always.
     """
@@ -41,7 +41,7 @@ class Null(Recursive):
 
 @kernel
 def _uniforms(bits, seed, count):
-    """Uniform numbers (n_lanes, count) in (0, 1) from the bits of each row (n_lanes, n_channels) and the seed."""
+    """Uniform numbers (n_lanes, count) in (0, 1) from the bits (n_lanes, n_channels) and the seed."""
     uniforms = np.empty((len(bits), count))
     for lane in range(len(bits)):
         key = mix_bits(seed + GOLDEN)
@@ -56,7 +56,7 @@ def _uniforms(bits, seed, count):
 
 @dataclass(frozen=True)
 class Random(Recursive):
-    """A guess per sample, a hash of the observation's bits and of `seed`: equal readings get equal guesses.
+    """A guess per sample from a hash of the observation and of `seed`: the same for equal readings.
 
     The log probability of `normal` is uniform from -30 to 0, so that a threshold can be set for any
     rate of false alarms, down to one in about 10^9 samples; the rest goes to the fault classes at

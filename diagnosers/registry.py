@@ -13,7 +13,7 @@ from diagnosers.diagnoser import Diagnoser
 
 
 class Entry(NamedTuple):
-    """A diagnoser's class, best as "module:Class" so that libraries load on demand, and if it competes."""
+    """The class, best as "module:Class" so that libraries load on demand, and if it competes."""
 
     target: str | type
     ranked: bool = True
@@ -41,7 +41,7 @@ def ranked() -> list[str]:
 
 
 def class_of(name: str) -> type:
-    """The class of a registered diagnoser; an unknown name is refused with the nearest one and the list."""
+    """The class of a registered diagnoser; the refusal of an unknown name lists all."""
     target = REGISTRY[known_name("diagnoser", name, REGISTRY)].target
     if isinstance(target, type):
         return target
@@ -50,7 +50,7 @@ def class_of(name: str) -> type:
 
 
 def make(name: str, **settings: Any) -> Diagnoser:
-    """A diagnoser by name, ready for `reset`; settings are those of its class (``help(type(make(name)))``)."""
+    """A diagnoser by name, ready for `reset`, with settings of its class."""
     diagnoser_class = class_of(name)
     signature = inspect.signature(diagnoser_class)
     try:

@@ -1,4 +1,4 @@
-"""Expert rules on identified parameters: resistance, friction, drag ... leave their band, and rules say what that is.
+"""Expert rules on identified parameters: which of them leave their bands names the fault.
 
 Source: Isermann & Freyermuth, "Process fault diagnosis based on process model knowledge", ASME J.
 Dyn. Sys., Meas., Control 113(4), 1991: estimated parameters as symptoms, rules from symptoms to
@@ -107,7 +107,7 @@ class RulesState(NamedTuple):
 
 @dataclass(frozen=True)
 class Rules(Recursive):
-    """Rules over symptoms: how far an estimate is from nominal, in units of ``sqrt(variance + band^2)``.
+    """Rules over symptoms: deviations of estimates, in units of ``sqrt(variance + band^2)``.
 
     Filters identify drag, thrust, and each shaft's resistance, torque constant, friction and
     propeller torque. Other symptoms are repeated, zero and noisy readings, an impossible jump of
@@ -203,7 +203,7 @@ class Rules(Recursive):
 
     @cached_property
     def _changes(self) -> tuple[list[int], np.ndarray]:
-        """Classes (n,) that scale identified parameters, and the parameters' relative changes (n, 10) at severity 1."""
+        """Classes (n,) that scale identified parameters, and the changes (n, 10) at severity 1."""
         changes = {}
         for fault in CATALOGUE.values():
             change = _relative_change(fault)
@@ -222,7 +222,7 @@ def _relative_change(fault: Fault) -> np.ndarray:
 
 
 def _parameters(state: RulesState) -> tuple[np.ndarray, np.ndarray]:
-    """Identified parameters (n_lanes, 10) relative to nominal, and their standard deviation from a healthy one."""
+    """Identified parameters (n_lanes, 10) relative to nominal, and their healthy scatter."""
     n_lanes = len(state.push)
     hull = state.hull.covariance[:, [1, 2], [1, 2]]
     shafts = np.einsum("lsii->lsi", state.motors.covariance)

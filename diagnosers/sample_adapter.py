@@ -25,7 +25,7 @@ class SampleSystem(Protocol):
     """
 
     def Input(self, sample: Any) -> tuple[Any, Any]:
-        """Detection (0 or 1, or the probability of a fault) and isolation, the shares of the faults, from one sample.
+        """Detection, 0 or 1 or the probability of a fault, and isolation, the shares of the faults.
 
         The sample is a pandas data frame of one row with the column `time` [s] and those of
         `CHANNELS`, in their units.
@@ -66,7 +66,7 @@ class SampleAdapter:
         self._sample = 0
 
     def update(self, observation: np.ndarray) -> Belief:
-        """The belief after the next observation (n_lanes, n_channels); the last reading stands in for a missing one (NaN)."""
+        """The belief after the next observation (n_lanes, n_channels), NaN where no reading arrived."""
         if not hasattr(self, "_systems"):
             raise refusal(
                 "update", "no reset before", "an update after a reset", "call reset(n_lanes) first"
@@ -107,7 +107,7 @@ class SampleAdapter:
 
 
 def _fault_shares(names: Sequence[str], columns: Sequence[str]) -> np.ndarray:
-    """The share of each fault class in a column, (n_columns + 1, n_faults); rows sum to 1, the last is unknown."""
+    """The share of each fault class in every column and in unknown, (n_columns + 1, n_faults)."""
     faults = list(names[1:])
     columns = [known_name("name in `faults`", column, [*faults, UNKNOWN]) for column in columns]
     if len(set(columns)) < len(columns):

@@ -62,7 +62,7 @@ def read(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
 def check_tensors(
     path: str | Path, tensors: Mapping[str, np.ndarray], shapes: Mapping[str, tuple[int, ...]]
 ) -> dict[str, np.ndarray]:
-    """The tensors, if they have the names and shapes of the architecture and are finite; else refused."""
+    """The tensors, if they have these names and shapes and are finite; else refused."""
     found = {name: tensor.shape for name, tensor in tensors.items()}
     if found != dict(shapes):
         missing_or_extra = sorted(set(found) ^ set(shapes))
@@ -81,7 +81,7 @@ def check_tensors(
 
 
 def settings_of(weights: Weights) -> dict[str, Any]:
-    """The settings that a diagnoser's save has written beside its tensors; none where there is no file."""
+    """The settings beside the tensors in a file of a diagnoser's save; none without a file."""
     if isinstance(weights, Mapping):
         return {}
     header = read(weights)[1]

@@ -1,4 +1,4 @@
-"""Diagnosers of other people, for a benchmark beside ours: three ways to join, none of which touches this package.
+"""Diagnosers of other people in a benchmark: three ways to join without a change of this package.
 
 A class in an importable module or in a file, named on the command line; naming it runs its code::
 
@@ -10,10 +10,11 @@ An installed package that declares an entry point in its pyproject.toml; it then
     [project.entry-points."auv_fault.diagnosers"]
     mine = "my_package.my_module:MyDiagnoser"
 
-A file that imports its neighbours needs their folder in PYTHONPATH. A benchmark that is run again takes over what the
-same file has given before: give it another --output after a change in what the file imports or reads. The class needs
-no arguments. One with a method `set_truth` receives the truth about the vehicles, as the oracle does, and is not ranked. It is
-a `Diagnoser`, most easily a subclass of `Recursive`::
+A file that imports its neighbours needs their folder in PYTHONPATH. A benchmark that runs again
+reuses the trials of an unchanged file: choose another --output after a change in what the file
+imports or reads. The class takes no arguments. One with a method `set_truth` receives the truth
+about the vehicles, as the oracle does, and is not ranked. It is a `Diagnoser`, most easily a
+subclass of `Recursive`::
 
     class MyDiagnoser(Recursive):
         name = "mine"
@@ -24,7 +25,7 @@ a `Diagnoser`, most easily a subclass of `Recursive`::
         def step(self, state, observation):
             return state, Belief(log_probability, severity_mean, severity_std)
 
-or has the interface of the DX competitions, one sample in, detection and isolation out (see `SampleSystem`)::
+or has the interface of the DX competitions (see `SampleSystem`)::
 
     class MySystem:
         faults = ("increased_drag", "propeller_loss:port", "unknown")
@@ -56,7 +57,7 @@ TARGET_FORM = "module:Class or path/to/file.py:Class"
 
 @dataclass(frozen=True)
 class ThirdParty:
-    """The place of a diagnoser's class, as `TARGET_FORM`; called, it makes one. Plain data, for any process."""
+    """The place of a diagnoser's class, as `TARGET_FORM`; called, it makes one."""
 
     target: str
 

@@ -43,7 +43,7 @@ SHIPPED_CLASSES = (
 
 
 def check_class_list(trained: Sequence[str], catalogue: Sequence[str]) -> tuple[str, ...]:
-    """The classes of a training, if each is one of the catalogue's, `normal` first; else refused."""
+    """The classes of a training, `normal` first, if the catalogue has all of them; else refused."""
     is_list = isinstance(trained, (list, tuple)) and all(isinstance(name, str) for name in trained)
     if not is_list or tuple(trained[:1]) != (NORMAL,) or len(set(trained)) < len(trained):
         allowed = f"different names, {NORMAL!r} first"

@@ -7,8 +7,8 @@ following are decisions of this project:
 * The grade of a fault is the severity at which the fault of the catalogue moves the parameter to
   that point: +35 % of drag has 0.35, twice the drag 1, half the drag 1 (`decreased_drag`), a whole
   propeller lost 1. It stays at 1 beyond.
-* Severe propulsion failure begins at 0.5, a little above the 0.45 of one propeller lost, so that the
-  scatter of a filter does not move a lost propeller out of it.
+* Severe propulsion failure begins at 0.5, a little above the 0.45 of one propeller lost, so that
+  the scatter of a filter does not move a lost propeller out of it.
 * In the corners, where both parameters are out of their windows, the mode with the larger grade
   applies; alpha's if they are equal.
 * Beta above its window is normal: Table 5.2 has no mode for too much thrust.
@@ -45,8 +45,9 @@ def normalise(alpha_relative: np.ndarray, beta_relative: np.ndarray) -> np.ndarr
 
 
 def grades(points: np.ndarray) -> np.ndarray:
-    """The grade of each mode at the points (n, 2), (n, 5); 0 in the window of its parameter and for `normal`.
+    """The grade of each mode, (n, 5), at the points (n, 2).
 
+    It is 0 in the window of the mode's parameter, and for `normal`.
     The two modes of propulsion exclude each other; drag and propulsion do not.
     """
     alpha, beta = np.asarray(points, np.float64).T
@@ -72,7 +73,9 @@ def _severity(relative: np.ndarray, scale: float) -> np.ndarray:
 
 
 def fault_map(points: np.ndarray) -> np.ndarray:
-    """The target of the network at the points (n, 2), (n, 5): the fault vector of Table 5.2 times its grade.
+    """The target of the network, (n, 5), at the points (n, 2): fault vector times grade.
+
+    The fault vector is that of Table 5.2.
 
     Within both windows that is (1, 0, 0, 0, 0).
 
@@ -88,7 +91,7 @@ def fault_map(points: np.ndarray) -> np.ndarray:
 
 
 def severity(outputs: np.ndarray) -> np.ndarray:
-    """Height of the decision surface of Fig. 5.12, (n,): the weighted sum of the network's outputs (n, 5).
+    """Height of the decision surface of Fig. 5.12, (n,): the weighted sum of the outputs (n, 5).
 
     The thesis does not give its weights; with `SEVERITY_WEIGHTS` the height is 0 where all is
     normal and 1 where a propeller is lost. Misleads between two modes,
@@ -98,6 +101,6 @@ def severity(outputs: np.ndarray) -> np.ndarray:
 
 
 def grid(n: int) -> np.ndarray:
-    """The points (n * n, 2) of an even grid over the map, alpha slowest: the thesis' single training file."""
+    """The points (n * n, 2) of an even grid over the map, alpha slowest: the thesis' training file."""
     axis = np.linspace(0.0, 1.0, whole_number("points along an axis of the grid", n, 2))
     return np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""The inputs of the integrated network: readings, residuals, and what the filters make of the readings.
+"""The inputs of the integrated network: readings, residuals and the estimates of the filters.
 
 The filters are the parameter filters of hull and shafts, with their innovations and variances, and
 the filter bank with its belief. Every signal comes with running means over several times, so that
@@ -152,7 +152,7 @@ class Features:
         return FeatureState(*(each.initial(n_lanes) for each in filters), running)
 
     def step(self, state: FeatureState, observation: np.ndarray) -> tuple[FeatureState, np.ndarray]:
-        """The next state, and the features (n_lanes, n_features) float32, each of the order of 1."""
+        """The next state, and the features (n_lanes, n_features) float32, of the order of 1."""
         return self.step_with_bank(state, observation)[:2]
 
     def step_with_bank(
@@ -188,7 +188,7 @@ class Features:
         return np.concatenate([physical.values / physical.std, *of_hull, of_motors], axis=1)
 
     def _bank_features(self, belief: Belief) -> np.ndarray:
-        """The bank's compressed log odds of every fault class to normal, and severities, (n_lanes, 2 n_faults)."""
+        """Compressed log odds of faults to normal, and severities, by the bank, (n_lanes, 2 n_faults)."""
         faults = self._fault_columns
         log_probability = belief.log_probability
         odds = (log_probability[:, faults] - log_probability[:, :1]) / EVIDENCE
@@ -197,7 +197,7 @@ class Features:
 
 
 def _deviations(surge, parameters, motors) -> tuple[np.ndarray, np.ndarray]:
-    """Deviations of the estimates from nominal and their standard deviations, each (n_lanes, n_estimates)."""
+    """Deviations of the estimates from nominal, and their stds, each (n_lanes, n_estimates)."""
     hull = slice(1, 1 + len(kalman.PARAMETERS))
     n_lanes = len(motors.mean)
     mean = [estimate.mean[:, hull] for estimate in (surge, parameters)]

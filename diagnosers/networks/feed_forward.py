@@ -19,7 +19,7 @@ def tensor_shapes(n_inputs: int, n_hidden: int, n_outputs: int) -> Shapes:
 
 
 def random_tensors(architecture: Shapes, seed: int) -> dict[str, np.ndarray]:
-    """Tensors to start a training from: uniform within one over the root of the number of a node's inputs."""
+    """Tensors to start from: uniform within one over the root of the number of a node's inputs."""
     random = np.random.default_rng(seed)
     tensors = {}
     for name, shape in architecture.items():
@@ -30,7 +30,7 @@ def random_tensors(architecture: Shapes, seed: int) -> dict[str, np.ndarray]:
 
 
 class FeedForward(torch.nn.Module):
-    """One hidden layer of sigmoids, float32; the outputs are the sums of the output nodes, before their sigmoids."""
+    """One hidden layer of sigmoids, float32; the outputs are the sums before their sigmoids."""
 
     def __init__(self, tensors: Mapping[str, np.ndarray]):
         super().__init__()

@@ -1,4 +1,4 @@
-"""The integrated network in PyTorch, as it is trained; `diagnosers.integrated` evaluates it without."""
+"""The integrated network in PyTorch, for its training; `diagnosers.integrated` uses numpy."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,7 +13,7 @@ from diagnosers.networks.features import EVIDENCE, bank_odds_columns, feature_na
 
 
 class Network(nn.Module):
-    """Features to class scores and severities: an encoder with a first opinion, and a memory that corrects it.
+    """Features to class scores and severities: an encoder with an opinion, a memory that corrects it.
 
     The encoder sees one sample; its opinion is added to the log odds of the filter bank, which it
     so corrects. The recurrent layer sees the encoded samples and the averaged opinion, and adds to
@@ -59,13 +59,13 @@ class Network(nn.Module):
     def recur(
         self, encoded: torch.Tensor, opinion: torch.Tensor, units: torch.Tensor | None = None
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Outputs (n_samples, n_lanes, 3 n_classes) from encoded samples and averaged opinions; and the units after."""
+        """Outputs (n_samples, n_lanes, 3 n_classes) from encodings and mean opinions; and the units."""
         scores = opinion[..., : self.n_classes] / EVIDENCE
         remembered, units = self.memory(torch.cat([encoded, scores], dim=-1), units)
         return opinion + self.correction(remembered), units
 
     def pool_scores(self, outputs: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
-        """Scores (..., n_classes) before calibration: the network's own and the bank's log odds, weighted by `lean`."""
+        """Uncalibrated scores (..., n_classes): the network's, plus `lean` times the bank's log odds."""
         bank = EVIDENCE * features[..., self.bank_odds]
         return outputs[..., : self.n_classes] + self.lean * nn.functional.pad(bank, (1, 0))
 

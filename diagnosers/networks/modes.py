@@ -10,7 +10,7 @@ PRIOR_SEVERITY = 0.6, 0.8 / 12**0.5
 
 
 def class_shares(labels: Mapping[str, str | None], modes: tuple[str, ...]) -> np.ndarray:
-    """The share of each mode's probability that goes to each class, (n_modes, n_classes); rows sum to 1.
+    """The share of every class in each mode, (n_modes, n_classes); rows sum to 1.
 
     The classes with a mode's label share its probability evenly. Classes without a mode in the
     table look like any fault: each takes the same constant share of every mode but the first,
@@ -33,5 +33,5 @@ def log_softmax(scores: np.ndarray) -> np.ndarray:
 
 
 def class_log_probability(log_modes: np.ndarray, shares: np.ndarray) -> np.ndarray:
-    """Log probability of every class (n, n_classes) from those of the modes (n, n_modes) and `class_shares`."""
+    """Log probabilities (n, n_classes) from those of the modes (n, n_modes) and `class_shares`."""
     return np.log(np.exp(np.maximum(log_modes, LEAST)) @ shares)

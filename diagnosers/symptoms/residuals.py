@@ -1,4 +1,4 @@
-"""Physical residuals of one sample: the errors of Ohm's law, the torque balance and the surge equation.
+"""Residuals of one sample: errors of Ohm's law, of the torque balance and of the surge equation.
 
 They follow from the nominal vehicle, the readings of the sample and the shaft speeds of the sample
 before. A healthy residual is not zero but lies within the healthy band (5 % of the drag, 10 % of
@@ -33,10 +33,10 @@ STANDSTILL = 5.0
 
 
 class Residuals(NamedTuple):
-    """Residuals and their standard deviations by sensor noise, (n_lanes, 5), in the order of `RESIDUALS`.
+    """Residuals and their standard deviations by sensor noise, (n_lanes, 5), as in `RESIDUALS`.
 
-    Units: V, N m and m/s^2. The standard deviation leaves out the disturbance (in ``surge``) and the
-    healthy band: divide by it for sensitivity, not for a test of health.
+    Units: V, N m and m/s^2. The standard deviation leaves out the disturbance (in ``surge``) and
+    the healthy band: divide by it for sensitivity, not for a test of health.
     """
 
     values: np.ndarray
@@ -44,7 +44,7 @@ class Residuals(NamedTuple):
 
 
 class Plant(NamedTuple):
-    """Constants of the nominal vehicle and its sensors for the kernel: SI units, variances of single readings.
+    """Constants of the nominal vehicle and its sensors for the kernel, in SI units.
 
     ``settling`` [1/s]: rate of change of a shaft speed at the end of a sample by its change over
     the sample.
@@ -113,7 +113,7 @@ def _torque(current, shaft_speed, speed, change, side, shaft, plant):
 
 @scalar
 def _shaft(previous_row, row, first, speed, plant, shaft, values, std, k):
-    """Both residuals of the shaft whose voltage is channel `first`; returns its `Motor` and its speed [rad/s]."""
+    """Write both residuals of the shaft whose voltage is channel `first`; its `Motor` and speed."""
     voltage = row[first]
     current = row[first + 1]
     shaft_speed = row[first + 2] / RPM
@@ -129,7 +129,7 @@ def _shaft(previous_row, row, first, speed, plant, shaft, values, std, k):
 
 @kernel
 def _residuals(previous, observation, plant, shaft, columns, values, std):
-    """All residuals of all lanes; columns are those of rudder, plane, speed, acceleration and both voltages."""
+    """All residuals of all lanes; columns are those of `_INPUTS`."""
     rudder, plane, speed, acceleration, port, starboard = columns
     for lane in range(len(observation)):
         previous_row = previous[lane]
@@ -215,7 +215,7 @@ def edge_vehicles(vehicle: Vehicle) -> tuple[Vehicle, ...]:
 
 
 def healthy_band(previous: np.ndarray, observation: np.ndarray, vehicle: Vehicle) -> np.ndarray:
-    """The largest healthy shift of each residual at this operating point, (n_lanes, 5), summed over parameters."""
+    """The largest healthy shift of each residual, (n_lanes, 5): the sum over the parameters."""
     values = residuals(previous, observation, vehicle).values
     return sum(
         np.abs(residuals(previous, observation, edge).values - values)

@@ -106,7 +106,7 @@ def _padded(rows: list[list[int]], blank: int) -> np.ndarray:
 
 
 def support(book: Rulebook, symptoms: np.ndarray) -> np.ndarray:
-    """Support of each class that has rules, (n_lanes, n_supported), by symptoms (n_lanes, n_symptoms).
+    """Support (n_lanes, n_supported) of the classes that have rules, by symptoms (n_lanes, n_symptoms).
 
     The support of a rule is the least of the symptoms it requires, less `WEIGHT` times those that
     contradict it; that of a class is that of its best rule.

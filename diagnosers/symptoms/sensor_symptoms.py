@@ -1,4 +1,4 @@
-"""Symptoms of single sensors, whatever the vehicle does: readings that repeat, are zero, or too noisy."""
+"""Symptoms of single sensors, without a model: readings that repeat, are zero, or too noisy."""
 
 from collections.abc import Sequence
 from math import exp, pi

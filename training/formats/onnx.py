@@ -1,4 +1,4 @@
-"""The content of an ONNX file: a trained network with all that stands between its inputs and its belief.
+"""The content of an ONNX file: a trained network and the steps from its outputs to a belief.
 
 PyTorch modules in float32; inputs and outputs are (n_lanes, n_columns). Filters and features stay
 outside: their equations are those of `diagnosers`, and their estimates are inputs. A memory is one
@@ -43,7 +43,7 @@ EXAMPLE_DECISIONS = 30
 
 
 class Graph(nn.Module, ABC):
-    """A module to export; `forward` takes its `inputs` in their order, and the state if it has one."""
+    """A module to export; `forward` takes `inputs` in their order, and the state if there is one."""
 
     inputs: Mapping[str, tuple[str, ...]]  # names of the columns, by input
     outputs: ClassVar[tuple[str, ...]] = Belief._fields
@@ -80,7 +80,7 @@ class DiagnoserGraph(Graph):
 
     @abstractmethod
     def feed(self, observations: np.ndarray) -> dict[str, np.ndarray]:
-        """The inputs, (n_samples, n_lanes, n_columns) float32, of observations (n_samples, n_lanes, n_channels)."""
+        """The inputs (n_samples, n_lanes, n_columns) float32 from observations, time first."""
 
     def episode(self, seed: int) -> dict[str, np.ndarray]:
         """The inputs, as of `feed`, of one vehicle in a minute during which a motor overheats."""
@@ -121,7 +121,10 @@ class KalmanGraph(DiagnoserGraph):
     """`KalmanNetwork` behind its filter."""
 
     inputs = {"estimate": PARAMETERS[:2]}
-    about = "estimate: alpha and beta, relative to nominal, of diagnosers.kalman.ParameterFilter after the last sample"
+    about = (
+        "estimate: alpha and beta, relative to nominal, of diagnosers.kalman.ParameterFilter after "
+        "the last sample"
+    )
 
     def __init__(self, source: KalmanNetwork):
         super().__init__(
@@ -185,7 +188,7 @@ class ParallelGraph(DiagnoserGraph):
 
 
 class OneSample(nn.GRUCell):
-    """A gated recurrent unit as `Network` calls it, for one sample: PyTorch exports `nn.GRU` as a loop."""
+    """A gated recurrent unit for one sample, because PyTorch exports `nn.GRU` as a loop."""
 
     def forward(
         self, inputs: torch.Tensor, units: torch.Tensor
@@ -254,8 +257,8 @@ class PolicyGraph(Graph):
 
     outputs = ("action",)
     about = (
-        "features: of training.stimuli.policy_inputs, at every sample; the commanded speed is then the mission's plus "
-        "the action times `amplitude` [m/s]"
+        "features: of training.stimuli.policy_inputs, at every sample; the commanded speed is then "
+        "the mission's plus the action times `amplitude` [m/s]"
     )
 
     def __init__(self, source: LearnedPolicy):
@@ -281,7 +284,7 @@ class PolicyGraph(Graph):
         return {name: getattr(self.source, name) for name in ("diagnoser", "budget", "amplitude")}
 
     def episode(self, seed: int) -> dict[str, np.ndarray]:
-        """The features (n_decisions, 1, n_features) of one vehicle that follows the policy, one decision per second."""
+        """The features (n_decisions, 1, n_features) of a vehicle that follows the policy."""
         env = ActiveDiagnosisVectorEnv(diagnoser=self.source.diagnoser, budget=self.source.budget)
         names = feature_names_of_policy(env.classes)
         columns = [names.index(name) for name in self.source.features]
@@ -314,7 +317,7 @@ def _log(shares: np.ndarray) -> np.ndarray:
 
 
 def _log_mixture(log_parts: torch.Tensor, log_shares: torch.Tensor) -> torch.Tensor:
-    """Logarithm of the sum of parts times shares, (n_lanes, n_classes), from the logarithms of both."""
+    """Log of the sum of parts times shares, (n_lanes, n_classes), from the logs of both."""
     return torch.logsumexp(log_parts[:, :, None] + log_shares, dim=1)
 
 
