@@ -38,7 +38,8 @@ LIMIT = {
     "surge": (57.0, 31.0, 2.9),
     "innovation": (8.7, 31.0, 2.6),
 }
-MEAN, SCATTER_UP, SCATTER_DOWN = np.array([LIMIT[name.split("_")[-1]] for name in SIGNALS]).T
+LIMIT_OF_SIGNAL = np.array([LIMIT[name.split("_")[-1]] for name in SIGNALS])
+MEAN, SCATTER_UP, SCATTER_DOWN = LIMIT_OF_SIGNAL.T
 LIMITS = np.concatenate([MEAN, MEAN, SCATTER_UP, SCATTER_DOWN])
 GAIN = 4.0  # log odds of a fault per limit
 LARGEST_LOG_ODDS = 100.0  # of a fault
@@ -171,8 +172,8 @@ class Cusum(Recursive):
         log_odds = np.minimum(GAIN * excess, LARGEST_LOG_ODDS)
         log_density, mean, std = self._by_signatures(np.log1p(relative))
         log_faults = log_density - log_density.max(axis=1, keepdims=True)
-        log_total = np.log(np.exp(log_faults).sum(axis=1, keepdims=True))
-        log_faults -= log_total + np.logaddexp(0.0, -log_odds)
+        total = np.exp(log_faults).sum(axis=1, keepdims=True)
+        log_faults -= np.log(total) + np.logaddexp(0.0, -log_odds)
         of_normal = np.zeros((len(statistics), 1))
         return Belief(
             np.hstack([-np.logaddexp(0.0, log_odds), log_faults]),
@@ -229,7 +230,8 @@ class Cusum(Recursive):
             mission if isinstance(mission, str) else [(0.0, mission)] for _, _, mission in cases
         ]
         instants = [int(SAMPLE_RATE * (ONSET + age)) for age in AGES]
-        observation = fleet.reset([self.seed] * len(cases), schedules=schedules, missions=missions)
+        seeds = [self.seed] * len(cases)
+        observation = fleet.reset(seeds, schedules=schedules, missions=missions)
         state = self._next_state(self.initial(len(cases)), observation.astype(np.float64))
         patterns = []
         for k in range(1, instants[-1] + 1):

@@ -118,7 +118,8 @@ class NumpyNetwork:
         self, encoded: np.ndarray, opinion: np.ndarray, units: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """As `Network.recur`, of one sample."""
-        inputs = np.concatenate([encoded, opinion[:, : self.n_classes] / EVIDENCE], axis=1)
+        scores = opinion[:, : self.n_classes] / EVIDENCE
+        inputs = np.concatenate([encoded, scores], axis=1)
         by_input = self.input_gates(inputs)
         by_units = self.recurrent_gates(units)
         n_gates = 2 * N_MEMORY
@@ -223,7 +224,8 @@ class Integrated(Recursive):
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Weights and calibration, by name."""
-        return {name: tensor.copy() for name, tensor in self._tensors.items()}
+        tensors = self._tensors.items()
+        return {name: tensor.copy() for name, tensor in tensors}
 
     def settings(self) -> dict[str, Any]:
         """The nominal vehicle and the classes of the training."""

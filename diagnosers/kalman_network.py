@@ -39,14 +39,16 @@ CALIBRATION: Shapes = {
 
 def labels() -> dict[str, str | None]:
     """The mode of every class in Table 5.2, None where it has none."""
-    return {name: mode if mode in MODES_5_2 else None for name, (_, mode) in tables().items()}
+    modes = {name: mode for name, (_, mode) in tables().items()}
+    return {name: mode if mode in MODES_5_2 else None for name, mode in modes.items()}
 
 
 def points(estimate: Estimate) -> np.ndarray:
     """The points (n_lanes, 2) of the fault map at which a filter's estimate stands."""
-    return normalise(
-        *(estimate.mean[:, ParameterFilter.states.index(name)] for name in ("alpha", "beta"))
-    )
+    states = ParameterFilter.states
+    alpha = estimate.mean[:, states.index("alpha")]
+    beta = estimate.mean[:, states.index("beta")]
+    return normalise(alpha, beta)
 
 
 def outputs(sums: np.ndarray) -> np.ndarray:
@@ -98,8 +100,10 @@ class KalmanNetwork(Recursive):
         log_modes = log_softmax(self.learnt["slope"] * sums + self.learnt["offset"])
         log_probability = class_log_probability(log_modes, self.shares)
         intercept, slope, std = self.severity.T
-        mean = np.clip(intercept + slope * severity(outputs(sums))[:, None], 0.0, 1.0)
-        return state, Belief(log_probability, mean, np.tile(std, (len(mean), 1)))
+        height = severity(outputs(sums))[:, None]
+        mean = np.clip(intercept + slope * height, 0.0, 1.0)
+        severity_std = np.tile(std, (len(mean), 1))
+        return state, Belief(log_probability, mean, severity_std)
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Weights, biases and calibration by name."""

@@ -25,9 +25,12 @@ PRIOR_NORMAL = 0.5  # all faults share the rest evenly
 # prefixes of the names of their tensors
 RAW = "raw_network."
 KALMAN = "kalman_network."
-ARCHITECTURE = {RAW + name: shape for name, shape in raw_network.ARCHITECTURE.items()} | {
-    KALMAN + name: shape
-    for name, shape in (kalman_network.ARCHITECTURE | kalman_network.CALIBRATION).items()
+PARTS = {
+    RAW: raw_network.ARCHITECTURE,
+    KALMAN: kalman_network.ARCHITECTURE | kalman_network.CALIBRATION,
+}
+ARCHITECTURE = {
+    prefix + name: shape for prefix, part in PARTS.items() for name, shape in part.items()
 }
 
 
@@ -63,9 +66,10 @@ class Parallel(Recursive):
             for name, label in self.raw.labels.items()
         }
         n_faults = len(self.classes) - 1
-        prior = np.array([PRIOR_NORMAL, *[(1.0 - PRIOR_NORMAL) / n_faults] * n_faults])
+        prior_fault = (1.0 - PRIOR_NORMAL) / n_faults
+        prior = np.array([PRIOR_NORMAL] + [prior_fault] * n_faults)
         self.log_prior = np.log(prior)
-        self.ratios = [_ratios(part.labels, prior) for part in (self.raw, self.kalman)]
+        self.ratios = [_ratios(self.raw.labels, prior), _ratios(self.kalman.labels, prior)]
 
     def initial(self, n_lanes: int) -> Estimate:
         """The filter's state at the start; the raw network has none."""
@@ -77,7 +81,8 @@ class Parallel(Recursive):
         state, hull = self.kalman.step(state, observation)
         total = self.log_prior
         for ratios, belief in zip(self.ratios, (shaft, hull), strict=True):
-            total = total + np.log(np.exp(belief.log_probability) @ ratios)
+            probability = np.exp(belief.log_probability)
+            total = total + np.log(probability @ ratios)
         return state, hull._replace(log_probability=log_softmax(total))
 
     def tensors(self) -> dict[str, np.ndarray]:
@@ -109,6 +114,6 @@ def _with_prefix(prefix: str, tensors: Mapping[str, np.ndarray]) -> dict[str, np
 
 def _ratios(labels: Mapping[str, str | None], prior: np.ndarray) -> np.ndarray:
     """The matrix from probabilities of classes to those of their labels over the labels' priors."""
-    of_class = list(labels.values())
-    have_one_label = np.array([[a == b for b in of_class] for a in of_class], dtype=np.float64)
+    of_class = np.array(list(labels.values()), dtype=object)
+    have_one_label = (of_class[:, None] == of_class).astype(np.float64)
     return have_one_label / (prior @ have_one_label)

@@ -48,7 +48,8 @@ PORT, STARBOARD = (list(modes) for modes in zip(*HYPOTHESES.values(), strict=Tru
 
 def labels() -> dict[str, str | None]:
     """The hypothesis of every class, its mode in Table 5.1 with the side; None without one."""
-    return {name: _label(name, mode) for name, (mode, _) in tables().items()}
+    modes = {name: mode for name, (mode, _) in tables().items()}
+    return {name: _label(name, mode) for name, mode in modes.items()}
 
 
 def _label(name: str, mode: str | None) -> str | None:
@@ -59,7 +60,8 @@ def _label(name: str, mode: str | None) -> str | None:
 
 def inputs(observation: np.ndarray) -> np.ndarray:
     """The inputs (2 n, 4) of both networks, all of port first, from observations (n, n_channels)."""
-    return np.concatenate([observation[:, [*columns, SPEED]] for columns in COLUMNS]) / SCALE
+    port, starboard = (observation[:, [*columns, SPEED]] for columns in COLUMNS)
+    return np.concatenate([port, starboard]) / SCALE
 
 
 def scores(outputs: Any) -> Any:
@@ -97,7 +99,8 @@ class RawNetwork(Recursive):
 
     def step(self, state: tuple[()], observation: np.ndarray) -> tuple[tuple[()], Belief]:
         """The belief from this observation (n_lanes, n_channels) alone."""
-        log_modes = log_softmax(scores(self.network.evaluate(inputs(observation))))
+        outputs = self.network.evaluate(inputs(observation))
+        log_modes = log_softmax(scores(outputs))
         log_probability = class_log_probability(log_modes, self.shares)
         return state, Belief(
             log_probability, *same_severity(log_probability.shape, *PRIOR_SEVERITY)

@@ -35,8 +35,9 @@ class Null(Recursive):
     def step(self, state: tuple[()], observation: np.ndarray) -> tuple[tuple[()], Belief]:
         """The prior."""
         n_faults = len(self.classes) - 1
-        prior = np.log([PRIOR_NORMAL, *[(1.0 - PRIOR_NORMAL) / n_faults] * n_faults])
-        return state, _without_severity(np.tile(prior, (len(observation), 1)))
+        prior_fault = (1.0 - PRIOR_NORMAL) / n_faults
+        log_prior = np.log([PRIOR_NORMAL] + [prior_fault] * n_faults)
+        return state, _without_severity(np.tile(log_prior, (len(observation), 1)))
 
 
 @kernel
@@ -80,7 +81,8 @@ class Random(Recursive):
         uniform = _uniforms(observation.view(np.uint64), seed, len(self.classes))
         log_normal = LEAST_LOG_NORMAL * uniform[:, :1]
         log_faults = np.log(-np.log(uniform))[:, 1:]
-        log_faults = log_faults - np.log(np.exp(log_faults).sum(axis=1, keepdims=True))
+        total = np.exp(log_faults).sum(axis=1, keepdims=True)
+        log_faults = log_faults - np.log(total)
         log_faulty = np.log(-np.expm1(log_normal))
         log_probability = np.concatenate([log_normal, log_faults + log_faulty], axis=1)
         return state, _without_severity(log_probability)

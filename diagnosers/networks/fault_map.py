@@ -41,7 +41,8 @@ def normalise(alpha_relative: np.ndarray, beta_relative: np.ndarray) -> np.ndarr
 
     Clipped to the square of the map: more than twice the drag is at the point of twice the drag.
     """
-    return np.clip(np.stack([alpha_relative, beta_relative], axis=-1) * NOMINAL, 0.0, 1.0)
+    points = np.stack([alpha_relative, beta_relative], axis=-1) * NOMINAL
+    return np.clip(points, 0.0, 1.0)
 
 
 def grades(points: np.ndarray) -> np.ndarray:
@@ -51,17 +52,22 @@ def grades(points: np.ndarray) -> np.ndarray:
     The two modes of propulsion exclude each other; drag and propulsion do not.
     """
     alpha, beta = np.asarray(points, np.float64).T
-    more_drag = _severity(alpha / NOMINAL[0], fault_of("increased_drag").scale["alpha"])
-    less_drag = _severity(alpha / NOMINAL[0], fault_of("decreased_drag").scale["alpha"])
+    relative_drag = alpha / NOMINAL[0]
+    most_drag = fault_of("increased_drag").scale["alpha"]
+    least_drag = fault_of("decreased_drag").scale["alpha"]
     one_lost = 0.5 * (1.0 + fault_of("propeller_loss:port").scale["port_beta"])
+    more_drag = _severity(relative_drag, most_drag)
+    less_drag = _severity(relative_drag, least_drag)
     less_thrust = _severity(beta / NOMINAL[1], one_lost)
+    is_severe = beta < SEVERE
+    is_decreased = (beta < BETA_WINDOW[0]) & ~is_severe
     return np.stack(
         [
             np.zeros_like(alpha),
             np.where(alpha > ALPHA_WINDOW[1], more_drag, 0.0),
             np.where(alpha < ALPHA_WINDOW[0], less_drag, 0.0),
-            np.where((beta < BETA_WINDOW[0]) & (beta >= SEVERE), less_thrust, 0.0),
-            np.where(beta < SEVERE, less_thrust, 0.0),
+            np.where(is_decreased, less_thrust, 0.0),
+            np.where(is_severe, less_thrust, 0.0),
         ],
         axis=-1,
     )
@@ -103,4 +109,5 @@ def severity(outputs: np.ndarray) -> np.ndarray:
 def grid(n: int) -> np.ndarray:
     """The points (n * n, 2) of an even grid over the map, alpha slowest: the thesis' training file."""
     axis = np.linspace(0.0, 1.0, whole_number("points along an axis of the grid", n, 2))
-    return np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    alpha_and_beta = np.meshgrid(axis, axis, indexing="ij")
+    return np.stack(alpha_and_beta, axis=-1).reshape(-1, 2)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import torch
+from torch.nn.functional import linear
 
 from diagnosers.storage import Shapes
 
@@ -35,24 +36,22 @@ class FeedForward(torch.nn.Module):
     def __init__(self, tensors: Mapping[str, np.ndarray]):
         super().__init__()
         for name, tensor in tensors.items():
-            self.register_parameter(
-                name, torch.nn.Parameter(torch.tensor(tensor, dtype=torch.float32))
-            )
+            values = torch.tensor(tensor, dtype=torch.float32)
+            self.register_parameter(name, torch.nn.Parameter(values))
 
     def forward(self, inputs: torch.Tensor) -> torch.Tensor:
         """The output nodes' sums (n, n_outputs) of inputs (n, n_inputs)."""
-        hidden = torch.sigmoid(
-            torch.nn.functional.linear(inputs, self.hidden_weight, self.hidden_bias)
-        )
-        return torch.nn.functional.linear(hidden, self.output_weight, self.output_bias)
+        hidden = torch.sigmoid(linear(inputs, self.hidden_weight, self.hidden_bias))
+        return linear(hidden, self.output_weight, self.output_bias)
 
     def evaluate(self, inputs: np.ndarray) -> np.ndarray:
         """As `forward`, without gradients, from and to numpy: (n, n_outputs) float64."""
+        inputs = torch.from_numpy(inputs.astype(np.float32))
         with torch.inference_mode():
-            return self(torch.from_numpy(inputs.astype(np.float32))).numpy().astype(np.float64)
+            outputs = self(inputs).numpy()
+        return outputs.astype(np.float64)
 
     def tensors(self) -> dict[str, np.ndarray]:
         """A copy of the tensors, by name."""
-        return {
-            name: parameter.detach().numpy().copy() for name, parameter in self.named_parameters()
-        }
+        parameters = self.named_parameters()
+        return {name: parameter.detach().numpy().copy() for name, parameter in parameters}

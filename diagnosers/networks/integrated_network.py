@@ -36,14 +36,17 @@ class Network(nn.Module):
         self.n_classes = len(classes)
         self.bank_odds = bank_odds_columns(self.n_classes)
         widths = (len(feature_names(classes)), *WIDTHS, N_MEMORY)
-        layers = [(nn.Linear(n_in, n_out), nn.SiLU()) for n_in, n_out in pairwise(widths)]
-        self.encoder = nn.Sequential(*(part for layer in layers for part in layer))
+        layers: list[nn.Module] = []
+        for n_inputs, n_out in pairwise(widths):
+            layers += [nn.Linear(n_inputs, n_out), nn.SiLU()]
+        self.encoder = nn.Sequential(*layers)
         self.opinion = nn.Linear(N_MEMORY, n_outputs(self.n_classes))
         self.correction = nn.Linear(N_MEMORY, n_outputs(self.n_classes))
         for layer in (self.opinion, self.correction):
             nn.init.zeros_(layer.weight)
             nn.init.zeros_(layer.bias)
-        self.trust = nn.Parameter(torch.full((self.n_classes - 1,), EVIDENCE))
+        n_faults = self.n_classes - 1
+        self.trust = nn.Parameter(torch.full((n_faults,), EVIDENCE))
         self.memory = memory(N_MEMORY + self.n_classes, N_MEMORY)
         self.register_buffer("lean", torch.zeros(1))
         self.register_buffer("sharpness", torch.ones(1))
@@ -61,13 +64,15 @@ class Network(nn.Module):
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Outputs (n_samples, n_lanes, 3 n_classes) from encodings and mean opinions; and the units."""
         scores = opinion[..., : self.n_classes] / EVIDENCE
-        remembered, units = self.memory(torch.cat([encoded, scores], dim=-1), units)
+        inputs = torch.cat([encoded, scores], dim=-1)
+        remembered, units = self.memory(inputs, units)
         return opinion + self.correction(remembered), units
 
     def pool_scores(self, outputs: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
         """Uncalibrated scores (..., n_classes): the network's, plus `lean` times the bank's log odds."""
-        bank = EVIDENCE * features[..., self.bank_odds]
-        return outputs[..., : self.n_classes] + self.lean * nn.functional.pad(bank, (1, 0))
+        odds = EVIDENCE * features[..., self.bank_odds]
+        bank = nn.functional.pad(odds, (1, 0))
+        return outputs[..., : self.n_classes] + self.lean * bank
 
     def decode(
         self, outputs: torch.Tensor, features: torch.Tensor
@@ -81,4 +86,5 @@ class Network(nn.Module):
 
     def tensors(self) -> dict[str, np.ndarray]:
         """A copy of weights and calibration, by name."""
-        return {name: tensor.detach().numpy().copy() for name, tensor in self.state_dict().items()}
+        tensors = self.state_dict().items()
+        return {name: tensor.detach().numpy().copy() for name, tensor in tensors}

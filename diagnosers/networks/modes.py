@@ -17,21 +17,25 @@ def class_shares(labels: Mapping[str, str | None], modes: tuple[str, ...]) -> np
     `normal`, that which it has among all faults if these are equally likely. Misleads where such a
     fault looks normal.
     """
-    of_class = list(labels.values())
-    table = np.array([[label == mode for label in of_class] for mode in modes], dtype=np.float64)
-    table /= table.sum(axis=1, keepdims=True)
+    of_class = np.array(list(labels.values()), dtype=object)
     n_faults = len(of_class) - 1
-    without_mode = np.array([label not in modes for label in of_class]) / n_faults
-    table[1:] = table[1:] * (1.0 - without_mode.sum()) + without_mode
+    table = np.array([of_class == mode for mode in modes], dtype=np.float64)
+    table /= table.sum(axis=1, keepdims=True)
+    has_mode = np.array([label in modes for label in of_class])
+    without_mode = ~has_mode / n_faults
+    left = 1.0 - without_mode.sum()
+    table[1:] = table[1:] * left + without_mode
     return table
 
 
 def log_softmax(scores: np.ndarray) -> np.ndarray:
     """Logarithm of the probabilities that are proportional to exp(scores) along the last axis."""
     scores = scores - scores.max(axis=-1, keepdims=True)
-    return scores - np.log(np.exp(scores).sum(axis=-1, keepdims=True))
+    total = np.exp(scores).sum(axis=-1, keepdims=True)
+    return scores - np.log(total)
 
 
 def class_log_probability(log_modes: np.ndarray, shares: np.ndarray) -> np.ndarray:
     """Log probabilities (n, n_classes) from those of the modes (n, n_modes) and `class_shares`."""
-    return np.log(np.exp(np.maximum(log_modes, LEAST)) @ shares)
+    probability = np.exp(np.maximum(log_modes, LEAST))
+    return np.log(probability @ shares)

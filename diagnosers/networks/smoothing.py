@@ -31,19 +31,22 @@ class SmoothedBelief(NamedTuple):
         log_faults = log_probability[:, 1:]
         odds = np.logaddexp.reduce(log_faults, axis=1) - log_probability[:, 0]
         falling = self.odds + update_share(ODDS_SMOOTHING) * (odds - self.odds)
-        faults = self.faults + update_share(FAULT_SMOOTHING) * (np.exp(log_faults) - self.faults)
+        change = np.exp(log_faults) - self.faults
+        faults = self.faults + update_share(FAULT_SMOOTHING) * change
         return SmoothedBelief(np.fmax(odds, falling), faults)
 
     def log_probability(self) -> np.ndarray:
         """The smoothed log probabilities, (n_lanes, n_classes)."""
-        share = self.faults / self.faults.sum(axis=1, keepdims=True)
-        log_faults = np.log(np.maximum(share, LEAST))
+        odds = self.odds[:, None]
+        total = self.faults.sum(axis=1, keepdims=True)
+        log_faults = np.log(np.maximum(self.faults / total, LEAST))
         log_total = np.logaddexp.reduce(log_faults, axis=1, keepdims=True)
-        log_faulty = log_faults - log_total - np.logaddexp(0.0, -self.odds)[:, None]
-        log_normal = -np.logaddexp(0.0, self.odds)[:, None]
-        return np.concatenate([log_normal, log_faulty], axis=1)
+        log_faulty = log_faults - log_total - np.logaddexp(0.0, -odds)
+        return np.concatenate([-np.logaddexp(0.0, odds), log_faulty], axis=1)
 
 
 def initial_smoothing(n_lanes: int, n_faults: int) -> SmoothedBelief:
     """The state before any sample."""
-    return SmoothedBelief(np.full(n_lanes, np.nan), np.zeros((n_lanes, n_faults)))
+    odds = np.full(n_lanes, np.nan)
+    faults = np.zeros((n_lanes, n_faults))
+    return SmoothedBelief(odds, faults)

@@ -53,11 +53,11 @@ def merge_rules(*books: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...
 
 def rules_of_sides(book: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
     """The rules of both sides from a book of rules for ``{side}``."""
-    return {
-        name.format(side=side): tuple(text.format(side=side) for text in texts)
-        for side in SIDES
-        for name, texts in book.items()
-    }
+    rules = {}
+    for side in SIDES:
+        for name, texts in book.items():
+            rules[name.format(side=side)] = tuple(text.format(side=side) for text in texts)
+    return rules
 
 
 def parse_rules(
@@ -102,7 +102,8 @@ def _columns(parts: Sequence[tuple[str, int]], signs: str, n_symptoms: int) -> l
 
 def _padded(rows: list[list[int]], blank: int) -> np.ndarray:
     longest = max(map(len, rows))
-    return np.array([row + [blank] * (longest - len(row)) for row in rows], np.int64)
+    padded = [row + [blank] * (longest - len(row)) for row in rows]
+    return np.array(padded, np.int64)
 
 
 def support(book: Rulebook, symptoms: np.ndarray) -> np.ndarray:
@@ -116,7 +117,8 @@ def support(book: Rulebook, symptoms: np.ndarray) -> np.ndarray:
     magnitudes = np.hstack([np.abs(symptoms), symptoms, -symptoms, 0.0 * column])
     contradicting = np.maximum(magnitudes - TOLERANCE, 0.0)
     least = required[:, book.required].min(axis=2)
-    of_rules = least - WEIGHT * contradicting[:, book.contradicting].sum(axis=2)
+    loss = WEIGHT * contradicting[:, book.contradicting].sum(axis=2)
+    of_rules = least - loss
     return np.maximum.reduceat(of_rules, book.first_rules, axis=1)
 
 
@@ -133,6 +135,6 @@ def log_probability(book: Rulebook, class_support: np.ndarray) -> np.ndarray:
     highest = evidence.max(axis=1, keepdims=True)
     log_odds = np.minimum(GAIN * (highest - EVEN_SUPPORT), LARGEST_LOG_ODDS)
     faults = SHARPNESS * (evidence - highest)
-    log_total = np.log(np.exp(faults).sum(axis=1, keepdims=True))
-    faults -= log_total + np.logaddexp(0.0, -log_odds)
+    total = np.exp(faults).sum(axis=1, keepdims=True)
+    faults -= np.log(total) + np.logaddexp(0.0, -log_odds)
     return np.hstack([-np.logaddexp(0.0, log_odds), faults])
