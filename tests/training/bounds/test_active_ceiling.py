@@ -69,9 +69,9 @@ def test_a_square_wave_tells_drag_from_its_rivals_sooner_than_cruise():
 
 
 def test_free_profiles_keep_the_budget_and_the_mean():
-    found = scale_to_budget(np.random.default_rng(0).normal(3.0, 1.0, (4, LEVELS)), BUDGET)
-    np.testing.assert_allclose(found.mean(axis=1), 0.0, atol=1e-15)
-    np.testing.assert_allclose(np.sqrt(np.mean(found**2, axis=1)), BUDGET)
+    scaled = scale_to_budget(np.random.default_rng(0).normal(3.0, 1.0, (4, LEVELS)), BUDGET)
+    np.testing.assert_allclose(scaled.mean(axis=1), 0.0, atol=1e-15)
+    np.testing.assert_allclose(np.sqrt(np.mean(scaled**2, axis=1)), BUDGET)
 
 
 def test_a_free_profile_gets_nearer_to_the_best_and_never_further():
@@ -120,12 +120,12 @@ def test_the_free_ceiling_is_no_lower_than_either_profile_and_stands_beside_the_
         ("JUDGED_ON", 2),
     ):
         monkeypatch.setattr(active_ceiling, name, value)
-    found = free_ceiling("increased_drag", 5, 0.1)
+    ceiling = free_ceiling("increased_drag", 5, 0.1)
     judged = seeds("test", 2, 700_000_006)
-    assert found["best"] == max(found["free"], found["active"])
-    assert found["thesis"] == pytest.approx(
+    assert ceiling["best"] == max(ceiling["free"], ceiling["active"])
+    assert ceiling["thesis"] == pytest.approx(
         least_rates("increased_drag", Thesis(0.1), judged).mean(axis=0).min()
     )
-    assert found["thesis_speed_up"] == pytest.approx(found["best"] / found["thesis"])
-    assert np.sqrt(np.mean(np.square(found["levels"]))) == pytest.approx(0.1, abs=1e-3)
-    assert found["budget"] == 0.1
+    assert ceiling["thesis_speed_up"] == pytest.approx(ceiling["best"] / ceiling["thesis"])
+    assert np.sqrt(np.mean(np.square(ceiling["levels"]))) == pytest.approx(0.1, abs=1e-3)
+    assert ceiling["budget"] == 0.1

@@ -44,10 +44,10 @@ def test_a_random_walk_settles_where_the_riccati_equation_says():
 
 
 def test_the_filters_come_near_the_bound_and_do_not_beat_it():
-    found = cramer_rao.compare_filters_with_bound(range(60), n_samples=400)["errors"]
+    errors = cramer_rao.compare_filters_with_bound(range(60), n_samples=400)["errors"]
     for parameter in ("alpha", "beta"):
         bound, error = (
-            np.array(found[name][parameter])[100:] for name in ("bound", "surge filter")
+            np.array(errors[name][parameter])[100:] for name in ("bound", "surge filter")
         )
         assert (error > 0.75 * bound).all()
         assert error.mean() < 1.5 * bound.mean()
@@ -63,8 +63,8 @@ def test_severity_is_known_as_well_as_the_parameter_that_it_moves():
 
 def test_at_constant_speed_only_the_ratio_of_thrust_and_drag_is_known():
     """Of two numbers with the same prior, whose difference alone is known, each is known to prior / sqrt(2)."""
-    found = cramer_rao.compare_filters_with_bound(range(8), n_samples=600)["errors"]
+    errors = cramer_rao.compare_filters_with_bound(range(8), n_samples=600)["errors"]
     for parameter in ("alpha", "beta"):
-        cruise, thesis = (found[name][parameter][-1] for name in ("bound in cruise", "bound"))
+        cruise, thesis = (errors[name][parameter][-1] for name in ("bound in cruise", "bound"))
         assert 0.99 * 10.0 / np.sqrt(2.0) < cruise < 7.8
         assert thesis < cruise

@@ -88,12 +88,13 @@ def test_nothing_switches_so_only_the_samples_after_the_beginning_count():
     lanes = lanes_of("seal_friction:port", 0.6, n_lanes=2)
     n_samples = 50
     late = lanes._replace(first_faulty_sample=lanes.first_faulty_sample + 1)
-    bank = [KnownOnset() for _ in range(2)]
-    for one in bank:
-        one.reset(2)
-        one.set_truth(lanes.healthy, lanes.severity)
+    banks = [KnownOnset() for _ in range(2)]
+    for bank in banks:
+        bank.reset(2)
+        bank.set_truth(lanes.healthy, lanes.severity)
     whole, short = (
-        log_likelihoods(one, some, n_samples) for one, some in zip(bank, (lanes, late), strict=True)
+        log_likelihoods(bank, bank_lanes, n_samples)
+        for bank, bank_lanes in zip(banks, (lanes, late), strict=True)
     )
     k = CLASSES.index("seal_friction:port")
     assert whole[-1, :, k].mean() > short[-2, :, k].mean()

@@ -24,8 +24,8 @@ def test_a_sensors_fault_cannot_tell_more_than_its_noise_allows():
 
 def test_structure_and_numbers_agree_on_every_pair():
     pytest.importorskip("faultdiagnosistoolbox")
-    found = isolability_tables()
-    np.testing.assert_array_equal(np.array(found["isolable"]), np.array(found["rates"]) > 1e-6)
+    tables = isolability_tables()
+    np.testing.assert_array_equal(np.array(tables["isolable"]), np.array(tables["rates"]) > 1e-6)
 
 
 def test_without_the_toolbox_there_is_no_structure(monkeypatch):

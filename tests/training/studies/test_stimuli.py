@@ -98,16 +98,16 @@ def written(folder, name="results.json", **changes):
 
 def test_a_stimulus_that_is_always_as_much_sooner_is_surely_so():
     thesis = np.linspace(2.0, 20.0, 40)
-    found = paired_figures(
+    figures = paired_figures(
         {"thesis": times(thesis), "cruise": times(2.0 * thesis), "prbs": times(thesis - 1.5)}, 0
     )
-    np.testing.assert_allclose(found["prbs"]["difference"]["thesis"], [-1.5] * 3)
-    np.testing.assert_allclose(found["thesis"]["ratio"]["cruise"], [0.5] * 3)
-    mean, low, high = found["thesis"]["mean"]
+    np.testing.assert_allclose(figures["prbs"]["difference"]["thesis"], [-1.5] * 3)
+    np.testing.assert_allclose(figures["thesis"]["ratio"]["cruise"], [0.5] * 3)
+    mean, low, high = figures["thesis"]["mean"]
     error = thesis.std() / np.sqrt(40)
     assert mean == pytest.approx(11.0) and low == pytest.approx(mean - 1.96 * error, abs=0.3)
     assert high == pytest.approx(mean + 1.96 * error, abs=0.3)
-    assert found["prbs"]["spread"] is None and found["thesis"]["isolated"] == 1.0
+    assert figures["prbs"]["spread"] is None and figures["thesis"]["isolated"] == 1.0
 
 
 def test_the_interval_of_the_agent_knows_that_its_seeds_differ():
@@ -124,32 +124,32 @@ def test_the_interval_of_the_agent_knows_that_its_seeds_differ():
 def test_figures_are_those_of_the_lanes_of_each_class_and_of_the_agents_seeds_together():
     scores = benchmark()["scores"]
     fault = [classes()[k] for k in FAULT]
-    found = compare_by_subset(scores, DIAGNOSER, fault, 0)
-    assert list(found) == [*SUBSETS, *FAULTS]
+    figures = compare_by_subset(scores, DIAGNOSER, fault, 0)
+    assert list(figures) == [*SUBSETS, *FAULTS]
     own = {name: np.array(by[DIAGNOSER]["by_lane"]["isolation"]) for name, by in scores.items()}
     drag = FAULT == 1
     alike = np.isin(fault, SUBSETS["confounded"])
     assert 0 < alike.sum() == 6 * len(SUBSETS["confounded"])
     for subset, lanes in (("increased_drag", drag), ("confounded", alike), ("all", FAULT > 0)):
         seeds = [own[name][lanes].mean() for name in ("learned", "learned_1")]
-        assert found[subset]["greedy"]["mean"][0] == pytest.approx(own["greedy"][lanes].mean())
-        assert found[subset][AGENT]["mean"][0] == pytest.approx(np.mean(seeds))
-        assert found[subset][AGENT]["spread"] == pytest.approx(
+        assert figures[subset]["greedy"]["mean"][0] == pytest.approx(own["greedy"][lanes].mean())
+        assert figures[subset][AGENT]["mean"][0] == pytest.approx(np.mean(seeds))
+        assert figures[subset][AGENT]["spread"] == pytest.approx(
             abs(seeds[0] - seeds[1]) / np.sqrt(2)
         )
-        rival = found[subset][AGENT]["difference"]["greedy"]
+        rival = figures[subset][AGENT]["difference"]["greedy"]
         assert (
             rival[0] == pytest.approx(np.mean(seeds) - own["greedy"][lanes].mean())
             and rival[1] < rival[0] < rival[2]
         )
-    assert "greedy" not in found["all"]["learned"]["difference"]
+    assert "greedy" not in figures["all"]["learned"]["difference"]
     assert (
         AGENT
         not in compare_by_subset({name: scores[name] for name in OPEN_LOOP}, DIAGNOSER, fault, 0)[
             "all"
         ]
     )
-    assert without_single_seeds(found["all"]) == [AGENT, *OPEN_LOOP]
+    assert without_single_seeds(figures["all"]) == [AGENT, *OPEN_LOOP]
 
 
 def test_the_costs_of_the_agent_are_the_mean_of_its_seeds():
@@ -271,11 +271,11 @@ def ceiling_of(fault, seed, budget):
 @pytest.fixture
 def searched(monkeypatch):
     """What ceilings have been searched for."""
-    found = []
+    searches = []
     monkeypatch.setattr(
-        active_ceiling, "free_ceiling", lambda *one: found.append(one) or ceiling_of(*one)
+        active_ceiling, "free_ceiling", lambda *one: searches.append(one) or ceiling_of(*one)
     )
-    return found
+    return searches
 
 
 def test_ceilings_are_sought_once_unless_they_would_be_sought_otherwise(

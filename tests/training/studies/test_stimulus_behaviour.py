@@ -83,21 +83,21 @@ def test_offsets_are_averaged_by_class_over_the_time_since_onset():
     onset = np.array([10.0, 20.0, 30.0])
     fault = np.array([1, 1, 5])
     began = np.arange(N_SAMPLES)[:, None] * SAMPLE_TIME >= onset - 1e-9
-    found = offsets_around_onset({"greedy": run_of(began * [0.1, -0.1, 0.2])}, fault, onset)
-    time = np.array(found["time"])
+    offsets = offsets_around_onset({"greedy": run_of(began * [0.1, -0.1, 0.2])}, fault, onset)
+    time = np.array(offsets["time"])
     assert time[0] == -9.75 and time[-1] == 24.75
     after = time > 0.0
     for kind, alone in (("mean", 0.0), ("absolute", 0.1)):
-        np.testing.assert_allclose(found[kind][classes()[1]]["greedy"], alone * after, atol=1e-9)
-        np.testing.assert_allclose(found[kind][classes()[5]]["greedy"], 0.2 * after)
-        assert list(found[kind]) == [classes()[1], classes()[5]]
+        np.testing.assert_allclose(offsets[kind][classes()[1]]["greedy"], alone * after, atol=1e-9)
+        np.testing.assert_allclose(offsets[kind][classes()[5]]["greedy"], 0.2 * after)
+        assert list(offsets[kind]) == [classes()[1], classes()[5]]
 
 
 def test_shares_of_the_budget_are_root_mean_squares_and_those_of_the_agents_seeds_are_pooled():
     squared = {"greedy": np.full((1, 5), 0.02**2), "learned": np.full((1, 5), 0.03**2)}
-    found = budget_shares(squared | {"learned_4": np.full((1, 5), 0.04**2)}, 0.1, 0)
-    np.testing.assert_allclose(found["greedy"], [0.2] * 3)
-    value, low, high = found[AGENT]
+    share_by_stimulus = budget_shares(squared | {"learned_4": np.full((1, 5), 0.04**2)}, 0.1, 0)
+    np.testing.assert_allclose(share_by_stimulus["greedy"], [0.2] * 3)
+    value, low, high = share_by_stimulus[AGENT]
     assert value == pytest.approx(np.sqrt((0.3**2 + 0.4**2) / 2))
     assert low == pytest.approx(0.3) and high == pytest.approx(0.4)  # one of the seeds twice
 
@@ -127,29 +127,29 @@ def test_the_episode_drawn_of_a_class_is_that_of_its_median_isolation_time():
         log_normal=np.where(is_alarmed, -9.0, -1.0),
         top=np.broadcast_to(of_class, is_alarmed.shape),
     )
-    found = median_episodes(run, of_class, onset, -5.0)
-    assert [one["class"] for one in found] == list(EPISODE_CLASSES)
+    episodes = median_episodes(run, of_class, onset, -5.0)
+    assert [one["class"] for one in episodes] == list(EPISODE_CLASSES)
     # the alarm asks for three samples in a row
-    assert [one["isolation"] for one in found] == [9.2] * len(EPISODE_CLASSES)
-    assert [one["offset"][0] for one in found] == [
+    assert [one["isolation"] for one in episodes] == [9.2] * len(EPISODE_CLASSES)
+    assert [one["offset"][0] for one in episodes] == [
         3.0 * k + 2.0 for k in range(len(EPISODE_CLASSES))
     ]
-    assert found[0]["onset"] == 12.0 and found[0]["time"][:2] == [0.0, 0.2]
-    assert found[0]["normal"][0] == pytest.approx(np.exp(-1.0), abs=1e-4)
+    assert episodes[0]["onset"] == 12.0 and episodes[0]["time"][:2] == [0.0, 0.2]
+    assert episodes[0]["normal"][0] == pytest.approx(np.exp(-1.0), abs=1e-4)
 
 
 def test_on_healthy_vehicles_the_thesis_spends_all_and_a_trigger_little(monkeypatch):
     for name, value in (("PER_CLASS", 1), ("N_HEALTHY", 6)):
         monkeypatch.setattr(stimulus_behaviour, name, value)
-    found = behaviour(["thesis", "greedy"], ["thesis", "greedy"], 0.05, "filter_bank", -6.0, 1, 0)
-    share = found["healthy"]["share"]
+    results = behaviour(["thesis", "greedy"], ["thesis", "greedy"], 0.05, "filter_bank", -6.0, 1, 0)
+    share = results["healthy"]["share"]
     assert share["thesis"][0] == pytest.approx(1.0, abs=0.02) and share["greedy"][0] < 0.5
-    assert found["episodes"]["stimulus"] == "greedy" and len(found["episodes"]["drawn"]) == len(
+    assert results["episodes"]["stimulus"] == "greedy" and len(results["episodes"]["drawn"]) == len(
         EPISODE_CLASSES
     )
-    size = np.array(found["around_onset"]["absolute"]["increased_drag"]["thesis"])
+    size = np.array(results["around_onset"]["absolute"]["increased_drag"]["thesis"])
     assert size.max() <= 0.05 + 1e-4 and size.min() > 0.03
-    known_onset = found["told"]
+    known_onset = results["told"]
     assert list(known_onset) == [
         "thesis",
         "greedy",
