@@ -24,7 +24,7 @@ from diagnosers.bank.hypotheses import OWN_PARAMETERS, SURGE, HypothesisTable, c
 from diagnosers.bank.kernel import BankState, step_lanes
 from diagnosers.bank.motor import DEVIATIONS
 from diagnosers.bank.pack import pack_size, workspace
-from diagnosers.bank.sensors import new_sample
+from diagnosers.bank.sensors import N_READINGS, new_sample
 from diagnosers.diagnoser import Belief, Recursive
 from diagnosers.kalman import START_SPEED_STD, opening_share
 
@@ -209,15 +209,17 @@ class FilterBank(Recursive):
         n_lanes = len(healthy)
         table = self.hypotheses(prior.shape[2])
         n_filters = table.hypothesis.size
-        log_posterior = np.full((n_lanes, table.log_hazard.size), -np.inf)
+        n_hypotheses = table.log_hazard.size
+        log_posterior = np.full((n_lanes, n_hypotheses), -np.inf)
         log_posterior[:, 0] = 0.0
         severity = _prior_severity(prior, table)
         filters = np.zeros((n_lanes, algebra.N_MOMENTS, n_filters))
         variances = [algebra.covariance_row(i, i) for i in range(SEVERITY)]
         for subsystem in OWN_PARAMETERS:
-            first, last = map(int, table.first_filter[subsystem : subsystem + 2])
-            variance = np.square(self._prior_std(subsystem, band))
-            filters[:, variances, first:last] = variance[:, None]
+            first = int(table.first_filter[subsystem])
+            last = int(table.first_filter[subsystem + 1])
+            std = self._prior_std(subsystem, band)
+            filters[:, variances, first:last] = np.square(std)[:, None]
         filters[:, SEVERITY] = severity[:, 0, table.hypothesis]
         filters[:, algebra.SEVERITY_VARIANCE] = severity[:, 1, table.hypothesis]
         return BankState(
@@ -225,7 +227,7 @@ class FilterBank(Recursive):
             severity=severity,
             filters=filters,
             shaft_speed=np.full((n_lanes, n_filters), np.nan),
-            readings=np.full((n_lanes, len(READINGS)), np.nan),
+            readings=np.full((n_lanes, N_READINGS), np.nan),
             healthy=healthy,
             prior=prior,
             age=np.zeros(n_lanes),
@@ -246,9 +248,10 @@ class FilterBank(Recursive):
 
     def _band_of(self, name: str) -> float:
         """Relative half-width of the healthy band of a parameter in `PARAMETERS`."""
-        of_vehicle = name.split("_", 1)[1] if name.startswith(SIDES) else name
-        width = self.band.get(of_vehicle)
-        return PARAMETERS[name].band if width is None else width
+        of_vehicle = name
+        for side in SIDES:
+            of_vehicle = of_vehicle.removeprefix(f"{side}_")
+        return self.band.get(of_vehicle, PARAMETERS[name].band)
 
     def state_at_onset(self, state: BankState, lanes: np.ndarray) -> BankState:
         """The state if on these lanes (indices) a fault, or none, begins with the next sample.
