@@ -7,7 +7,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
 from auv_fault_env.faults import NORMAL
 from training.active_env.sb3 import ActiveVecEnv
-from training.learning.outcomes import HEALTHY_SHARE, Outcomes
+from training.learning.outcomes import HEALTHY_SHARE, Outcomes, true_labels
 from training.stimuli.base import EPISODE_TIME
 from training.stimuli.policy_inputs import allowance_of, compressed_allowance
 
@@ -75,7 +75,7 @@ class ConstrainedVecEnv(VecEnvWrapper):
         self._squared_budget = self._random_squared_budgets(self.num_envs)
         self._allowance = EPISODE_TIME * self._squared_budget
         observation = self.venv.reset()
-        self._label = np.array([info["truth"]["label"] for info in self.venv.reset_infos], object)
+        self._label = true_labels(self.venv.reset_infos)
         return self._with_allowance(observation)
 
     def _random_squared_budgets(self, n: int) -> np.ndarray:
@@ -84,28 +84,33 @@ class ConstrainedVecEnv(VecEnvWrapper):
 
     def step_async(self, actions: np.ndarray) -> None:
         """Take the actions, clipped to the allowance."""
-        largest = (np.sqrt(self._allowance) / self.amplitude).astype(np.float32)[:, None]
+        largest = np.sqrt(self._allowance) / self.amplitude
+        largest = largest.astype(np.float32)[:, None]
         self.venv.step_async(np.clip(actions, -largest, largest))
 
     def step_wait(self) -> VecEnvStepReturn:
         """The environment's step, with the rewards less the priced costs."""
         observation, reward, done, infos = self.venv.step_wait()
         cost, label = self.outcomes.update(infos, done)
-        healthy_budget = np.where(label == NORMAL, self._squared_budget, np.nan)
+        is_healthy = label == NORMAL
+        healthy_budget = np.where(is_healthy, self._squared_budget, np.nan)
         self._healthy_budgets.append(healthy_budget)
         self._allowance = np.maximum(self._allowance - cost, 0.0)
         ended = np.flatnonzero(done)
         for lane in ended:
             last = infos[lane]["terminal_observation"]
             last[ALLOWANCE] = compressed_allowance(self._allowance[lane])
-        self._squared_budget[done] = self._random_squared_budgets(int(done.sum()))
+        self._squared_budget[done] = self._random_squared_budgets(len(ended))
         self._allowance[done] = EPISODE_TIME * self._squared_budget[done]
-        is_right = (label == [info["declared"] for info in infos]) & (label != NORMAL)
-        reward = np.where(label == self._label, reward, 0.0) + DECLARATION_REWARD * is_right
-        reward = reward - self.price * np.nan_to_num(cost / healthy_budget)
-        label[done] = [self.venv.reset_infos[lane]["truth"]["label"] for lane in ended]
+        declared = [info["declared"] for info in infos]
+        is_right = (label == declared) & ~is_healthy
+        is_unchanged = label == self._label
+        priced_cost = self.price * np.nan_to_num(cost / healthy_budget)
+        reward = np.where(is_unchanged, reward, 0.0) + DECLARATION_REWARD * is_right
+        reward = (reward - priced_cost).astype(np.float32)
+        label[done] = true_labels([self.venv.reset_infos[lane] for lane in ended])
         self._label = label
-        return self._with_allowance(observation), reward.astype(np.float32), done, infos
+        return self._with_allowance(observation), reward, done, infos
 
     def _with_allowance(self, observation: np.ndarray) -> np.ndarray:
         observation[:, ALLOWANCE] = compressed_allowance(self._allowance)

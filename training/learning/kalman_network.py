@@ -36,8 +36,8 @@ class KalmanNetworkTrainer:
     data = (
         f"trained on {POINTS} x {POINTS} points of the fault map, validated on "
         f"{VALIDATION_POINTS} x {VALIDATION_POINTS} others; calibrated on {LANES} episodes of "
-        "60 s, half with the thesis' stimulus, half with random missions and manoeuvres; default faults, "
-        "band and noise"
+        "60 s, half with the thesis' stimulus, half with random missions and manoeuvres; default "
+        "faults, band and noise"
     )
 
     def __init__(self, seed: int) -> None:

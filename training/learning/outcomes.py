@@ -42,6 +42,11 @@ class Outcome(NamedTuple):
     delay: float
 
 
+def true_labels(infos: Sequence[dict[str, Any]]) -> np.ndarray:
+    """The class that is true on each lane, (n_lanes,)."""
+    return np.array([info["truth"]["label"] for info in infos], object)
+
+
 class Outcomes:
     """Follows the lanes of the active environment and collects the outcomes in `ended`.
 
@@ -60,7 +65,7 @@ class Outcomes:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Take the information of a step of `ActiveVecEnv`; its costs and labels, (n_lanes,)."""
         cost = np.array([info["cost"] for info in infos])
-        label = np.array([info["truth"]["label"] for info in infos], object)
+        label = true_labels(infos)
         self._last_fault = np.where(label != NORMAL, label, self._last_fault)
         self._decisions += 1
         self._cost += cost

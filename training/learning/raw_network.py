@@ -40,7 +40,8 @@ class RawNetworkTrainer:
         self.seed = seed
         self.training = AdamTraining(FeedForward(random_tensors(ARCHITECTURE, seed)))
         with np.errstate(divide="ignore"):
-            log_shares = np.log(class_shares(labels(), tuple(HYPOTHESES)))
+            shares = class_shares(labels(), tuple(HYPOTHESES))
+            log_shares = np.log(shares)
         self.log_shares = torch.from_numpy(log_shares).float().T.contiguous()
         self.validation: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -54,8 +55,9 @@ class RawNetworkTrainer:
         losses = []
         for k, batch in enumerate(batches):
             progress = min((number + k / len(batches)) / self.epochs, 1.0)
+            rate = RATE * 0.5 * (1.0 + cos(pi * progress))
             loss = self.loss(observations[batch], label[batch])
-            self.training.step(loss, RATE * 0.5 * (1.0 + cos(pi * progress)))
+            self.training.step(loss, rate)
             losses.append(loss.item())
         return {"loss": float(np.mean(losses))}
 
@@ -71,14 +73,17 @@ class RawNetworkTrainer:
         outputs = self.training.network(network_inputs)
         log_modes = torch.log_softmax(scores(outputs), dim=1)
         log_shares = self.log_shares[torch.from_numpy(label)]
-        return -torch.logsumexp(log_modes + log_shares, dim=1).mean()
+        log_probability = torch.logsumexp(log_modes + log_shares, dim=1)
+        return -log_probability.mean()
 
     def validate(self) -> dict[str, float]:
         """The same loss on the validation seeds."""
         if self.validation is None:
             self.validation = samples("validation", LANES, 0, np.random.default_rng(0))
+        observations, label = self.validation
         with torch.inference_mode():
-            return {"loss": self.loss(*self.validation).item()}
+            loss = self.loss(observations, label)
+        return {"loss": loss.item()}
 
     def state(self) -> dict[str, np.ndarray]:
         """Weights and moments of Adam, by name."""
@@ -90,10 +95,12 @@ class RawNetworkTrainer:
 
     def finish(self) -> tuple[RawNetwork, dict[str, Any]]:
         """The diagnoser, and its loss on the calibration seeds."""
-        calibration = samples("calibration", LANES, 0, np.random.default_rng(0))
+        random = np.random.default_rng(0)
+        observations, label = samples("calibration", LANES, 0, random)
         with torch.inference_mode():
-            loss = self.loss(*calibration).item()
-        return RawNetwork(self.training.network.tensors()), {"calibration_loss": loss}
+            loss = self.loss(observations, label)
+        diagnoser = RawNetwork(self.training.network.tensors())
+        return diagnoser, {"calibration_loss": loss.item()}
 
 
 def samples(

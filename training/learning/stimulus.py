@@ -69,9 +69,9 @@ class StimulusTrainer:
         """The episodes of the training and of its validation."""
         return (
             f"training: epochs of {ROLLOUTS * ROLLOUT} decisions on each of {LANES} vehicles, "
-            f"episodes of up to {MAX_DECISIONS} s drawn as in auv_fault_env/ActiveDiagnosis-v0, of the "
-            f"faults {', '.join(plant_prior())}; validated on {VALIDATION_LANES} such episodes with "
-            "seeds of their own"
+            f"episodes of up to {MAX_DECISIONS} s drawn as in auv_fault_env/ActiveDiagnosis-v0, of "
+            f"the faults {', '.join(plant_prior())}; validated on {VALIDATION_LANES} such episodes "
+            "with seeds of their own"
         )
 
     def __init__(

@@ -136,7 +136,8 @@ def write_changes(parameters, present, command, constants, readings, changes):
 def information(changes, probability, variance):
     """Lower bound of the information on the hypotheses [nat].
 
-    ``-sum_i p_i log sum_j p_j exp(-k_ij)``; k_ij is the Bhattacharyya distance of two normal distributions of equal variance.
+    ``-sum_i p_i log sum_j p_j exp(-k_ij)``; k_ij is the Bhattacharyya distance of two normal
+    distributions of equal variance.
     """
     total = 0.0
     for i in range(probability.size):

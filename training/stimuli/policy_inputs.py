@@ -47,7 +47,7 @@ def classes_of(features: Sequence[str]) -> tuple[str, ...]:
 
 @cache
 def feature_bounds(n_classes: int) -> tuple[np.ndarray, np.ndarray]:
-    """Least and largest features, each (n_features,) float32, of an agent that sees so many classes."""
+    """Least and largest features of an agent with so many classes, each (n_features,) float32."""
     bounds = [LOG_ODDS_BOUNDS] * n_classes + list(OTHER_BOUNDS.values())
     low, high = np.array(bounds, np.float32).T
     return low, high

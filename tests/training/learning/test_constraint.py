@@ -90,10 +90,10 @@ def test_no_episode_overdraws_its_budget_and_the_next_begins_with_all_of_it():
 
 
 def test_smaller_budgets_are_drawn_from_the_seed():
-    (_, one) = constrained(least=0.4, n_lanes=200)
+    (_, first) = constrained(least=0.4, n_lanes=200)
     (_, again) = constrained(least=0.4, n_lanes=200)
-    np.testing.assert_array_equal(one, again)
-    share = np.sqrt(np.expm1(one[:, ALLOWANCE]) * LARGEST_OFFSET**2 / EPISODE_TIME) / BUDGET
+    np.testing.assert_array_equal(first, again)
+    share = np.sqrt(np.expm1(first[:, ALLOWANCE]) * LARGEST_OFFSET**2 / EPISODE_TIME) / BUDGET
     assert 0.4 < share.min() < 0.45 and 0.95 < share.max() < 1.0 and abs(share.mean() - 0.7) < 0.05
 
 
@@ -101,18 +101,20 @@ def test_smaller_budgets_are_drawn_from_the_seed():
 def test_price_follows_the_overdraft_of_the_healthy(share, overdraft):
     env, _ = constrained()
     env.price = 0.1
-    seen = [env.step(np.full((3, 1), 0.5, np.float32))[0] for _ in range(4)]
-    env.update_price(np.array(seen), np.full((4, 3), share * HEALTHY_SHARE * BUDGET / AMPLITUDE))
+    observations = [env.step(np.full((3, 1), 0.5, np.float32))[0] for _ in range(4)]
+    env.update_price(
+        np.array(observations), np.full((4, 3), share * HEALTHY_SHARE * BUDGET / AMPLITUDE)
+    )
     # 1 at most: the square would be 8 over
     assert env.price == pytest.approx(0.1 + PRICE_RATE * overdraft, abs=1e-6)
 
 
 def test_what_faulty_vehicles_do_and_what_the_allowance_forbids_is_no_overdraft():
-    for env, seen in (constrained(GONE[:1]), constrained(budget=0.001)):
+    for env, observations in (constrained(GONE[:1]), constrained(budget=0.001)):
         env.price = 0.1
         env.step(np.ones((3, 1), np.float32))
         env._healthy_budgets = [np.array([env.venv.env.budget**2, np.nan, np.nan])]
-        env.update_price(seen[None], np.array([[0.0, 1.0, 1.0]]))
+        env.update_price(observations[None], np.array([[0.0, 1.0, 1.0]]))
         assert env.price == pytest.approx(0.1 - PRICE_RATE, abs=1e-6)
 
 

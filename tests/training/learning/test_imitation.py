@@ -1,4 +1,4 @@
-"""The start of the agent: after watching the rule by hand it does about the same, and knows what that is worth."""
+"""The start of the agent: it imitates the rule by hand, and estimates its returns."""
 
 import numpy as np
 import pytest
@@ -57,30 +57,36 @@ def test_the_stimulus_follows_the_odds():
     reading[:, :2] = 0.3
     offsets = []
     for k, normal in enumerate((0.99, 0.5, 0.5, 0.99)):
-        told = probabilities(normal=normal, increased_drag=0.9 * (1.0 - normal))
+        log_probability = probabilities(normal=normal, increased_drag=0.9 * (1.0 - normal))
         offsets.append(
-            stimulus.offset(k, reading, Belief(told, np.zeros_like(told), np.zeros_like(told)))[0]
+            stimulus.offset(
+                k,
+                reading,
+                Belief(
+                    log_probability, np.zeros_like(log_probability), np.zeros_like(log_probability)
+                ),
+            )[0]
         )
     assert offsets[1] == pytest.approx(offsets[2], rel=1e-2) and offsets[1] > 5.0 * offsets[0] > 0.0
     assert offsets[3] == pytest.approx(offsets[0], rel=1e-2)
 
 
-def test_worth_is_the_discounted_sum_of_what_follows():
+def test_returns_are_discounted_sums_of_the_rewards_that_follow():
     env = ConstrainedVecEnv(ActiveVecEnv(ActiveDiagnosisVectorEnv(3, 4, "random", cost_weight=0.0)))
     env.seed(1)
     demonstration = demonstrate(env, 10, 0.5)
-    worth = demonstration.returns.reshape(10, 3)
+    returns = demonstration.returns.reshape(10, 3)
     gains = []
     env.seed(1)
     env.reset()
-    for done in demonstration.actions.reshape(10, 3, 1):
-        gains.append(env.step(done.numpy())[1])
+    for action in demonstration.actions.reshape(10, 3, 1):
+        gains.append(env.step(action.numpy())[1])
     for first in (0, 4):  # an episode is four decisions
         expected = sum(0.5**k * gains[first + k] for k in range(4))
-        np.testing.assert_allclose(worth[first], expected, rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(returns[first], expected, rtol=1e-5, atol=1e-6)
 
 
-def test_actor_and_critic_learn_what_was_done_and_what_it_was_worth():
+def test_actor_and_critic_learn_the_actions_and_their_returns():
     trainer = StimulusTrainer(0)
     env = ConstrainedVecEnv(
         ActiveVecEnv(ActiveDiagnosisVectorEnv(64, diagnoser=light_bank(), cost_weight=0.0))

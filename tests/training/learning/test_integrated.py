@@ -1,4 +1,4 @@
-"""Training of the integrated network on a few short lessons."""
+"""Training of the integrated network on a few short episodes."""
 
 import numpy as np
 import pytest

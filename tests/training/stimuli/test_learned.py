@@ -27,10 +27,10 @@ MISSIONS = [0.25, 0.3, 0.4]
 LEARNED = [name for name in STIMULI if SEEDS_OF_TRAINING.fullmatch(name)]
 
 
-def drawn(seed, spread=0.3):
+def random_policy(seed, scale=0.3):
     random = np.random.default_rng(seed)
     tensors = {
-        name: random.normal(0.0, spread, shape).astype(np.float32)
+        name: random.normal(0.0, scale, shape).astype(np.float32)
         for name, shape in policy_shapes(29).items()
     }
     return LearnedPolicy(tensors, "filter_bank", 0.1, 0.25)
@@ -39,7 +39,7 @@ def drawn(seed, spread=0.3):
 @pytest.fixture
 def policy(tmp_path, monkeypatch):
     monkeypatch.setattr(storage, "WEIGHTS", tmp_path)
-    made = drawn(0, 0.12)
+    made = random_policy(0, 0.12)
     made.save(tmp_path / "stimulus-filter_bank-0.safetensors")
     return made
 
@@ -52,7 +52,7 @@ def test_it_acts_as_the_policy_does_in_its_environment(policy):
     env.venv._options = [
         {"schedule": s, "mission": m} for s, m in zip(SCHEDULES, MISSIONS, strict=True)
     ]
-    seen = env.reset()
+    features = env.reset()
     fleet = Fleet(3)
     bank = light_bank()
     stimulus = LearnedHeld(0.1)
@@ -60,7 +60,7 @@ def test_it_acts_as_the_policy_does_in_its_environment(policy):
     bank.reset(3)
     moved = 0.0
     for k in range(DECISIONS):
-        seen, _, done, _ = env.step(policy.action(seen))
+        features, _, done, _ = env.step(policy.action(features))
         assert not done.any()
         for sample in range(10 * k, 10 * k + 10):
             offset = stimulus.offset(sample, reading, bank.update(reading))
@@ -106,7 +106,7 @@ def test_it_is_asked_at_every_sample_and_may_be_held_for_a_second(policy):
 
 def test_results_depend_on_the_file_of_the_policy(policy, tmp_path):
     before = Learned().policy_digest
-    drawn(1).save(tmp_path / "stimulus-filter_bank-0.safetensors")
+    random_policy(1).save(tmp_path / "stimulus-filter_bank-0.safetensors")
     assert Learned().policy_digest != before != ""
     assert STIMULI["thesis"]().policy_digest == ""
 

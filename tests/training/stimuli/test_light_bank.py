@@ -1,4 +1,4 @@
-"""The bank that stimuli are learnt beside: few filters, and beliefs like those of the whole one."""
+"""The bank beside which stimuli are trained: few filters, and beliefs like those of the whole one."""
 
 import numpy as np
 
@@ -30,10 +30,10 @@ def test_a_class_without_a_hypothesis_is_impossible_and_the_others_share_all():
 
 def test_missing_classes_are_dropped_and_the_rest_stays():
     belief = bank_after(make("filter_bank"), FaultEvent("sensor_bias:port_current", 1.0, 1.0), 40)
-    seen = restrict_belief(belief)
-    assert (seen.log_probability[:, IS_MISSING] < -1e5).all()
+    restricted = restrict_belief(belief)
+    assert (restricted.log_probability[:, IS_MISSING] < -1e5).all()
     np.testing.assert_array_equal(
-        seen.log_probability[:, ~IS_MISSING], belief.log_probability[:, ~IS_MISSING]
+        restricted.log_probability[:, ~IS_MISSING], belief.log_probability[:, ~IS_MISSING]
     )
 
 

@@ -87,9 +87,11 @@ def test_whatever_is_believed_the_allowance_is_not_overdrawn(name):
     random = np.random.default_rng(0)
     found = []
     for k in range(2 * N_SAMPLES):
-        told = belief(random.uniform(0.001, 0.999, 3) ** 4)
-        told.log_probability[:, 1:] += np.log(18.0 * random.dirichlet([0.1] * 18, 3).clip(1e-9))
-        found.append(stimulus.offset(k, OBSERVATION, told))
+        changing_belief = belief(random.uniform(0.001, 0.999, 3) ** 4)
+        changing_belief.log_probability[:, 1:] += np.log(
+            18.0 * random.dirichlet([0.1] * 18, 3).clip(1e-9)
+        )
+        found.append(stimulus.offset(k, OBSERVATION, changing_belief))
     spent = np.sum(np.square(found), axis=0)
     assert (spent <= N_SAMPLES * 0.1**2 * (1 + 1e-9)).all() and (
         spent > 0.2 * N_SAMPLES * 0.1**2
@@ -179,7 +181,7 @@ def test_harmonics_of_the_multisine_are_equal_and_its_peak_is_low():
     assert np.abs(multisine()).max() < 2.0  # eight cosines in phase have 4
 
 
-def test_the_d_optimal_profile_tells_more_than_the_thesis_and_than_any_candidate():
+def test_the_d_optimal_profile_has_more_information_than_the_thesis_and_any_candidate():
     best = d_optimal(EPISODE_TIME)
     thesis = np.resize(square(), N_SAMPLES)
     others = np.stack(
@@ -192,28 +194,28 @@ def test_the_d_optimal_profile_tells_more_than_the_thesis_and_than_any_candidate
     assert abs(best.mean()) < 0.01 and np.abs(best).max() * BUDGET < LARGEST_OFFSET
 
 
-def test_constant_speed_tells_less_of_drag_and_thrust_than_any_profile():
+def test_constant_speed_has_less_information_on_drag_and_thrust_than_any_profile():
     information = log_information(np.array([np.zeros(200), 0.02 * np.resize(square(), 200)]))
     assert information[0] < information[1] - 0.2
 
 
 @pytest.mark.parametrize("name", TRIGGERED)
-def test_a_trigger_cruises_until_a_fault_is_suspected_and_spends_what_is_left_in_a_spell(name):
+def test_a_trigger_cruises_until_a_fault_is_suspected_and_then_spends_the_allowance(name):
     stimulus = STIMULI[name](0.05)
     found = []
     for k in range(N_SAMPLES):
         normal = 0.6, 0.4 if k == 300 else 0.7, 0.4 if k >= 300 else 0.99
         found.append(stimulus.offset(k, OBSERVATION, belief(normal)))
-    quiet, kept_on, suspected = np.transpose(found)
-    assert not quiet.any() and not kept_on[:300].any() and not suspected[:300].any()
-    spread = 0.05 * np.sqrt(EPISODE_TIME / EXCITATION_TIME)  # 0.09 m/s
-    np.testing.assert_allclose(kept_on, suspected, atol=1e-6)  # 0.7 is no calm
-    assert np.mean(suspected[300:500] ** 2) == pytest.approx(spread**2, rel=0.02)
+    quiet, lasting, suspected = np.transpose(found)
+    assert not quiet.any() and not lasting[:300].any() and not suspected[:300].any()
+    amplitude = 0.05 * np.sqrt(EPISODE_TIME / EXCITATION_TIME)  # 0.09 m/s
+    np.testing.assert_allclose(lasting, suspected, atol=1e-6)  # 0.7 does not stop it
+    assert np.mean(suspected[300:500] ** 2) == pytest.approx(amplitude**2, rel=0.02)
     assert np.abs(suspected[510:]).max() < 0.01  # spent
 
 
 @pytest.mark.parametrize("name", TRIGGERED)
-def test_a_trigger_calms_down_and_keeps_the_rest_for_later(name):
+def test_a_trigger_stops_and_saves_the_rest_for_later(name):
     stimulus = STIMULI[name](0.1)
     normal = np.where(np.arange(N_SAMPLES) % 100 < 10, 0.01, 0.99)
     found = np.array([stimulus.offset(k, OBSERVATION, belief(p)) for k, p in enumerate(normal)])
@@ -222,35 +224,38 @@ def test_a_trigger_calms_down_and_keeps_the_rest_for_later(name):
     assert np.abs(found[:10]).max() > np.abs(found[600:]).max() > 0
 
 
-def likely(*names, severity=0.6):
-    """Three lanes that waver between these classes."""
+def wavering(*names, severity=0.6):
+    """Three lanes with these classes equally likely."""
     log_probability = np.full((3, 19), -20.0)
     for name in names:
         log_probability[:, classes().index(name)] = -np.log(len(names))
     return Belief(log_probability, np.full((3, 19), severity), np.full((3, 19), 0.1))
 
 
-def first_of_greedy(told, budget=0.0762):
-    return STIMULI["greedy"](budget).offset(0, OBSERVATION, told)
+def first_greedy_offset(belief_at_start, budget=0.0762):
+    return STIMULI["greedy"](budget).offset(0, OBSERVATION, belief_at_start)
 
 
-def test_greedy_tells_drag_from_thrust_by_changing_speed():
-    confounded = first_of_greedy(likely("increased_drag", "propeller_damage:port"))
+def test_greedy_changes_speed_to_separate_drag_from_thrust():
+    confounded = first_greedy_offset(wavering("increased_drag", "propeller_damage:port"))
     assert (np.abs(confounded) > 0.02).all() and len(set(confounded)) == 1
 
 
 def test_greedy_is_silent_where_nothing_is_to_be_gained():
-    assert not first_of_greedy(likely("normal")).any()
+    assert not first_greedy_offset(wavering("normal")).any()
     # the same vehicle twice
-    assert not first_of_greedy(likely("increased_drag", "normal", severity=0.0)).any()
-    dear = likely("increased_drag", "propeller_damage:port")
-    assert first_of_greedy(dear, budget=0.1).all() and not first_of_greedy(dear, budget=0.005).any()
+    assert not first_greedy_offset(wavering("increased_drag", "normal", severity=0.0)).any()
+    dear = wavering("increased_drag", "propeller_damage:port")
+    assert (
+        first_greedy_offset(dear, budget=0.1).all()
+        and not first_greedy_offset(dear, budget=0.005).any()
+    )
 
 
 def test_greedy_holds_an_offset_for_a_second():
     stimulus = STIMULI["greedy"]()
-    doubt = likely("increased_drag", "propeller_damage:port")
-    sure = likely("normal")
+    doubt = wavering("increased_drag", "propeller_damage:port")
+    sure = wavering("normal")
     found = np.array(
         [stimulus.offset(k, OBSERVATION, sure if k % 20 else doubt) for k in range(40)]
     )[:, 0]
