@@ -89,18 +89,18 @@ class TrainStimulus:
 
 @dataclass(frozen=True)
 class Validate:
-    """Compare the diagnosers on episodes of their own: isolation time, macro-F1, severity, calibration, speed."""
+    """Score the diagnosers on validation episodes, while you develop one; the same command goes on after a break."""
 
     output: Path = Path("runs/validate")
-    """Folder of the report; an earlier run there is replaced."""
+    """Folder of the report and the trials; an earlier validation there is replaced."""
     diagnosers: tuple[str, ...] = ()
-    """Diagnosers to compare; all of the registry if none is given."""
+    """Diagnosers to score; all of the registry if none is named."""
     seed: int = 0
-    """Offset within the validation seeds."""
+    """Offset within the validation seeds, and seed of the bootstrap intervals."""
     lanes: int = 1000
-    """Number of faulty vehicles, one episode each."""
+    """Number of faulty vehicles, one episode each under every stimulus."""
     hours: float = 20.0
-    """Healthy operation on which the thresholds are set, and as much again on which false alarms are counted [h]."""
+    """Healthy operation to set the thresholds on, and as much again to count false alarms on [h]."""
 
 
 @dataclass(frozen=True)

@@ -126,7 +126,7 @@ def frozen(name: str, recipe: Recipe) -> Suite:
         "counting": seeds("test", 1, first + BLOCK // 2)[0],
     }
     order = np.random.default_rng(chosen[0]).permutation(len(recipe.cells))
-    missions = map(rounded, recipe.conditions.draw_missions(chosen))
+    missions = map(rounded, recipe.conditions.sample_missions(chosen))
     schedules = [
         schedule(seed, *recipe.cells[k], recipe.compound)
         for seed, k in zip(chosen, order, strict=True)

@@ -1,29 +1,43 @@
 """The sections with figures of the benchmark's page."""
 
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from training.benchmark.leaderboard import Scores, figure_section, in_order
+from training.benchmark.scores import RANKED_AT, Score
 from training.report.cells import file_name, number, row_name
 
-DRAWN = 3  # episodes drawn of each diagnoser
-TOP = 2  # diagnosers whose confusion is drawn
-SCATTERED = 4  # diagnosers whose severities are drawn
-BOUND = {"detection": "bound", "isolation": "bound at 1 % misnamed"}
-LEFT = {
-    "detection": " Left of the line the bound, of abrupt faults; it has an interval of its own, see below.",
-    "isolation": " Left of the line the least for abrupt faults if the most similar class is given this name in one of "
-    "a hundred cases at most: who confuses the two more often can be below it, and so can the oracle, which is told "
-    "severities.",
+N_EPISODES_SHOWN = 3  # of each diagnoser
+N_CONFUSIONS_SHOWN = 2  # diagnosers
+N_SCATTERS_SHOWN = 4  # diagnosers
+BOUND_COLUMNS = {"detection": "bound", "isolation": "bound at 1 % confused"}
+BOUND_NOTES = {
+    "detection": " Left of the line: the bound for abrupt faults; its interval is in the table of "
+    "bounds.",
+    "isolation": " Left of the line: the bound for abrupt faults, if the most similar class is "
+    "named wrongly in at most one of a hundred cases. A diagnoser that confuses the two more often "
+    "can be below it, and so can the oracle, which knows the severities.",
 }
-WIDTH = 44  # characters of a line above a drawn episode
+TITLE_WIDTH = 44  # characters of a line above an episode
 
 
 class BenchmarkView(NamedTuple):
-    """Results, their scores by stimulus and diagnoser, and names in the order of every figure, references last."""
+    """Results as the page reads them.
+
+    Attributes
+    ----------
+    results
+        All of results.json.
+    scores
+        By stimulus and diagnoser.
+    references
+        Diagnosers that are not ranked.
+    names
+        Diagnosers by mean isolation time over the stimuli, references last.
+    """
 
     results: Mapping[str, Any]
     scores: Mapping[str, Scores]
@@ -32,20 +46,15 @@ class BenchmarkView(NamedTuple):
 
     @classmethod
     def of(cls, results: Mapping[str, Any]) -> "BenchmarkView":
-        """Names are in the order of their mean isolation time over the stimuli."""
+        """The view of results."""
         scores = results["scores"]
         references = frozenset(results["references"])
-        names = in_order(next(iter(scores.values())), references)
-        mean = {
-            name: np.mean([by[name]["isolation"]["restricted_mean"] for by in scores.values()])
-            for name in names
-        }
-        return cls(
-            results,
-            scores,
-            references,
-            sorted(names, key=lambda name: (name in references, mean[name])),
-        )
+        mean_time = {}
+        for name in in_order(next(iter(scores.values())), references):
+            times = [by_name[name]["isolation"]["restricted_mean"] for by_name in scores.values()]
+            mean_time[name] = np.mean(times)
+        names = sorted(mean_time, key=lambda name: (name in references, mean_time[name]))
+        return cls(results, scores, references, names)
 
     @property
     def bounds(self) -> Mapping[str, Any]:
@@ -54,37 +63,48 @@ class BenchmarkView(NamedTuple):
 
     @property
     def horizon(self) -> float:
-        """When watching ends [s]."""
+        """Time after onset at which delays are censored [s]."""
         return self.results["settings"]["horizon"]
 
-    def best_under(self, name: str) -> str:
-        """The stimulus under which a diagnoser isolates soonest."""
-        return min(
-            self.scores,
-            key=lambda stimulus: self.scores[stimulus][name]["isolation"]["restricted_mean"],
-        )
+    @property
+    def ranked(self) -> list[str]:
+        """Names of the diagnosers that compete."""
+        return [name for name in self.names if name not in self.references]
 
-    def lines(self, of: Any) -> dict[str, dict[str, Any]]:
-        """By stimulus and diagnoser the line {x, y} that a function makes of a score."""
-        return {
-            stimulus: {name: dict(zip("xy", of(scores[name]), strict=True)) for name in self.names}
-            for stimulus, scores in self.scores.items()
-        }
+    def best_stimulus(self, name: str) -> str:
+        """The stimulus under which a diagnoser isolates soonest."""
+
+        def isolation_time(stimulus: str) -> float:
+            return self.scores[stimulus][name]["isolation"]["restricted_mean"]
+
+        return min(self.scores, key=isolation_time)
+
+    def lines(self, line: Callable[[Score], tuple[Any, Any]]) -> dict[str, dict[str, Any]]:
+        """By stimulus and diagnoser the line {x, y} from a function of the score."""
+        panels: dict[str, dict[str, Any]] = {}
+        for stimulus, scores in self.scores.items():
+            panels[stimulus] = {}
+            for name in self.names:
+                x, y = line(scores[name])
+                panels[stimulus][name] = {"x": x, "y": y}
+        return panels
 
 
 def isolation_over_time(view: BenchmarkView) -> dict[str, Any]:
     """Share isolated against time since onset."""
-    panels = view.lines(
-        lambda score: (score["isolation_over_time"]["time"], score["isolation_over_time"]["share"])
-    )
+
+    def line(score: Score) -> tuple[Any, Any]:
+        curve = score["isolation_over_time"]
+        return curve["time"], curve["share"]
+
     return figure_section(
         "How soon are faults isolated?",
         "curves",
         "isolation",
-        "Share of the faults isolated for good by a time since onset, at one false alarm per hour; the area above a "
-        "line is its restricted mean.",
+        "Share of the faults isolated for good by a time since onset, at one false alarm per hour; "
+        "the area above a line is its restricted mean.",
         {
-            "panels": panels,
+            "panels": view.lines(line),
             "references": list(view.references),
             "labels": ("time since onset [s]", "share of the faults isolated"),
             "top": 1.0,
@@ -94,58 +114,66 @@ def isolation_over_time(view: BenchmarkView) -> dict[str, Any]:
 
 def alarms_against_delay(view: BenchmarkView) -> dict[str, Any]:
     """AMOC curves: delay, and share detected, against the rate of false alarms."""
+
+    def delay_line(score: Score) -> tuple[Any, Any]:
+        return score["amoc"]["false_alarms_per_hour"], score["amoc"]["delay"]
+
+    def share_line(score: Score) -> tuple[Any, Any]:
+        return score["amoc"]["false_alarms_per_hour"], score["amoc"]["probability"]
+
     shared = {"references": list(view.references), "logarithmic": True, "marks": [0.1, 1.0]}
     x_label = "false alarms per hour, as set"
+    bounds = {}
+    for stimulus, bound in view.bounds.items():
+        amoc = bound["amoc"]
+        bounds[stimulus] = {"x": amoc["false_alarms_per_hour"], "y": amoc["delay"]}
     delay = {
-        "panels": view.lines(
-            lambda score: (score["amoc"]["false_alarms_per_hour"], score["amoc"]["delay"])
-        ),
+        "panels": view.lines(delay_line),
         "labels": (x_label, "detection delay, restricted mean [s]"),
         "top": view.horizon,
-        "bounds": {
-            stimulus: {"x": bound["amoc"]["false_alarms_per_hour"], "y": bound["amoc"]["delay"]}
-            for stimulus, bound in view.bounds.items()
-        },
+        "bounds": bounds,
     }
     detected = {
-        "panels": view.lines(
-            lambda score: (score["amoc"]["false_alarms_per_hour"], score["amoc"]["probability"])
-        ),
+        "panels": view.lines(share_line),
         "labels": (x_label, f"share detected within {view.horizon:g} s"),
         "top": 1.0,
     }
-    bound = (
-        " Dotted black: the bound at the rate that is really had, which no diagnoser can be below, even told the "
-        "vehicle and the severity of the fault; it is that of abrupt faults, and ramps only take longer."
-        if view.bounds
-        else ""
+    caption = (
+        "Detection delay against the rate of false alarms that a threshold is set for, under the "
+        "standard conditions and all stimuli together. The rate counted here may differ: see False "
+        "alarms. Dotted lines: one in 10 h and one per hour."
     )
+    if view.bounds:
+        caption += (
+            " Dotted black: the bound at the counted rate. No diagnoser can be below it, even if "
+            "it knows the vehicle and the severity. It is that of abrupt faults; ramped faults "
+            "take longer."
+        )
     section = figure_section(
-        "Delay against false alarms",
-        "curves",
-        "amoc-delay",
-        "Detection delay against the rate of false alarms that a threshold is set for, under the standard conditions "
-        "and all stimuli together; what is really had here may differ, see False alarms. Dotted lines: one in 10 h and "
-        f"one per hour.{bound}",
-        delay | shared,
+        "Delay against false alarms", "curves", "amoc-delay", caption, delay | shared
     )
-    caption = "Share of the faults detected, likewise."
     section["figures"].append(
-        {"plot": "curves", "name": "amoc-detected", "caption": caption, "data": detected | shared}
+        {
+            "plot": "curves",
+            "name": "amoc-detected",
+            "caption": "Share of the faults detected against the same rate.",
+            "data": detected | shared,
+        }
     )
     return section
 
 
 def f1_over_time(view: BenchmarkView) -> dict[str, Any]:
-    """Macro-F1 at the instants of decision."""
-    instants = view.results["settings"]["decided_at"]
+    """Macro-F1 at the times of decision."""
+    times = view.results["settings"]["decided_at"]
+    listed = ", ".join(f"{time:g}" for time in times)
     return figure_section(
-        "How good is the naming, and when?",
+        "How good are the decisions, and when?",
         "curves",
         "macro-f1",
-        f"Macro-F1 over the classes and normal {', '.join(f'{t:g}' for t in instants)} s after onset.",
+        f"Macro-F1 over the classes and normal {listed} s after onset.",
         {
-            "panels": view.lines(lambda score: (instants, score["macro_f1_over_time"])),
+            "panels": view.lines(lambda score: (times, score["macro_f1_over_time"])),
             "references": list(view.references),
             "labels": ("time since onset [s]", "macro-F1"),
             "top": 1.0,
@@ -156,83 +184,80 @@ def f1_over_time(view: BenchmarkView) -> dict[str, Any]:
 def by_class(view: BenchmarkView) -> Iterable[dict[str, Any]]:
     """Isolation time and detection delay by class, with the bounds on the left."""
     for kind, words in (("isolation", "Isolation time"), ("detection", "Detection delay")):
-        drawn = [
-            {
-                "plot": "class_delays",
-                "name": f"{kind}-by-class-{file_name(stimulus)}",
-                "caption": f"{words} under {stimulus}, restricted mean [s]; {view.horizon:g} is never within the "
-                "horizon." + (LEFT[kind] if stimulus in view.bounds else ""),
-                "data": _class_delays(view, kind, stimulus),
-            }
-            for stimulus in view.scores
-        ]
-        yield {"heading": f"{words} by class", "text": [], "figures": drawn}
+        figures = []
+        for stimulus in view.scores:
+            caption = f"{words} under {stimulus}, restricted mean [s]; {view.horizon:g} means "
+            caption += "never within the horizon."
+            if stimulus in view.bounds:
+                caption += BOUND_NOTES[kind]
+            figures.append(
+                {
+                    "plot": "class_delays",
+                    "name": f"{kind}-by-class-{file_name(stimulus)}",
+                    "caption": caption,
+                    "data": _class_delays(view, kind, stimulus),
+                }
+            )
+        yield {"heading": f"{words} by class", "text": [], "figures": figures}
 
 
 def _class_delays(view: BenchmarkView, kind: str, stimulus: str) -> dict[str, Any]:
     scores = view.scores[stimulus]
     classes = list(scores[view.names[0]][f"{kind}_by_class"])
-    columns = {}
+    columns: dict[str, list[float | None]] = {}
     if stimulus in view.bounds:
         bounds = view.bounds[stimulus]["classes"]
-        columns[BOUND[kind]] = [
+        columns[BOUND_COLUMNS[kind]] = [
             _bound(bounds[name], kind) if name in bounds else None for name in classes
         ]
-    columns |= {
-        row_name(name, view.references): [
-            scores[name][f"{kind}_by_class"][of_class] for of_class in classes
-        ]
-        for name in view.names
-    }
+    for name in view.names:
+        delays = scores[name][f"{kind}_by_class"]
+        columns[row_name(name, view.references)] = [delays[of_class] for of_class in classes]
     return {"classes": classes, "delays": columns, "horizon": view.horizon}
 
 
 def _bound(of_class: Mapping[str, Any], kind: str) -> float:
-    """The bound of a class at one false alarm per hour."""
-    return (
-        of_class["detection_delay"]["1 h"][0]
-        if kind == "detection"
-        else of_class["isolation_delay"][0]
-    )
+    """The bound of a class, of detection at the rate that diagnosers are ranked at."""
+    if kind == "detection":
+        return of_class["detection_delay"][RANKED_AT][0]
+    return of_class["isolation_delay"][0]
 
 
 def confusions(view: BenchmarkView) -> dict[str, Any]:
-    """Who is taken for what by the best diagnosers, each under the stimulus that suits it best."""
-    drawn = []
-    for name in [name for name in view.names if name not in view.references][:TOP] or view.names[
-        :TOP
-    ]:
-        stimulus = view.best_under(name)
+    """Confusion of the best diagnosers, each under its best stimulus."""
+    figures = []
+    for name in (view.ranked or view.names)[:N_CONFUSIONS_SHOWN]:
+        stimulus = view.best_stimulus(name)
         counts = np.array(view.scores[stimulus][name]["confusion"], float)
         shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
-        drawn.append(
+        figures.append(
             {
                 "plot": "confusion_matrix",
                 "name": f"confusion-{file_name(name)}",
-                "caption": f"Decisions of {name} under {stimulus} 10 s after onset, per cent of each true class (row); "
-                "normal means that no alarm stands. Shares below 0.5 % are not written.",
+                "caption": f"Decisions of {name} under {stimulus} 10 s after onset, in per cent of "
+                "each true class (row); normal means that no alarm stands. Shares below 0.5 % are "
+                "left empty.",
                 "data": {
                     "classes": view.results["classes"],
                     "shares": np.round(shares, 4).tolist(),
                 },
             }
         )
-    return {"heading": "What is taken for what?", "text": [], "figures": drawn}
+    return {"heading": "Which classes are confused?", "text": [], "figures": figures}
 
 
 def costs(view: BenchmarkView) -> dict[str, Any]:
-    """What the stimuli cost, and what they buy."""
-    points = {
-        name: {
-            stimulus: {
-                "speed_rms": scores[name]["cost"]["speed_rms"],
-                "energy": scores[name]["cost"]["energy"],
-                "delay": scores[name]["isolation"]["restricted_mean"],
+    """What the stimuli cost, and how much sooner faults are isolated."""
+    points: dict[str, dict[str, Any]] = {}
+    for name in view.names:
+        points[name] = {}
+        for stimulus, scores in view.scores.items():
+            score = scores[name]
+            points[name][stimulus] = {
+                "speed_rms": score["cost"]["speed_rms"],
+                "energy": score["cost"]["energy"],
+                "delay": score["isolation"]["restricted_mean"],
             }
-            for stimulus, scores in view.scores.items()
-        }
-        for name in view.names
-    }
     axes = {
         "speed_rms": "RMS deviation from the mission's speed [m/s]",
         "energy": "energy [J per episode]",
@@ -241,8 +266,9 @@ def costs(view: BenchmarkView) -> dict[str, Any]:
         "Cost and delay",
         "cost_delay",
         "cost-delay",
-        "Isolation time against what the stimulus costs: deviation of the true speed from the mission's, and "
-        "electrical energy. Each line is a diagnoser, each marker a stimulus; down and left is better.",
+        "Isolation time against what the stimulus costs: deviation of the true speed from the "
+        "mission's, and electrical energy. Each line is a diagnoser, each marker a stimulus; down "
+        "and left is better.",
         {"points": points, "references": list(view.references), "costs": axes},
     )
     section["table"] = {
@@ -254,11 +280,10 @@ def costs(view: BenchmarkView) -> dict[str, Any]:
 
 def _cost_cells(stimulus: str, scores: Scores) -> list[str]:
     """Means over the diagnosers; an open-loop stimulus costs the same with each."""
-    cost = {
-        key: [score["cost"][key] for score in scores.values()]
-        for key in next(iter(scores.values()))["cost"]
-    }
-    mean = {key: None if None in values else float(np.mean(values)) for key, values in cost.items()}
+    mean: dict[str, float | None] = {}
+    for key in next(iter(scores.values()))["cost"]:
+        costs = [score["cost"][key] for score in scores.values()]
+        mean[key] = None if None in costs else float(np.mean(costs))
     return [
         stimulus,
         f"{mean['speed_rms']:.4f}",
@@ -270,71 +295,75 @@ def _cost_cells(stimulus: str, scores: Scores) -> list[str]:
 
 def calibration(view: BenchmarkView) -> dict[str, Any]:
     """Reliability diagrams."""
-    drawn = [
-        {
-            "plot": "reliability_diagrams",
-            "name": f"reliability-{file_name(stimulus)}",
-            "caption": f"Share of beliefs that were right against confidence, at random instants under {stimulus}. "
-            "A point's area is the share of the beliefs in its bin. Below the diagonal: too sure of itself.",
-            "data": {"diagrams": {name: scores[name]["reliability"] for name in view.names}},
-        }
-        for stimulus, scores in view.scores.items()
-    ]
-    return {"heading": "Are beliefs to be believed?", "text": [], "figures": drawn}
+    figures = []
+    for stimulus, scores in view.scores.items():
+        diagrams = {name: scores[name]["reliability"] for name in view.names}
+        figures.append(
+            {
+                "plot": "reliability_diagrams",
+                "name": f"reliability-{file_name(stimulus)}",
+                "caption": "Share of beliefs that were right against their confidence, at random "
+                f"instants under {stimulus}. The area of a point is the share of the beliefs in "
+                "its bin. Below the diagonal the diagnoser is overconfident.",
+                "data": {"diagrams": diagrams},
+            }
+        )
+    return {"heading": "Are beliefs calibrated?", "text": [], "figures": figures}
 
 
 def severity(view: BenchmarkView) -> dict[str, Any]:
-    """Estimated against true severity for the best diagnosers, under the stimulus that suits the first of them."""
-    stimulus = view.best_under(view.names[0])
+    """Estimated against true severity for the best diagnosers, under the best stimulus of the first."""
+    stimulus = view.best_stimulus(view.names[0])
     scatters = {
-        name: view.scores[stimulus][name]["severity_scatter"] for name in view.names[:SCATTERED]
+        name: view.scores[stimulus][name]["severity_scatter"]
+        for name in view.names[:N_SCATTERS_SHOWN]
     }
     truth = scatters[view.names[0]]["truth"]
-    caption = (
-        f"Severity estimated {view.results['settings']['severity_at']:g} s after onset under {stimulus}, given the "
-        f"true class, of {len(truth)} episodes."
-    )
     estimates = {name: scatter["estimate"] for name, scatter in scatters.items()}
-    return figure_section(
-        "Severity", "severities", "severity", caption, {"truth": truth, "estimates": estimates}
+    caption = (
+        f"Severity estimated {view.results['settings']['severity_at']:g} s after onset under "
+        f"{stimulus}, given the true class, of {len(truth)} episodes."
     )
+    data = {"truth": truth, "estimates": estimates}
+    return figure_section("Severity", "severities", "severity", caption, data)
 
 
 def worst(view: BenchmarkView) -> dict[str, Any]:
     """The episodes that each diagnoser isolated last."""
-    drawn = []
+    figures = []
     for name in view.names:
-        found = [
+        episodes = [
             (stimulus, episode)
             for stimulus, scores in view.scores.items()
             for episode in scores[name]["worst"]
         ]
-        found.sort(key=lambda item: -_isolated(item[1]))
-        drawn.append(
+        episodes.sort(key=lambda item: -_isolation_time(item[1]))
+        shown = [_episode(view, *item) for item in episodes[:N_EPISODES_SHOWN]]
+        figures.append(
             {
                 "plot": "episodes",
                 "name": f"worst-{file_name(name)}",
                 "caption": f"{name}: the episodes that it isolated last, of all stimuli.",
-                "data": {"drawn": [_episode(view, *item) for item in found[:DRAWN]]},
+                "data": {"drawn": shown},
             }
         )
     text = [
-        "Three of each diagnoser; ties by the order of the stimuli and then of the episodes. The strip below shows "
-        "whether an alarm stands and whether the most probable fault is the right one; before the onset none is."
+        "Three of each diagnoser; equal ones in the order of the stimuli and then of the episodes. "
+        "The strip below each episode shows whether an alarm stands and whether the most probable "
+        "fault is the true one; before the onset no fault is true."
     ]
-    return {"heading": "Worst episodes", "text": text, "figures": drawn}
+    return {"heading": "Worst episodes", "text": text, "figures": figures}
 
 
-def _isolated(episode: Mapping[str, Any]) -> float:
-    return np.inf if episode["isolation"] is None else episode["isolation"]
+def _isolation_time(episode: Mapping[str, Any]) -> float:
+    time = episode["isolation"]
+    return np.inf if time is None else time
 
 
 def _episode(view: BenchmarkView, stimulus: str, episode: Mapping[str, Any]) -> dict[str, Any]:
     fault = view.results["classes"][episode["class"]]
-    head = f"{stimulus}, seed {episode['seed']}\n{fault}, severity {episode['severity']:.2f}\n"
-    kept = {
-        key: episode[key]
-        for key in ("onset", "time", "log_normal", "threshold", "alarm", "readings")
-    }
-    right = [top == episode["class"] for top in episode["fault"]]
-    return kept | {"title": head + textwrap.fill(episode["why"], WIDTH), "right": right}
+    title = f"{stimulus}, seed {episode['seed']}\n{fault}, severity {episode['severity']:.2f}\n"
+    title += textwrap.fill(episode["why"], TITLE_WIDTH)
+    keys = ("onset", "time", "log_normal", "threshold", "alarm", "readings")
+    right = [fault == episode["class"] for fault in episode["fault"]]
+    return {key: episode[key] for key in keys} | {"title": title, "right": right}

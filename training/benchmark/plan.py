@@ -1,4 +1,4 @@
-"""Which trials a benchmark consists of: every diagnoser, under every stimulus, on every part of the suite."""
+"""Which trials a benchmark has: every diagnoser, under every stimulus, on every part of the suite."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from training.benchmark.trials import (
 from training.stimuli import Stimulus
 
 SEED_BLOCK = 100_000  # seeds of healthy lanes that each stimulus has for itself
-MOST_HOURS = 1000.0  # of healthy operation, for which the seeds between two stimuli are enough
+MOST_HOURS = 1000.0  # of healthy operation, for which a block of seeds is enough
 
 
 class BenchmarkPlan(NamedTuple):
@@ -29,71 +29,74 @@ class BenchmarkPlan(NamedTuple):
     ----------
     suite
         Its faulty episodes, its conditions, its seeds of healthy lanes.
-    standard
+    threshold_conditions
         Conditions that the thresholds are set under, whatever the suite.
     stimuli
         Stimuli to run, each on the same faulty episodes.
     hours
-        Healthy operation by part, each shared by the stimuli [h].
+        Healthy operation by part, shared by the stimuli [h].
     every
-        Each so many-th faulty episode is run.
+        k: each k-th faulty episode is run.
     """
 
     suite: Suite
-    standard: Conditions
+    threshold_conditions: Conditions
     stimuli: Sequence[Stimulus]
     hours: dict[str, float]
     every: int = 1
 
+    @property
+    def faulty_episodes(self) -> tuple[Episode, ...]:
+        """The faulty episodes that are run."""
+        return self.suite.episodes[:: self.every]
+
     def episodes(self, part: str, stimulus: Stimulus) -> tuple[Episode, ...]:
         """The lanes of a part under a stimulus."""
         if part == FAULTY:
-            return self.suite.episodes[:: self.every]
-        seeds = self.seeds(part, stimulus)
-        missions = self.conditions(part).draw_missions(seeds)
+            return self.faulty_episodes
+        seeds = self.healthy_seeds(part, stimulus)
+        missions = self.conditions(part).sample_missions(seeds)
         return tuple(
             Episode(seed, (), mission) for seed, mission in zip(seeds, missions, strict=True)
         )
 
-    def seeds(self, part: str, stimulus: Stimulus) -> range:
+    def healthy_seeds(self, part: str, stimulus: Stimulus) -> range:
         """Seeds of the healthy lanes of a part under a stimulus."""
         first = self.suite.healthy[part] + SEED_BLOCK * stimulus.seed_block
         seconds = 3600.0 * self.hours[part] / len(self.stimuli)
-        return range(first, first + math.ceil(seconds / self.conditions(part).duration))
+        n_lanes = math.ceil(seconds / self.conditions(part).duration)
+        return range(first, first + n_lanes)
 
     def check_seeds(self) -> None:
-        """Refuse a suite in which a vehicle serves two purposes: nothing is scored on what a threshold is set on."""
-        taken: dict[str, set[int]] = {FAULTY: {episode.seed for episode in self.suite.episodes}}
+        """Refuse a suite in which a vehicle serves twice: no score comes from lanes that set a threshold."""
+        seeds_by_part: dict[str, set[int]] = {
+            FAULTY: {episode.seed for episode in self.suite.episodes}
+        }
         for part in (THRESHOLD, COUNTING):
-            taken[part] = set(
-                chain.from_iterable(self.seeds(part, stimulus) for stimulus in self.stimuli)
-            )
-        for one, other in combinations(taken, 2):
-            if both := taken[one] & taken[other]:
-                thing = f"suite {self.suite.name}, seed of a {one} and of a {other} lane"
+            ranges = [self.healthy_seeds(part, stimulus) for stimulus in self.stimuli]
+            seeds_by_part[part] = set(chain.from_iterable(ranges))
+        for first, second in combinations(seeds_by_part, 2):
+            shared = seeds_by_part[first] & seeds_by_part[second]
+            if shared:
                 raise refusal(
-                    thing,
-                    min(both),
+                    f"suite {self.suite.name}, seed of a {first} and of a {second} lane",
+                    min(shared),
                     "vehicles that serve once",
                     "move one of them and seal the file",
                 )
 
     def conditions(self, part: str) -> Conditions:
         """What the vehicles of a part run under."""
-        return self.standard if part == THRESHOLD else self.suite.conditions
+        return self.threshold_conditions if part == THRESHOLD else self.suite.conditions
 
     def trials(self, entrants: Sequence[Entrant]) -> list[Trial]:
-        """All trials of these diagnosers; those of a part and a stimulus follow one another, in the order of lanes."""
-        found = []
+        """All trials of these diagnosers, by part, stimulus and diagnoser, then in the order of lanes."""
+        trials = []
         for part, stimulus in product(PARTS, self.stimuli):
             conditions = self.conditions(part)
             lanes = self.episodes(part, stimulus)
-            chunks = [
-                lanes[first : first + LANES_PER_TRIAL]
-                for first in range(0, len(lanes), LANES_PER_TRIAL)
-            ]
-            found += [
-                Trial(entrant, stimulus, part, conditions, chunk)
-                for entrant, chunk in product(entrants, chunks)
-            ]
-        return found
+            starts = range(0, len(lanes), LANES_PER_TRIAL)
+            chunks = [lanes[start : start + LANES_PER_TRIAL] for start in starts]
+            for entrant, chunk in product(entrants, chunks):
+                trials.append(Trial(entrant, stimulus, part, conditions, chunk))
+        return trials

@@ -1,7 +1,6 @@
-"""The results of a benchmark, put together from its trials; their form is told in `training.benchmark.scores`."""
+"""The results of a benchmark as plain data, from its trials: what results.json and results.csv hold."""
 
 import csv
-import shlex
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -12,19 +11,20 @@ from tqdm import tqdm
 
 from auv_fault_env.faults import CATALOGUE, classes
 from diagnosers import NAMES, ranked
-from training.arguments import Benchmark
 from training.benchmark import trial_store
 from training.benchmark.bounds import bounds_of
+from training.benchmark.failures import note_failure, one_line
 from training.benchmark.plan import BenchmarkPlan
 from training.benchmark.scores import (
-    RANKED_AT,
+    METRICS,
+    RATE_METRICS,
+    ScoreInputs,
     TrialOutcomes,
     assess_at_rates,
-    rounded,
+    csv_cells,
     score,
     thresholds,
 )
-from training.benchmark.scoring import finite
 from training.benchmark.trials import (
     COUNTING,
     FAULTY,
@@ -34,42 +34,83 @@ from training.benchmark.trials import (
     Trial,
     lane_truth,
 )
-from training.benchmark.validation import SEVERITY_AT, note_failure
 from training.benchmark.workers import with_catalogue
 from training.benchmark.worst_episodes import worst_episodes
-from training.metrics.records import DECISION_TIMES, HORIZON, PERSISTENCE
+from training.metrics.plain import finite, rounded
+from training.metrics.records import DECISION_TIMES, HORIZON, PERSISTENCE, SEVERITY_AT
 from training.report.run_folder import provenance
 from training.stimuli import Cruise, Stimulus
 
 # lanes that the bounds are computed on, 60 of each class: from few lanes they come out too high
-BOUNDED = 1080
-ROW = ("restricted_mean", "probability", "median")
+N_BOUND_LANES = 1080
+# What results.json holds, by key. Classes are indices into `classes`, 0 is normal.
+RESULTS: dict[str, str] = {
+    "command": "the command line",
+    "suite": "name, about, hash, plant, duration [s], listed (episodes in the file), every (k: each "
+    "k-th was run)",
+    "seeds": "first and last of faulty, threshold and counting lanes; seed of the bootstrap",
+    "settings": "persistence [samples], horizon [s], decided_at [s], severity_at [s], hours and "
+    "counting_hours (of each diagnoser, all stimuli together), stimuli with their budgets [m/s]",
+    "classes": "names of the classes",
+    "references": "diagnosers that are not ranked",
+    "third_parties": "where diagnosers from outside the package come from",
+    "failures": "by diagnoser the reason why it is left out",
+    "weights": "by diagnoser the digest of its weights, null if it has none",
+    "compute": "by diagnoser p50_us, p99_us and many_lanes_us of an update, and numbers of weights",
+    "versions": "of the packages",
+    "revision": "of the source",
+    "thresholds": "by diagnoser and rate the threshold of log p(normal), null for minus infinity",
+    "episodes": "faulty episodes that were run: seed, fault, onset [s], severity (full), ramp [s], "
+    "abrupt",
+    "decided": "by stimulus the true classes that go with `decision` in `by_lane`: all faulty "
+    "lanes, then some healthy ones",
+    "scores": "by stimulus and diagnoser the metrics below",
+    "bounds": "by stimulus the bounds of `training.benchmark.bounds`; of the suite standard only",
+}
 
 
 class PreparedEntrant(NamedTuple):
-    """A diagnoser that could be made: how to make more, what its beliefs depend on, what it has learnt, its cost.
+    """A diagnoser that can be run.
 
-    told: whether it is told the truth about the vehicles, and so does not compete.
+    Attributes
+    ----------
+    entrant
+        Its name, and what makes one.
+    fingerprint
+        What its beliefs depend on.
+    weights
+        Digest of its weights, None if it has none.
+    compute
+        What an update costs, and how many numbers its weights have.
+    knows_truth
+        Whether it receives the truth about the vehicles, and so does not compete.
     """
 
     entrant: Entrant
     fingerprint: str
     weights: str | None
     compute: dict[str, float]
-    episode_table: bool
+    knows_truth: bool
 
 
 def header(
-    arguments: Benchmark,
+    command: str,
     plan: BenchmarkPlan,
-    made: Mapping[str, PreparedEntrant],
+    seed: int,
+    prepared: Mapping[str, PreparedEntrant],
     failures: Mapping[str, str],
 ) -> dict[str, Any]:
-    """All but what comes from the trials."""
+    """All but what comes from the trials; `seed` is that of the bootstrap."""
     suite = plan.suite
-    names = set(ranked())
+    foreign = {name: entry for name, entry in prepared.items() if name not in NAMES}
+    competing = set(ranked())
+    references = [
+        name
+        for name, entry in prepared.items()
+        if entry.knows_truth or (name in NAMES and name not in competing)
+    ]
     return {
-        "command": command(arguments),
+        "command": command,
         "suite": {
             "name": suite.name,
             "about": suite.about,
@@ -79,143 +120,111 @@ def header(
             "listed": len(suite.episodes),
             "every": plan.every,
         },
-        "seeds": {part: _ends(plan, part) for part in (FAULTY, THRESHOLD, COUNTING)}
-        | {"bootstrap": arguments.seed},
+        "seeds": {
+            FAULTY: _first_and_last_seed(plan, FAULTY),
+            THRESHOLD: _first_and_last_seed(plan, THRESHOLD),
+            COUNTING: _first_and_last_seed(plan, COUNTING),
+            "bootstrap": seed,
+        },
         "settings": {
             "persistence": PERSISTENCE,
             "horizon": HORIZON,
             "decided_at": list(DECISION_TIMES),
             "severity_at": SEVERITY_AT,
-            "hours": arguments.hours,
-            "counting_hours": arguments.counting_hours,
+            "hours": plan.hours[THRESHOLD],
+            "counting_hours": plan.hours[COUNTING],
             "stimuli": {stimulus.name: stimulus.budget for stimulus in plan.stimuli},
         },
         "classes": list(classes()),
-        "references": [
-            name for name, one in made.items() if one.told or (name in NAMES and name not in names)
-        ],
-        "third_parties": {
-            name: one.entrant.make.target for name, one in made.items() if name not in NAMES
-        },
+        "references": references,
+        "third_parties": {name: entry.entrant.make.target for name, entry in foreign.items()},
         "failures": dict(failures),
-        "weights": {name: one.weights for name, one in made.items()},
-        "compute": {name: one.compute for name, one in made.items()},
+        "weights": {name: entry.weights for name, entry in prepared.items()},
+        "compute": {name: entry.compute for name, entry in prepared.items()},
         **provenance(),
     }
 
 
-def command(arguments: Benchmark) -> str:
-    """The command line that gives these results, without what they do not depend on."""
-    names = ("suite", "stimuli", "budget", "hours", "counting_hours", "seed")
-    given = {name: getattr(arguments, name) for name in names}
-    words = [
-        word
-        for name, value in given.items()
-        for word in (f"--{name.replace('_', '-')}", *_words(value))
-    ]
-    words += ["--diagnosers", *arguments.diagnosers] if arguments.diagnosers else []
-    words += [word for target in arguments.diagnoser for word in ("--diagnoser", target)]
-    words += ["--lanes", str(arguments.lanes)] if arguments.lanes else []
-    return shlex.join(["auv-fault", "benchmark", *words])
-
-
-def _words(value: Any) -> Sequence[str]:
-    return (
-        value
-        if isinstance(value, tuple)
-        else [f"{value:.12g}" if isinstance(value, float) else str(value)]
-    )
-
-
-def _ends(plan: BenchmarkPlan, part: str) -> list[int]:
-    """The least and the greatest seed of a part."""
-    found = [episode.seed for stimulus in plan.stimuli for episode in plan.episodes(part, stimulus)]
-    return [min(found), max(found)]
+def _first_and_last_seed(plan: BenchmarkPlan, part: str) -> list[int]:
+    seeds = []
+    for stimulus in plan.stimuli:
+        seeds += [episode.seed for episode in plan.episodes(part, stimulus)]
+    return [min(seeds), max(seeds)]
 
 
 def scored(
     plan: BenchmarkPlan, paths: Mapping[Path, Trial], seed: int, failures: dict[str, str]
 ) -> dict[str, Any]:
-    """Thresholds, the truth and every score; who fails on the worst episodes, run once more, joins the failures."""
+    """Thresholds, the truth and every score.
+
+    The worst episodes run once more; a diagnoser that fails on them joins the failures.
+    """
     files = _files(paths)
-    names = list(dict.fromkeys(name for name, _, _ in files))
-    stimuli = [stimulus.name for stimulus in plan.stimuli]
-    episodes = plan.suite.episodes[:: plan.every]
-    truth = lane_truth(plan.suite.conditions, episodes)
+    names = dict.fromkeys(name for name, _, _ in files)
+    truth = lane_truth(plan.suite.conditions, plan.faulty_episodes)
     results: dict[str, Any] = {
         "thresholds": {},
-        "episodes": episode_table(episodes, truth),
+        "episodes": episode_table(plan, truth),
         "decided": {},
-        "scores": {},
+        "scores": {stimulus.name: {} for stimulus in plan.stimuli},
     }
-    results["scores"] = {stimulus: {} for stimulus in stimuli}
     for name in tqdm(names, desc="scores", unit="diagnoser"):
-        materials = _materials(files, name, stimuli)
-        judged = {
-            stimulus: assess_at_rates(material, truth) for stimulus, material in materials.items()
-        }
-        trials = {
-            stimulus: paths[files[name, stimulus, FAULTY][0]]._replace(episodes=episodes)
-            for stimulus in stimuli
-        }
+        outcomes = _outcomes(files, name, list(results["scores"]))
+        inputs = {}
+        for stimulus, of_stimulus in outcomes.items():
+            assessments = assess_at_rates(of_stimulus, truth)
+            inputs[stimulus] = ScoreInputs(assessments, truth, of_stimulus, [], seed)
         try:
-            worst = {
-                stimulus: worst_episodes(
-                    trials[stimulus], materials[stimulus].faulty, one[RANKED_AT], truth
-                )
-                for stimulus, one in judged.items()
-            }
-        # whatever ails one diagnoser, the others are scored
+            for stimulus, before in inputs.items():
+                first_trial = paths[files[name, stimulus, FAULTY][0]]
+                trial = first_trial._replace(episodes=plan.faulty_episodes)
+                faulty = before.outcomes.faulty
+                worst = worst_episodes(trial, faulty, before.ranked, truth)
+                inputs[stimulus] = before._replace(worst=worst)
+        # whatever fails in one diagnoser, the others are scored
         except (Exception, SystemExit) as error:
-            note_failure(failures, name, error)
+            note_failure(failures, name, one_line(error))
             continue
-        results["thresholds"][name] = {
-            rate: finite(level) for rate, level in thresholds(materials[stimuli[0]].setting).items()
-        }
-        for stimulus, one in judged.items():
-            results["decided"][stimulus] = one[RANKED_AT].label.tolist()
-            of_stimulus = score(materials[stimulus], one, truth, seed)
-            results["scores"][stimulus][name] = of_stimulus | {"worst": worst[stimulus]}
+        setting = next(iter(outcomes.values())).threshold
+        levels = thresholds(setting)
+        results["thresholds"][name] = {rate: finite(level) for rate, level in levels.items()}
+        for stimulus, of_stimulus in inputs.items():
+            results["decided"][stimulus] = of_stimulus.ranked.label.tolist()
+            results["scores"][stimulus][name] = score(of_stimulus)
     return results
-
-
-def _materials(
-    files: Mapping[tuple[str, str, str], list[Path]], name: str, stimuli: Sequence[str]
-) -> dict[str, TrialOutcomes]:
-    """By stimulus what a diagnoser is scored on."""
-    setting = trial_store.read(
-        list(chain(*(files[name, stimulus, THRESHOLD] for stimulus in stimuli))), THRESHOLD
-    )
-    faulty = {
-        stimulus: trial_store.read(files[name, stimulus, FAULTY], FAULTY) for stimulus in stimuli
-    }
-    counting = {
-        stimulus: trial_store.read(files[name, stimulus, COUNTING], COUNTING)
-        for stimulus in stimuli
-    }
-    passive = faulty.get(Cruise.name)
-    return {one: TrialOutcomes(setting, counting[one], faulty[one], passive) for one in stimuli}
-
-
-def bounds(stimuli: Sequence[Stimulus], seed: int, workers: int, backend: str) -> dict[str, Any]:
-    """By stimulus the delays that no diagnoser can beat under the standard conditions."""
-    found = Parallel(n_jobs=workers, backend=backend)(
-        delayed(with_catalogue)(dict(CATALOGUE), bounds_of, one, seed, BOUNDED) for one in stimuli
-    )
-    return {stimulus.name: bound for stimulus, bound in zip(stimuli, found, strict=True)}
 
 
 def _files(paths: Mapping[Path, Trial]) -> dict[tuple[str, str, str], list[Path]]:
     """The files of each diagnoser, stimulus and part, in the order of their lanes."""
     files: dict[tuple[str, str, str], list[Path]] = {}
     for path, trial in paths.items():
-        files.setdefault((trial.entrant.name, trial.stimulus.name, trial.part), []).append(path)
+        key = trial.entrant.name, trial.stimulus.name, trial.part
+        files.setdefault(key, []).append(path)
     return files
 
 
-def episode_table(episodes: Sequence[Any], truth: LaneTruth) -> dict[str, list[Any]]:
-    """The faulty episodes that were run."""
-    ramps = [max(episode.schedule, key=lambda event: event.severity).ramp for episode in episodes]
+def _outcomes(
+    files: Mapping[tuple[str, str, str], list[Path]], name: str, stimuli: Sequence[str]
+) -> dict[str, TrialOutcomes]:
+    """By stimulus what a diagnoser is scored on."""
+    setting_files = [files[name, stimulus, THRESHOLD] for stimulus in stimuli]
+    setting = trial_store.read(list(chain(*setting_files)), THRESHOLD)
+    faulty = {
+        stimulus: trial_store.read(files[name, stimulus, FAULTY], FAULTY) for stimulus in stimuli
+    }
+    outcomes = {}
+    for stimulus in stimuli:
+        counting = trial_store.read(files[name, stimulus, COUNTING], COUNTING)
+        under_cruise = faulty.get(Cruise.name)
+        outcomes[stimulus] = TrialOutcomes(setting, counting, faulty[stimulus], under_cruise)
+    return outcomes
+
+
+def episode_table(plan: BenchmarkPlan, truth: LaneTruth) -> dict[str, list[Any]]:
+    """The faulty episodes that were run; the ramp is that of the worst fault."""
+    episodes = plan.faulty_episodes
+    worst = [max(episode.schedule, key=lambda event: event.severity) for episode in episodes]
+    ramps = [event.ramp for event in worst]
     return {
         "seed": [episode.seed for episode in episodes],
         "fault": truth.at_instants.fault.tolist(),
@@ -226,28 +235,30 @@ def episode_table(episodes: Sequence[Any], truth: LaneTruth) -> dict[str, list[A
     }
 
 
+def bounds_by_stimulus(
+    stimuli: Sequence[Stimulus], seed: int, workers: int, backend: str
+) -> dict[str, Any]:
+    """By stimulus the delays that no diagnoser can beat under the standard conditions."""
+    faults = dict(CATALOGUE)
+    jobs = (
+        delayed(with_catalogue)(faults, bounds_of, stimulus, seed, N_BOUND_LANES)
+        for stimulus in stimuli
+    )
+    bounds = Parallel(n_jobs=workers, backend=backend)(jobs)
+    return {stimulus.name: bound for stimulus, bound in zip(stimuli, bounds, strict=True)}
+
+
 def write_csv(path: Path, results: Mapping[str, Any]) -> None:
     """A row for each stimulus, diagnoser and mean time between false alarms."""
-    rows = [
-        {"suite": results["suite"]["name"], "stimulus": stimulus, "diagnoser": name, "mtbfa": rate}
-        | {
-            key: score["rates"][rate][key]
-            for key in ("threshold", "false_alarms", "hours", "false_alarms_per_hour")
-        }
-        | {
-            f"{what}_{key}": score["rates"][rate][what][key]
-            for what in ("isolation", "detection")
-            for key in ROW
-        }
-        | {
-            key: score[key]
-            for key in ("macro_f1", "severity_mae", "severity_coverage", "ece", "brier", "log_loss")
-        }
-        | score["cost"]
-        for stimulus, by_name in results["scores"].items()
-        for name, score in by_name.items()
-        for rate in score["rates"]
-    ]
+    suite = results["suite"]["name"]
+    rows = []
+    for stimulus, scores in results["scores"].items():
+        for name, of_score in scores.items():
+            for rate, at_rate in of_score["rates"].items():
+                row = {"suite": suite, "stimulus": stimulus, "diagnoser": name, "mtbfa": rate}
+                row |= csv_cells(RATE_METRICS, at_rate)
+                row |= csv_cells(METRICS, of_score)
+                rows.append(row)
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()

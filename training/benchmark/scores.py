@@ -1,233 +1,456 @@
-"""From the trials of a benchmark to its figures: plain data, all that the page and the tables are made from.
+"""The score of a diagnoser under a stimulus, as a table of metrics.
 
-The results, lists instead of arrays, numbers rounded where they only serve a figure. A `stimulus` is a name of
-`STIMULI`, a `diagnoser` one of the registry or of a third party, a `rate` is "1 h" or "10 h" (mean time between false
-alarms); classes are indices into `classes`, 0 is normal; None stands for infinite, below any number where it is a
-threshold. `Times` is {"restricted_mean", "interval", "probability", "median"}, in seconds, censored at
-`settings.horizon`; every "..._interval" is [low, high]::
-
-    command         the command line, as text
-    suite           name, about, hash, plant {preset, sensor_noise, disturbance, healthy_band}, duration [s],
-                    listed (episodes in the file), every (k: each k-th was run; 1 is all)
-    seeds           faulty, threshold, counting: [first, last]; bootstrap: seed
-    settings        persistence [samples], horizon [s], decided_at [s] (1, 2, 5, 10, 20),
-    severity_at [s],
-                    hours, counting_hours (asked for, of each diagnoser, all stimuli together),
-                    stimuli {stimulus: budget [m/s]}
-    classes         names of the classes
-    references      names of the diagnosers that are not ranked
-    third_parties   {diagnoser: where it comes from}
-    failures        {diagnoser: why it is left out}
-    versions, revision                 as in manifest.json
-    weights         {diagnoser: digest of what it has learnt, None if nothing}
-    compute         {diagnoser: {p50_us, p99_us, many_lanes_us, numbers (of learnt weights)}}
-    thresholds      {diagnoser: {rate: threshold of log p(normal)}}
-    episodes        of the faulty ones run, a list each: seed, fault (class), onset [s], severity
-    (full), ramp [s],
-                    abrupt (bool)
-    decided         {stimulus: true classes at `settings.decided_at`' fourth instant, 10 s, faulty
-    lanes and then some
-                    healthy ones}: what goes with `decision` below
-    bounds          {stimulus: as `training.benchmark.bounds` writes it}, under the standard
-    conditions only scores          {stimulus: {diagnoser: score}}, where a score holds
-
-      rates             {rate: {threshold, false_alarms, false_alarm_vehicles, hours,
-      false_alarms_per_hour,
-                        false_alarms_per_hour_interval, rate_as_set (bool), isolation: Times,
-                        detection: Times}}
-      isolation, detection               Times at 1 h, once more
-      isolation_by_class, detection_by_class   {class name: restricted mean [s]} at 1 h
-      macro_f1, macro_f1_interval        10 s after onset, at 1 h
-      macro_f1_over_time                 at each of `settings.decided_at`
-      severity_mae, severity_mae_interval, severity_coverage   `settings.severity_at` after onset,
-      given the true class ece, brier, log_loss               of beliefs at random instants cost
-      speed_rms [m/s] (of the true speed from the mission's), energy [J per episode], and both
-                        relative to the same diagnoser's run under cruise, None without that:
-                        speed_rms_ratio, energy_ratio
-      isolation_over_time   {time, share}: share of the faults isolated for good by a time since
-      onset amoc              {false_alarms_per_hour, delay, probability}: restricted mean delay [s]
-      and share detected
-                        against the rate of false alarms, rates ascending, up to 100 points
-      confusion         counts, rows true classes, columns decisions, 10 s after onset
-      reliability       {share, confidence, accuracy} of the bins that are not empty
-      severity_scatter  {truth, estimate} of up to 300 episodes
-      compatibility     scores of other benchmarks, {name: value}
-      by_lane           {isolation, isolated, detection, detected, decision}: by episode, times in
-      seconds at 1 h;
-                        decision as in `decided`
-      worst             three episodes: {seed, class (index), severity, onset, isolation (time, None
-      if never), why,
-                        time, log_normal, threshold, alarm (bools), fault (top class), readings
-                        {speed, speed_command, port_rpm, starboard_rpm, port_current,
-                        starboard_current}}, series at 0.5 s steps
+`METRICS` is the only list of what a score holds: scores are computed from it, the columns of the
+leaderboard and of results.csv are taken from it, and the page prints its meanings. A new metric is
+one entry here, and a figure on the page if it needs one.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from auv_fault_env.faults import classes
 from training import metrics
-from training.benchmark.scoring import Assessment, alarm_summary, assess, mean_by_class, summary
+from training.benchmark import score_series
+from training.benchmark.assessment import DECISION_TIME, Assessment, assess
 from training.benchmark.trials import FaultyOutcome, LaneTruth
-from training.metrics import NORMAL, Edges, compatibility
-from training.metrics.records import HORIZON, PERSISTENCE, HealthyOutcome
+from training.metrics import Edges, Times
+from training.metrics.intervals import f1_interval, interval, poisson_interval
+from training.metrics.plain import finite
+from training.metrics.records import HORIZON, SEVERITY_AT, HealthyOutcome
+from training.report.cells import number, percent, seconds, with_interval
 
-MEAN_TIMES = {"1 h": 3600.0, "10 h": 36000.0}  # s between false alarms
+MEAN_TIMES = {"1 h": 3600.0, "10 h": 36000.0}  # s between false alarms that thresholds are set for
 RANKED_AT = "1 h"
-AMOC_RATES = np.geomspace(0.02, 60.0, 41)  # false alarms per hour
-POINTS = 61  # of a curve
-SCATTERED = 300  # of a scatter
-DIGITS = 4
+Score = Mapping[str, Any]
 
 
 class TrialOutcomes(NamedTuple):
     """What a diagnoser under a stimulus is scored on.
 
-    The healthy lanes that thresholds are set on, under all stimuli; those of this stimulus on which
-    false alarms are counted; the faulty ones, and the same ones under `cruise` if that was run.
+    Attributes
+    ----------
+    threshold
+        Healthy lanes that its thresholds are set on, under all stimuli.
+    counting
+        Healthy lanes of this stimulus on which false alarms are counted.
+    faulty
+        Faulty lanes of this stimulus.
+    cruise
+        The same faulty lanes under `cruise`, None if that was not run.
     """
 
-    setting: HealthyOutcome
+    threshold: HealthyOutcome
     counting: HealthyOutcome
     faulty: FaultyOutcome
-    passive: FaultyOutcome | None
+    cruise: FaultyOutcome | None
+
+
+class RateInputs(NamedTuple):
+    """What the metrics at one rate of false alarms are computed from.
+
+    `mean_time` [s] between false alarms is what the threshold is set for; `seed` is that of the
+    bootstrap.
+    """
+
+    assessment: Assessment
+    mean_time: float
+    seed: int
+
+
+class ScoreInputs(NamedTuple):
+    """What the metrics of a score are computed from.
+
+    `assessments` are by rate, `worst` are the worst episodes as plain data, `seed` is that of the
+    bootstrap.
+    """
+
+    assessments: Mapping[str, Assessment]
+    truth: LaneTruth
+    outcomes: TrialOutcomes
+    worst: list[dict[str, Any]]
+    seed: int
+
+    @property
+    def ranked(self) -> Assessment:
+        """The assessment at the rate that diagnosers are ranked at."""
+        return self.assessments[RANKED_AT]
+
+
+class Column(NamedTuple):
+    """A column of the leaderboard: its heading, and the text of its cell from a score."""
+
+    heading: str
+    cell: Callable[[Score], str]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One entry of a score.
+
+    Attributes
+    ----------
+    key
+        Its key in results.json.
+    compute
+        Plain data from `ScoreInputs`, or from `RateInputs`.
+    meaning
+        What it is, with its unit.
+    misleads
+        How it misleads, and beside what it must be read; empty for what is no merit.
+    csv
+        Its columns in results.csv; those of a dictionary are its keys, after the metric's key.
+    columns
+        Its columns in the leaderboard.
+    """
+
+    key: str
+    compute: Callable[[Any], Any]
+    meaning: str
+    misleads: str = ""
+    csv: tuple[str, ...] = ()
+    columns: tuple[Column, ...] = ()
+
+
+def false_alarm_rate_interval(inputs: RateInputs) -> tuple[float, float]:
+    """Poisson interval of the false alarms per hour."""
+    return poisson_interval(inputs.assessment.false_alarms, inputs.assessment.hours)
+
+
+def is_rate_as_set(inputs: RateInputs) -> bool:
+    """Whether the interval of the rate holds the rate that the threshold is set for."""
+    low, high = false_alarm_rate_interval(inputs)
+    return low <= 3600.0 / inputs.mean_time <= high
+
+
+def time_figures(times: Times, seed: int) -> dict[str, Any]:
+    """Figures of times [s] that are censored at the horizon."""
+    return {
+        "restricted_mean": metrics.restricted_mean(times),
+        "interval": interval(times.time, seed),
+        "probability": metrics.probability(times),
+        "median": finite(metrics.kaplan_meier_median(times)),
+    }
+
+
+def macro_f1(assessment: Assessment) -> float:
+    """Macro-F1 of the decisions at `DECISION_TIME`."""
+    matrix = metrics.confusion(assessment.label, assessment.decision, len(classes()))
+    return float(metrics.macro_f1(matrix))
+
+
+def macro_f1_interval(inputs: ScoreInputs) -> tuple[float, float]:
+    """Bootstrap interval of `macro_f1`."""
+    ranked = inputs.ranked
+    return f1_interval(ranked.label, ranked.decision, len(classes()), inputs.seed)
+
+
+def severity_error(inputs: ScoreInputs) -> Any:
+    """Error of the severity by faulty lane, (n_lanes,)."""
+    return metrics.severity_error(inputs.ranked.severity, inputs.truth.at_instants.severity[0])
+
+
+def calibration_error(assessment: Assessment) -> float:
+    """Expected calibration error of beliefs at random instants."""
+    return metrics.expected_calibration_error(assessment.confidence, assessment.right)
+
+
+def amoc(inputs: ScoreInputs) -> dict[str, list[float]]:
+    """Delay and share detected against the rate of false alarms."""
+    outcomes = inputs.outcomes
+    onset = inputs.truth.at_instants.onset
+    return score_series.amoc(outcomes.threshold, outcomes.faulty, onset)
+
+
+def compatible_scores(inputs: ScoreInputs) -> dict[str, float | None]:
+    """Scores as other benchmarks compute them."""
+    faulty = inputs.outcomes.faulty
+    return score_series.compatible_scores(faulty, inputs.ranked.threshold, inputs.truth)
+
+
+def _interval_cell(score: Score, key: str, digits: int) -> str:
+    return with_interval(score[key], score[f"{key}_interval"], digits)
+
+
+def _isolation_cell(score: Score) -> str:
+    isolation = score["isolation"]
+    return with_interval(isolation["restricted_mean"], isolation["interval"], 2)
+
+
+TIMES = "{restricted_mean, interval, probability, median} in seconds, censored at the horizon"
+RATE_METRICS = (
+    Metric(
+        "threshold",
+        lambda at: finite(at.assessment.threshold),
+        "log p(normal) below which the alarm condition holds; null for minus infinity: no alarm",
+        csv=("threshold",),
+    ),
+    Metric(
+        "false_alarms",
+        lambda at: at.assessment.false_alarms,
+        "alarms on the healthy lanes on which they are counted",
+        "An alarm that never ends counts once.",
+        csv=("false_alarms",),
+    ),
+    Metric(
+        "false_alarm_vehicles",
+        lambda at: at.assessment.false_alarm_vehicles,
+        "how many of these lanes had an alarm",
+    ),
+    Metric(
+        "hours",
+        lambda at: at.assessment.hours,
+        "healthy operation on which they are counted [h]",
+        csv=("hours",),
+    ),
+    Metric(
+        "false_alarms_per_hour",
+        lambda at: at.assessment.false_alarms / at.assessment.hours,
+        "false alarms per hour",
+        "From few alarms: read it with its interval.",
+        csv=("false_alarms_per_hour",),
+    ),
+    Metric(
+        "false_alarms_per_hour_interval",
+        false_alarm_rate_interval,
+        "its 95 % interval (Poisson)",
+        "Takes alarms as independent; those that flicker are not, and the true interval is wider.",
+    ),
+    Metric(
+        "rate_as_set",
+        is_rate_as_set,
+        "whether that interval holds the rate that the threshold is set for",
+        "From few hours almost any rate is as set.",
+    ),
+    Metric(
+        "isolation",
+        lambda at: time_figures(at.assessment.isolation, at.seed),
+        f"time from onset to the last interval with the right class: {TIMES}",
+        "A right answer one sample before the horizon counts; read the mean beside the share.",
+        csv=("isolation_restricted_mean", "isolation_probability", "isolation_median"),
+        columns=(
+            Column("isolation, restricted mean [s]", _isolation_cell),
+            Column("isolated", lambda score: percent(score["isolation"]["probability"])),
+            Column("median [s]", lambda score: seconds(score["isolation"]["median"], HORIZON)),
+        ),
+    ),
+    Metric(
+        "detection",
+        lambda at: time_figures(at.assessment.detection, at.seed),
+        f"time from onset to the first alarm after it: {TIMES}",
+        "An alarm for the wrong reason counts; read it beside the rate of false alarms.",
+        csv=("detection_restricted_mean", "detection_probability", "detection_median"),
+        columns=(
+            Column(
+                "detection, restricted mean [s]",
+                lambda score: f"{score['detection']['restricted_mean']:.2f}",
+            ),
+        ),
+    ),
+)
+
+
+def rate_score(assessment: Assessment, rate: str, seed: int) -> dict[str, Any]:
+    """All metrics at one rate of false alarms, a key of `MEAN_TIMES`."""
+    inputs = RateInputs(assessment, MEAN_TIMES[rate], seed)
+    return {metric.key: metric.compute(inputs) for metric in RATE_METRICS}
+
+
+def scores_by_rate(inputs: ScoreInputs) -> dict[str, dict[str, Any]]:
+    """`rate_score` for every rate."""
+    return {
+        rate: rate_score(assessment, rate, inputs.seed)
+        for rate, assessment in inputs.assessments.items()
+    }
+
+
+def at_ranked_rate(metric: Metric) -> Metric:
+    """The metric of `RATE_METRICS` at the rate that diagnosers are ranked at."""
+
+    def compute(inputs: ScoreInputs) -> Any:
+        at_rate = RateInputs(inputs.ranked, MEAN_TIMES[RANKED_AT], inputs.seed)
+        return metric.compute(at_rate)
+
+    meaning = f"as in `rates` at {RANKED_AT}"
+    return replace(metric, compute=compute, meaning=meaning, csv=())
+
+
+METRICS = (
+    Metric(
+        "rates",
+        scores_by_rate,
+        "by mean time between false alarms ('1 h', '10 h') what depends on the threshold",
+    ),
+    *map(at_ranked_rate, RATE_METRICS),
+    Metric(
+        "isolation_by_class",
+        lambda score: score_series.mean_by_class(score.ranked.isolation, score.truth.at_instants),
+        "restricted mean isolation time [s] by class",
+        "From few episodes of each class.",
+    ),
+    Metric(
+        "detection_by_class",
+        lambda score: score_series.mean_by_class(score.ranked.detection, score.truth.at_instants),
+        "restricted mean detection delay [s] by class",
+        "From few episodes of each class.",
+    ),
+    Metric(
+        "macro_f1",
+        lambda score: macro_f1(score.ranked),
+        f"macro-F1 of the decisions {DECISION_TIME:g} s after onset, over the classes and normal, "
+        "one healthy lane to four faulty ones",
+        "Depends on the share of healthy lanes; an early instant punishes caution.",
+        csv=("macro_f1",),
+        columns=(
+            Column(
+                f"macro-F1 at {DECISION_TIME:g} s",
+                lambda score: _interval_cell(score, "macro_f1", 2),
+            ),
+        ),
+    ),
+    Metric("macro_f1_interval", macro_f1_interval, "its 95 % bootstrap interval over lanes"),
+    Metric(
+        "macro_f1_over_time",
+        lambda score: score_series.f1_over_time(score.ranked),
+        "macro-F1 at each of `settings.decided_at`",
+    ),
+    Metric(
+        "severity_mae",
+        lambda score: float(severity_error(score).mean()),
+        f"mean absolute error of the severity {SEVERITY_AT:g} s after onset, given the true class",
+        "Says nothing of whether the class is found; the middle of all severities has 0.2.",
+        csv=("severity_mae",),
+        columns=(
+            Column(
+                f"severity MAE at {SEVERITY_AT:g} s",
+                lambda score: _interval_cell(score, "severity_mae", 3),
+            ),
+        ),
+    ),
+    Metric(
+        "severity_mae_interval",
+        lambda score: interval(severity_error(score), score.seed),
+        "its 95 % bootstrap interval over lanes",
+    ),
+    Metric(
+        "severity_coverage",
+        lambda score: float(score.ranked.covered.mean()),
+        "share of the true severities inside the 90 % interval of the estimate",
+        "Wide intervals cover everything: read it beside the error.",
+        csv=("severity_coverage",),
+        columns=(Column("90 % covers", lambda score: percent(score["severity_coverage"])),),
+    ),
+    Metric(
+        "ece",
+        lambda score: calibration_error(score.ranked),
+        "expected calibration error of beliefs at random instants",
+        "Useless beliefs can be calibrated: read it beside the log loss.",
+        csv=("ece",),
+        columns=(Column("ECE", lambda score: f"{score['ece']:.3f}"),),
+    ),
+    Metric(
+        "brier",
+        lambda score: metrics.brier(score.ranked.log_probability, score.ranked.truth),
+        "Brier score of beliefs at random instants, 0 to 2",
+        "Forgives a truth held impossible.",
+        csv=("brier",),
+    ),
+    Metric(
+        "log_loss",
+        lambda score: finite(metrics.log_loss(score.ranked.log_probability, score.ranked.truth)),
+        "mean of -log p(true class) of beliefs at random instants [nat]; null for infinite",
+        "A few confident errors decide it.",
+        csv=("log_loss",),
+        columns=(Column("log loss [nat]", lambda score: number(score["log_loss"], 2)),),
+    ),
+    Metric(
+        "cost",
+        lambda score: score_series.mission_cost(score.outcomes.faulty, score.outcomes.cruise),
+        "speed_rms [m/s] of the true speed from the mission's, energy [J per episode], and the "
+        "ratio of both to the same diagnoser's run under cruise, null without that",
+        "Of faulty vehicles: a broken one needs another energy than a healthy one.",
+        csv=("speed_rms", "energy", "speed_rms_ratio", "energy_ratio"),
+    ),
+    Metric(
+        "isolation_over_time",
+        lambda score: score_series.isolation_over_time(score.ranked),
+        "{time, share}: share isolated for good by a time since onset [s]",
+    ),
+    Metric(
+        "amoc",
+        amoc,
+        "{false_alarms_per_hour, delay, probability}: restricted mean delay [s] and share detected "
+        "against the rate of false alarms that the threshold is set for",
+        "The rate on other lanes can differ: see `false_alarms_per_hour`.",
+    ),
+    Metric(
+        "confusion",
+        lambda score: score_series.confusion(score.ranked),
+        f"counts {DECISION_TIME:g} s after onset, rows true classes, columns decisions",
+        "An early instant punishes caution: read it beside the isolation times.",
+    ),
+    Metric(
+        "reliability",
+        lambda score: score_series.reliability(score.ranked),
+        "{share, confidence, accuracy} of the bins of beliefs that are not empty",
+        "Bins with a small share scatter widely.",
+    ),
+    Metric(
+        "severity_scatter",
+        lambda score: score_series.severity_scatter(score.ranked, score.truth.at_instants),
+        "{truth, estimate} of up to 300 episodes",
+    ),
+    Metric(
+        "compatibility",
+        compatible_scores,
+        "scores of other benchmarks by name",
+        "They count samples or runs and do not know how soon a fault was found.",
+    ),
+    Metric(
+        "by_lane",
+        lambda score: score_series.lane_results(score.ranked),
+        "{isolation [s], isolated, detection [s], detected} by episode, and decision as `decided`",
+    ),
+    Metric(
+        "worst",
+        lambda score: score.worst,
+        "the three episodes isolated last: seed, class (index), severity, onset, isolation (null "
+        "if never), why, and series at steps of 0.5 s",
+    ),
+)
 
 
 def thresholds(setting: HealthyOutcome) -> dict[str, float]:
-    """The thresholds of log p(normal) for each mean time between false alarms."""
-    seconds = 3600.0 * float(setting.hours.sum())
-    found = Edges(setting.low, setting.high)
-    return {
-        rate: metrics.threshold_within(found, metrics.allowed_alarms(seconds, mean_time))
-        for rate, mean_time in MEAN_TIMES.items()
-    }
+    """Thresholds of log p(normal) for each mean time between false alarms, set on these lanes."""
+    seconds_run = 3600.0 * float(setting.hours.sum())
+    alarms = Edges(setting.low, setting.high)
+    levels = {}
+    for rate, mean_time in MEAN_TIMES.items():
+        allowed = metrics.allowed_alarms(seconds_run, mean_time)
+        levels[rate] = metrics.threshold_within(alarms, allowed)
+    return levels
 
 
-def assess_at_rates(material: TrialOutcomes, truth: LaneTruth) -> dict[str, Assessment]:
+def assess_at_rates(outcomes: TrialOutcomes, truth: LaneTruth) -> dict[str, Assessment]:
     """What the diagnoser did, by mean time between false alarms."""
-    levels = thresholds(material.setting)
-    record = material.faulty.record
+    record = outcomes.faulty.record
     return {
-        rate: assess(level, record, truth.at_instants, material.counting)
-        for rate, level in levels.items()
+        rate: assess(threshold, record, truth.at_instants, outcomes.counting)
+        for rate, threshold in thresholds(outcomes.threshold).items()
     }
 
 
-def score(
-    material: TrialOutcomes, judged: Mapping[str, Assessment], truth: LaneTruth, seed: int
-) -> dict[str, Any]:
-    """All figures of a diagnoser under a stimulus but its worst episodes; `seed` is that of the bootstrap intervals."""
-    ranked = judged[RANKED_AT]
-    faulty = material.faulty
-    matrix = metrics.confusion(ranked.label, ranked.decision, len(classes()))
-    return {
-        **summary(ranked, truth.at_instants, seed),
-        "rates": {rate: alarm_summary(one, MEAN_TIMES[rate], seed) for rate, one in judged.items()},
-        "detection_by_class": mean_by_class(ranked.detection, truth.at_instants),
-        "macro_f1_over_time": f1_over_time(ranked),
-        "cost": cost(faulty, material.passive),
-        "isolation_over_time": isolation_over_time(ranked),
-        "amoc": amoc(material, truth),
-        "confusion": matrix.astype(int).tolist(),
-        "reliability": reliability(ranked),
-        "severity_scatter": severity_scatter(ranked, truth),
-        "compatibility": compatible(faulty, ranked.threshold, truth),
-        "lane_results": lane_results(ranked),
-    }
+def score(inputs: ScoreInputs) -> dict[str, Any]:
+    """All metrics of a diagnoser under a stimulus."""
+    return {metric.key: metric.compute(inputs) for metric in METRICS}
 
 
-def f1_over_time(judged: Assessment) -> list[float]:
-    """Macro-F1 at each of `DECIDED`."""
-    n = len(classes())
-    matrices = (metrics.confusion(judged.label, decision, n) for decision in judged.decisions)
-    return [float(metrics.macro_f1(matrix)) for matrix in matrices]
-
-
-def cost(faulty: FaultyOutcome, passive: FaultyOutcome | None) -> dict[str, float | None]:
-    """What the mission paid, and how many times what it would have paid without stimulus."""
-    paid = mission_cost(faulty)
-    ratio = (
-        None
-        if passive is None
-        else {name: paid[name] / value for name, value in mission_cost(passive).items()}
-    )
-    return paid | {f"{name}_ratio": ratio and ratio[name] for name in paid}
-
-
-def mission_cost(faulty: FaultyOutcome) -> dict[str, float]:
-    """What the mission paid: RMS speed deviation [m/s] and mean energy [J]."""
-    return {
-        "speed_rms": float(np.sqrt(np.mean(faulty.speed_rms**2))),
-        "energy": float(faulty.energy.mean()),
-    }
-
-
-def isolation_over_time(judged: Assessment) -> dict[str, list[float]]:
-    """Share isolated for good by a time since onset [s]."""
-    time = np.linspace(0.0, HORIZON, POINTS)
-    isolated = (judged.isolation.time <= time[:, None]) & ~judged.isolation.censored
-    return {"time": rounded(time), "share": rounded(isolated.mean(axis=1))}
-
-
-def amoc(material: TrialOutcomes, truth: LaneTruth) -> dict[str, list[float]]:
-    """Delay and share detected against the false alarms per hour that the threshold was set for."""
-    setting = material.setting
-    found = Edges(material.setting.low, material.setting.high)
-    depth = metrics.running_maximum(material.faulty.log_normal, PERSISTENCE)
-    hours = float(setting.hours.sum())
-    rows = []
-    for allowed in np.unique((AMOC_RATES * hours).astype(int)):
-        level = metrics.threshold_within(found, int(allowed))
-        if allowed and level <= setting.complete.min():
-            delay = metrics.detection_delay(depth < level, truth.at_instants.onset, HORIZON)
-            rows.append(
-                (allowed / hours, metrics.restricted_mean(delay), metrics.probability(delay))
-            )
-    names = "false_alarms_per_hour", "delay", "probability"
-    return {name: rounded([row[k] for row in rows]) for k, name in enumerate(names)}
-
-
-def reliability(judged: Assessment) -> dict[str, list[float]]:
-    """The bins of the reliability diagram that are not empty."""
-    bins = metrics.reliability(judged.confidence, judged.right)
-    return {name: rounded(values[bins.share > 0]) for name, values in bins._asdict().items()}
-
-
-def severity_scatter(judged: Assessment, truth: LaneTruth) -> dict[str, list[float]]:
-    """Severity, true and estimated, of some lanes."""
-    n = len(truth.at_instants.fault)
-    lanes = np.linspace(0, n - 1, min(SCATTERED, n)).astype(np.int64)
-    return {
-        "truth": rounded(truth.at_instants.severity[0, lanes]),
-        "estimate": rounded(judged.severity[lanes]),
-    }
-
-
-def compatible(
-    faulty: FaultyOutcome, threshold: float, truth: LaneTruth
-) -> dict[str, float | None]:
-    """Scores as other benchmarks compute them, on the faulty lanes from the start of the episodes."""
-    decision = np.where(
-        metrics.alarms(faulty.log_normal, threshold, PERSISTENCE), faulty.fault, NORMAL
-    )
-    return compatibility.scores(
-        truth.label, decision, truth.instants[1:], faulty.log_probability[1:], len(classes())
-    )
-
-
-def lane_results(judged: Assessment) -> dict[str, list[Any]]:
-    """What paired comparisons need."""
-    return {
-        "isolation": rounded(judged.isolation.time),
-        "isolated": (~judged.isolation.censored).tolist(),
-        "detection": rounded(judged.detection.time),
-        "detected": (~judged.detection.censored).tolist(),
-        "decision": judged.decision.tolist(),
-    }
-
-
-def rounded(values: Any, digits: int = DIGITS) -> list[float]:
-    """The values as a list of plain numbers, no more digits than a figure shows."""
-    return np.round(np.asarray(values, np.float64), digits).tolist()
+def csv_cells(all_metrics: tuple[Metric, ...], of_score: Score) -> dict[str, Any]:
+    """The cells of these metrics in a row of results.csv, by column."""
+    cells = {}
+    for metric in all_metrics:
+        value = of_score[metric.key]
+        for column in metric.csv:
+            is_group = isinstance(value, Mapping)
+            cells[column] = value[column.removeprefix(f"{metric.key}_")] if is_group else value
+    return cells

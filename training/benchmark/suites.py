@@ -102,22 +102,22 @@ class Conditions:
 
     def deflections(self, seeds: Sequence[int]) -> np.ndarray:
         """Rudder and stern plane [rad] of the lanes with these seeds, (n_samples, n_lanes, 2): square waves."""
-        u = uniforms(keys(seeds), STREAMS["steering"], 7)
-        steered = u[:, :1] < self.steering.share
-        half = 2.0 + 10.0 * u[:, 3:5]
-        phase = 24.0 * u[:, 5:7]
-        return square_waves(
-            self.steering.deflection * steered * u[:, 1:3], half, phase, self.n_samples
-        )
+        uniform = uniforms(noise_keys(seeds), STREAMS["steering"], 7)
+        is_steered = uniform[:, :1] < self.steering.share
+        amplitude = self.steering.deflection * is_steered * uniform[:, 1:3]
+        half_period = 2.0 + 10.0 * uniform[:, 3:5]
+        phase = 24.0 * uniform[:, 5:7]
+        return square_waves(amplitude, half_period, phase, self.n_samples)
 
-    def draw_missions(self, seeds: Sequence[int]) -> list[Mission]:
+    def sample_missions(self, seeds: Sequence[int]) -> list[Mission]:
         """Missions of healthy lanes with these seeds."""
-        drawn = [sampler.sample_legs(keys(seeds)) for sampler in self.missions]
-        turns = [(*drawn[seed % len(drawn)], lane) for lane, seed in enumerate(seeds)]
-        return [
-            Mission(tuple(map(tuple, legs[lane].tolist())), float(starts[lane]))
-            for legs, starts, lane in turns
-        ]
+        missions = []
+        sampled = [sampler.sample_legs(noise_keys(seeds)) for sampler in self.missions]
+        for lane, seed in enumerate(seeds):
+            legs, start_speeds = sampled[seed % len(sampled)]
+            lane_legs = tuple(map(tuple, legs[lane].tolist()))
+            missions.append(Mission(lane_legs, float(start_speeds[lane])))
+        return missions
 
 
 class Episode(NamedTuple):
@@ -130,9 +130,22 @@ class Episode(NamedTuple):
 
 @dataclass(frozen=True)
 class Suite:
-    """Faulty episodes, and where the seeds of healthy lanes begin, by part: to set thresholds, to count alarms.
+    """A list of faulty episodes with their conditions, and the seeds of healthy lanes.
 
-    `hash` is that of the file; a suite that comes from no file has none.
+    Attributes
+    ----------
+    name, about
+        What it is called, and one line on its content.
+    conditions
+        What all of its vehicles run under.
+    healthy
+        First seed of the healthy lanes by part: to set thresholds, to count false alarms.
+    episodes
+        The faulty episodes.
+    hash
+        That of its file; empty if it is in none.
+    purpose
+        Purpose of its seeds; those of users are allowed as well.
     """
 
     name: str
@@ -141,52 +154,49 @@ class Suite:
     healthy: Mapping[str, int]
     episodes: tuple[Episode, ...]
     hash: str = ""
+    purpose: str = "test"
 
     def __post_init__(self):
         if not isinstance(self.name, str) or not NAME.fullmatch(self.name):
-            raise refusal(
-                "name", self.name, "letters, digits, hyphens and underscores", "take another"
-            )
+            allowed = "letters, digits, hyphens and underscores"
+            raise refusal("name", self.name, allowed, "take another")
         if not self.episodes:
             raise refusal("episodes", self.episodes, "at least one", "give a faulty episode")
         for part in HEALTHY_PARTS:
-            _own_seed(f"first seed of {part}", self.healthy.get(part))
+            _check_seed(f"first seed of {part}", self.healthy.get(part), self.purpose)
+        last_onset = self.conditions.duration - HORIZON - SAMPLE_TIME
         for episode in self.episodes:
-            _own_seed("seed of an episode", episode.seed)
-            _checked_onset(episode, self.conditions.duration - HORIZON - SAMPLE_TIME)
+            _check_seed("seed of an episode", episode.seed, self.purpose)
+            _check_faults(episode, last_onset)
 
     def text(self) -> str:
-        """The file."""
-        conditions = asdict(self.conditions)
+        """The file: all of its content, and the hash of that."""
         header = {
             "name": self.name,
             "about": self.about,
-            **conditions,
+            **asdict(self.conditions),
             "healthy": self.healthy,
             "columns": COLUMNS,
         }
         lines = [f" {json.dumps(key)}: {json.dumps(value)}," for key, value in header.items()]
         rows = ",\n".join(f"  {json.dumps(_row(episode))}" for episode in self.episodes)
-        return sealed("\n".join(["{", *lines, f' "episodes": [\n{rows}\n ],', ""]))
+        body = "\n".join(["{", *lines, f' "episodes": [\n{rows}\n ],', ""])
+        return sealed(body)
 
 
-def _own_seed(thing: str, seed: Any) -> None:
-    if whole_number(thing, seed, 0) > LARGEST_SEED or purpose_of(seed) not in ("test", None):
-        raise refusal(
-            thing,
-            seed,
-            f"up to {LARGEST_SEED}, none that diagnosers are trained on",
-            "take a test seed",
-        )
+def _check_seed(thing: str, seed: Any, purpose: str) -> None:
+    is_too_large = whole_number(thing, seed, 0) > LARGEST_SEED
+    if is_too_large or purpose_of(seed) not in (purpose, None):
+        allowed = f"up to {LARGEST_SEED}, none that diagnosers are trained on"
+        raise refusal(thing, seed, allowed, f"take a {purpose} seed")
 
 
-def _checked_onset(episode: Episode, last: float) -> None:
+def _check_faults(episode: Episode, last_onset: float) -> None:
     thing = f"faults of the episode with seed {episode.seed}"
     if not any(event.severity > 0.0 for event in episode.schedule):
         raise refusal(thing, episode.schedule, "at least one, its severity above 0", "name a fault")
-    finite_in_range(
-        f"{thing}, first onset", min(event.onset for event in episode.schedule), SAMPLE_TIME, last
-    )
+    first_onset = min(event.onset for event in episode.schedule)
+    finite_in_range(f"{thing}, first onset", first_onset, SAMPLE_TIME, last_onset)
 
 
 def _row(episode: Episode) -> list[Any]:
@@ -200,31 +210,34 @@ def digest(text: str) -> str:
 
 
 def sealed(body: str) -> str:
-    """The text of a file up to its hash, and the hash."""
+    """The text of a file: its body, and the hash of that."""
     return f'{body} "hash": "{digest(body)}"\n}}\n'
 
 
-def keys(seeds: Sequence[int]) -> np.ndarray:
+def noise_keys(seeds: Sequence[int]) -> np.ndarray:
     """Noise keys of the first episodes of these seeds, (n_lanes,)."""
     return episode_keys(np.array(seeds, np.uint64), np.zeros(len(seeds), np.uint64))
 
 
 def load(suite: str) -> Suite:
-    """A suite by its name, or from the path of a file; one that is not as it was sealed is refused in one line."""
-    own = suite.endswith(".json")
-    path = (
-        Path(suite) if own else FOLDER / f"{known_name('suite', suite, [*NAMES, 'FILE.json'])}.json"
-    )
+    """A suite by its name, or from the path of a file; a file that does not match its hash is refused."""
+    if suite.endswith(".json"):
+        path = Path(suite)
+    else:
+        name = known_name("suite", suite, [*NAMES, "FILE.json"])
+        path = FOLDER / f"{name}.json"
     text = read(path)
+    body = text
+    written_hash = "none at its end"
     closing = CLOSING.search(text)
-    body, wanted = (text[: closing.start()], closing[1]) if closing else (text, "none at its end")
-    if digest(body) != wanted:
-        remedy = (
-            f"restore the file, or seal it with python -m training.benchmark.freeze_suites {path}"
-        )
-        raise refusal(
-            f"suite {path}, hash of its text", digest(body), f"that written in it, {wanted}", remedy
-        )
+    if closing:
+        body = text[: closing.start()]
+        written_hash = closing[1]
+    if digest(body) != written_hash:
+        thing = f"suite {path}, hash of its text"
+        allowed = f"that written in it, {written_hash}"
+        sealing = f"python -m training.benchmark.freeze_suites {path}"
+        raise refusal(thing, digest(body), allowed, f"restore the file, or seal it with {sealing}")
     return parse(text, path)
 
 
@@ -234,31 +247,30 @@ def read(path: Path) -> str:
         return path.read_bytes().decode()
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
-        raise refusal(
-            "suite", str(path), "a readable file of a suite", f"check the path ({reason})"
-        ) from None
+        remedy = f"check the path ({reason})"
+        raise refusal("suite", str(path), "a readable file of a suite", remedy) from None
 
 
 def parse(text: str, origin: Path) -> Suite:
-    """The suite of a JSON text, its hash taken as it is; what is no suite is refused with the place."""
+    """The suite of a JSON text, its hash not checked; what is no suite is refused with the place."""
     try:
         content = json.loads(text)
-        conditions = Conditions(
-            content["plant"],
-            content["duration"],
-            tuple(MissionSampler(**fields) for fields in content["missions"]),
-            Steering(**content["steering"]),
+        missions = [MissionSampler(**fields) for fields in content["missions"]]
+        steering = Steering(**content["steering"])
+        return Suite(
+            content["name"],
+            content["about"],
+            Conditions(content["plant"], content["duration"], tuple(missions), steering),
+            content["healthy"],
+            tuple(_episode(row) for row in content["episodes"]),
+            content.get("hash", ""),
         )
-        episodes = tuple(_episode(row) for row in content["episodes"])
-        about = content["name"], content["about"]
-        return Suite(*about, conditions, content["healthy"], episodes, content.get("hash", ""))
     except InputError as error:
         raise InputError(f"suite {origin}: {error}") from None
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         shown = f"{type(error).__name__}: {error}"
-        raise refusal(
-            f"suite {origin}", shown, "a file like those in training/suites", "mend that place"
-        ) from None
+        allowed = "a file like those in training/benchmark/suites"
+        raise refusal(f"suite {origin}", shown, allowed, "mend that place") from None
 
 
 def _episode(row: Sequence[Any]) -> Episode:

@@ -19,7 +19,7 @@ from training.benchmark.suites import (
     LAST_STAND_IN_ONSET,
     Conditions,
     Episode,
-    keys,
+    noise_keys,
 )
 from training.metrics import sample_at
 from training.metrics.records import (
@@ -152,7 +152,7 @@ def lane_truth(conditions: Conditions, episodes: Sequence[Episode]) -> LaneTruth
     n_samples = conditions.n_samples
     events = events_of([episode.schedule for episode in episodes])
     lanes = np.arange(len(episodes))
-    key = keys([episode.seed for episode in episodes])
+    key = noise_keys([episode.seed for episode in episodes])
     label, severity = label_and_severity(events, n_samples)
     onset = first_onset(events)
     width = LAST_STAND_IN_ONSET - FIRST_STAND_IN_ONSET

@@ -1,6 +1,5 @@
-"""Trials spread over processes, threads or machines; each outcome is written as it comes."""
+"""Trials run in parallel by processes, threads or machines; each outcome is written as it comes."""
 
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures.process import BrokenProcessPool
 from itertools import islice
@@ -13,24 +12,23 @@ from tqdm import tqdm
 from auv_fault_env.errors import refusal
 from auv_fault_env.faults import CATALOGUE, Fault
 from training.benchmark import trial_store
+from training.benchmark.failures import note_failure, one_line
 from training.benchmark.trials import FaultyOutcome, Trial, run_trial
-from training.benchmark.validation import one_line
 from training.metrics.records import HealthyOutcome
 
 RAY = "ray"
-ROUND = 256  # jobs that are waited for together
+JOBS_PER_ROUND = 256  # jobs that are waited for together
 
 
 def check_backend(backend: str) -> None:
-    """Make a backend known to joblib that is not by itself; one that is not installed is refused."""
+    """Register the backend `ray` with joblib; refuse it if it is not installed."""
     if backend != RAY:
         return
     try:
         from ray.util.joblib import register_ray
     except ImportError:
-        raise refusal(
-            "backend", backend, "an installed one", "pip install 'auv-fault[distributed]'"
-        ) from None
+        remedy = "pip install 'auv-fault[distributed]'"
+        raise refusal("backend", backend, "an installed one", remedy) from None
     register_ray()
 
 
@@ -49,58 +47,56 @@ def with_catalogue(
 
 
 def attempt(path: Path, trial: Trial) -> tuple[Path, str, FaultyOutcome | HealthyOutcome | str]:
-    """Where the trial's outcome belongs, its diagnoser, the outcome, or why there is none."""
+    """The path of the trial's outcome, its diagnoser, and the outcome or the reason why there is none."""
     try:
         return path, trial.entrant.name, run_trial(trial)
-    except (Exception, SystemExit) as error:  # whatever ails one diagnoser, the others are scored
+    # whatever fails in one diagnoser, the others are scored
+    except (Exception, SystemExit) as error:
         return path, trial.entrant.name, one_line(error)
 
 
 def run_missing(trials: Mapping[Path, Trial], workers: int, backend: str) -> dict[str, str]:
-    """Run the trials whose outcome is not there yet, and write it; says why diagnosers failed, by name.
+    """Run the trials that have no outcome yet and write it; returns why diagnosers failed, by name.
 
-    Of a diagnoser that has failed no more trials are begun. One that ends its whole process, or
+    No more trials of a diagnoser begin after it has failed. One that ends its whole process, or
     takes all memory, ends the run.
     """
     failures: dict[str, str] = {}
     faults = dict(CATALOGUE)
-    todo = {path: trial for path, trial in trials.items() if not path.exists()}
-    sizes = {path: len(trial.episodes) for path, trial in trials.items()}
+    missing = {path: trial for path, trial in trials.items() if not path.exists()}
+    n_lanes = {path: len(trial.episodes) for path, trial in trials.items()}
+    n_total = sum(n_lanes.values())
+    n_missing = sum(n_lanes[path] for path in missing)
     jobs = (
         delayed(with_catalogue)(faults, attempt, path, trial)
-        for path, trial in todo.items()
+        for path, trial in missing.items()
         if trial.entrant.name not in failures
     )
-    done = sum(sizes.values()) - sum(map(sizes.get, todo))
-    with tqdm(
-        total=sum(sizes.values()), initial=done, unit="lane", desc="trials", smoothing=0.05
-    ) as bar:
+    bar = tqdm(
+        total=n_total, initial=n_total - n_missing, unit="lane", desc="trials", smoothing=0.05
+    )
+    with bar:
         for path, name, outcome in _outcomes(jobs, workers, backend):
-            bar.update(sizes[path])
+            bar.update(n_lanes[path])
             bar.set_postfix_str(name)
             if not isinstance(outcome, str):
                 trial_store.write(path, outcome)
             elif name not in failures:
-                failures[name] = outcome
-                tqdm.write(f"{name} is left out: {outcome}", file=sys.stderr)
+                note_failure(failures, name, outcome)
     return failures
 
 
 def _outcomes(jobs: Iterator[Any], workers: int, backend: str) -> Iterator[Any]:
-    """What comes of the jobs, in any order: one by one as they end, or in rounds where joblib can only wait for all."""
-    if backend != RAY:
-        try:
-            yield from Parallel(n_jobs=workers, backend=backend, return_as="generator_unordered")(
-                jobs
-            )
-        except BrokenProcessPool:
-            remedy = (
-                "take fewer --workers, or leave out the diagnoser at fault; what is done is kept"
-            )
-            raise refusal(
-                "workers", "a process that has died", "enough memory, sound diagnosers", remedy
-            ) from None
+    """The outcomes of the jobs in any order: as they end, or in rounds where joblib waits for all."""
+    if backend == RAY:
+        with Parallel(n_jobs=workers, backend=backend) as parallel:
+            while round_of_jobs := list(islice(jobs, JOBS_PER_ROUND)):
+                yield from parallel(round_of_jobs)
         return
-    with Parallel(n_jobs=workers, backend=backend) as parallel:
-        while round_of_jobs := list(islice(jobs, ROUND)):
-            yield from parallel(round_of_jobs)
+    parallel = Parallel(n_jobs=workers, backend=backend, return_as="generator_unordered")
+    try:
+        yield from parallel(jobs)
+    except BrokenProcessPool:
+        allowed = "enough memory, sound diagnosers"
+        remedy = "take fewer --workers, or leave out the diagnoser at fault; what is done is kept"
+        raise refusal("workers", "a process that has died", allowed, remedy) from None

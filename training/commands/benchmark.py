@@ -1,10 +1,11 @@
 """``auv-fault benchmark``: diagnosers and stimuli on a frozen suite, scored at set rates of false alarms."""
 
 import functools
+import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from tqdm import tqdm
 
@@ -13,12 +14,18 @@ from diagnosers import NAMES, make
 from diagnosers.third_party import load_third_parties
 from training.arguments import Benchmark
 from training.benchmark import timing, trial_store
+from training.benchmark.failures import note_failure, one_line
 from training.benchmark.page import page
 from training.benchmark.plan import MOST_HOURS, BenchmarkPlan
-from training.benchmark.results import PreparedEntrant, bounds, header, scored, write_csv
+from training.benchmark.results import (
+    PreparedEntrant,
+    bounds_by_stimulus,
+    header,
+    scored,
+    write_csv,
+)
 from training.benchmark.suites import STANDARD, load
 from training.benchmark.trials import COUNTING, THRESHOLD, Entrant
-from training.benchmark.validation import Contestant, note_failure
 from training.benchmark.workers import check_backend, run_missing
 from training.report.page import print_tables, write_report
 from training.report.run_folder import (
@@ -38,56 +45,98 @@ ALL_CORES = -1  # as joblib has it
 TIMED = 950_000_000  # first test seed of the episodes that the timing runs on
 
 
+class Run(NamedTuple):
+    """A benchmark to run.
+
+    Attributes
+    ----------
+    name, arguments, command
+        Subcommand and arguments for the manifest; the command line for the results.
+    output
+        Folder of the report and the trials.
+    suite_identity
+        Entries of the manifest by which a run is known whose trials can be taken over.
+    plan, entrants
+        What is run.
+    seed
+        Of the bootstrap.
+    workers, backend
+        As joblib has them.
+    """
+
+    name: str
+    arguments: Any
+    command: str
+    output: Path
+    suite_identity: Mapping[str, str]
+    plan: BenchmarkPlan
+    entrants: Mapping[str, Entrant]
+    seed: int
+    workers: int
+    backend: str
+
+
 def main(arguments: Benchmark) -> None:
     """Run what has not been run yet, score it, and write report, figures and results."""
     plan = _plan(arguments)
     entrants = _entrants(arguments)
     workers = ALL_CORES if arguments.workers is None else whole_number("workers", arguments.workers)
     check_backend(arguments.backend)
-    output = arguments.output or Path("runs") / f"benchmark-{plan.suite.name}"
-    suite = {"suite": plan.suite.name, "hash": plan.suite.hash}
-    folder = opened(output, arguments, suite)
+    run = Run(
+        name="benchmark",
+        arguments=arguments,
+        command=command(arguments),
+        output=arguments.output or Path("runs") / f"benchmark-{plan.suite.name}",
+        suite_identity={"suite": plan.suite.name, "hash": plan.suite.hash},
+        plan=plan,
+        entrants=entrants,
+        seed=arguments.seed,
+        workers=workers,
+        backend=arguments.backend,
+    )
+    run_benchmark(run)
+
+
+def run_benchmark(run: Run) -> None:
+    """Run what has not been run yet, score it, and write report, figures and results."""
+    folder = trials_folder(run)
     try:
-        results = _results(arguments, plan, entrants, folder, workers)
+        results = _results(run, folder)
         report = page(results)
-        with run_folder(output, "benchmark", arguments, suite, files_to_keep=[TRIALS]) as aside:
-            write_json(aside / "results.json", results)
-            write_csv(aside / "results.csv", results)
-            write_report(report, aside)
+        notes = run.suite_identity
+        with run_folder(run.output, run.name, run.arguments, notes, [TRIALS]) as new_folder:
+            write_json(new_folder / "results.json", results)
+            write_csv(new_folder / "results.csv", results)
+            write_report(report, new_folder)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
             "the trials that are done are kept, and the same command goes on from there"
         ) from None
-    print_tables(report["sections"][: 1 + len(plan.stimuli)])  # what was run, and the leaderboards
-    print(f"\nreport: {output / 'index.html'}")
+    # what was run, and the leaderboards
+    print_tables(report["sections"][: 1 + len(run.plan.stimuli)])
+    print(f"\nreport: {run.output / 'index.html'}")
 
 
-def _results(
-    arguments: Benchmark,
-    plan: BenchmarkPlan,
-    entrants: Mapping[str, Entrant],
-    folder: Path,
-    workers: int,
-) -> dict[str, Any]:
+def _results(run: Run, folder: Path) -> dict[str, Any]:
     """All results, from trials that are run if they are not in the folder."""
-    made, failures = _made(entrants)
-    trials = plan.trials([one.entrant for one in made.values()])
-    paths = {
-        trial_store.path_of(folder, one, made[one.entrant.name].fingerprint): one for one in trials
-    }
-    failures |= run_missing(paths, workers, arguments.backend)
+    plan = run.plan
+    prepared, failures = prepare(run.entrants)
+    paths = {}
+    for trial in plan.trials([entry.entrant for entry in prepared.values()]):
+        fingerprint = prepared[trial.entrant.name].fingerprint
+        paths[trial_store.path_of(folder, trial, fingerprint)] = trial
+    failures |= run_missing(paths, run.workers, run.backend)
     paths = {path: trial for path, trial in paths.items() if trial.entrant.name not in failures}
-    scores = scored(plan, paths, arguments.seed, failures)
-    working = {name: one for name, one in made.items() if name not in failures}
+    scores = scored(plan, paths, run.seed, failures)
+    working = {name: entry for name, entry in prepared.items() if name not in failures}
     if not working:
-        raise refusal(
-            "diagnosers", list(entrants), "at least one that works", "see above what ails them"
-        )
-    results = header(arguments, plan, working, failures) | scores
-    # the bounds are those of its faults, whoever watches
+        allowed = "at least one that works"
+        raise refusal("diagnosers", list(run.entrants), allowed, "see above why they fail")
+    results = header(run.command, plan, run.seed, working, failures) | scores
+    # bounds are those of the suite's faults, for any diagnoser
     if plan.suite == load(STANDARD) and plan.every == 1:
-        without_belief = [one for one in plan.stimuli if not isinstance(one, ClosedLoop)]
-        results["bounds"] = bounds(without_belief, arguments.seed, workers, arguments.backend)
+        open_loop = [one for one in plan.stimuli if not isinstance(one, ClosedLoop)]
+        results["bounds"] = bounds_by_stimulus(open_loop, run.seed, run.workers, run.backend)
     return results
 
 
@@ -98,64 +147,93 @@ def _plan(arguments: Benchmark) -> BenchmarkPlan:
     if not stimuli:
         raise refusal("stimuli", arguments.stimuli, f"some of {', '.join(STIMULI)}", "name one")
     hours = {THRESHOLD: arguments.hours, COUNTING: arguments.counting_hours}
-    for name, value in hours.items():
-        finite_in_range(f"hours of the part {name}", value, 0.05, MOST_HOURS)
+    for part, value in hours.items():
+        finite_in_range(f"hours of the part {part}", value, 0.05, MOST_HOURS)
     finite_in_range("seed", arguments.seed, 0, LAST_SEED)
-    lanes = whole_number(
-        "lanes", len(suite.episodes) if arguments.lanes is None else arguments.lanes
-    )
-    plan = BenchmarkPlan(
-        suite, load(STANDARD).conditions, stimuli, hours, max(1, round(len(suite.episodes) / lanes))
-    )
+    n_listed = len(suite.episodes)
+    n_lanes = whole_number("lanes", n_listed if arguments.lanes is None else arguments.lanes)
+    every = max(1, round(n_listed / n_lanes))
+    plan = BenchmarkPlan(suite, load(STANDARD).conditions, stimuli, hours, every)
     plan.check_seeds()
     return plan
 
 
 def _entrants(arguments: Benchmark) -> dict[str, Entrant]:
     """The diagnosers asked for, and all third parties."""
-    foreign = load_third_parties(arguments.diagnoser)
-    makers = {name: functools.partial(make, name) for name in NAMES} | foreign
-    asked = arguments.diagnosers or NAMES
-    names = dict.fromkeys([*(known_name("diagnoser", name, makers) for name in asked), *foreign])
-    return {name: Entrant(name, makers[name]) for name in names}
+    third_parties = load_third_parties(arguments.diagnoser)
+    return named_entrants(arguments.diagnosers or NAMES, third_parties)
 
 
-def opened(output: Path, arguments: Benchmark, suite: Mapping[str, str]) -> Path:
-    """The folder of the trials; an output that holds anything but a benchmark of this suite is refused."""
-    output = checked_output(output)
+def named_entrants(names: Iterable[str], third_parties: Mapping[str, Any]) -> dict[str, Entrant]:
+    """Entrants of these names, and all third parties; an unknown name is refused."""
+    makers = {name: functools.partial(make, name) for name in NAMES} | third_parties
+    known = [known_name("diagnoser", name, makers) for name in names]
+    return {name: Entrant(name, makers[name]) for name in dict.fromkeys([*known, *third_parties])}
+
+
+def trials_folder(run: Run) -> Path:
+    """The folder of the trials; an output that holds anything but a run of this suite is refused."""
+    output = checked_output(run.output)
     manifest = read_manifest(output)
-    if manifest is not None and {name: manifest.get(name) for name in suite} != suite:
-        got = f"{output}, {manifest['command']}, suite {manifest.get('suite')} with hash {manifest.get('hash')}"
-        wanted = f"a new folder or a benchmark of suite {suite['suite']} with hash {suite['hash']}"
-        raise refusal("output", got, wanted, "choose another --output")
+    identity = run.suite_identity
+    if manifest is not None and {key: manifest.get(key) for key in identity} != identity:
+        earlier = ", ".join(f"{key} {manifest.get(key)}" for key in identity)
+        wanted = ", ".join(f"{key} {value}" for key, value in identity.items())
+        thing = f"{output}, {manifest['command']}, {earlier}"
+        allowed = f"a new folder or a run with {wanted}"
+        raise refusal("output", thing, allowed, "choose another --output")
     folder = output / TRIALS
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if manifest is None:
-            write_manifest(output, "benchmark", arguments, suite)
+            write_manifest(output, run.name, run.arguments, identity)
     except OSError as error:
         allowed = f"a place that can be written ({error.strerror or error})"
         raise refusal("output", str(output), allowed, "choose another --output") from None
     return folder
 
 
-def _made(entrants: Mapping[str, Entrant]) -> tuple[dict[str, PreparedEntrant], dict[str, str]]:
-    """The diagnosers that can be made and timed, and why others cannot."""
-    made: dict[str, PreparedEntrant] = {}
+def prepare(
+    entrants: Mapping[str, Entrant],
+) -> tuple[dict[str, PreparedEntrant], dict[str, str]]:
+    """The diagnosers that can be created and timed, and why others cannot."""
+    prepared: dict[str, PreparedEntrant] = {}
     failures: dict[str, str] = {}
-    first = seeds("test", 1, TIMED)[0]
+    first_seed = seeds("test", 1, TIMED)[0]
     for name, entrant in tqdm(entrants.items(), desc="timing", unit="diagnoser", file=sys.stderr):
         try:
             diagnoser = entrant.make()
             tensors = diagnoser.tensors() if hasattr(diagnoser, "tensors") else {}
-            compute = timing.cost(Contestant(diagnoser), first)
+            compute = timing.compute_cost(diagnoser, first_seed)
             compute["numbers"] = sum(tensor.size for tensor in tensors.values())
-            fingerprint = trial_store.fingerprint(entrant, diagnoser)
-            weights = trial_store.weights_digest(diagnoser)
-            made[name] = PreparedEntrant(
-                entrant, fingerprint, weights, compute, hasattr(diagnoser, "set_truth")
+            prepared[name] = PreparedEntrant(
+                entrant=entrant,
+                fingerprint=trial_store.fingerprint(entrant, diagnoser),
+                weights=trial_store.weights_digest(diagnoser),
+                compute=compute,
+                knows_truth=hasattr(diagnoser, "set_truth"),
             )
-        # whatever ails one diagnoser, the others are scored
+        # whatever fails in one diagnoser, the others are scored
         except (Exception, SystemExit) as error:
-            note_failure(failures, name, error)
-    return made, failures
+            note_failure(failures, name, one_line(error))
+    return prepared, failures
+
+
+def command(arguments: Benchmark) -> str:
+    """The command line that gives these results, without what they do not depend on."""
+    words = ["auv-fault", "benchmark"]
+    for name in ("suite", "stimuli", "budget", "hours", "counting_hours", "seed"):
+        words += [f"--{name.replace('_', '-')}", *_words(getattr(arguments, name))]
+    if arguments.diagnosers:
+        words += ["--diagnosers", *arguments.diagnosers]
+    for target in arguments.diagnoser:
+        words += ["--diagnoser", target]
+    if arguments.lanes:
+        words += ["--lanes", str(arguments.lanes)]
+    return shlex.join(words)
+
+
+def _words(value: Any) -> Sequence[str]:
+    if isinstance(value, tuple):
+        return value
+    return [f"{value:.12g}" if isinstance(value, float) else str(value)]

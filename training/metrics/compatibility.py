@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from training.benchmark.scoring import finite
 from training.metrics.metrics import NORMAL, confusion
+from training.metrics.plain import finite
 
 
 class Fddbenchmark(NamedTuple):
@@ -109,16 +109,6 @@ def utility(diagnosed: np.ndarray, true: np.ndarray) -> np.ndarray:
     missed = (true & ~diagnosed).sum(axis=-1)
     in_vain = wrong * (size + 1) / (wrong + 1) + missed * (n_components - size + 1) / (missed + 1)
     return 1.0 - in_vain / n_components
-
-
-def ambiguous_utility(diagnosed: np.ndarray, true: np.ndarray) -> float:
-    """m_utl of DXC'26 between ambiguity groups, (n_diagnoses, n_components) and (n_truths, n_components), bool.
-
-    The mean over all pairs, divided by the same of the true group with itself, so that the whole
-    group has 1. Where there is one truth it is `utility`. Source: as there.
-    """
-    score, best = (float(utility(group[:, None], true[None]).mean()) for group in (diagnosed, true))
-    return score / best
 
 
 def mean_utility(label: np.ndarray, decision: np.ndarray, n_classes: int) -> float:

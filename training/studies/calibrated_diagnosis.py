@@ -18,8 +18,8 @@ from auv_fault_env.errors import finite_in_range, known_name
 from auv_fault_env.faults import classes
 from auv_fault_env.parameters import PRESETS, Vehicle
 from diagnosers import Diagnoser, make
+from training.benchmark.assessment import assess
 from training.benchmark.open_loop import believed, both_halves, true_of
-from training.benchmark.scoring import assess
 from training.field.calibration.calibration import calibrate
 from training.field.diagnosis.diagnosis import THRESHOLDS, diagnoser_for
 from training.metrics import confusion, macro_f1, restricted_mean

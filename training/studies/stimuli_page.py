@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from auv_fault_env.faults import fault_of
-from training.benchmark.verdicts import MET, MISSED, OPEN
 from training.report.cells import percent, row_name, with_interval
 from training.stimuli.base import LARGEST_OFFSET
 from training.stimuli.open_loop import Cruise, Thesis
@@ -19,6 +18,9 @@ from training.studies.stimulus_comparisons import (
 )
 
 Results = Mapping[str, Any]
+MET = "met"
+MISSED = "not met"
+OPEN = "not judged"
 COLUMNS = ["isolation [s]", *(f"× {name}" for name in REFERENCES), "isolated"]
 COLUMNS += [f"minus {name} [s]" for name in REFERENCES]
 COST_COLUMNS = ["speed RMS [m/s]", "energy [J]", "false alarms per hour"]

@@ -17,11 +17,11 @@ from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import Belief, make
 from training import metrics
-from training.benchmark.scores import rounded
 from training.benchmark.suites import STANDARD, Conditions, Episode, load
 from training.benchmark.trials import lane_truth, run_closed_loop
 from training.bounds.information import faults_by_class
 from training.metrics.intervals import central, resamples
+from training.metrics.plain import rounded
 from training.metrics.records import HORIZON, PERSISTENCE, Truth
 from training.seeds import seeds
 from training.stimuli import STIMULI, Stimulus
@@ -136,14 +136,14 @@ def faulty_lanes(conditions: Conditions, per_class: int, seed: int) -> list[Epis
     severity = random.uniform(*SEVERITY, len(faults))
     schedules = [(FaultEvent(*event),) for event in zip(faults, onset, severity, strict=True)]
     lane_seeds = seeds("validation", len(faults), FIRST_FAULTY + seed)
-    missions = conditions.draw_missions(lane_seeds)
+    missions = conditions.sample_missions(lane_seeds)
     return [Episode(*fields) for fields in zip(lane_seeds, schedules, missions, strict=True)]
 
 
 def healthy_lanes(conditions: Conditions, n_lanes: int, seed: int) -> list[Episode]:
     """Episodes without a fault."""
     lane_seeds = seeds("validation", n_lanes, FIRST_HEALTHY + seed)
-    missions = conditions.draw_missions(lane_seeds)
+    missions = conditions.sample_missions(lane_seeds)
     return [
         Episode(lane_seed, (), mission)
         for lane_seed, mission in zip(lane_seeds, missions, strict=True)

@@ -3,11 +3,15 @@
 from collections.abc import Mapping
 from typing import Any
 
-from training.benchmark.scoring import DECIDED_AT, HORIZON, Assessment, judge_all
-from training.benchmark.validation import compare, contestants
-from training.benchmark.validation_page import isolation_over_time
-from training.benchmark.verdicts import difference
+import numpy as np
+
+from diagnosers import ranked
+from training.benchmark.assessment import DECISION_TIME, Assessment
+from training.benchmark.differences import difference
+from training.metrics.plain import rounded
+from training.metrics.records import HORIZON
 from training.thesis.comparison import Comparison
+from training.thesis.recommendation import compare
 
 NAMES = ("raw_network", "kalman_network", "parallel", "integrated")
 PAIRS = (
@@ -23,10 +27,8 @@ SEED = 0  # first seed within those of validation
 
 def section(comparison: Comparison, columns: list[str]) -> dict[str, Any]:
     """Run the four diagnosers over a small part of the validation suite, and compare them."""
-    entrants, failures = contestants(NAMES)
-    beliefs = compare(entrants, LANES, HOURS, SEED)
-    failures |= beliefs.failures
-    return section_of_assessments(comparison, *judge_all(beliefs, SEED), failures, columns)
+    results = compare(NAMES, LANES, HOURS, SEED)
+    return section_of_assessments(comparison, *results, columns)
 
 
 def section_of_assessments(
@@ -51,9 +53,7 @@ def section_of_assessments(
     absences = [f"{name} could not take part: {reason}" for name, reason in failures.items()]
     rows = [score_row(comparison, name, scores.get(name)) for name in NAMES]
     rows += [difference_row(comparison, assessments, *pair) for pair in PAIRS]
-    figures = []
-    if assessments:
-        figures = isolation_over_time(assessments, list(assessments)[::-1])["figures"]
+    figures = [isolation_figure(assessments)] if assessments else []
     return {
         "heading": "VI.B: the recommendation followed",
         "text": [text, *absences],
@@ -62,10 +62,32 @@ def section_of_assessments(
     }
 
 
+def isolation_figure(assessments: Mapping[str, Assessment]) -> dict[str, Any]:
+    """Share isolated against time since onset."""
+    time = np.linspace(0.0, HORIZON, 301)
+    names = list(assessments)[::-1]
+    shares = {}
+    for name in names:
+        isolation = assessments[name].isolation
+        isolated = (isolation.time <= time[:, None]) & ~isolation.censored
+        shares[name] = rounded(isolated.mean(axis=1))
+    references = [name for name in names if name not in ranked()]
+    caption = (
+        "Share of the faults isolated for good by a time since onset; the area above a line is "
+        "its restricted mean."
+    )
+    return {
+        "plot": "isolation_curves",
+        "name": "isolation",
+        "caption": caption,
+        "data": {"time": rounded(time, 1), "shares": shares, "references": references},
+    }
+
+
 def score_row(comparison: Comparison, name: str, score: Mapping[str, Any] | None) -> list[str]:
     """The scores of one diagnoser; None if it could not take part."""
     quantity = (
-        f"{name}: restricted mean isolation time; share isolated; macro-F1 at {DECIDED_AT:g} s"
+        f"{name}: restricted mean isolation time; share isolated; macro-F1 at {DECISION_TIME:g} s"
     )
     if score is None:
         ours = "-"
@@ -94,17 +116,17 @@ def difference_row(
     comparison: Comparison, assessments: Mapping[str, Assessment], name: str, rival: str
 ) -> list[str]:
     """Whether one diagnoser beats another on the same vehicles."""
-    quantity = f"{name} minus {rival}: isolation time; macro-F1 at {DECIDED_AT:g} s"
+    quantity = f"{name} minus {rival}: isolation time; macro-F1 at {DECISION_TIME:g} s"
     if name not in assessments or rival not in assessments:
         texts = [THESIS[name], "-", "-", "not judged", "One of them could not take part."]
         return ["VI.B", quantity, *texts, comparison.command]
     paired = difference(assessments[name], assessments[rival], SEED)
     time, time_low, time_high = paired.isolation
     f1, f1_low, f1_high = paired.macro_f1
-    verdict = "better on both" if paired.better else "not better on both"
+    verdict = "better on both" if paired.is_better else "not better on both"
     why = (
         f"95 % paired intervals {time_low:+.1f} to {time_high:+.1f} s and {f1_low:+.2f} to "
         f"{f1_high:+.2f}. {name} is {verdict}."
     )
     ours = f"{time:+.1f} s; {f1:+.2f}"
-    return comparison.row("VI.B", quantity, THESIS[name], "-", ours, paired.better, why)
+    return comparison.row("VI.B", quantity, THESIS[name], "-", ours, paired.is_better, why)

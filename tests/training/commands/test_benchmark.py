@@ -16,7 +16,8 @@ from auv_fault_env.faults import classes
 from diagnosers import REGISTRY, Belief, Entry, Recursive
 from training import cli
 from training.arguments import Benchmark, Simulate
-from training.benchmark import page_figures, results, timing
+from training.benchmark import page_figures, timing
+from training.benchmark.results import RESULTS
 from training.benchmark.suites import load
 from training.commands import benchmark
 from training.report import run_folder
@@ -142,6 +143,7 @@ def outcomes(mine, output="out"):
 def test_a_run_leaves_results_rows_and_a_page_behind(mine):
     assert cli.main(command(mine, "--diagnosers", "random", "null", "--workers", "1")) == 0
     results = results_of(mine)
+    assert {*results, "compute", "bounds"} == RESULTS.keys()
     assert results["suite"]["hash"] == load(str(mine)).hash
     assert results["suite"] | {"hash": ""} == {
         "name": "mine",
@@ -393,7 +395,7 @@ def test_a_full_disk_ends_the_run_in_one_line(mine, capfd, monkeypatch):
     assert not outcomes(mine)
 
 
-@pytest.mark.parametrize("where", ["_made", "scored"])
+@pytest.mark.parametrize("where", ["prepare", "scored"])
 def test_a_run_that_is_stopped_says_what_it_leaves(mine, capfd, monkeypatch, where):
     def stopped(*arguments):
         raise KeyboardInterrupt
@@ -423,7 +425,7 @@ def test_the_command_of_the_results_can_be_pasted():
     asked = Benchmark(
         suite="my suite.json", diagnoser=("a b.py:C", "m:D"), hours=12.3456789, lanes=3
     )
-    words = shlex.split(results.command(asked))
+    words = shlex.split(benchmark.command(asked))
     assert words[:4] == ["auv-fault", "benchmark", "--suite", "my suite.json"]
     assert ["--hours", "12.3456789"] == words[words.index("--hours") :][:2]
     assert words[-6:] == ["--diagnoser", "a b.py:C", "--diagnoser", "m:D", "--lanes", "3"]

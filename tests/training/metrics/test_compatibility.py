@@ -71,16 +71,6 @@ def test_utility_by_hand(diagnosed, true, value):
     assert compatibility.utility(sets(diagnosed), sets(true)) == pytest.approx([value])
 
 
-def test_utility_of_ambiguity_groups_by_hand():
-    # {0} against {0} and against {1} in four components: 1 and 0.25, so half of the group has 0.625
-    truth = sets({0}, {1})
-    assert compatibility.ambiguous_utility(truth, truth) == pytest.approx(1.0)
-    assert compatibility.ambiguous_utility(sets({0}), truth) == pytest.approx(0.625 / 0.625)
-    assert compatibility.ambiguous_utility(sets({2}), truth) == pytest.approx(0.25 / 0.625)
-    # one truth: `utility` itself
-    assert compatibility.ambiguous_utility(sets({2}), sets({0})) == pytest.approx(0.25)
-
-
 def test_the_last_fault_named_counts_even_if_given_up():
     # lane 0: named 1, true 1; lane 1: named 2 once, true 2
     assert compatibility.mean_utility(LABEL, DECISION, 3) == pytest.approx(1.0)

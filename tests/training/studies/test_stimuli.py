@@ -8,7 +8,6 @@ import pytest
 
 from auv_fault_env.errors import InputError
 from auv_fault_env.faults import classes
-from training.benchmark.verdicts import MET, MISSED, OPEN
 from training.bounds import active_ceiling
 from training.report.figures.registry import PLOTS
 from training.studies import run, stimulus_behaviour
@@ -20,7 +19,7 @@ from training.studies.stimuli import (
     load_benchmarks,
     main,
 )
-from training.studies.stimuli_page import page, verdicts
+from training.studies.stimuli_page import MET, MISSED, OPEN, page, verdicts
 from training.studies.stimulus_behaviour import (
     ClosedLoopRun,
     budget_shares,

@@ -1,0 +1,123 @@
+"""What a diagnoser did on the lanes of a suite at one threshold, from what it believed."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from auv_fault_env.schedules import ScheduleSampler
+from training import metrics
+from training.metrics import NORMAL, Edges, Times
+from training.metrics.records import (
+    DECISION_TIMES,
+    HORIZON,
+    PERSISTENCE,
+    HealthyOutcome,
+    Record,
+    Truth,
+)
+
+DECISION_TIME = 10.0  # s after onset, of the decisions that macro-F1 and confusion judge
+# healthy lanes to each faulty one among the decisions, as the sampler of schedules draws them
+HEALTHY_PER_FAULTY = ScheduleSampler().healthy / (1.0 - ScheduleSampler().healthy)
+
+
+class Assessment(NamedTuple):
+    """What a diagnoser did at a threshold, for scores and for paired comparisons.
+
+    Attributes
+    ----------
+    threshold
+        Of log p(normal).
+    false_alarms, false_alarm_vehicles, hours
+        Alarms on healthy lanes, how many of the lanes had one, and their operation [h].
+    isolation, detection
+        Times by faulty lane.
+    label, decisions
+        (n_decided,) and (n_decision_times, n_decided): true class and decisions at `DECISION_TIMES`
+        of all faulty lanes, and then of some healthy ones.
+    severity, covered
+        (n_faulty,) estimate given the true class, and whether its interval holds the truth.
+    log_probability, truth
+        (n_beliefs, n_classes) and (n_beliefs,): beliefs at random instants, and the true classes.
+    """
+
+    threshold: float
+    false_alarms: int
+    false_alarm_vehicles: int
+    hours: float
+    isolation: Times
+    detection: Times
+    label: np.ndarray
+    decisions: np.ndarray
+    severity: np.ndarray
+    covered: np.ndarray
+    log_probability: np.ndarray
+    truth: np.ndarray
+
+    @property
+    def decision(self) -> np.ndarray:
+        """The decisions at `DECISION_TIME`, (n_decided,)."""
+        return self.decisions[DECISION_TIMES.index(DECISION_TIME)]
+
+    @property
+    def confidence(self) -> np.ndarray:
+        """Probability of the most probable class, (n_beliefs,)."""
+        return np.exp(self.log_probability.max(axis=1))
+
+    @property
+    def right(self) -> np.ndarray:
+        """Whether the most probable class is the true one, (n_beliefs,)."""
+        return self.log_probability.argmax(axis=1) == self.truth
+
+
+def assess(threshold: float, faulty: Record, truth: Truth, healthy: HealthyOutcome) -> Assessment:
+    """Assess a diagnoser at a threshold of log p(normal).
+
+    Parameters
+    ----------
+    faulty, truth
+        What it believed on the faulty lanes, and what is true of them.
+    healthy
+        The healthy lanes on which false alarms are counted.
+    """
+    n_faulty = len(truth.fault)
+    alarm = metrics.alarms(faulty.log_normal, threshold, PERSISTENCE)
+    decision = np.where(alarm, faulty.fault, NORMAL)
+    decision_samples = metrics.sample_at(truth.onset + np.array(DECISION_TIMES)[:, None])
+    faulty_decisions = decision[decision_samples, np.arange(n_faulty)]
+
+    healthy_lanes = healthy_beside(n_faulty, len(healthy.least))
+    all_healthy_decisions = np.where(healthy.depth < threshold, healthy.fault, NORMAL)
+    healthy_decisions = all_healthy_decisions[:, healthy_lanes]
+    healthy_beliefs = healthy.log_probability[:, healthy_lanes]
+    healthy_label = np.full(healthy_beliefs.shape[:2], NORMAL)
+
+    at_true_class = 0, np.arange(n_faulty), truth.fault  # at the first instant
+    severity = faulty.severity_mean[at_true_class]
+    severity_std = faulty.severity_std[at_true_class]
+    beliefs = [_by_belief(faulty.log_probability[1:]), _by_belief(healthy_beliefs)]
+    return Assessment(
+        threshold=threshold,
+        false_alarms=int(metrics.count_alarms(Edges(healthy.low, healthy.high), threshold)),
+        false_alarm_vehicles=int((healthy.least < threshold).sum()),
+        hours=float(healthy.hours.sum()),
+        isolation=metrics.isolation_time(decision, truth.fault, truth.onset, HORIZON),
+        detection=metrics.detection_delay(alarm, truth.onset, HORIZON),
+        label=np.concatenate([truth.fault, np.full(len(healthy_lanes), NORMAL)]),
+        decisions=np.concatenate([faulty_decisions, healthy_decisions], axis=1),
+        severity=severity,
+        covered=metrics.covered(severity, severity_std, truth.severity[0]),
+        log_probability=np.concatenate(beliefs),
+        truth=np.concatenate([truth.label[1:].ravel(), healthy_label.ravel()]),
+    )
+
+
+def healthy_beside(n_faulty: int, n_healthy: int) -> np.ndarray:
+    """Indices of the healthy lanes judged beside the faulty ones, evenly spaced over all of them."""
+    count = min(round(HEALTHY_PER_FAULTY * n_faulty), n_healthy)
+    return np.linspace(0, n_healthy - 1, count).astype(np.int64)
+
+
+def _by_belief(log_probability: np.ndarray) -> np.ndarray:
+    """(n_instants, n_lanes, n_classes) as (n_beliefs, n_classes)."""
+    return log_probability.reshape(-1, log_probability.shape[-1]).astype(np.float64)
