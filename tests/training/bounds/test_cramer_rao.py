@@ -24,7 +24,7 @@ def standing(n_samples: int, rpm: float) -> tuple[np.ndarray, np.ndarray]:
 def model() -> SurgeFilter:
     """All is known but the speed, and what the counters' noise does to it; hardly any drag."""
     vehicle = replace(PRESETS["thesis1992"], alpha=-1e-4, c2=0.0, disturbance_time=0.1)
-    return SurgeFilter(vehicle, disturbance=0.0, prior_std=(1e-9,) * 3, walk_std=cramer_rao.STILL)
+    return SurgeFilter(vehicle, disturbance=0.0, prior_std=(1e-9,) * 3, walk_std=cramer_rao.NO_WALK)
 
 
 def test_a_constant_speed_is_known_as_the_mean_of_its_readings():
