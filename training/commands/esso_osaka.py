@@ -1,4 +1,4 @@
-"""``auv-fault esso-osaka``: the surge equation and the thesis' filter on a real ship that nobody has broken."""
+"""``auv-fault esso-osaka``: the surge equation and the thesis' filter on a real, healthy ship."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -56,17 +56,17 @@ def main(arguments: EssoOsaka) -> None:
 
 
 def study(whole: Sequence[ShipRun], seed: int) -> dict[str, Any]:
-    """All that the page shows, from the runs with their ends."""
+    """All results of the page, from the runs with their ends."""
     runs = [free_running(run) for run in whole]
     fits = {
-        name: fit_runs(runs, form, seed)
-        for name, form in (("without wind", TURNING), ("model", MODEL))
+        "without wind": fit_runs(runs, TURNING, seed),
+        "model": fit_runs(runs, MODEL, seed),
     }
     pooled = np.array(fits["model"]["pooled"]["coefficients"])
     return {
         "model": MODEL,
         "headlines": [MODEL_NAME, TURNING_NAME],
-        "samples": [sum(len(run.speed) for run in some) for some in (whole, runs)],
+        "samples": [n_samples(whole), n_samples(runs)],
         "forms": compare_forms(whole, runs),
         "fits": fits,
         "tracks": follow(runs, pooled),
@@ -74,28 +74,31 @@ def study(whole: Sequence[ShipRun], seed: int) -> dict[str, Any]:
     }
 
 
-def compare_forms(whole: Sequence[ShipRun], runs: Sequence[ShipRun]) -> list[dict[str, Any]]:
-    """Ten-second prediction error of every form [m/s rms over all starts]: fitted to all runs, and to the other runs.
+def n_samples(runs: Sequence[ShipRun]) -> int:
+    """Number of samples of all runs."""
+    return sum(len(run.speed) for run in runs)
 
-    The first is no form at all, the speed staying what it is; the last are the model, and without
-    wind, on whole runs.
+
+def compare_forms(whole: Sequence[ShipRun], runs: Sequence[ShipRun]) -> list[dict[str, Any]]:
+    """Ten-second prediction error of every form [m/s rms over all starts].
+
+    `fitted` is the error of the fit to all runs, `left_out` that of the fit to the other runs. The
+    first entry is a constant speed; the last are two forms on whole runs.
     """
-    still = error(("alpha",), [np.zeros(1)] * len(runs), runs)
-    compared = [{"form": "speed stays as it is", "fitted": still, "left_out": still}]
+    constant = error(("alpha",), [np.zeros(1)] * len(runs), runs)
+    compared = [{"form": "speed stays as it is", "fitted": constant, "left_out": constant}]
     cases = [(name, form, runs) for name, form in FORMS.items()]
     cases += [(f"{name}, ends kept", FORMS[name], whole) for name in (TURNING_NAME, MODEL_NAME)]
-    for name, form, some in tqdm(cases, desc="forms", unit="form"):
-        fitted, others = fit(some, form)
-        errors = {
-            "fitted": error(form, [fitted] * len(some), some),
-            "left_out": error(form, others, some),
-        }
-        compared.append({"form": name, **errors})
+    for name, form, case_runs in tqdm(cases, desc="forms", unit="form"):
+        pooled, others = fit(case_runs, form)
+        fitted_error = error(form, [pooled] * len(case_runs), case_runs)
+        left_out_error = error(form, others, case_runs)
+        compared.append({"form": name, "fitted": fitted_error, "left_out": left_out_error})
     return compared
 
 
 def fit(runs: Sequence[ShipRun], form: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients fitted to all runs (n_terms,), and for each run to all the others (n_runs, n_terms)."""
+    """Coefficients fitted to all runs (n_terms,), and to all runs but each (n_runs, n_terms)."""
     pooled = together([normal_equations(run, form) for run in runs])
     return solve(pooled), solve(pooled, 1.0 - np.eye(len(runs)))
 
@@ -104,50 +107,61 @@ def error(
     form: Sequence[str], coefficients: Sequence[np.ndarray], runs: Sequence[ShipRun]
 ) -> float:
     """Prediction error over all starts of all runs, each with its coefficients [m/s rms]."""
-    return rms(
-        np.concatenate(
-            [prediction_error(form, *pair) for pair in zip(coefficients, runs, strict=True)]
-        )
-    )
+    errors = [
+        prediction_error(form, run_coefficients, run)
+        for run_coefficients, run in zip(coefficients, runs, strict=True)
+    ]
+    return rms(np.concatenate(errors))
 
 
 def fit_runs(runs: Sequence[ShipRun], form: Sequence[str], seed: int) -> dict[str, Any]:
-    """A form fitted to all runs, runs resampled for the intervals, and to each run alone, minutes resampled."""
+    """A form fitted to all runs and to each run alone.
+
+    The intervals are from resampled runs, and from resampled minutes of a run.
+    """
     normals = [normal_equations(run, form) for run in runs]
     pooled, others = fit(runs, form)
     alone = []
     for run, normal, other in zip(runs, normals, others, strict=True):
         own = solve(normal)
-        errors = {"own": own, "pooled": pooled, "left_out": other}
-        alone.append(
-            {
-                "run": run.name,
-                "coefficients": own.tolist(),
-                "intervals": intervals(normal, seed).tolist(),
-                "errors": {name: error(form, [values], [run]) for name, values in errors.items()},
-            }
-        )
-    everywhere = {
+        errors = {
+            "own": error(form, [own], [run]),
+            "pooled": error(form, [pooled], [run]),
+            "left_out": error(form, [other], [run]),
+        }
+        run_fit = {
+            "run": run.name,
+            "coefficients": own.tolist(),
+            "intervals": intervals(normal, seed).tolist(),
+            "errors": errors,
+        }
+        alone.append(run_fit)
+    pooled_fit = {
         "coefficients": pooled.tolist(),
         "intervals": intervals(together(normals), seed).tolist(),
     }
-    return {"pooled": everywhere, "runs": alone}
+    return {"pooled": pooled_fit, "runs": alone}
 
 
 def follow(runs: Sequence[ShipRun], pooled: np.ndarray) -> dict[str, Any]:
-    """The filter along every run, its nominal vehicle that of all runs; the second lane is told of turn and wind."""
+    """The filter along every run; its nominal vehicle has the parameters of all runs.
+
+    The second lane receives the acceleration by turn and wind.
+    """
     vehicle = ship(MODEL, pooled, error(MODEL, [pooled] * len(runs), runs))
-    told = MODEL[len(THESIS) :]
+    known_terms = MODEL[len(THESIS) :]
+    known_coefficients = pooled[len(THESIS) :]
     tracks = {}
     for run in tqdm(runs, desc="filter", unit="run"):
-        known = acceleration(told, pooled[-len(told) :], run.speed[1:], run.inputs.between())
-        one = track(run, vehicle, known)
+        inputs = run.inputs.sample_means()
+        known = acceleration(known_terms, known_coefficients, run.speed[1:], inputs)
+        estimates = track(run, vehicle, known)
         tracks[run.name] = {
             "time": shown_times(len(run.speed)),
-            "relative": one.relative[::SHOWN_EVERY].round(4).tolist(),
-            "last": one.relative[-1].tolist(),
-            "last_std": one.std[-1].tolist(),
-            "nis": one.nis.tolist(),
+            "relative": estimates.relative[::SHOWN_EVERY].round(4).tolist(),
+            "last": estimates.relative[-1].tolist(),
+            "last_std": estimates.std[-1].tolist(),
+            "nis": estimates.nis.tolist(),
         }
     return {"disturbance": [vehicle.disturbance_std, vehicle.disturbance_time], "runs": tracks}
 
@@ -156,9 +170,10 @@ def example(run: ShipRun, pooled: np.ndarray) -> dict[str, Any]:
     """One run as measured, and its speed as predicted ten seconds before."""
     errors = prediction_error(MODEL, pooled, run)
     skipped = len(run.speed) - len(errors)
+    speed = run.speed[skipped:]
     series = {
-        "speed": run.speed[skipped:],
-        "predicted": run.speed[skipped:] - errors,
+        "speed": speed,
+        "predicted": speed - errors,
         "rpm": run.inputs.rpm[skipped:],
         "rudder": run.inputs.rudder[skipped:],
         "error": errors,

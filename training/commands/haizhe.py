@@ -1,4 +1,4 @@
-"""``auv-fault haizhe``: faults of a real vehicle classified, beside the controls that show what the sessions betray."""
+"""``auv-fault haizhe``: faults of a real vehicle classified, with controls for the session."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -22,7 +22,15 @@ OFFICIAL = "official test split"
 
 
 class Decisions(NamedTuple):
-    """What a forest that saw these `inputs` of other runs said of the runs that a `protocol` held out, (n_runs,)."""
+    """Decisions of a forest on the runs that a protocol holds out.
+
+    Attributes
+    ----------
+    protocol, inputs
+        Names of the protocol, and of the inputs of the forest.
+    label, decision
+        True and decided class, (n_runs,).
+    """
 
     protocol: str
     inputs: str
@@ -31,18 +39,17 @@ class Decisions(NamedTuple):
 
 
 def main(arguments: Haizhe) -> None:
-    """Classify under every protocol with every input; the official test split too where it is there."""
+    """Classify with every input under every protocol, and on the official test split if present."""
     splits = {"train": checked(load(arguments.folder, "train"))}
     if (arguments.folder / "test").is_dir():
         splits["test"] = load(arguments.folder, "test")
     with run_folder(arguments.output, "haizhe", arguments) as folder:
-        scores = [score(decisions, arguments.seed) for decisions in decide(splits, arguments.seed)]
-        counts = {
-            split: np.bincount(labels(runs), minlength=len(CLASSES)).tolist()
-            for split, runs in splits.items()
-        }
-        command = f"auv-fault haizhe {arguments.folder} --seed {arguments.seed}"
-        results = page(command, counts, scores, halves_told_apart(splits["train"], arguments.seed))
+        seed = arguments.seed
+        scores = [score(decisions, seed) for decisions in decide(splits, seed)]
+        counts = {split: class_counts(runs).tolist() for split, runs in splits.items()}
+        sessions = session_accuracy(splits["train"], seed)
+        command = f"auv-fault haizhe {arguments.folder} --seed {seed}"
+        results = page(command, counts, scores, sessions)
         write_json(folder / "results.json", results)
         write_report(results, folder)
     print_tables(results["sections"])
@@ -50,20 +57,21 @@ def main(arguments: Haizhe) -> None:
 
 
 def checked(runs: list[Run]) -> list[Run]:
-    """The runs, if there are enough of each class for the folds, and some of each half of the day; else a refusal."""
-    fewest = int(np.bincount(labels(runs), minlength=len(CLASSES)).min())
+    """The runs, if every class has one for each fold and both halves of the day have runs."""
+    fewest = int(class_counts(runs).min())
+    remedy = "get the whole split"
     if fewest < FOLDS:
-        raise refusal(
-            "runs of a class in train", fewest, f"from {FOLDS}, one per fold", "get the whole split"
-        )
+        allowed = f"from {FOLDS}, one per fold"
+        raise refusal("runs of a class in train", fewest, allowed, remedy)
     if len(set(is_evening(runs))) < 2:
-        raise refusal(
-            "runs in train",
-            "one half of the day",
-            "some before, some after 18:00",
-            "get the whole split",
-        )
+        allowed = "some before, some after 18:00"
+        raise refusal("runs in train", "one half of the day", allowed, remedy)
     return runs
+
+
+def class_counts(runs: Sequence[Run]) -> np.ndarray:
+    """Number of runs of each class, (n_classes,)."""
+    return np.bincount(labels(runs), minlength=len(CLASSES))
 
 
 def labels(runs: Sequence[Run]) -> np.ndarray:
@@ -74,8 +82,8 @@ def labels(runs: Sequence[Run]) -> np.ndarray:
 def held_out(runs: Sequence[Run], seed: int) -> dict[str, np.ndarray]:
     """By protocol the fold of each run, (n_runs,).
 
-    `stratified` draws the folds at random, so that a run's neighbours in time are among those
-    learnt from; `time blocks` holds out a fifth of each class' recording time, `half of the day`
+    `stratified` samples the folds at random, so that a run's neighbours in time are among the
+    training runs; `time blocks` holds out a fifth of each class' recording time, `half of the day`
     all runs before or after 18:00.
     """
     return {
@@ -86,63 +94,63 @@ def held_out(runs: Sequence[Run], seed: int) -> dict[str, np.ndarray]:
 
 
 def decide(splits: dict[str, list[Run]], seed: int) -> list[Decisions]:
-    """Every input under every protocol; the official one first, if there is a test split."""
+    """Decisions with every input under every protocol, the official split first if present."""
     runs = splits["train"]
     tests = splits.get("test", [])
     label = labels(runs)
     protocols = held_out(runs, seed)
     decisions = []
-    for name, seen in tqdm(INPUTS.items(), desc="classifiers", unit="input"):
-        inputs = np.array([seen(run) for run in runs])
+    for name, inputs_of in tqdm(INPUTS.items(), desc="classifiers", unit="input"):
+        inputs = np.array([inputs_of(run) for run in runs])
         if tests:
-            asked = np.array([seen(run) for run in tests])
-            decision = forest(seed).fit(inputs, label).predict(asked)
+            test_inputs = np.array([inputs_of(run) for run in tests])
+            decision = forest(seed).fit(inputs, label).predict(test_inputs)
             decisions.append(Decisions(OFFICIAL, name, labels(tests), decision))
         for protocol, folds in protocols.items():
-            decisions.append(
-                Decisions(protocol, name, label, cross_decide(inputs, label, folds, seed))
-            )
+            decision = cross_decide(inputs, label, folds, seed)
+            decisions.append(Decisions(protocol, name, label, decision))
     order = [OFFICIAL, *protocols]
-    return sorted(decisions, key=lambda one: order.index(one.protocol))
+    return sorted(decisions, key=lambda entry: order.index(entry.protocol))
 
 
 def score(decisions: Decisions, seed: int) -> dict[str, Any]:
-    """Accuracy (Wilson's interval), macro-F1 (runs resampled), and the confusion matrix as shares of each true class.
+    """Accuracy (Wilson's interval), macro-F1 (runs resampled), and the confusion matrix.
 
-    The intervals take runs as independent; those of a session are not, and the truth lies further
-    out.
+    The confusion matrix holds shares of each true class. Misleads: the intervals take runs as
+    independent, but those of a session are not, so that they are too narrow.
     """
     label = decisions.label
     decision = decisions.decision
     counts = confusion(label, decision, len(CLASSES))
-    hits = binomtest(int(np.trace(counts)), len(label))
+    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    correct = binomtest(int(np.trace(counts)), len(label))
     return {
         "protocol": decisions.protocol,
         "inputs": decisions.inputs,
-        "accuracy": hits.statistic,
-        "accuracy_interval": list(hits.proportion_ci(method="wilson")),
+        "accuracy": correct.statistic,
+        "accuracy_interval": list(correct.proportion_ci(method="wilson")),
         "macro_f1": float(macro_f1(counts)),
         "f1_interval": f1_interval(label, decision, len(CLASSES), seed),
-        "confusion": (counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)).tolist(),
+        "confusion": shares.tolist(),
     }
 
 
-def halves_told_apart(runs: Sequence[Run], seed: int) -> dict[str, dict[str, Any]]:
-    """By class: runs before and after 18:00, and how well the first sample, at rest, tells the two apart.
+def session_accuracy(runs: Sequence[Run], seed: int) -> dict[str, dict[str, Any]]:
+    """By class: runs before and after 18:00, and how well their samples at rest are distinguished.
 
-    As balanced accuracy of stratified cross-validation, chance 0.5; None where a half has fewer
-    runs than folds.
+    The accuracy is the balanced accuracy of stratified cross-validation on the first sample, chance
+    0.5; None where a half has fewer runs than folds.
     """
-    told = {}
+    sessions = {}
     for k, name in enumerate(CLASSES):
         members = [run for run in runs if run.label == k]
         evening = is_evening(members).astype(np.int64)
         counts = np.bincount(evening, minlength=2)
-        told[name] = {"runs": counts.tolist(), "balanced_accuracy": None}
+        accuracy = None
         if counts.min() >= FOLDS:
             rest = np.array([INPUTS["rest only"](run) for run in members])
-            matrix = confusion(
-                evening, cross_decide(rest, evening, shuffled_folds(evening, FOLDS, seed), seed), 2
-            )
-            told[name]["balanced_accuracy"] = float(np.mean(np.diag(matrix) / counts))
-    return told
+            folds = shuffled_folds(evening, FOLDS, seed)
+            matrix = confusion(evening, cross_decide(rest, evening, folds, seed), 2)
+            accuracy = float(np.mean(np.diag(matrix) / counts))
+        sessions[name] = {"runs": counts.tolist(), "balanced_accuracy": accuracy}
+    return sessions

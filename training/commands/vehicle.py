@@ -1,4 +1,4 @@
-"""``auv-fault vehicle init LOG``: proposes the vehicle file that the tools for a real vehicle read."""
+"""``auv-fault vehicle init LOG``: proposes a vehicle file from a log."""
 
 from auv_fault_env.errors import refusal
 from training.arguments import Vehicle
@@ -8,24 +8,24 @@ from training.field.vehicle_file import write_vehicle
 
 
 def main(arguments: Vehicle) -> None:
-    """Write the proposal; print each guess with its reason, and what could not be found."""
+    """Write the proposal; print each guess with its reason, and the channels without a column."""
     if arguments.output.exists():
         raise refusal("output", str(arguments.output), "a new file", "choose another --output")
     table = read_table(arguments.log)
     proposal = propose(table, arguments.log.name.split(".")[0])
     write_vehicle(arguments.output, proposal.vehicle, proposal.comments)
-    found = (
+    guesses = (
         f"{name}: {proposal.comments[f'channels.{name}.column']}"
         for name in proposal.vehicle.columns
     )
-    said = {
+    paragraphs = {
         "repaired": table.remarks,
-        "found": found,
+        "found": guesses,
         "not found": proposal.missing,
-        "left out": proposal.left,
+        "left out": proposal.left_out,
     }
-    for heading, lines in said.items():
-        print("".join(f"{heading:<11}{line}\n" for line in lines), end="")
-    print(
-        f"{arguments.output}: {len(proposal.vehicle.columns)} channels; read it through before you use it"
-    )
+    for heading, lines in paragraphs.items():
+        for line in lines:
+            print(f"{heading:<11}{line}")
+    n_channels = len(proposal.vehicle.columns)
+    print(f"{arguments.output}: {n_channels} channels; check the file before you use it")

@@ -1,1 +1,1 @@
-"""Published data of real vehicles: read strictly, as they were published. The data are given by their folder."""
+"""Published data of real vehicles, read strictly from the folder of the data."""

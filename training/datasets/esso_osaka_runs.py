@@ -1,8 +1,8 @@
-"""The Esso Osaka free-running model tests: runs of a healthy 3 m model ship under random propeller and rudder.
+"""The Esso Osaka model tests: runs of a healthy ship with random propeller and rudder.
 
-NAOE-5thLab/FRT-DS-ESSO (Osaka University), CC BY-NC-SA 4.0: ten samples a second of position,
-speeds, heading, yaw rate, propeller, rudder and wind on an open pond. Nobody broke anything: what
-varies from run to run is the healthy band.
+NAOE-5thLab/FRT-DS-ESSO (Osaka University), CC BY-NC-SA 4.0: a free-running model of 3 m on an open
+pond; position, speeds, heading, yaw rate, propeller, rudder and wind ten times a second. It has no
+fault: the variation from run to run is the healthy band.
 """
 
 from pathlib import Path
@@ -33,10 +33,20 @@ JITTER = 1e-3  # s, largest departure of a time step from the sample time
 
 
 class Inputs(NamedTuple):
-    """What drives the surge speed, (n_samples,) each, or all of it at other instants.
+    """The inputs of the surge speed, (n_samples,) each.
 
-    sway [m/s], to starboard amidships; yaw_rate [rad/s]; rpm of the one propeller, negative astern;
-    rudder [rad]; wind [m/s], the relative wind along the ship.
+    Attributes
+    ----------
+    sway
+        Sway speed amidships [m/s], to starboard.
+    yaw_rate
+        [rad/s].
+    rpm
+        Of the one propeller, negative astern.
+    rudder
+        [rad].
+    wind
+        The relative wind along the ship [m/s].
     """
 
     sway: np.ndarray
@@ -45,13 +55,13 @@ class Inputs(NamedTuple):
     rudder: np.ndarray
     wind: np.ndarray
 
-    def between(self) -> "Inputs":
+    def sample_means(self) -> "Inputs":
         """The means over each sample, (n_samples - 1,)."""
         return Inputs(*(0.5 * (values[1:] + values[:-1]) for values in self))
 
-    def part(self, which: slice) -> "Inputs":
-        """The same at some of the instants."""
-        return Inputs(*(values[which] for values in self))
+    def at(self, instants: slice) -> "Inputs":
+        """The inputs at some of the instants."""
+        return Inputs(*(values[instants] for values in self))
 
 
 class ShipRun(NamedTuple):
@@ -63,47 +73,41 @@ class ShipRun(NamedTuple):
 
 
 def load(folder: Path) -> list[ShipRun]:
-    """The runs of random manoeuvres in ``folder/random/*.csv``, whole; `InputError` if one is broken or missing."""
-    return [
-        read_run(path)
-        for path in tqdm(data_files(folder, PATTERN, SOURCE), desc="runs", unit="run", leave=False)
-    ]
+    """The whole runs of ``folder/random/*.csv``; `InputError` if one is broken or none is there."""
+    files = data_files(folder, PATTERN, SOURCE)
+    return [read_run(path) for path in tqdm(files, desc="runs", unit="run", leave=False)]
 
 
 def read_run(path: Path) -> ShipRun:
-    """One run, in the units of this project: rev/s become rpm, relative wind its part along the ship."""
-    time, surge, sway, yaw_rate, propeller, rudder, wind, direction = read_columns(
-        path, COLUMNS, SHORTEST
-    ).T
+    """One run in the units of this project, and the relative wind along the ship."""
+    columns = read_columns(path, COLUMNS, SHORTEST)
+    time, surge, sway, yaw_rate, propeller, rudder, wind, direction = columns.T
     late = np.flatnonzero(np.abs(np.diff(time) - SAMPLE_TIME) > JITTER)
     if late.size:
+        before = time[late[0]]
+        after = time[late[0] + 1]
+        got = f"t = {before:g} s, then {after:g} s"
         allowed = f"a row every {SAMPLE_TIME:g} s"
-        remedy = "cut the file there"
-        raise refusal(
-            f"file {path.name}",
-            f"t = {time[late[0]]:g} s, then {time[late[0] + 1]:g} s",
-            allowed,
-            remedy,
-        )
-    name = path.stem.removeprefix("random_")
-    return ShipRun(
-        name, surge, Inputs(sway, yaw_rate, 60.0 * propeller, rudder, wind * np.cos(direction))
+        raise refusal(f"file {path.name}", got, allowed, "cut the file there")
+    inputs = Inputs(
+        sway=sway,
+        yaw_rate=yaw_rate,
+        rpm=60.0 * propeller,
+        rudder=rudder,
+        wind=wind * np.cos(direction),
     )
+    return ShipRun(path.stem.removeprefix("random_"), surge, inputs)
 
 
 def free_running(run: ShipRun) -> ShipRun:
-    """The run up to where propeller and rudder are at zero for good: from there on people bring the model back.
+    """The run up to where propeller and rudder are at zero until the end.
 
-    The commands tell nothing of that: with the propeller at rest it is towed at up to 0.2 m/s, or
-    stopped at the bank. Raises `InputError` if less than a minute is left.
+    From there on people tow the model back at up to 0.2 m/s, or stop it at the bank; the commands
+    do not contain that. Raises `InputError` if less than a minute is left.
     """
     steered = np.flatnonzero((run.inputs.rpm != 0.0) | (run.inputs.rudder != 0.0))
     end = int(steered.max(initial=-1)) + 1
     if end < SHORTEST:
-        raise refusal(
-            f"run {run.name}",
-            f"{end} samples until nobody steers",
-            f"from {SHORTEST}",
-            "leave the file out",
-        )
-    return ShipRun(run.name, run.speed[:end], run.inputs.part(slice(0, end)))
+        got = f"{end} samples until nobody steers"
+        raise refusal(f"run {run.name}", got, f"from {SHORTEST}", "leave the file out")
+    return ShipRun(run.name, run.speed[:end], run.inputs.at(slice(0, end)))

@@ -1,4 +1,4 @@
-"""Random forests of scikit-learn, and runs held out from them; everything random comes from the seed."""
+"""Random forests of scikit-learn, and their cross-validation; all randomness is from the seed."""
 
 from typing import Any
 
@@ -11,16 +11,15 @@ TREES = 300
 
 
 def forest(seed: int) -> Any:
-    """A random forest to be fitted, in which every class weighs the same however rare."""
+    """A random forest to be fitted, in which every class has the same weight."""
     ensemble = import_from_extra("sklearn.ensemble", EXTRA)
     return ensemble.RandomForestClassifier(TREES, class_weight="balanced", random_state=seed)
 
 
 def shuffled_folds(label: np.ndarray, n_folds: int, seed: int) -> np.ndarray:
     """A fold for each run (n_runs,), drawn at random; every fold has its share of each label."""
-    splitter = import_from_extra("sklearn.model_selection", EXTRA).StratifiedKFold(
-        n_folds, shuffle=True, random_state=seed
-    )
+    selection = import_from_extra("sklearn.model_selection", EXTRA)
+    splitter = selection.StratifiedKFold(n_folds, shuffle=True, random_state=seed)
     folds = np.empty(len(label), np.int64)
     for fold, (_, members) in enumerate(splitter.split(folds, label)):
         folds[members] = fold
@@ -28,11 +27,11 @@ def shuffled_folds(label: np.ndarray, n_folds: int, seed: int) -> np.ndarray:
 
 
 def cross_decide(inputs: np.ndarray, label: np.ndarray, folds: np.ndarray, seed: int) -> np.ndarray:
-    """What a forest fitted to the other folds says of each run, (n_runs,); inputs (n_runs, n_inputs).
+    """Decision on each run, (n_runs,), of a forest fitted to the other folds.
 
-    Misleads where the folds share what a real use would not, such as a day in the pool.
+    `inputs` are (n_runs, n_inputs). Misleads where the folds share a cause that new data would not
+    share, such as the day in the pool.
     """
     selection = import_from_extra("sklearn.model_selection", EXTRA)
-    return selection.cross_val_predict(
-        forest(seed), inputs, label, cv=selection.PredefinedSplit(folds)
-    )
+    splits = selection.PredefinedSplit(folds)
+    return selection.cross_val_predict(forest(seed), inputs, label, cv=splits)

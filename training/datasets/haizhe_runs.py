@@ -1,8 +1,9 @@
-"""The Haizhe AUV fault data set: its runs, what a classifier may see of one, and how the runs are held out.
+"""The Haizhe AUV fault data set: its runs, the inputs of a classifier, and blocks of time.
 
-Ji, Yao, Li, Tang & Tian, "Autonomous underwater vehicle fault diagnosis dataset", Data in Brief 39 (2021) 107477,
-doi:10.1016/j.dib.2021.107477; data doi:10.17632/7rp2pmr6mx.1, CC BY 4.0. Runs of about ten seconds in a pool, at
-19.7 Hz; the fault is there from the first sample, so the data serve classification, not delay.
+Ji, Yao, Li, Tang & Tian, "Autonomous underwater vehicle fault diagnosis dataset", Data in Brief 39
+(2021) 107477, doi:10.1016/j.dib.2021.107477; data doi:10.17632/7rp2pmr6mx.1, CC BY 4.0. Runs of
+about ten seconds in a pool, at 19.7 Hz; the fault is present from the first sample, so the data
+serve classification, not delay.
 """
 
 from collections.abc import Callable, Sequence
@@ -47,11 +48,19 @@ EVENING = 18 * 3600.0  # s; in the training split nothing was recorded from 17:0
 
 
 class Run(NamedTuple):
-    """One run: the index of its class, when it began, what was commanded and what was read.
+    """One run.
 
-    time is that of the day [s]; the data give no date. command (n_rows,) is the thrusters' pulse
-    width [µs], the same for all four. readings (n_rows, n_readings) are those of `READINGS`: m, the
-    sensor's count, V, deg, m/s^2, deg/s; yaw is unwrapped.
+    Attributes
+    ----------
+    label
+        Index of its class in `CLASSES`.
+    time
+        Of the day, at which it began [s]; the data give no date.
+    command
+        The thrusters' pulse width [µs], (n_rows,), the same for all four.
+    readings
+        Those of `READINGS`, (n_rows, n_readings): m, the sensor's count, V, deg, m/s^2, deg/s; yaw
+        is unwrapped.
     """
 
     label: int
@@ -61,7 +70,7 @@ class Run(NamedTuple):
 
 
 def load(folder: Path, split: str) -> list[Run]:
-    """The runs of a split, `train` or `test`, from ``folder/split/<class>/*.csv``; `InputError` if there are none."""
+    """The runs of a split, `train` or `test`, from ``folder/split/<class>/*.csv``."""
     files = data_files(folder, f"{split}/*/*.csv", SOURCE)
     return [read_run(path) for path in tqdm(files, desc=split, unit="run", leave=False)]
 
@@ -94,12 +103,18 @@ def features(signals: np.ndarray) -> np.ndarray:
     """
     frequency, power = periodogram(signals, RATE, detrend="linear", axis=0)
     shares = power / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
-    bands = [
-        shares[(low <= frequency) & (frequency < high)].sum(axis=0) for low, high in pairwise(BANDS)
+    figures = [
+        signals.mean(axis=0),
+        signals.std(axis=0),
+        signals.min(axis=0),
+        signals.max(axis=0),
+        signals[-1] - signals[0],
+        np.abs(np.diff(signals, axis=0)).mean(axis=0),
     ]
-    levels = [signals.mean(axis=0), signals.std(axis=0), signals.min(axis=0), signals.max(axis=0)]
-    changes = [signals[-1] - signals[0], np.abs(np.diff(signals, axis=0)).mean(axis=0)]
-    return np.concatenate([*levels, *changes, *bands])
+    for low, high in pairwise(BANDS):
+        is_in_band = (low <= frequency) & (frequency < high)
+        figures.append(shares[is_in_band].sum(axis=0))
+    return np.concatenate(figures)
 
 
 INPUTS: dict[str, Callable[[Run], np.ndarray]] = {
@@ -111,12 +126,12 @@ INPUTS: dict[str, Callable[[Run], np.ndarray]] = {
 
 
 def is_evening(runs: Sequence[Run]) -> np.ndarray:
-    """Whether each run began after 18:00, (n_runs,): within a class, sessions do not reach over that hour."""
+    """Whether each run began after 18:00, (n_runs,); no session of a class contains that hour."""
     return np.array([run.time >= EVENING for run in runs])
 
 
 def time_blocks(runs: Sequence[Run], n_blocks: int) -> np.ndarray:
-    """The block of each run, (n_runs,): the runs of a class, by time of day, cut into `n_blocks` of equal size."""
+    """The block of each run, (n_runs,): `n_blocks` of equal size per class, by time of day."""
     labels = np.array([run.label for run in runs])
     times = np.array([run.time for run in runs])
     block = np.empty(len(runs), np.int64)

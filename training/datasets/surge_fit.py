@@ -1,11 +1,11 @@
-"""Fitting the surge equation to free running: coefficients of forms, their intervals, and the ten-second prediction.
+"""The surge equation fitted to free running: coefficients, intervals, ten-second prediction.
 
 The equation of the plant, ``du/dt = sum of coefficient times term``, integrated over ten seconds is
 linear in the coefficients: ``u(t + 10 s) - u(t) = sum of coefficient times integral of term``, with
 the terms at the measured speed. So the fit is linear least squares on increments over ten seconds,
-which neither differentiates a reading nor needs a first guess; and as its normal equations add up
-over blocks of time, leaving a run out or resampling blocks is arithmetic on small matrices. What a
-fit is worth is told by `predict`, which simulates from the measured start.
+which neither differentiates a reading nor needs a first guess. Its normal equations add up over
+blocks of time, so that leaving a run out or resampling blocks is arithmetic on small matrices.
+`predict` tests a fit: it simulates from the measured start.
 """
 
 from collections.abc import Callable, Sequence
@@ -44,7 +44,15 @@ TERMS: dict[str, Callable[[np.ndarray, Inputs], np.ndarray]] = {
 
 
 class Normal(NamedTuple):
-    """Normal equations of blocks of increments: gram (n_blocks, n_terms, n_terms), moment (n_blocks, n_terms)."""
+    """Normal equations of blocks of increments.
+
+    Attributes
+    ----------
+    gram
+        (n_blocks, n_terms, n_terms).
+    moment
+        (n_blocks, n_terms).
+    """
 
     gram: np.ndarray
     moment: np.ndarray
@@ -53,35 +61,40 @@ class Normal(NamedTuple):
 def increments(
     run: ShipRun, form: Sequence[str], ahead: int = AHEAD
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Integrals of the terms over `ahead` samples from every sample, (n_starts, n_terms), and the speed's change.
+    """Integrals of the terms over `ahead` samples, and the change of the speed.
 
-    By the midpoint rule, at the measured speed.
+    The integrals (n_starts, n_terms) begin at every sample and follow the midpoint rule, at the
+    measured speed; the change is (n_starts,).
     """
     speed = 0.5 * (run.speed[1:] + run.speed[:-1])
-    inputs = run.inputs.between()
+    inputs = run.inputs.sample_means()
     terms = np.column_stack([TERMS[name](speed, inputs) for name in form])
-    integral = SAMPLE_TIME * np.concatenate([np.zeros((1, len(form))), np.cumsum(terms, axis=0)])
-    return integral[ahead:] - integral[:-ahead], run.speed[ahead:] - run.speed[:-ahead]
+    sums = np.concatenate([np.zeros((1, len(form))), np.cumsum(terms, axis=0)])
+    integral = SAMPLE_TIME * sums
+    change = run.speed[ahead:] - run.speed[:-ahead]
+    return integral[ahead:] - integral[:-ahead], change
 
 
 def normal_equations(run: ShipRun, form: Sequence[str], block: int = BLOCK) -> Normal:
     """The run's normal equations, a block of starts at a time."""
     terms, change = increments(run, form)
-    edges = range(block, len(change) - block // 2, block)  # what is left joins the last block
-    parts = list(zip(np.split(terms, edges), np.split(change, edges), strict=True))
-    return Normal(np.array([x.T @ x for x, _ in parts]), np.array([x.T @ y for x, y in parts]))
+    edges = range(block, len(change) - block // 2, block)  # the rest joins the last block
+    term_blocks = np.split(terms, edges)
+    change_blocks = np.split(change, edges)
+    gram = [x.T @ x for x in term_blocks]
+    moment = [x.T @ y for x, y in zip(term_blocks, change_blocks, strict=True)]
+    return Normal(np.array(gram), np.array(moment))
 
 
-def together(parts: Sequence[Normal]) -> Normal:
+def together(runs: Sequence[Normal]) -> Normal:
     """The normal equations of several runs, a block for each run."""
-    return Normal(
-        np.array([part.gram.sum(axis=0) for part in parts]),
-        np.array([p.moment.sum(axis=0) for p in parts]),
-    )
+    gram = [run.gram.sum(axis=0) for run in runs]
+    moment = [run.moment.sum(axis=0) for run in runs]
+    return Normal(np.array(gram), np.array(moment))
 
 
 def solve(normal: Normal, weights: np.ndarray | None = None) -> np.ndarray:
-    """Least-squares coefficients (..., n_terms), the blocks weighted: weights (..., n_blocks), 1 each if not given."""
+    """Least-squares coefficients (..., n_terms), by weights (..., n_blocks) of 1 or as given."""
     weights = np.ones(len(normal.gram)) if weights is None else weights
     gram = np.tensordot(weights, normal.gram, 1)
     moment = weights @ normal.moment
@@ -91,40 +104,38 @@ def solve(normal: Normal, weights: np.ndarray | None = None) -> np.ndarray:
 
 
 def intervals(normal: Normal, seed: int, n: int = RESAMPLES) -> np.ndarray:
-    """95 % intervals of the coefficients, (n_terms, 2): blocks of time, or runs, resampled (percentile bootstrap).
+    """95 % intervals of the coefficients, (n_terms, 2), by resampling blocks.
 
-    Too narrow with few blocks, and blind to what was the same in all of them, such as the wind of a
-    day.
+    Misleads: the intervals are too narrow with few blocks, and they ignore conditions that were the
+    same in all of them, such as the wind of a day.
     """
     n_blocks = len(normal.gram)
-    weights = np.random.default_rng(seed).multinomial(
-        n_blocks, np.full(n_blocks, 1.0 / n_blocks), size=n
-    )
-    return np.percentile(solve(normal, weights.astype(float)), [2.5, 97.5], axis=0).T
+    random = np.random.default_rng(seed)
+    counts = random.multinomial(n_blocks, np.full(n_blocks, 1.0 / n_blocks), size=n)
+    coefficients = solve(normal, counts.astype(float))
+    return np.percentile(coefficients, [2.5, 97.5], axis=0).T
 
 
 def acceleration(
     form: Sequence[str], coefficients: np.ndarray, speed: np.ndarray, inputs: Inputs
 ) -> np.ndarray:
     """du/dt [m/s^2] of the form."""
-    return sum(
-        value * TERMS[name](speed, inputs) for name, value in zip(form, coefficients, strict=True)
-    )
+    terms = zip(form, coefficients, strict=True)
+    return sum(coefficient * TERMS[name](speed, inputs) for name, coefficient in terms)
 
 
 def predict(form: Sequence[str], coefficients: np.ndarray, run: ShipRun) -> np.ndarray:
-    """Speed [m/s] ten seconds after every sample, (n_samples - AHEAD,), simulated from the measured speed there.
+    """Speed [m/s] ten seconds after every sample, (n_samples - AHEAD,), simulated from there.
 
     Propeller, rudder, sway, yaw rate and wind are those measured in the ten seconds; only the speed
     is predicted. Euler steps with the mean inputs of each sample, within 1e-4 m/s of the exact
     solution (`tests`).
     """
-    inputs = run.inputs.between()
+    inputs = run.inputs.sample_means()
     speed = run.speed[:-AHEAD].copy()
     for k in range(AHEAD):
-        speed += SAMPLE_TIME * acceleration(
-            form, coefficients, speed, inputs.part(slice(k, k + len(speed)))
-        )
+        sample_inputs = inputs.at(slice(k, k + len(speed)))
+        speed += SAMPLE_TIME * acceleration(form, coefficients, speed, sample_inputs)
     return speed
 
 

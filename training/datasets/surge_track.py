@@ -1,4 +1,4 @@
-"""The state-and-parameter filter on real runs of a ship: surge speed, shaft speed and rudder, sample by sample."""
+"""The state-and-parameter filter on real runs of a ship: surge speed, shaft speed and rudder."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.parameters import PRESETS, SAMPLE_TIME, Vehicle
 from diagnosers.kalman import SurgeFilter
 from training.datasets.esso_osaka_runs import ShipRun
@@ -19,15 +19,21 @@ from training.datasets.surge_fit import AHEAD
 SPEED_NOISE = 0.02
 # per square root of a second: the ship answers about ten times slower than the AUV
 WALK_STD = (0.003,) * 3
-CHANNEL = {name: k for k, name in enumerate(CHANNELS)}
 
 
 class Track(NamedTuple):
-    """The filter's estimates along a run, by lane: knowing the thesis' terms alone, and told the known rest.
+    """The filter's estimates along a run, in two lanes.
 
-    relative and std (n_samples, 2, 2): by sample and lane, of alpha and beta relative to the
-    nominal. nis (2,): mean squared innovation over its variance; 1 for a consistent filter, below
-    if the ship is less noisy than it believes.
+    The first lane has the thesis' terms alone, the second the known acceleration by turn and wind
+    as well.
+
+    Attributes
+    ----------
+    relative, std
+        (n_samples, 2, 2): by sample and lane, of alpha and beta relative to the nominal.
+    nis
+        (2,): mean squared innovation over its variance; 1 for a consistent filter, below 1 if the
+        ship is less noisy than the filter assumes.
     """
 
     relative: np.ndarray
@@ -36,35 +42,49 @@ class Track(NamedTuple):
 
 
 def ship(form: Sequence[str], coefficients: np.ndarray, error: float) -> Vehicle:
-    """The ship as a nominal vehicle: hull and thrust as fitted, and a disturbance that explains the prediction's error.
+    """The ship as a nominal vehicle: hull and thrust as fitted, and a disturbance.
 
-    error [m/s rms] is that of the ten-second prediction; the disturbance is the Ornstein-Uhlenbeck
-    process, of the preset's correlation time T, whose integral over t = 10 s has this size:
-    ``error^2 = 2 std^2 T (t - T (1 - exp(-t/T)))``. The two propellers of a `Vehicle` are both the
-    ship's one, half the thrust each. Of its motor nothing is known: those constants stay the
-    preset's, and the filter uses them for how thrust settles within a sample alone.
+    The disturbance explains the prediction's error: it is the Ornstein-Uhlenbeck process, of the
+    preset's correlation time T, whose integral over t = 10 s has that size: ``error^2 = 2 std^2 T
+    (t - T (1 - exp(-t/T)))``. The ship's one propeller is divided among the two of a `Vehicle`,
+    half the thrust each. Its motor is unknown: those constants stay the preset's, and the filter
+    uses them only for the change of thrust within a sample.
+
+    Parameters
+    ----------
+    form, coefficients
+        Of the fitted surge equation.
+    error
+        Of the ten-second prediction [m/s rms].
     """
     preset = PRESETS["thesis1992"]
     fitted = dict(zip(form, coefficients.tolist(), strict=True))
-    ahead = AHEAD * SAMPLE_TIME
+    duration = AHEAD * SAMPLE_TIME
     memory = preset.disturbance_time
-    std = error / sqrt(2 * memory * (ahead - memory * (1 - exp(-ahead / memory))))
-    hull = {"alpha": fitted["alpha"], "beta": fitted["beta"], "gamma": min(fitted["gamma"], 0.0)}
-    return replace(preset, name="esso_osaka", disturbance_std=std, **hull)
+    integral = memory * (duration - memory * (1 - exp(-duration / memory)))
+    return replace(
+        preset,
+        name="esso_osaka",
+        disturbance_std=error / sqrt(2 * integral),
+        alpha=fitted["alpha"],
+        beta=fitted["beta"],
+        gamma=min(fitted["gamma"], 0.0),
+    )
 
 
 def track(run: ShipRun, vehicle: Vehicle, known: np.ndarray) -> Track:
-    """Run the filter over a run; known (n_samples - 1,) [m/s^2] is the acceleration that the second lane is told of."""
+    """Run the filter along a run; known (n_samples - 1,) [m/s^2] is added in the second lane."""
     surge = SurgeFilter(vehicle, SPEED_NOISE / CHANNELS["speed"].noise, walk_std=WALK_STD)
     estimate = surge.initial(2)
     columns = [surge.states.index(name) for name in ("alpha", "beta")]
-    push = np.zeros((len(run.speed), *estimate.mean.shape))
-    push[1:, 1, surge.states.index("speed")] = SAMPLE_TIME * known
+    changes = np.zeros((len(run.speed), *estimate.mean.shape))
+    changes[1:, 1, surge.states.index("speed")] = SAMPLE_TIME * known
     means = []
     variances = []
     nis = []
-    for observation, pushed in zip(observations(run), push, strict=True):
-        estimate = surge.update(estimate._replace(mean=estimate.mean + pushed), observation)
+    for observation, change in zip(observations(run), changes, strict=True):
+        moved = estimate._replace(mean=estimate.mean + change)
+        estimate = surge.update(moved, observation)
         means.append(estimate.mean[:, columns])
         variances.append(estimate.covariance[:, columns, columns])
         nis.append(estimate.innovation**2 / estimate.innovation_variance)
@@ -72,10 +92,10 @@ def track(run: ShipRun, vehicle: Vehicle, known: np.ndarray) -> Track:
 
 
 def observations(run: ShipRun) -> np.ndarray:
-    """The run as the channels of two lanes alike, (n_samples, 2, n_channels); what the ship has not is zero."""
+    """The run as the channels of two equal lanes, (n_samples, 2, n_channels); else zero."""
     rows = np.zeros((len(run.speed), 2, len(CHANNELS)))
-    x = run.inputs
-    read = {"speed": run.speed, "rudder": x.rudder, "port_rpm": x.rpm, "starboard_rpm": x.rpm}
-    for name, values in read.items():
-        rows[:, :, CHANNEL[name]] = values[:, None]
+    rows[:, :, INDEX["speed"]] = run.speed[:, None]
+    rows[:, :, INDEX["rudder"]] = run.inputs.rudder[:, None]
+    for side in ("port", "starboard"):
+        rows[:, :, INDEX[f"{side}_rpm"]] = run.inputs.rpm[:, None]
     return rows

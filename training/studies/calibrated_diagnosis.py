@@ -1,9 +1,10 @@
-"""Is a calibrated vehicle diagnosed as well as a known one? ``python -m training.studies.calibrated_diagnosis``.
+"""The diagnosis of calibrated vehicles beside that of known ones.
 
-Vehicles far from the preset are calibrated on healthy logs; then all of the catalogue's faults
-befall them, in the episodes of `training.benchmark.open_loop`. The filter bank judges them on the calibrated
-parameters, on the true ones, and on the preset's, and beside them the preset's own vehicle. Score:
-macro-F1 ten seconds after onset, as in the benchmark.
+Run ``python -m training.studies.calibrated_diagnosis``. Vehicles far from the preset are calibrated
+on healthy logs; then they have the catalogue's faults, in the episodes of
+`training.benchmark.open_loop`. The filter bank diagnoses them with the calibrated parameters, with
+the true ones, and with the preset's, and beside them the preset's own vehicle. Score: macro-F1 ten
+seconds after onset, as in the benchmark.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import tyro
 from tqdm import tqdm
 
 from auv_fault_env.errors import finite_in_range, known_name
@@ -25,10 +25,10 @@ from training.field.diagnosis.diagnosis import THRESHOLDS, diagnoser_for
 from training.metrics import confusion, macro_f1, restricted_mean
 from training.metrics.intervals import f1_interval
 from training.metrics.records import Record, Truth, concatenate_lanes, healthy_outcome
-from training.report.page import print_tables
-from training.report.run_folder import run_folder, write_json
+from training.report.cells import with_interval
 from training.seeds import seeds
 from training.studies.calibration import sampled_vehicle, simulated_logs
+from training.studies.run import command_line, run_study
 
 NAME = "filter_bank"
 FIRST_SEED = 720_000_000  # within those of tests
@@ -38,8 +38,8 @@ KNOWN = "another, known"
 ASSUMED = "another, taken for the preset's"
 
 
-class Part(NamedTuple):
-    """What the bank believed of one vehicle's faulty and healthy episodes, and what was so."""
+class VehicleEpisodes(NamedTuple):
+    """Beliefs of the bank on one vehicle's faulty and healthy episodes, and the truth."""
 
     faulty: Record
     faulty_truth: Truth
@@ -54,11 +54,11 @@ class DiagnosisStudy:
     output: Path = Path("runs/diagnosis-study")
     """Folder of the results; an earlier run there is replaced."""
     vehicles: int = 20
-    """Vehicles, drawn up to 30 % off the preset."""
+    """Vehicles, up to 30 % off the preset."""
     lanes: int = 72
     """Faulty episodes of each vehicle; a third as many healthy ones."""
     preset: str = "npsnet1995"
-    """Preset that the vehicles are drawn around."""
+    """Preset around which vehicles are sampled."""
     seed: int = 0
     """Offset within the seeds of tests, and of the vehicles."""
 
@@ -68,26 +68,30 @@ def main(arguments: DiagnosisStudy) -> None:
     finite_in_range("vehicles", arguments.vehicles, 1, 10_000)
     finite_in_range("lanes", arguments.lanes, 12, 10_000)
     known_name("preset", arguments.preset, PRESETS)
-    with run_folder(arguments.output, "diagnosis-study", arguments) as folder:
-        results = study(arguments)
-        write_json(folder / "results.json", results)
-    print_tables(results["sections"])
+    run_study("diagnosis-study", arguments, lambda folder: study(arguments))
 
 
 def study(arguments: DiagnosisStudy) -> dict[str, Any]:
-    """Scores by what the bank knew, as plain data and as a table."""
-    parts: dict[str, list[Part]] = {}
-    for number in tqdm(range(arguments.seed, arguments.seed + arguments.vehicles), unit="vehicle"):
-        lanes = seeds("test", 2 * arguments.lanes, FIRST_SEED + 2 * arguments.lanes * number)
+    """Scores by the parameters of the bank, as plain data and as a table."""
+    by_case: dict[str, list[VehicleEpisodes]] = {}
+    n_lanes = 2 * arguments.lanes
+    numbers = range(arguments.seed, arguments.seed + arguments.vehicles)
+    for number in tqdm(numbers, unit="vehicle"):
+        lanes = seeds("test", n_lanes, FIRST_SEED + n_lanes * number)
         for name, (plant, bank) in cases(PRESETS[arguments.preset], number).items():
-            parts.setdefault(name, []).append(episodes(plant, bank, lanes))
-    scores = {name: scored(ones, arguments.seed) for name, ones in parts.items()}
+            by_case.setdefault(name, []).append(episodes(plant, bank, lanes))
+    scores = {name: score(vehicles, arguments.seed) for name, vehicles in by_case.items()}
     ratio = scores[CALIBRATED]["macro_f1"] / scores[REFERENCE]["macro_f1"]
-    return {"scores": scores, "ratio": ratio, "sections": [section(scores, ratio, arguments)]}
+    return {
+        "title": "Is a calibrated vehicle diagnosed as well as a known one?",
+        "scores": scores,
+        "ratio": ratio,
+        "sections": [section(scores, ratio, arguments.vehicles)],
+    }
 
 
 def cases(preset: Vehicle, number: int) -> dict[str, tuple[Vehicle, Diagnoser]]:
-    """By what the bank knows: the vehicle that is simulated, and the bank that diagnoses it."""
+    """By case: the vehicle that is simulated, and the bank that diagnoses it."""
     vehicle = sampled_vehicle(preset, number)
     file = calibrate(*simulated_logs(vehicle, number)).vehicle
     return {
@@ -98,8 +102,8 @@ def cases(preset: Vehicle, number: int) -> dict[str, tuple[Vehicle, Diagnoser]]:
     }
 
 
-def episodes(plant: Vehicle, bank: Diagnoser, lanes: range) -> Part:
-    """Faulty and healthy episodes of a vehicle as the bank sees them, half of each with the thesis' stimulus."""
+def episodes(plant: Vehicle, bank: Diagnoser, lanes: range) -> VehicleEpisodes:
+    """Faulty and healthy episodes of a vehicle, half of each with the thesis' stimulus."""
     n = len(lanes) // 2
     records = {}
     truths = {}
@@ -107,34 +111,35 @@ def episodes(plant: Vehicle, bank: Diagnoser, lanes: range) -> Part:
         halves = both_halves(chosen, faulty, plant, healthy_band=0.0)
         records[faulty] = believed(bank, halves)
         truths[faulty] = true_of(halves)
-    return Part(records[True], truths[True], records[False], truths[False])
+    return VehicleEpisodes(records[True], truths[True], records[False], truths[False])
 
 
-def scored(parts: Sequence[Part], seed: int) -> dict[str, Any]:
+def score(vehicles: Sequence[VehicleEpisodes], seed: int) -> dict[str, Any]:
     """Scores over all vehicles, at the threshold that `auv-fault diagnose` uses."""
-    faulty, truth, healthy, calm_truth = (
-        concatenate_lanes(ones) for ones in zip(*parts, strict=True)
-    )
-    judged = assess(THRESHOLDS[NAME], faulty, truth, healthy_outcome(healthy, calm_truth.onset))
+    faulty, truth, healthy, healthy_truth = map(concatenate_lanes, zip(*vehicles, strict=True))
+    outcome = healthy_outcome(healthy, healthy_truth.onset)
+    assessment = assess(THRESHOLDS[NAME], faulty, truth, outcome)
+    label = assessment.label
+    decision = assessment.decision
     n_classes = len(classes())
     return {
-        "macro_f1": float(macro_f1(confusion(judged.label, judged.decision, n_classes))),
-        "macro_f1_interval": f1_interval(judged.label, judged.decision, n_classes, seed),
-        "isolation": restricted_mean(judged.isolation),
-        "false_alarms": judged.false_alarms,
-        "hours": judged.hours,
-        "episodes": len(judged.label),
+        "macro_f1": float(macro_f1(confusion(label, decision, n_classes))),
+        "macro_f1_interval": f1_interval(label, decision, n_classes, seed),
+        "isolation": restricted_mean(assessment.isolation),
+        "false_alarms": assessment.false_alarms,
+        "hours": assessment.hours,
+        "episodes": len(label),
     }
 
 
 def section(
-    scores: Mapping[str, Mapping[str, Any]], ratio: float, arguments: DiagnosisStudy
+    scores: Mapping[str, Mapping[str, Any]], ratio: float, n_vehicles: int
 ) -> dict[str, Any]:
     """The table of the scores."""
     rows = [
         [
             name,
-            f"{score['macro_f1']:.3f} ({score['macro_f1_interval'][0]:.3f}–{score['macro_f1_interval'][1]:.3f})",
+            with_interval(score["macro_f1"], score["macro_f1_interval"], 3),
             f"{score['isolation']:.2f}",
             f"{score['false_alarms']} in {score['hours']:.1f} h",
             str(score["episodes"]),
@@ -142,16 +147,15 @@ def section(
         for name, score in scores.items()
     ]
     columns = [
-        "vehicle and what the bank knows of it",
+        "vehicle and parameters of the bank",
         "macro-F1 at 10 s (95 %)",
         "isolation [s]",
         "false alarms",
+        "episodes",
     ]
-    heading = (
-        f"{arguments.vehicles} vehicles: macro-F1 calibrated is {ratio:.3f} of that on the preset"
-    )
-    return {"heading": heading, "table": {"columns": [*columns, "episodes"], "rows": rows}}
+    heading = f"{n_vehicles} vehicles: macro-F1 calibrated is {ratio:.3f} of that on the preset"
+    return {"heading": heading, "table": {"columns": columns, "rows": rows}}
 
 
 if __name__ == "__main__":
-    main(tyro.cli(DiagnosisStudy))
+    command_line(main)

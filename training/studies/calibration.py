@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
-import tyro
 from tqdm import tqdm
 
 from auv_fault_env.channels import CHANNELS, INDEX
@@ -25,10 +24,9 @@ from training.field.calibration.calibration import Calibration, calibrate
 from training.field.logs.log import Log, read_log
 from training.field.units import UNITS
 from training.field.vehicle_file import Column, VehicleFile, read_vehicle, write_vehicle
-from training.report.page import print_tables, write_report
-from training.report.run_folder import run_folder, write_json
 from training.rollouts import roll_out
 from training.seeds import seeds
+from training.studies.run import command_line, run_study
 
 SAMPLED = ("alpha", "beta", "torque_constant", "resistance", "coulomb_friction")
 HALF_WIDTH = 0.3  # of the range of the sampled parameters around the preset, relative
@@ -68,12 +66,7 @@ def main(arguments: CalibrationStudy) -> None:
     """Calibrate, count, and write the results."""
     finite_in_range("vehicles", arguments.vehicles, 2, 10_000)
     finite_in_range("seed", arguments.seed, 0, 1_000_000)
-    with run_folder(arguments.output, "calibration-study", arguments) as folder:
-        results = study(arguments)
-        write_json(folder / "results.json", results)
-        write_report(results, folder)
-    print_tables(results["sections"])
-    print(f"\nreport: {arguments.output / 'index.html'}")
+    run_study("calibration-study", arguments, lambda folder: study(arguments))
 
 
 def study(arguments: CalibrationStudy) -> dict[str, Any]:
@@ -222,4 +215,4 @@ def page(rows: Mapping[str, Mapping[str, Any]], n_vehicles: int) -> dict[str, An
 
 
 if __name__ == "__main__":
-    main(tyro.cli(CalibrationStudy))
+    command_line(main)

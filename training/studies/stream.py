@@ -1,7 +1,7 @@
 """What does ``auv-fault diagnose --follow`` cost? ``python -m training.studies.stream``.
 
-Lines of a healthy vehicle go one by one into the command's standard input; each is sent when the
-one before is answered. Measured: seconds to the answer, and the memory of the process on the way.
+Lines of a healthy vehicle are written one by one to the command's standard input, each after the
+answer to the one before. Measured are the time to an answer and the memory of the process.
 """
 
 import subprocess
@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 from tqdm import tqdm
 
 from auv_fault_env.channels import CHANNELS
@@ -22,99 +21,89 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MissionSampler, follow_mission
 from auv_fault_env.parameters import PRESETS, SAMPLE_TIME
 from training.field.vehicle_file import Column, VehicleFile, write_vehicle
-from training.report.page import print_tables
-from training.report.run_folder import run_folder, write_json
 from training.seeds import seeds
+from training.studies.run import command_line, run_study
 
 WARM_UP = 1000  # lines
 FIRST_SEED = 710_000_000  # within those of tests
-MARKS = 10  # instants at which the memory is read
+MEMORY_READINGS = 10  # instants at which the memory is measured
 
 
 @dataclass(frozen=True)
 class StreamStudy:
-    """Send lines through the command and measure time and memory."""
+    """Measure time and memory of the command on a stream."""
 
     output: Path = Path("runs/stream-study")
     """Folder of the results; an earlier run there is replaced."""
     lines: int = 1_000_000
     """Lines to send."""
     diagnoser: str = "filter_bank"
-    """Diagnoser to follow with."""
+    """Diagnoser of the stream."""
     seed: int = 0
     """Offset within the seeds of tests."""
 
 
 def main(arguments: StreamStudy) -> None:
-    """Send, measure, and write the results."""
+    """Write lines, measure, and write the results."""
     finite_in_range("lines", arguments.lines, 2 * WARM_UP, 1e9)
-    with run_folder(arguments.output, "stream-study", arguments) as folder:
-        columns = {name: Column(name) for name in CHANNELS}
-        write_vehicle(
-            folder / "vehicle.toml", VehicleFile(PRESETS["thesis1992"], columns, Column("time"))
-        )
-        results = study(arguments, folder / "vehicle.toml")
-        write_json(folder / "results.json", results)
-    print_tables(results["sections"])
+    columns = {name: Column(name) for name in CHANNELS}
+    vehicle = VehicleFile(PRESETS["thesis1992"], columns, Column("time"))
+
+    def results_of(folder: Path) -> dict[str, Any]:
+        path = folder / "vehicle.toml"
+        write_vehicle(path, vehicle)
+        return study(arguments, path)
+
+    run_study("stream-study", arguments, results_of)
 
 
 def study(arguments: StreamStudy, vehicle: Path) -> dict[str, Any]:
-    """Quantiles of the time to an answer [us], and resident memory [MB] by lines sent, as plain data and as a table."""
-    options = [
-        "diagnose",
-        "--vehicle",
-        str(vehicle),
-        "--follow",
-        "--diagnoser",
-        arguments.diagnoser,
-    ]
-    command = [sys.executable, "-m", "training.cli", *options]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
-    ) as process:
+    """Quantiles of the time to an answer [us], and resident memory [MB] by lines written."""
+    options = ["--vehicle", str(vehicle), "--follow", "--diagnoser", arguments.diagnoser]
+    command = [sys.executable, "-m", "training.cli", "diagnose", *options]
+    durations = np.empty(arguments.lines)
+    memory = {}
+    pipes = dict(stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0)
+    with subprocess.Popen(command, **pipes) as process:
         process.stdin.write(",".join(["time", *CHANNELS]).encode() + b"\n")
-        durations = np.empty(arguments.lines)
-        memory = {}
-        for k, line in enumerate(
-            tqdm(lines(arguments), total=arguments.lines, unit="line", unit_scale=True)
-        ):
+        bar = tqdm(lines(arguments), total=arguments.lines, unit="line", unit_scale=True)
+        for k, line in enumerate(bar):
             start = time.perf_counter()
             process.stdin.write(line)
             process.stdout.readline()
             durations[k] = time.perf_counter() - start
-            if k + 1 == WARM_UP or (k + 1) % (arguments.lines // MARKS) == 0:
-                memory[k + 1] = resident(process.pid)
+            n_lines = k + 1
+            if n_lines == WARM_UP or n_lines % (arguments.lines // MEMORY_READINGS) == 0:
+                memory[n_lines] = resident_memory(process.pid)
         process.stdin.close()
     p50, p99 = (1e6 * np.percentile(durations[WARM_UP:], [50, 99])).tolist()
-    rows = [[f"{sent:,}", f"{size:.1f}"] for sent, size in memory.items()]
-    heading = (
-        f"{arguments.diagnoser}, to an answer: median {p50:.0f} µs, 99th percentile {p99:.0f} µs"
-    )
+    rows = [[f"{n_lines:,}", f"{size:.1f}"] for n_lines, size in memory.items()]
+    times = f"median {p50:.0f} µs, 99th percentile {p99:.0f} µs"
     table = {"columns": ["lines", "resident memory [MB]"], "rows": rows}
     return {
+        "title": "The cost of a stream",
         "p50_us": p50,
         "p99_us": p99,
         "memory_mb": memory,
-        "sections": [{"heading": heading, "table": table}],
+        "sections": [{"heading": f"{arguments.diagnoser}, to an answer: {times}", "table": table}],
     }
 
 
 def lines(arguments: StreamStudy) -> Iterator[bytes]:
-    """Lines of a healthy vehicle's log, on random legs one after the other; the last leg goes on for ever."""
+    """Lines of a healthy vehicle's log, on random legs; the last leg continues to the end."""
     fleet = Fleet(1, missions=MissionSampler(n_legs=200))
     observation = fleet.reset(seeds("test", 1, FIRST_SEED + arguments.seed), schedules=[()])
     for k in range(arguments.lines):
-        yield (
-            ",".join([f"{k * SAMPLE_TIME:.1f}", *map(repr, observation[0].tolist())]) + "\n"
-        ).encode()
+        cells = [f"{k * SAMPLE_TIME:.1f}", *map(repr, observation[0].tolist())]
+        yield (",".join(cells) + "\n").encode()
         observation = fleet.step(follow_mission(observation))
 
 
-def resident(process: int) -> float:
+def resident_memory(process: int) -> float:
     """Resident memory of a process [MB]; Linux only."""
     status = Path(f"/proc/{process}/status").read_text(encoding="utf-8")
     return int(status.partition("VmRSS:")[2].split()[0]) / 1e3
 
 
 if __name__ == "__main__":
-    main(tyro.cli(StreamStudy))
+    command_line(main)

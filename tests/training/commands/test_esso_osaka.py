@@ -39,9 +39,9 @@ def made_run(seed, seconds=400, noise=0.0, coefficients=TRUTH, name=None):
     wind = 1.0 + lfilter([0.1], [1.0, -0.995], random.normal(size=n_samples))
     inputs = Inputs(-1.2 * yaw_rate, yaw_rate, rpm, rudder, wind)
     speed = np.full(n_samples, 0.1)
-    driven = inputs.between()
+    driven = inputs.sample_means()
     for k in range(n_samples - 1):
-        rate = surge_fit.acceleration(FORM, coefficients, speed[k], driven.part(k)) + push[k]
+        rate = surge_fit.acceleration(FORM, coefficients, speed[k], driven.at(k)) + push[k]
         speed[k + 1] = speed[k] + STEP * rate
     return ShipRun(name or f"made {seed}", speed, inputs)
 
@@ -155,7 +155,7 @@ def test_the_ships_disturbance_is_the_one_that_makes_its_prediction_err():
 
 def test_the_filter_finds_a_ship_that_is_not_the_nominal_one_if_it_is_told_of_turn_and_wind():
     run = made_run(300, seconds=700, noise=2e-4, coefficients=TRUTH * [1.25, 0.9, 1.0, 1.0, 1.0])
-    known = surge_fit.acceleration(FORM[3:], TRUTH[3:], run.speed[1:], run.inputs.between())
+    known = surge_fit.acceleration(FORM[3:], TRUTH[3:], run.speed[1:], run.inputs.sample_means())
     followed = track(run, ship(FORM, TRUTH, 2e-3), known)
     error = np.abs(followed.relative[-1] - [1.25, 0.9])
     assert np.all(error[1] < 3 * followed.std[-1, 1])

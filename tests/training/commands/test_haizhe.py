@@ -104,8 +104,8 @@ def test_a_session_is_betrayed_by_the_rest_and_lost_with_it(tmp_path, few_trees)
     assert found["stratified", "rest only"] > 0.9
     assert found["stratified", "rest removed"] < 0.5
     assert found["half of the day", "rest only"] < 0.5  # other sessions, other offsets
-    told = haizhe.halves_told_apart(haizhe_runs.load(tmp_path, "train"), 0)
-    assert told["Normal"] == {"runs": [5, 5], "balanced_accuracy": 1.0}
+    sessions = haizhe.session_accuracy(haizhe_runs.load(tmp_path, "train"), 0)
+    assert sessions["Normal"] == {"runs": [5, 5], "balanced_accuracy": 1.0}
 
 
 def test_the_command_reports_the_official_split_where_it_is_there(tmp_path, few_trees, capsys):

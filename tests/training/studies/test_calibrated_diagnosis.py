@@ -3,13 +3,13 @@ import json
 import pytest
 
 from training.field.vehicle_file import read_vehicle
-from training.studies import calibrated_diagnosis, odd_mission
+from training.studies import calibrated_diagnosis, faulty_mission
 from training.studies.calibrated_diagnosis import ASSUMED, CALIBRATED, DiagnosisStudy
-from training.studies.odd_mission import FOLDS, OddMission
+from training.studies.faulty_mission import FOLDS, FaultyMissionStudy
 
 
-def test_the_odd_mission_is_found_and_no_healthy_one(tmp_path):
-    odd_mission.main(OddMission(output=tmp_path / "out", missions=FOLDS, duration=120.0))
+def test_the_faulty_mission_is_found_and_no_healthy_one(tmp_path):
+    faulty_mission.main(FaultyMissionStudy(output=tmp_path / "out", missions=FOLDS, duration=120.0))
     results = json.loads((tmp_path / "out" / "results.json").read_text())
     assert results["false_alarms"] == 0
     assert (
@@ -21,7 +21,9 @@ def test_the_odd_mission_is_found_and_no_healthy_one(tmp_path):
 
 
 def test_without_a_greater_load_the_last_mission_is_healthy_too(tmp_path):
-    odd_mission.main(OddMission(output=tmp_path / "out", missions=FOLDS, duration=60.0, load=1.0))
+    faulty_mission.main(
+        FaultyMissionStudy(output=tmp_path / "out", missions=FOLDS, duration=60.0, load=1.0)
+    )
     assert json.loads((tmp_path / "out" / "results.json").read_text())["alarm_time"] is None
 
 

@@ -1,4 +1,4 @@
-"""What the name of a column says: the quantity, the side, the unit."""
+"""The meaning of a column's name: quantity, side and unit."""
 
 import re
 from typing import NamedTuple
@@ -23,20 +23,35 @@ QUANTITIES: dict[str, tuple[str, frozenset[str]]] = {
 COMMANDED = frozenset(
     "cmd command commanded setpoint set sp desired des ref reference demand target goal".split()
 )
+COMMANDS = {"speed": "speed_command", "rpm": "motor_command", "voltage": "motor_command"}
 SHAFT = frozenset("motor shaft prop propeller thruster engine screw".split())
 SIDED = ("voltage", "current", "rpm", "motor_command")
 SIDES = {
     "port": frozenset("port p ps left l bb 1".split()),
     "starboard": frozenset("starboard stbd stb sb right r 2".split()),
 }
+# a column with one of these words is none of the vehicle's channels
 FOREIGN = frozenset(
-    "battery bat batt bus supply hotel wind sway heave yaw pitch roll heading psi depth temperature temp position pos "
-    "lat lon error err std var variance flag mode id count y z angvelo truth seed vehicle".split()
-)  # a column with one of these words is none of the vehicle's channels
+    "battery bat batt bus supply hotel wind sway heave yaw pitch roll heading psi depth "
+    "temperature temp position pos lat lon error err std var variance flag mode id count y z "
+    "angvelo truth seed vehicle".split()
+)
 
 
 class Meaning(NamedTuple):
-    """What a column may be: quantity, side (port if none is named), unit if it is named, and how sure that is."""
+    """A possible meaning of a column.
+
+    Attributes
+    ----------
+    quantity
+        One of `QUANTITIES`, or a command.
+    side
+        Port if the name has none.
+    unit
+        None if the name has none.
+    score
+        The higher, the more certain.
+    """
 
     quantity: str
     side: str
@@ -45,7 +60,14 @@ class Meaning(NamedTuple):
 
 
 def meaning(name: str, unit: str = "") -> Meaning | None:
-    """What a column of this name may be, with the unit that stands under it; None if it is no channel.
+    """The most certain meaning of a column; None if it is no channel.
+
+    Parameters
+    ----------
+    name
+        In the header.
+    unit
+        In the row of units below the header.
 
     >>> meaning("thruster2_current_A")
     Meaning(quantity='current', side='starboard', unit='A', score=2)
@@ -57,48 +79,57 @@ def meaning(name: str, unit: str = "") -> Meaning | None:
         name = name.replace(label[0], " ")
         unit = label[1]
     words = _words(name)
-    found = (
-        [_as(quantity, words, unit) for quantity in QUANTITIES] if not FOREIGN & set(words) else []
-    )
-    return max(filter(None, found), key=lambda one: one.score, default=None)
+    if FOREIGN & set(words):
+        return None
+    meanings = [_meaning_as(quantity, words, unit) for quantity in QUANTITIES]
+    return max(filter(None, meanings), key=lambda candidate: candidate.score, default=None)
 
 
 def _words(name: str) -> list[str]:
-    """The words of a name in small letters, cut at marks, digits and capitals, but a unit whole."""
-    parts = re.findall(r"[A-Za-z]+|\d+", name)
-    cut = (
-        re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", part) if not is_unit(part) else [part]
-        for part in parts
-    )
-    return [word.lower() for words in cut for word in words]
+    """The words of a name in small letters, cut at marks, digits and capitals; units stay whole."""
+    words = []
+    for part in re.findall(r"[A-Za-z]+|\d+", name):
+        if is_unit(part):
+            words.append(part)
+        else:
+            words += re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", part)
+    return [word.lower() for word in words]
 
 
-def _as(quantity: str, words: list[str], unit: str) -> Meaning | None:
-    """The column as this quantity, if a word of it is there and the unit, if one stands apart, is of its kind."""
+def _meaning_as(quantity: str, words: list[str], unit: str) -> Meaning | None:
+    """The column as this quantity, if a word names it and a separate unit is of its kind."""
     kind, names = QUANTITIES[quantity]
-    of_shaft = bool(SHAFT.intersection(words))
-    if quantity == "rpm" and of_shaft:
+    names_shaft = bool(SHAFT.intersection(words))
+    if quantity == "rpm" and names_shaft:
         names = names | {"speed", "velocity"}
     if quantity in ("speed", "voltage") and COMMANDED.intersection(words):
         names = names ^ {"v"}  # v_set is a speed, while v_port is a voltage
-    score = len(names.intersection(words)) + ("".join(words) in names and len(words) > 1)
-    found = spelt(unit, kind) if unit and kind else _suffix(words, kind)
-    third = quantity in SIDED and any(word.isdigit() and word not in ("1", "2") for word in words)
-    misfit = (unit and kind and not found) or (quantity == "speed" and of_shaft and not found)
-    if not score or third or misfit:
+    score = len(names.intersection(words))
+    score += "".join(words) in names and len(words) > 1
+    known_unit = spelt(unit, kind) if unit and kind else _unit_in_name(words, kind)
+    numbers = [word for word in words if word.isdigit()]
+    is_further_shaft = quantity in SIDED and not set(numbers) <= {"1", "2"}
+    is_other_unit = bool(unit and kind) and not known_unit
+    is_shaft_speed = quantity == "speed" and names_shaft and not known_unit
+    if not score or is_further_shaft or is_other_unit or is_shaft_speed:
         return None
     side = next((side for side, marks in SIDES.items() if marks.intersection(words)), "port")
-    return Meaning(_commanded(quantity, words), side, found, score + (found is not None))
+    score += known_unit is not None
+    return Meaning(_commanded(quantity, words), side, known_unit, score)
 
 
 def _commanded(quantity: str, words: list[str]) -> str:
+    """The quantity, or its command if a word says so."""
     if quantity == "speed" and "mission" in words:
         return "mission_speed"
-    commands = {"speed": "speed_command", "rpm": "motor_command", "voltage": "motor_command"}
-    return commands.get(quantity, quantity) if COMMANDED.intersection(words) else quantity
+    return COMMANDS.get(quantity, quantity) if COMMANDED.intersection(words) else quantity
 
 
-def _suffix(words: list[str], kind: str) -> str | None:
-    """A unit among the last words, as in ``u_mps``, ``speed_m_s`` and ``port_rpm``."""
-    ends = ("/".join(words[-2:]), *words[-1:], *(word for word in words if len(word) > 2))
-    return next((unit for end in ends if kind and (unit := spelt(end, kind))), None)
+def _unit_in_name(words: list[str], kind: str) -> str | None:
+    """A unit among the words, as in ``u_mps``, ``speed_m_s`` and ``port_rpm``."""
+    if not kind:
+        return None
+    long_words = [word for word in words if len(word) > 2]
+    candidates = ["/".join(words[-2:]), *words[-1:], *long_words]
+    units = (spelt(candidate, kind) for candidate in candidates)
+    return next(filter(None, units), None)

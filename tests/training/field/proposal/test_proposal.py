@@ -101,7 +101,7 @@ def test_a_strangers_log():
         "port_rpm": Column("rpm_port", -1.0),
         "starboard_rpm": Column("n_stbd", 60.0),
     }
-    assert "turned round" in comments["channels.port_rpm.column"]
+    assert "sign reversed" in comments["channels.port_rpm.column"]
     assert "rev/s by its size" in comments["channels.starboard_rpm.column"]
     assert any(line.startswith("port_voltage: no column") for line in missing)
     assert not any("starboard_rpm" in line for line in missing)
@@ -193,7 +193,7 @@ def test_motor_command_stands_in_for_a_missing_shaft_speed_only():
     assert vehicle.columns["port_rpm"] == Column(
         "throttle", pytest.approx(1500 / (100 * SPEED.max())), 0.0
     )
-    assert "stands in" in comments["channels.port_rpm.column"]
+    assert "replaces the shaft speed" in comments["channels.port_rpm.column"]
     vehicle, _, _, left = proposal(throttle=100 * SPEED, rpm=RPM)
     assert vehicle.columns["port_rpm"].name == "rpm"
     assert any("'throttle'" in line for line in left)

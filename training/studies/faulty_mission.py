@@ -1,8 +1,8 @@
-"""Is one bad mission found among thirty good ones? ``python -m training.studies.odd_mission``.
+"""Is one faulty mission found among thirty healthy ones? As ``training.studies.faulty_mission``.
 
 A vehicle of one shaft logs speed, motor command and current once a second, and no shaft speed.
-Every mission is by another vehicle of the healthy band; on the last one the propeller asks for
-three times its torque from the start.
+Every mission has another vehicle of the healthy band; on the last one the propeller's torque is
+three times as large from the start.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
-import tyro
 from tqdm import tqdm
 
 from auv_fault_env.channels import INDEX
@@ -33,9 +32,8 @@ from training.field.diagnosis.diagnosis import (
 from training.field.diagnosis.load_limits import is_overloaded, load_limits
 from training.field.logs.log import Log, read_log
 from training.field.vehicle_file import Column, VehicleFile, write_vehicle
-from training.report.page import print_tables
-from training.report.run_folder import run_folder, write_json
 from training.seeds import seeds
+from training.studies.run import command_line, run_study
 
 COLUMNS = {  # of the log, by channel, with the decimals that are written
     "speed_command": ("set_mps", 3),
@@ -50,7 +48,7 @@ VEHICLE = VehicleFile(
     sample_rate=1.0,
     shafts=1,
 )
-TRIPLED = ("port_c1", "port_c2")
+TORQUE = ("port_c1", "port_c2")
 LEGS = MissionSampler(speed=(0.2, 0.6), duration=(15.0, 40.0), n_legs=16)
 FOLDS = 5  # calibrations, each without a fifth of the healthy missions
 DECIMATION = round(SAMPLE_RATE / VEHICLE.sample_rate)
@@ -58,10 +56,10 @@ FIRST_SEED = 700_000_000  # within those of tests
 
 
 @dataclass(frozen=True)
-class OddMission:
-    """Calibrate on healthy missions and diagnose others: the faulty one, and each healthy one left out for it."""
+class FaultyMissionStudy:
+    """Diagnose a faulty mission, and each healthy one, calibrated on other healthy missions."""
 
-    output: Path = Path("runs/odd-mission")
+    output: Path = Path("runs/faulty-mission")
     """Folder of the logs, the vehicle files and the results; an earlier run there is replaced."""
     missions: int = 30
     """Healthy missions; one more is faulty."""
@@ -73,26 +71,26 @@ class OddMission:
     """Offset within the seeds of tests."""
 
 
-def main(arguments: OddMission) -> None:
+def main(arguments: FaultyMissionStudy) -> None:
     """Simulate, calibrate, diagnose, and write the results."""
     finite_in_range("missions", arguments.missions, FOLDS, 1000)
     finite_in_range("duration", arguments.duration, 30.0, 1e4)
     finite_in_range("load", arguments.load, 0.0, 20.0)
-    with run_folder(arguments.output, "odd-mission", arguments) as folder:
+
+    def results_of(folder: Path) -> dict[str, Any]:
         write_vehicle(folder / "vehicle.toml", VEHICLE)
-        logs = [read_log(path, VEHICLE) for path in write_missions(folder, arguments)]
-        results = study(logs, folder)
-        write_json(folder / "results.json", results)
-    print_tables(results["sections"])
+        paths = write_missions(folder, arguments)
+        return study([read_log(path, VEHICLE) for path in paths], folder)
+
+    run_study("faulty-mission", arguments, results_of)
 
 
-def write_missions(folder: Path, arguments: OddMission) -> list[Path]:
+def write_missions(folder: Path, arguments: FaultyMissionStudy) -> list[Path]:
     """Write every mission's log as CSV, the faulty one last."""
     count = arguments.missions + 1
     lanes = seeds("test", count, FIRST_SEED + arguments.seed)
-    observations = np.asarray(
-        simulated(lanes, round(arguments.duration * SAMPLE_RATE), arguments.load), np.float64
-    )
+    n_samples = round(arguments.duration * SAMPLE_RATE)
+    observations = simulated_missions(lanes, n_samples, arguments.load).astype(np.float64)
     paths = [folder / f"mission-{k:03d}.csv" for k in range(count)]
     for path, rows in zip(paths, observations[::DECIMATION].swapaxes(0, 1), strict=True):
         columns = {"t_s": np.arange(len(rows)) / VEHICLE.sample_rate}
@@ -102,12 +100,13 @@ def write_missions(folder: Path, arguments: OddMission) -> list[Path]:
     return paths
 
 
-def simulated(lanes: Sequence[int], n_samples: int, load: float) -> np.ndarray:
-    """Observations (n_samples, n_lanes, n_channels) at 10 Hz; the last lane's propeller asks for `load` times."""
+def simulated_missions(lanes: Sequence[int], n_samples: int, load: float) -> np.ndarray:
+    """Observations (n_samples, n_lanes, n_channels) at 10 Hz; `load` multiplies the last torque."""
     fleet = Fleet(len(lanes), VEHICLE.vehicle, missions=LEGS)
     observations = [fleet.reset(lanes, schedules=[()] * len(lanes))]
     healthy = fleet.plan.healthy.copy()
-    healthy[-1, [list(PARAMETERS).index(name) for name in TRIPLED]] *= load
+    torque = [list(PARAMETERS).index(name) for name in TORQUE]
+    healthy[-1, torque] *= load
     fleet.set_healthy(healthy)
     while len(observations) < n_samples:
         observations.append(fleet.step(follow_mission(observations[-1])))
@@ -115,46 +114,56 @@ def simulated(lanes: Sequence[int], n_samples: int, load: float) -> np.ndarray:
 
 
 def study(logs: Sequence[Log], folder: Path) -> dict[str, Any]:
-    """Verdicts on all logs, as plain data; the vehicle file calibrated on all healthy ones goes into the folder."""
+    """Verdicts on all logs, as plain data.
+
+    The vehicle file calibrated on all healthy logs is written to the folder.
+    """
     healthy = logs[:-1]
     verdicts = []
     for fold in tqdm(range(FOLDS), unit="fold"):
         others = [log for k, log in enumerate(healthy) if k % FOLDS != fold]
-        verdicts += judged(healthy[fold::FOLDS], others, calibrate(others, VEHICLE).vehicle)
-    whole = calibrate(healthy, VEHICLE).vehicle
-    write_vehicle(folder / "calibrated.toml", whole)
-    (odd,) = judged(logs[-1:], healthy, whole)
-    rows = [["healthy, calibrated without it", *counted(verdicts)], ["faulty", *counted([odd])]]
+        vehicle = calibrate(others, VEHICLE).vehicle
+        verdicts += verdicts_on(healthy[fold::FOLDS], others, vehicle)
+    vehicle = calibrate(healthy, VEHICLE).vehicle
+    write_vehicle(folder / "calibrated.toml", vehicle)
+    (faulty,) = verdicts_on(logs[-1:], healthy, vehicle)
+    rows = [
+        ["healthy, calibrated without it", *summary_cells(verdicts)],
+        ["faulty", *summary_cells([faulty])],
+    ]
     columns = ["missions", "number", "with alarm", "first alarm [s]", "fault", "load of the shaft"]
+    table = {"columns": columns, "rows": rows}
     return {
-        "verdicts": {one.log: one.verdict for one in (*verdicts, odd)},
-        "alarm_time": odd.alarm_time,
-        "false_alarms": sum(bool(one.alarms) for one in verdicts),
-        "sections": [{"heading": "One odd mission", "table": {"columns": columns, "rows": rows}}],
+        "title": "Is one faulty mission found among healthy ones?",
+        "verdicts": {verdict.log: verdict.verdict for verdict in (*verdicts, faulty)},
+        "alarm_time": faulty.alarm_time,
+        "false_alarms": sum(bool(verdict.alarms) for verdict in verdicts),
+        "sections": [{"heading": "One faulty mission", "table": table}],
     }
 
 
-def judged(logs: Sequence[Log], healthy: Sequence[Log], vehicle: VehicleFile) -> list[Verdict]:
-    """Verdicts by the filter bank and by the limits on the load that the healthy logs set."""
+def verdicts_on(logs: Sequence[Log], healthy: Sequence[Log], vehicle: VehicleFile) -> list[Verdict]:
+    """Verdicts by the filter bank and by the limits on the load from the healthy logs."""
     limits = load_limits(healthy, vehicle)
     verdicts = []
     for log in logs:
         belief = beliefs(log, "filter_bank", vehicle)
-        standing = is_alarmed(log, belief, THRESHOLDS["filter_bank"], persistence(vehicle))
-        standing |= is_overloaded(log, vehicle, limits)
-        verdicts.append(verdict(log.name, log, belief, standing, vehicle))
+        alarmed = is_alarmed(log, belief, THRESHOLDS["filter_bank"], persistence(vehicle))
+        alarmed |= is_overloaded(log, vehicle, limits)
+        verdicts.append(verdict(log.name, log, belief, alarmed, vehicle))
     return verdicts
 
 
-def counted(verdicts: Sequence[Verdict]) -> list[str]:
-    """Cells of a row: how many, how many with an alarm, the first one's time, class and load."""
-    alarmed = [one for one in verdicts if one.alarms]
-    first = min(alarmed, key=lambda one: one.alarms[0][0], default=None)
-    if first is None:
+def summary_cells(verdicts: Sequence[Verdict]) -> list[str]:
+    """Number of missions, number with an alarm, and time, class and load of the first alarm."""
+    alarmed = [verdict for verdict in verdicts if verdict.alarms]
+    if not alarmed:
         return [str(len(verdicts)), "0", "", "", ""]
-    load = ", ".join(f"{side} {share:+.0%}" for side, share in (first.load or {}).items())
-    return [str(len(verdicts)), str(len(alarmed)), f"{first.alarm_time:.1f}", first.fault, load]
+    first = min(alarmed, key=lambda verdict: verdict.alarm_time)
+    loads = [f"{side} {load:+.0%}" for side, load in (first.load or {}).items()]
+    counts = [str(len(verdicts)), str(len(alarmed))]
+    return [*counts, f"{first.alarm_time:.1f}", first.fault, ", ".join(loads)]
 
 
 if __name__ == "__main__":
-    main(tyro.cli(OddMission))
+    command_line(main)
