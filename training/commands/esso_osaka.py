@@ -104,7 +104,9 @@ def fit(runs: Sequence[ShipRun], form: Sequence[str]) -> tuple[np.ndarray, np.nd
 
 
 def error(
-    form: Sequence[str], coefficients: Sequence[np.ndarray], runs: Sequence[ShipRun]
+    form: Sequence[str],
+    coefficients: Sequence[np.ndarray],
+    runs: Sequence[ShipRun],
 ) -> float:
     """Prediction error over all starts of all runs, each with its coefficients [m/s rms]."""
     errors = [
@@ -114,7 +116,11 @@ def error(
     return rms(np.concatenate(errors))
 
 
-def fit_runs(runs: Sequence[ShipRun], form: Sequence[str], seed: int) -> dict[str, Any]:
+def fit_runs(
+    runs: Sequence[ShipRun],
+    form: Sequence[str],
+    seed: int,
+) -> dict[str, Any]:
     """A form fitted to all runs and to each run alone.
 
     The intervals are from resampled runs, and from resampled minutes of a run.

@@ -127,7 +127,9 @@ def coefficient_cells(fit: Mapping[str, Any]) -> list[str]:
 
 
 def relative(
-    name: str, model: Sequence[str], fits: Mapping[str, Any]
+    name: str,
+    model: Sequence[str],
+    fits: Mapping[str, Any],
 ) -> tuple[np.ndarray, np.ndarray]:
     """A parameter of each run over that of all runs, (n_runs,), and its interval (n_runs, 2)."""
     k = list(model).index(name)
@@ -170,7 +172,11 @@ def band_section(model: Sequence[str], fits: Mapping[str, Mapping[str, Any]]) ->
     }
 
 
-def range_cells(values: np.ndarray, intervals: np.ndarray, default: float) -> list[str]:
+def range_cells(
+    values: np.ndarray,
+    intervals: np.ndarray,
+    default: float,
+) -> list[str]:
     """Range of a parameter (n_runs,), and how many intervals (n_runs, 2) leave the default band."""
     is_above = intervals[:, 0] > 1 + default
     is_below = intervals[:, 1] < 1 - default
@@ -208,7 +214,9 @@ def prediction_section(example: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def filter_section(
-    model: Sequence[str], fits: Mapping[str, Any], tracks: Mapping[str, Any]
+    model: Sequence[str],
+    fits: Mapping[str, Any],
+    tracks: Mapping[str, Any],
 ) -> dict[str, Any]:
     """The filter's estimates along the runs, and their ends beside each run's own fit."""
     own = [relative(name, model, fits)[0] for name in PARAMETERS]

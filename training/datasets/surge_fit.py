@@ -59,7 +59,9 @@ class Normal(NamedTuple):
 
 
 def increments(
-    run: ShipRun, form: Sequence[str], ahead: int = AHEAD
+    run: ShipRun,
+    form: Sequence[str],
+    ahead: int = AHEAD,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Integrals of the terms over `ahead` samples, and the change of the speed.
 
@@ -75,7 +77,11 @@ def increments(
     return integral[ahead:] - integral[:-ahead], change
 
 
-def normal_equations(run: ShipRun, form: Sequence[str], block: int = BLOCK) -> Normal:
+def normal_equations(
+    run: ShipRun,
+    form: Sequence[str],
+    block: int = BLOCK,
+) -> Normal:
     """The run's normal equations, a block of starts at a time."""
     terms, change = increments(run, form)
     edges = range(block, len(change) - block // 2, block)  # the rest joins the last block
@@ -103,7 +109,11 @@ def solve(normal: Normal, weights: np.ndarray | None = None) -> np.ndarray:
     return np.linalg.solve(scaled, (moment / size)[..., None])[..., 0] / size
 
 
-def intervals(normal: Normal, seed: int, n: int = RESAMPLES) -> np.ndarray:
+def intervals(
+    normal: Normal,
+    seed: int,
+    n: int = RESAMPLES,
+) -> np.ndarray:
     """95 % intervals of the coefficients, (n_terms, 2), by resampling blocks.
 
     Misleads: the intervals are too narrow with few blocks, and they ignore conditions that were the
@@ -117,14 +127,21 @@ def intervals(normal: Normal, seed: int, n: int = RESAMPLES) -> np.ndarray:
 
 
 def acceleration(
-    form: Sequence[str], coefficients: np.ndarray, speed: np.ndarray, inputs: Inputs
+    form: Sequence[str],
+    coefficients: np.ndarray,
+    speed: np.ndarray,
+    inputs: Inputs,
 ) -> np.ndarray:
     """du/dt [m/s^2] of the form."""
     terms = zip(form, coefficients, strict=True)
     return sum(coefficient * TERMS[name](speed, inputs) for name, coefficient in terms)
 
 
-def predict(form: Sequence[str], coefficients: np.ndarray, run: ShipRun) -> np.ndarray:
+def predict(
+    form: Sequence[str],
+    coefficients: np.ndarray,
+    run: ShipRun,
+) -> np.ndarray:
     """Speed [m/s] ten seconds after every sample, (n_samples - AHEAD,), simulated from there.
 
     Propeller, rudder, sway, yaw rate and wind are those measured in the ten seconds; only the speed
@@ -139,7 +156,11 @@ def predict(form: Sequence[str], coefficients: np.ndarray, run: ShipRun) -> np.n
     return speed
 
 
-def prediction_error(form: Sequence[str], coefficients: np.ndarray, run: ShipRun) -> np.ndarray:
+def prediction_error(
+    form: Sequence[str],
+    coefficients: np.ndarray,
+    run: ShipRun,
+) -> np.ndarray:
     """Measured less predicted speed ten seconds after every sample, (n_samples - AHEAD,) [m/s]."""
     return run.speed[AHEAD:] - predict(form, coefficients, run)
 

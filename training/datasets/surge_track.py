@@ -41,7 +41,11 @@ class Track(NamedTuple):
     nis: np.ndarray
 
 
-def ship(form: Sequence[str], coefficients: np.ndarray, error: float) -> Vehicle:
+def ship(
+    form: Sequence[str],
+    coefficients: np.ndarray,
+    error: float,
+) -> Vehicle:
     """The ship as a nominal vehicle: hull and thrust as fitted, and a disturbance.
 
     The disturbance explains the prediction's error: it is the Ornstein-Uhlenbeck process, of the

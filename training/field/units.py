@@ -1,4 +1,4 @@
-"""Units that logs use: the factor from each to the unit of the channels, and how people spell them."""
+"""Units of logs: the factor from each to the unit of the channels, and their spellings."""
 
 import math
 
@@ -54,8 +54,14 @@ SPELLINGS: dict[str, str] = {
 }
 
 
+EXPONENTS = {"²": "2", "⁻¹": "-1", "⁻²": "-2"}
+
+
 def _plain(text: str) -> str:
-    text = text.strip(" \t[]()").lower().replace("²", "2").replace("⁻¹", "-1").replace("⁻²", "-2")
+    """The text in small letters, without brackets, blanks and marks of powers and products."""
+    text = text.strip(" \t[]()").lower()
+    for exponent, digits in EXPONENTS.items():
+        text = text.replace(exponent, digits)
     return "".join(text.translate(str.maketrans("", "", " ^*·_")).split())
 
 
@@ -64,7 +70,7 @@ _SPELT = {_plain(text): unit for text, unit in SPELLINGS.items()}
 
 
 def spelt(text: str, kind: str) -> str | None:
-    """The unit that a text names among those of a kind (a key of `UNITS`); None if it names none.
+    """The unit of a kind (a key of `UNITS`) that a text names; None if it names none.
 
     >>> spelt("[Knots]", "m/s"), spelt("m/s²", "m/s^2"), spelt("V", "m/s")
     ('kn', 'm/s^2', None)
@@ -80,10 +86,10 @@ def is_unit(text: str) -> bool:
 
 
 def factor(thing: str, unit: object, kind: str) -> float:
-    """Factor from a unit to that of the channels; an unknown one is an `InputError` with those that are known.
+    """Factor from a unit to that of the channels; an unknown unit is an `InputError`.
 
     >>> factor("unit of speed", "knots", "m/s")
     0.5144444444444445
     """
-    found = spelt(unit, kind) if isinstance(unit, str) else None
-    return UNITS[kind][found or known_name(thing, unit, UNITS[kind])]
+    known_unit = spelt(unit, kind) if isinstance(unit, str) else None
+    return UNITS[kind][known_unit or known_name(thing, unit, UNITS[kind])]

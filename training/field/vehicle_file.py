@@ -1,4 +1,4 @@
-"""A vehicle's file (TOML): which columns of its logs are which channels, and what is known of the vehicle itself.
+"""The vehicle file (TOML): the columns of a vehicle's logs, and the vehicle itself.
 
 The keys are described in docs/vehicle.md.
 """
@@ -29,6 +29,7 @@ GENERAL = {
     "hotel_load": "W",
     "battery": "Wh",
 }
+VEHICLE_KEYS = ("shafts", "sample_rate", "hotel_load", "battery")  # as in `VehicleFile`
 TABLES = ("vehicle", "parameters", "healthy_band", "noise", "time", "channels")
 COLUMN = ("column", "unit", "scale", "offset")
 
@@ -43,12 +44,12 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True)
 class VehicleFile:
-    """What a vehicle's file says; anything unknown or out of range is an `InputError`.
+    """The content of a vehicle file; an unknown or impossible value is an `InputError`.
 
-    A vehicle with one shaft has the channels of the port side only. It is simulated as the vehicle
-    with two shafts that are alike, each of half the thrust, of which only port is logged;
-    ``vehicle.beta`` is the thrust of all shafts together in either case, and hotel load and battery
-    are the whole vehicle's.
+    A vehicle with one shaft has the channels of the port side only. It is simulated as a
+    vehicle with two equal shafts, each of half the thrust, of which only port is logged. In either
+    case ``vehicle.beta`` is the thrust of all shafts together, and hotel load and battery are the
+    whole vehicle's.
 
     Attributes
     ----------
@@ -63,10 +64,10 @@ class VehicleFile:
     shafts
         1 or 2.
     band
-        Half-width of the healthy band, relative, by parameter of `HULL` and `SHAFT`; the usual one
-        where none is given.
+        Half-width of the healthy band, relative, by parameter of `HULL` and `SHAFT`; by default
+        `BAND`.
     noise
-        Standard deviation by reading, in the channel's unit; the usual one where none is given.
+        Standard deviation by reading, in the channel's unit; by default `NOISE`.
     hotel_load, battery
         Power of all but propulsion [W]; charge of the full battery [Wh], 0 if not known.
     """
@@ -82,15 +83,14 @@ class VehicleFile:
     battery: float = 0.0
 
     def __post_init__(self):
-        _checked_channels(self.columns, self.shafts)
+        _check_channels(self.columns, self.shafts)
         for channel, column in self.columns.items():
-            _checked_column(f"channels.{channel}", column)
+            _check_column(f"channels.{channel}", column)
         if self.time is not None:
-            _checked_column("time", self.time)
-        _checked_numbers("healthy_band", self.band, dict.fromkeys(BAND, 0.9))
-        _checked_numbers(
-            "noise", self.noise, {name: CHANNELS[name].high - CHANNELS[name].low for name in NOISE}
-        )
+            _check_column("time", self.time)
+        _check_numbers("healthy_band", self.band, dict.fromkeys(BAND, 0.9))
+        ranges = {name: CHANNELS[name].high - CHANNELS[name].low for name in NOISE}
+        _check_numbers("noise", self.noise, ranges)
         finite_in_range("sample_rate [Hz]", self.sample_rate, 0.5, 1e4)
         finite_in_range("hotel_load [W]", self.hotel_load, 0.0, 1e6)
         finite_in_range("battery [Wh]", self.battery, 0.0, 1e9)
@@ -98,53 +98,41 @@ class VehicleFile:
         object.__setattr__(self, "noise", {**NOISE, **self.noise})
 
 
-def _checked_channels(columns: Mapping[str, Column], shafts: int) -> None:
+def _check_channels(columns: Mapping[str, Column], shafts: int) -> None:
     if shafts not in (1, 2) or isinstance(shafts, bool):
         raise refusal("shafts", shafts, "1 or 2", "count the shafts")
     for channel in columns:
         known_name("key of [channels]", channel, CHANNELS)
         if shafts == 1 and channel.startswith("starboard"):
-            raise refusal(
-                "channels",
-                channel,
-                "those of the port side, with shafts = 1",
-                "rename it or set shafts = 2",
-            )
+            allowed = "those of the port side, with shafts = 1"
+            raise refusal("channels", channel, allowed, "rename it or set shafts = 2")
     if not set(columns) & set(READINGS):
-        raise refusal(
-            "channels",
-            list(columns),
-            "at least one of " + ", ".join(READINGS),
-            "add [channels.speed]",
-        )
+        allowed = "at least one of " + ", ".join(READINGS)
+        raise refusal("channels", list(columns), allowed, "add [channels.speed]")
 
 
-def _checked_column(where: str, column: Column) -> None:
+def _check_column(where: str, column: Column) -> None:
     if not isinstance(column.name, str) or not column.name:
-        raise refusal(
-            f"{where}.column", column.name, "a name of the log's header", "name the column"
-        )
+        allowed = "a name of the log's header"
+        raise refusal(f"{where}.column", column.name, allowed, "name the column")
     finite_in_range(f"{where}.offset", column.offset, -1e12, 1e12)
     if not finite_in_range(f"{where}.scale", column.scale, -1e9, 1e9):
-        raise refusal(
-            f"{where}.scale",
-            column.scale,
-            "a number other than 0",
-            "give the factor to the channel's unit",
-        )
+        remedy = "write the factor to the channel's unit"
+        raise refusal(f"{where}.scale", column.scale, "a number other than 0", remedy)
 
 
-def _checked_numbers(
-    table: str, numbers: Mapping[str, float], highest: Mapping[str, float]
+def _check_numbers(
+    table: str,
+    numbers: Mapping[str, float],
+    highest: Mapping[str, float],
 ) -> None:
     for name, value in numbers.items():
-        finite_in_range(
-            f"{table}.{known_name(f'key of [{table}]', name, highest)}", value, 0.0, highest[name]
-        )
+        key = known_name(f"key of [{table}]", name, highest)
+        finite_in_range(f"{table}.{key}", value, 0.0, highest[name])
 
 
 def read_vehicle(path: Path) -> VehicleFile:
-    """The vehicle of a TOML file; what is unknown, missing or out of range there is an `InputError`."""
+    """The vehicle of a TOML file; `InputError` for unknown, missing or impossible values."""
     content = _content(path)
     for name in content:
         known_name("table of the vehicle file", name, TABLES)
@@ -152,20 +140,17 @@ def read_vehicle(path: Path) -> VehicleFile:
     if "sample_rate" not in general:
         raise refusal("vehicle file", str(path), "one with sample_rate [Hz] in [vehicle]", "add it")
     channels = _table(content, "channels", CHANNELS)
+    columns = {
+        name: _column(f"channels.{name}", entry, CHANNELS[name].unit)
+        for name, entry in channels.items()
+    }
     return VehicleFile(
         vehicle=_vehicle(general, _table(content, "parameters", QUANTITIES)),
-        columns={
-            name: _column(f"channels.{name}", entry, CHANNELS[name].unit)
-            for name, entry in channels.items()
-        },
+        columns=columns,
         time=_column("time", content["time"], "s") if "time" in content else None,
         band=_table(content, "healthy_band", BAND),
         noise=_table(content, "noise", NOISE),
-        **{
-            key: general[key]
-            for key in ("sample_rate", "shafts", "hotel_load", "battery")
-            if key in general
-        },
+        **{key: general[key] for key in VEHICLE_KEYS if key in general},
     )
 
 
@@ -177,11 +162,15 @@ def _content(path: Path) -> dict[str, Any]:
     except UnicodeDecodeError:
         remedy = "save it as UTF-8"
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        remedy = f"mend it: {error}"
+        remedy = f"correct it: {error}"
     raise refusal("vehicle file", str(path), "a readable TOML file", remedy) from None
 
 
-def _table(content: Mapping[str, Any], name: str, keys: Iterable[str]) -> dict[str, Any]:
+def _table(
+    content: Mapping[str, Any],
+    name: str,
+    keys: Iterable[str],
+) -> dict[str, Any]:
     table = content.get(name, {})
     if not isinstance(table, dict):
         raise refusal(name, table, f"a table [{name}]", "give it keys of its own")
@@ -191,7 +180,8 @@ def _table(content: Mapping[str, Any], name: str, keys: Iterable[str]) -> dict[s
 
 
 def _vehicle(general: Mapping[str, Any], parameters: Mapping[str, Any]) -> Vehicle:
-    preset = vehicle_of(known_name("preset", general.get("preset", next(iter(PRESETS))), PRESETS))
+    default = next(iter(PRESETS))
+    preset = vehicle_of(known_name("preset", general.get("preset", default), PRESETS))
     name = general.get("name", preset.name)
     if not isinstance(name, str) or not name:
         raise refusal("name of the vehicle", name, "a text", "name it")
@@ -206,9 +196,11 @@ def _column(where: str, entry: Any, kind: str) -> Column:
 
 
 def write_vehicle(
-    path: Path, vehicle: VehicleFile, comments: Mapping[str, str] = MappingProxyType({})
+    path: Path,
+    vehicle: VehicleFile,
+    comments: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
-    """Write the file; `read_vehicle` gives an equal vehicle back.
+    """Write the file; `read_vehicle` returns an equal vehicle.
 
     Parameters
     ----------
@@ -217,8 +209,7 @@ def write_vehicle(
     vehicle
         What to write.
     comments
-        What stands behind a line, by table and key: ``{"vehicle.sample_rate": "median of 500
-        rows"}``.
+        At the end of a line, by table and key: ``{"vehicle.sample_rate": "median of 500 rows"}``.
     """
     try:
         Path(path).write_text(as_toml(vehicle, comments), encoding="utf-8")
@@ -228,27 +219,24 @@ def write_vehicle(
 
 
 def as_toml(vehicle: VehicleFile, comments: Mapping[str, str] = MappingProxyType({})) -> str:
-    """The text of the file, with units and the comments given; only what differs from the nearest preset is in it."""
+    """The text of the file: changes from the nearest preset, with units and comments."""
     changes = {
         preset.name: _changed(_constants(vehicle.vehicle), _constants(preset))
         for preset in PRESETS.values()
     }
     preset = min(changes, key=lambda name: len(changes[name]))
+    general = {key: getattr(vehicle, key) for key in VEHICLE_KEYS}
     tables = {
-        "vehicle": {"name": vehicle.vehicle.name, "preset": preset}
-        | {
-            key: getattr(vehicle, key) for key in ("shafts", "sample_rate", "hotel_load", "battery")
-        },
+        "vehicle": {"name": vehicle.vehicle.name, "preset": preset} | general,
         "parameters": changes[preset],
         "healthy_band": _changed(vehicle.band, BAND),
         "noise": _changed(vehicle.noise, NOISE),
         "time": {} if vehicle.time is None else _entry(vehicle.time, "s"),
     }
-    tables |= {
-        f"channels.{name}": _entry(column, CHANNELS[name].unit)
-        for name, column in vehicle.columns.items()
-    }
-    return "\n".join(_text(name, table, comments) for name, table in tables.items() if table)
+    for name, column in vehicle.columns.items():
+        tables[f"channels.{name}"] = _entry(column, CHANNELS[name].unit)
+    texts = [_text(name, table, comments) for name, table in tables.items() if table]
+    return "\n".join(texts)
 
 
 def _constants(vehicle: Vehicle) -> dict[str, float]:
@@ -260,23 +248,27 @@ def _changed(values: Mapping[str, float], usual: Mapping[str, float]) -> dict[st
 
 
 def _entry(column: Column, kind: str) -> dict[str, str | float]:
-    unit = next((unit for unit, scale in UNITS[kind].items() if scale == abs(column.scale)), kind)
-    scale = column.scale / UNITS[kind][unit]
-    entry = {"column": column.name, "unit": unit, "scale": scale, "offset": column.offset}
-    return {
-        key: value
-        for key, value in entry.items()
-        if (key, value) not in (("scale", 1.0), ("offset", 0.0))
-    }
+    units = UNITS[kind]
+    unit = next((name for name, factor in units.items() if factor == abs(column.scale)), kind)
+    entry = {"column": column.name, "unit": unit}
+    scale = column.scale / units[unit]
+    if scale != 1.0:
+        entry["scale"] = scale
+    if column.offset != 0.0:
+        entry["offset"] = column.offset
+    return entry
 
 
-def _text(name: str, table: Mapping[str, Any], comments: Mapping[str, str]) -> str:
+def _text(
+    name: str,
+    table: Mapping[str, Any],
+    comments: Mapping[str, str],
+) -> str:
     lines = [f"[{name}]"]
     for key, value in table.items():
-        notes = " ".join(
-            "; ".join(filter(None, (_about(name, key), comments.get(f"{name}.{key}")))).split()
-        )
-        lines.append(f"{key} = {_literal(value)}" + (f"  # {notes}" if notes else ""))
+        notes = "; ".join(filter(None, (_about(name, key), comments.get(f"{name}.{key}"))))
+        comment = " ".join(notes.split())
+        lines.append(f"{key} = {_literal(value)}" + (f"  # {comment}" if comment else ""))
     return "\n".join(lines) + "\n"
 
 

@@ -133,7 +133,9 @@ def score(vehicles: Sequence[VehicleEpisodes], seed: int) -> dict[str, Any]:
 
 
 def section(
-    scores: Mapping[str, Mapping[str, Any]], ratio: float, n_vehicles: int
+    scores: Mapping[str, Mapping[str, Any]],
+    ratio: float,
+    n_vehicles: int,
 ) -> dict[str, Any]:
     """The table of the scores."""
     rows = [

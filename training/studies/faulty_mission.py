@@ -100,7 +100,11 @@ def write_missions(folder: Path, arguments: FaultyMissionStudy) -> list[Path]:
     return paths
 
 
-def simulated_missions(lanes: Sequence[int], n_samples: int, load: float) -> np.ndarray:
+def simulated_missions(
+    lanes: Sequence[int],
+    n_samples: int,
+    load: float,
+) -> np.ndarray:
     """Observations (n_samples, n_lanes, n_channels) at 10 Hz; `load` multiplies the last torque."""
     fleet = Fleet(len(lanes), VEHICLE.vehicle, missions=LEGS)
     observations = [fleet.reset(lanes, schedules=[()] * len(lanes))]
@@ -142,7 +146,11 @@ def study(logs: Sequence[Log], folder: Path) -> dict[str, Any]:
     }
 
 
-def verdicts_on(logs: Sequence[Log], healthy: Sequence[Log], vehicle: VehicleFile) -> list[Verdict]:
+def verdicts_on(
+    logs: Sequence[Log],
+    healthy: Sequence[Log],
+    vehicle: VehicleFile,
+) -> list[Verdict]:
     """Verdicts by the filter bank and by the limits on the load from the healthy logs."""
     limits = load_limits(healthy, vehicle)
     verdicts = []

@@ -152,7 +152,11 @@ def _channel_noise(samples: Samples, vehicle: VehicleFile) -> dict[str, float]:
     return noise
 
 
-def shaft_speeds(samples: Samples, vehicle: Vehicle, motor: ModelFit) -> list[np.ndarray]:
+def shaft_speeds(
+    samples: Samples,
+    vehicle: Vehicle,
+    motor: ModelFit,
+) -> list[np.ndarray]:
     """Shaft speeds [rad/s], (n_samples, 2) each: as read, else from the voltages, else none.
 
     Speeds from the voltages are followed by those with the motors' fit a standard deviation off, in
@@ -171,7 +175,10 @@ def shaft_speeds(samples: Samples, vehicle: Vehicle, motor: ModelFit) -> list[np
 
 
 def _motor_noise(
-    samples: Samples, vehicle: Vehicle, noise: Mapping[str, float], motor: ModelFit
+    samples: Samples,
+    vehicle: Vehicle,
+    noise: Mapping[str, float],
+    motor: ModelFit,
 ) -> dict[str, float]:
     levels = {}
     for side in SIDES if motor.fit.names else ():
@@ -214,7 +221,9 @@ def side_differences(calibration: Calibration) -> dict[str, tuple[float, float]]
 
 
 def _difference(
-    estimates: np.ndarray, variances: np.ndarray, sides: np.ndarray
+    estimates: np.ndarray,
+    variances: np.ndarray,
+    sides: np.ndarray,
 ) -> tuple[float, float]:
     weights = [np.where(sides == side, 1.0 / variances, 0.0) for side in range(len(SIDES))]
     port, starboard = (np.sum(weight * estimates) / weight.sum() for weight in weights)

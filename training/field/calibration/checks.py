@@ -99,7 +99,9 @@ def rms_errors(samples: Samples, vehicle: VehicleFile) -> dict[str, float]:
 
 
 def leave_one_out(
-    samples: Samples, calibration: Calibration, names: Sequence[str]
+    samples: Samples,
+    calibration: Calibration,
+    names: Sequence[str],
 ) -> list[LeftOut]:
     """Predict each mission from a fit to the others; empty with one mission.
 

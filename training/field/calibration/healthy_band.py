@@ -8,7 +8,10 @@ WIDEST = 0.9  # of a band, relative
 
 
 def healthy_band(
-    estimates: np.ndarray, variances: np.ndarray, std: float, file_band: float
+    estimates: np.ndarray,
+    variances: np.ndarray,
+    std: float,
+    file_band: float,
 ) -> float:
     """Half-width of the healthy band of one parameter, relative, as of a uniform distribution.
 

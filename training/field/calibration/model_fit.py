@@ -31,7 +31,11 @@ class ModelFit(NamedTuple):
     why: Mapping[str, tuple[str, str]]
 
 
-def no_model_fit(names: tuple[str, ...], why: str, remedy: str) -> ModelFit:
+def no_model_fit(
+    names: tuple[str, ...],
+    why: str,
+    remedy: str,
+) -> ModelFit:
     """A model of which no parameter could be fitted."""
     return ModelFit(NO_FIT, {}, dict.fromkeys(names, (why, remedy)))
 

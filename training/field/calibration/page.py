@@ -33,7 +33,10 @@ LARGEST_MISSION_STD = 0.5
 
 
 def page(
-    logs: Sequence[Log], samples: Samples, calibration: Calibration, left_out: Sequence[LeftOut]
+    logs: Sequence[Log],
+    samples: Samples,
+    calibration: Calibration,
+    left_out: Sequence[LeftOut],
 ) -> dict[str, Any]:
     """The report as plain data."""
     parameters = [calibration.parameter(name) for name in NAMES]
@@ -129,7 +132,11 @@ def left_out_section(logs: Sequence[Log], left_out: Sequence[LeftOut]) -> dict[s
     }
 
 
-def _left_out_row(mission: str, row: LeftOut, kinds: Sequence[str]) -> list[str]:
+def _left_out_row(
+    mission: str,
+    row: LeftOut,
+    kinds: Sequence[str],
+) -> list[str]:
     name, change = max(row.changes.items(), key=lambda item: abs(item[1]))
     errors = [
         f"{row.error[kind]:.4g} / {row.error_without[kind]:.4g}" if kind in row.error else ""
@@ -139,7 +146,9 @@ def _left_out_row(mission: str, row: LeftOut, kinds: Sequence[str]) -> list[str]
 
 
 def readings_section(
-    logs: Sequence[Log], samples: Samples, calibration: Calibration
+    logs: Sequence[Log],
+    samples: Samples,
+    calibration: Calibration,
 ) -> dict[str, Any] | None:
     """Measured and simulated readings of the first mission."""
     mission = samples.where(samples.mission == 0)
@@ -279,7 +288,9 @@ def remarks_section(logs: Sequence[Log]) -> dict[str, Any] | None:
 
 
 def plain(
-    calibration: Calibration, left_out: Sequence[LeftOut], logs: Sequence[Log]
+    calibration: Calibration,
+    left_out: Sequence[LeftOut],
+    logs: Sequence[Log],
 ) -> Mapping[str, Any]:
     """All results by name, for results.json; None for unknown numbers."""
     estimates = {}

@@ -1,9 +1,9 @@
-"""What the plant's physics makes of a log, sample by sample, beside what was read: the residuals of `training.field`.
+"""Predictions of a log by the plant's physics, sample by sample, and their residuals.
 
 Compiled loops around the scalar functions of `auv_fault_env.physics`. Both residuals have unit
-variance where model and noise are right, so that a least-squares fit weighs them as it should: the
-speed's by a Kalman filter that knows of the disturbance, the shaft's by taking out of the current
-what voltage and rpm have in common with it.
+variance where model and noise are right, so that a least-squares fit weights them correctly: the
+speed's by a Kalman filter with the disturbance as a state, the shaft's by removing from the current
+its correlation with voltage and rpm.
 """
 
 import math
@@ -23,13 +23,16 @@ from diagnosers.bank.motor import STANDING
 from diagnosers.kalman import START_SPEED_STD
 
 STEP = 1e-4  # of the forward differences, in m/s, m/s^2 and V
-OUTLIER = 6.0  # standard deviations: what one reading may say at most
+OUTLIER = 6.0  # standard deviations to which an innovation is clipped
 SETTLING = 10  # samples in which a shaft reaches the speed of its first voltage
 
 
 @scalar
 def mean_acceleration(speed, before, now, drag, disturbance, side, opening):
-    """Mean acceleration over a sample at a held surge speed; the shafts go from `before` to `now`, (2,) [rad/s]."""
+    """Mean acceleration over a sample at constant surge speed.
+
+    The shafts go from `before` to `now`, (2,) [rad/s] each.
+    """
     first = surge_acceleration(speed, before[0], before[1], drag, disturbance, side, side)
     last = surge_acceleration(speed, now[0], now[1], drag, disturbance, side, side)
     return opening * first + (1.0 - opening) * last
@@ -48,7 +51,17 @@ def predicted_speed(speed, before, now, drag, disturbance, side, opening):
 
 @kernel
 def speed_innovations(
-    starts, reading, spins, deflection, shaft, constants, opening, noise, innovation, std, predicted
+    starts,
+    reading,
+    shaft_speeds,
+    deflection,
+    shaft,
+    constants,
+    opening,
+    noise,
+    innovation,
+    std,
+    predicted,
 ):
     """Fill innovation, its standard deviation and the predicted speed, (n_samples,) each [m/s].
 
@@ -57,11 +70,11 @@ def speed_innovations(
     Parameters
     ----------
     starts
-        (n_samples,) whether a stretch begins with this sample, before which nothing is known.
+        (n_samples,) whether a segment begins with this sample: its speed is unknown.
     reading
-        (n_samples,) speed [m/s]; NaN where nothing was read: then the innovation is NaN and the
-        filter runs on.
-    spins
+        (n_samples,) speed [m/s]; NaN without a reading: then the innovation is NaN and the filter
+        only predicts.
+    shaft_speeds
         (n_samples, 2) shaft speeds [rad/s].
     deflection
         (n_samples,) squared and summed deflections [rad^2].
@@ -75,36 +88,36 @@ def speed_innovations(
     side = motor(shaft, constants, 0.0)
     memory, kick = disturbance_memory(constants)
     speed = 0.0
-    push = 0.0
+    disturbance = 0.0
     variance = 0.0
-    crossed = 0.0
-    push_variance = 0.0
+    covariance = 0.0
+    disturbance_variance = 0.0
     for k in range(reading.size):
         if starts[k]:
             speed = 0.0
-            push = 0.0
+            disturbance = 0.0
             variance = START_SPEED_STD**2
-            crossed = 0.0
-            push_variance = constants.disturbance_std**2
+            covariance = 0.0
+            disturbance_variance = constants.disturbance_std**2
         else:
             drag = constants.alpha + constants.gamma * deflection[k]
-            before = spins[k - 1]
-            now = spins[k]
-            push = memory * push
-            crossed = memory * crossed
-            push_variance = memory * memory * push_variance + kick * kick
-            ahead = predicted_speed(speed, before, now, drag, push, side, opening)
+            before = shaft_speeds[k - 1]
+            now = shaft_speeds[k]
+            disturbance = memory * disturbance
+            covariance = memory * covariance
+            disturbance_variance = memory * memory * disturbance_variance + kick * kick
+            ahead = predicted_speed(speed, before, now, drag, disturbance, side, opening)
             by_speed = (
-                predicted_speed(speed + STEP, before, now, drag, push, side, opening) - ahead
+                predicted_speed(speed + STEP, before, now, drag, disturbance, side, opening) - ahead
             ) / STEP
-            by_push = (
-                predicted_speed(speed, before, now, drag, push + STEP, side, opening) - ahead
+            by_disturbance = (
+                predicted_speed(speed, before, now, drag, disturbance + STEP, side, opening) - ahead
             ) / STEP
             variance = (
-                by_speed * (by_speed * variance + 2.0 * by_push * crossed)
-                + by_push * by_push * push_variance
+                by_speed * (by_speed * variance + 2.0 * by_disturbance * covariance)
+                + by_disturbance * by_disturbance * disturbance_variance
             )
-            crossed = by_speed * crossed + by_push * push_variance
+            covariance = by_speed * covariance + by_disturbance * disturbance_variance
             speed = ahead
         predicted[k] = speed
         innovation[k] = reading[k] - speed
@@ -113,15 +126,15 @@ def speed_innovations(
         if not math.isnan(innovation[k]):
             bounded = clipped(innovation[k], -OUTLIER * std[k], OUTLIER * std[k])
             speed += variance / total * bounded
-            push += crossed / total * bounded
-            push_variance -= crossed * crossed / total
+            disturbance += covariance / total * bounded
+            disturbance_variance -= covariance * covariance / total
             variance = variance * noise * noise / total
-            crossed = crossed * noise * noise / total
+            covariance = covariance * noise * noise / total
 
 
 @scalar
 def whitened(inputs, ahead, by_voltage, shaft, noise):
-    """Independent residuals of rpm and of current, each of unit variance; zero where a channel does not exist.
+    """Independent residuals of rpm and of current, of unit variance; zero for a missing channel.
 
     The voltage's error is in both predictions, the rpm counter's in that of the current.
     """
@@ -132,50 +145,51 @@ def whitened(inputs, ahead, by_voltage, shaft, noise):
     slope = shaft.torque_constant / (shaft.resistance * RPM)
     first = rpm - RPM * ahead
     if math.isnan(rpm):
-        left = current - armature_current(shaft, ahead, voltage)
-        return 0.0, left / math.hypot(noise[1], (conductance - slope * by_voltage) * noise[0])
+        residual = current - armature_current(shaft, ahead, voltage)
+        return 0.0, residual / math.hypot(noise[1], (conductance - slope * by_voltage) * noise[0])
     if math.isnan(voltage):
         by_current = by_voltage / conductance
         by_rpm = 1.0 - by_voltage * slope / conductance
         return first / math.hypot(by_current * noise[1], by_rpm * noise[2]), 0.0
     first_variance = noise[2] ** 2 + (by_voltage * noise[0]) ** 2
-    shared = by_voltage * conductance * noise[0] ** 2 + slope * noise[2] ** 2
-    second = current - armature_current(shaft, rpm / RPM, voltage) - shared / first_variance * first
+    covariance = by_voltage * conductance * noise[0] ** 2 + slope * noise[2] ** 2
+    second = (
+        current - armature_current(shaft, rpm / RPM, voltage) - covariance / first_variance * first
+    )
     variance = (
         noise[1] ** 2
         + (conductance * noise[0]) ** 2
         + (slope * noise[2]) ** 2
-        - shared**2 / first_variance
+        - covariance**2 / first_variance
     )
     return first / math.sqrt(first_variance), second / math.sqrt(variance)
 
 
 @kernel
-def shaft_residuals(starts, inputs, read, speed, shaft, constants, noise, residual, predicted):
-    """Fill residuals (n_samples, 2) of rpm and current, of unit variance, and predicted rpm and current (n_samples, 2).
+def shaft_residuals(starts, inputs, is_read, speed, shaft, constants, noise, residual, predicted):
+    """Fill residuals of rpm and current, of unit variance, and predictions, (n_samples, 2) each.
 
-    The voltage sets the shaft speed by the closed form of `physics.spin`, and both set the current.
-    Errors in the voltage count as what they are, errors of an input: without that, they would pull
-    the torque constant up. Residuals are zero where nothing was read, where the shaft hardly turns,
-    and at the start of a stretch.
+    The voltage sets the shaft speed by the closed form of `physics.shaft_speed_after`, and both set the current.
+    Errors in the voltage count as errors of an input: otherwise they would bias the torque constant
+    upwards. Residuals are zero without a reading, where the shaft hardly turns, and at the start of
+    a segment.
 
     Parameters
     ----------
     starts
-        (n_samples,) whether a stretch begins with this sample.
+        (n_samples,) whether a segment begins with this sample.
     inputs
-        (n_samples, 3): voltage, current and rpm, between the readings interpolated; NaN where there
-        is no such channel. A missing voltage is what current and rpm say of it, a missing rpm what
-        the voltage makes it.
-    read
-        (n_samples,) whether the inputs were read then.
+        (n_samples, 3): voltage, current and rpm, interpolated between readings; NaN for a missing
+        channel. A missing voltage is computed from current and rpm, a missing rpm from the voltage.
+    is_read
+        (n_samples,) whether all inputs were read at this sample.
     speed
         (n_samples,) surge speed [m/s].
     noise
         (3,) standard deviations of the inputs.
     """
-    turning = 0.0
-    for k in range(read.size):
+    shaft_speed = 0.0
+    for k in range(is_read.size):
         voltage = inputs[k, 0]
         current = inputs[k, 1]
         rpm = inputs[k, 2]
@@ -184,17 +198,17 @@ def shaft_residuals(starts, inputs, read, speed, shaft, constants, noise, residu
         side = motor(shaft, constants, voltage)
         near = motor(shaft, constants, voltage + STEP)
         if starts[k]:
-            turning = 0.0
+            shaft_speed = 0.0
             for _ in range(SETTLING):
-                turning = shaft_speed_after(turning, side, speed[k], 0.0, SAMPLE_TIME)
-        ahead = shaft_speed_after(turning, side, speed[k], 0.0, SAMPLE_TIME)
+                shaft_speed = shaft_speed_after(shaft_speed, side, speed[k], 0.0, SAMPLE_TIME)
+        ahead = shaft_speed_after(shaft_speed, side, speed[k], 0.0, SAMPLE_TIME)
         by_voltage = (
-            RPM * (shaft_speed_after(turning, near, speed[k], 0.0, SAMPLE_TIME) - ahead) / STEP
+            RPM * (shaft_speed_after(shaft_speed, near, speed[k], 0.0, SAMPLE_TIME) - ahead) / STEP
         )
         predicted[k, 0] = RPM * ahead
         predicted[k, 1] = armature_current(shaft, ahead, voltage)
         residual[k, 0] = residual[k, 1] = 0.0
-        turns = (RPM * ahead if math.isnan(rpm) else rpm) > STANDING
-        if read[k] and turns and not starts[k]:
+        is_turning = (RPM * ahead if math.isnan(rpm) else rpm) > STANDING
+        if is_read[k] and is_turning and not starts[k]:
             residual[k, 0], residual[k, 1] = whitened(inputs[k], ahead, by_voltage, shaft, noise)
-        turning = rpm / RPM if read[k] and not math.isnan(rpm) else ahead
+        shaft_speed = rpm / RPM if is_read[k] and not math.isnan(rpm) else ahead

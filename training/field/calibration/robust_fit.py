@@ -178,7 +178,9 @@ def fit_parameters(problem: Problem, names: Sequence[str]) -> Fit:
 
 
 def _robust_optimum(
-    residuals: PointResiduals, start: list[float], bounds: list[tuple[float, float]]
+    residuals: PointResiduals,
+    start: list[float],
+    bounds: list[tuple[float, float]],
 ) -> tuple[OptimizeResult, float]:
     """The robust optimum, and the size from which a residual is large.
 
@@ -196,7 +198,9 @@ def _robust_optimum(
 
 
 def _group_sums(
-    jacobian: np.ndarray, score: np.ndarray, group: np.ndarray
+    jacobian: np.ndarray,
+    score: np.ndarray,
+    group: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Information (n_groups, n_fitted, n_fitted) and gradient (n_groups, n_fitted)."""
     order = np.argsort(group, kind="stable")
@@ -208,7 +212,9 @@ def _group_sums(
 
 
 def _jackknife(
-    jacobian: np.ndarray, score: np.ndarray, block: np.ndarray
+    jacobian: np.ndarray,
+    score: np.ndarray,
+    block: np.ndarray,
 ) -> tuple[np.ndarray, float]:
     """Covariance (n_fitted, n_fitted), and the quantile of a 95 % interval."""
     information, gradient = _group_sums(jacobian, score, block)
@@ -223,7 +229,10 @@ def _jackknife(
 
 
 def _newton_step(
-    residuals: PointResiduals, point: np.ndarray, jacobian: np.ndarray, scale: float
+    residuals: PointResiduals,
+    point: np.ndarray,
+    jacobian: np.ndarray,
+    scale: float,
 ) -> np.ndarray:
     """Newton step (n_fitted,) to the optimum of other residuals than those of the jacobian."""
     values = residuals(point)

@@ -37,7 +37,10 @@ REMEDIES = {
 
 
 def surge_fit(
-    samples: Samples, vehicle: Vehicle, noise: float, shaft_speeds: Sequence[np.ndarray]
+    samples: Samples,
+    vehicle: Vehicle,
+    noise: float,
+    shaft_speeds: Sequence[np.ndarray],
 ) -> ModelFit:
     """Fit what the readings identify of the hull and the thrust.
 
@@ -67,7 +70,10 @@ def surge_fit(
 
 
 def surge_problem(
-    samples: Samples, vehicle: Vehicle, noise: float, shaft_speeds: Sequence[np.ndarray]
+    samples: Samples,
+    vehicle: Vehicle,
+    noise: float,
+    shaft_speeds: Sequence[np.ndarray],
 ) -> Problem:
     """Whitened prediction errors of the speed as a function of factors on `PARAMETERS`.
 

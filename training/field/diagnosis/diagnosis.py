@@ -80,7 +80,11 @@ class Verdict:
         return self.alarms[0][0] if self.alarms else None
 
 
-def diagnoser_for(name: str, vehicle: VehicleFile, resolution: Mapping[str, float]) -> Diagnoser:
+def diagnoser_for(
+    name: str,
+    vehicle: VehicleFile,
+    resolution: Mapping[str, float],
+) -> Diagnoser:
     """The diagnoser with this vehicle's parameters; resolution by reading, in the channel's unit.
 
     Only the filter bank accepts missing channels and logs slower than 10 Hz. The other diagnosers
@@ -162,7 +166,12 @@ def beliefs(log: Log, name: str, vehicle: VehicleFile) -> Belief:
     return along
 
 
-def is_alarmed(log: Log, belief: Belief, threshold: float, samples: int) -> np.ndarray:
+def is_alarmed(
+    log: Log,
+    belief: Belief,
+    threshold: float,
+    samples: int,
+) -> np.ndarray:
     """Whether an alarm stands, (n_samples,).
 
     It stands where log p(normal) has been below the threshold for `samples` samples of a segment.
@@ -175,7 +184,11 @@ def is_alarmed(log: Log, belief: Belief, threshold: float, samples: int) -> np.n
 
 
 def verdict(
-    path: str, log: Log, belief: Belief, alarmed: np.ndarray, vehicle: VehicleFile
+    path: str,
+    log: Log,
+    belief: Belief,
+    alarmed: np.ndarray,
+    vehicle: VehicleFile,
 ) -> Verdict:
     """The verdict from the beliefs and alarms along a log."""
     names = classes()

@@ -76,7 +76,11 @@ def healthy_currents(log: Log, vehicle: VehicleFile) -> dict[str, np.ndarray]:
     return currents
 
 
-def excess_loads(log: Log, chosen: np.ndarray, vehicle: VehicleFile) -> dict[str, float]:
+def excess_loads(
+    log: Log,
+    chosen: np.ndarray,
+    vehicle: VehicleFile,
+) -> dict[str, float]:
     """Excess load of each shaft over the chosen samples (n_samples,), where it is known.
 
     It is the current against that of a healthy motor at the same voltage and speed, so a wrong

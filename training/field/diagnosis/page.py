@@ -100,7 +100,12 @@ def remarks_section(verdicts: Sequence[Verdict]) -> dict[str, Any]:
 
 
 def log_figure(
-    number: int, verdict: Verdict, log: Log, belief: Belief, threshold: float, vehicle: VehicleFile
+    number: int,
+    verdict: Verdict,
+    log: Log,
+    belief: Belief,
+    threshold: float,
+    vehicle: VehicleFile,
 ) -> dict[str, Any]:
     """The figure of a log as plain data for `write_report`."""
     panels = {label: measured_lines(log, channels) for label, channels in PANELS.items()}
@@ -151,7 +156,9 @@ def current_lines(log: Log, vehicle: VehicleFile) -> dict[str, Any]:
 
 
 def line(
-    time: np.ndarray, value: np.ndarray, width: np.ndarray | None = None
+    time: np.ndarray,
+    value: np.ndarray,
+    width: np.ndarray | None = None,
 ) -> dict[str, list[float]]:
     """A line for the figure, of at most `POINTS` points, without missing values."""
     available = np.flatnonzero(~np.isnan(value))

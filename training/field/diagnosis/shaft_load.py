@@ -28,7 +28,11 @@ def _fill_currents(voltage, speed, shaft, plant, current):
         current[k] = armature_current(shaft, shaft_speed, last_voltage)
 
 
-def healthy_current(voltage: np.ndarray, speed: np.ndarray, vehicle: Vehicle) -> np.ndarray:
+def healthy_current(
+    voltage: np.ndarray,
+    speed: np.ndarray,
+    vehicle: Vehicle,
+) -> np.ndarray:
     """Current [A] of a nominal motor at every sample, (n_samples,), 0.1 s apart, from rest.
 
     Misleads in the first sample of a log that begins under way, and where the voltage moves between

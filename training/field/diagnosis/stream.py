@@ -101,7 +101,11 @@ def follow(
     return stream.was_alarmed
 
 
-def rows(source: BinaryIO, vehicle: VehicleFile, errors: TextIO) -> Iterator[tuple[int, Row]]:
+def rows(
+    source: BinaryIO,
+    vehicle: VehicleFile,
+    errors: TextIO,
+) -> Iterator[tuple[int, Row]]:
     """Line number and cells of every line that can be read."""
     is_json = None
     csv_rows = None

@@ -35,7 +35,12 @@ class BagRows:
         self._values: dict[str, array] = defaultdict(lambda: array("d"))
         self._topics: set[str] = set()  # of the last row
 
-    def add(self, topic: str, time: int, numbers: Iterable[tuple[str, float]]) -> None:
+    def add(
+        self,
+        topic: str,
+        time: int,
+        numbers: Iterable[tuple[str, float]],
+    ) -> None:
         """Add the numbers of a message."""
         if not self.times or topic in self._topics or abs(time - self.times[-1]) > ROW_DURATION:
             self.times.append(time)

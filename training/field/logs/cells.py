@@ -109,7 +109,9 @@ def is_unit_row(row: Sequence[str]) -> bool:
 
 
 def matching_names(
-    names: Sequence[str], rows: Sequence[Sequence[str]], separator: str
+    names: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    separator: str,
 ) -> Sequence[str]:
     """The names of a header, one per cell of the rows below it where that is possible.
 

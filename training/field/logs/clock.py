@@ -38,7 +38,11 @@ class TimeAxis(NamedTuple):
         return np.append(self.starts[1:], self.time.size)
 
 
-def time_axis(stamps: np.ndarray, sample_rate: float, remarks: list[str]) -> TimeAxis:
+def time_axis(
+    stamps: np.ndarray,
+    sample_rate: float,
+    remarks: list[str],
+) -> TimeAxis:
     """Put the rows of a log into the order of time.
 
     Parameters
@@ -90,7 +94,11 @@ def _stamped_rows(stamps: np.ndarray, remarks: list[str]) -> np.ndarray:
     return rows
 
 
-def _in_rough_order(rows: np.ndarray, stamps: np.ndarray, remarks: list[str]) -> np.ndarray:
+def _in_rough_order(
+    rows: np.ndarray,
+    stamps: np.ndarray,
+    remarks: list[str],
+) -> np.ndarray:
     """The rows, sorted if most of their order is lost."""
     steps = np.diff(stamps[rows], prepend=stamps[rows[0]])
     if np.mean(steps < 0) <= UNORDERED:
@@ -110,7 +118,11 @@ def _is_isolated(time: np.ndarray) -> np.ndarray:
     return isolated
 
 
-def _between_coarse_ticks(time: np.ndarray, sample_rate: float, remarks: list[str]) -> np.ndarray:
+def _between_coarse_ticks(
+    time: np.ndarray,
+    sample_rate: float,
+    remarks: list[str],
+) -> np.ndarray:
     """The time, rows with the same stamp spread evenly to the next if the clock is coarse."""
     ticks = np.flatnonzero(np.diff(time, prepend=-np.inf))
     count = np.diff(ticks, append=time.size)
@@ -135,7 +147,11 @@ def _restarts_before(time: np.ndarray, remarks: list[str]) -> np.ndarray:
     return np.searchsorted(restarts, np.arange(time.size), side="left")
 
 
-def _check_rate(time: np.ndarray, sample_rate: float, remarks: list[str]) -> None:
+def _check_rate(
+    time: np.ndarray,
+    sample_rate: float,
+    remarks: list[str],
+) -> None:
     steps = np.diff(time)
     positive = steps[steps > 0]
     step = float(np.median(positive)) if positive.size else 1.0 / sample_rate

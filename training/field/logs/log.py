@@ -117,7 +117,11 @@ def _stamps(table: Table, vehicle: VehicleFile) -> np.ndarray:
     return _scaled_column(table, "time", vehicle.time)
 
 
-def _long_segments(axis: TimeAxis, log: str, remarks: list[str]) -> list[slice]:
+def _long_segments(
+    axis: TimeAxis,
+    log: str,
+    remarks: list[str],
+) -> list[slice]:
     length = axis.time[axis.ends - 1] - axis.time[axis.starts] + SAMPLE_TIME
     long_ones = np.flatnonzero(length > SHORTEST - 0.5 * SAMPLE_TIME)
     if not long_ones.size:

@@ -46,7 +46,9 @@ def _speed_per_rpm(vehicle: Vehicle) -> float:
 
 
 def plausible_values(
-    values: Mapping[str, np.ndarray], vehicle: VehicleFile, remarks: list[str]
+    values: Mapping[str, np.ndarray],
+    vehicle: VehicleFile,
+    remarks: list[str],
 ) -> dict[str, np.ndarray]:
     """The values by channel (n_rows,), NaN for values that no sensor can have reported.
 
@@ -71,7 +73,10 @@ def plausible_values(
 
 
 def _possible_values(
-    channel: str, column: np.ndarray, limit: float, remarks: list[str]
+    channel: str,
+    column: np.ndarray,
+    limit: float,
+    remarks: list[str],
 ) -> np.ndarray:
     unit = CHANNELS[channel].unit
     size = abs(column)
@@ -91,7 +96,12 @@ def _possible_values(
     return np.where(is_infinite | is_impossible, np.nan, column)
 
 
-def _check_unit(channel: str, column: np.ndarray, is_impossible: np.ndarray, limit: float) -> None:
+def _check_unit(
+    channel: str,
+    column: np.ndarray,
+    is_impossible: np.ndarray,
+    limit: float,
+) -> None:
     """Refuse many impossible values, unless all are one number, which then means missing."""
     n_known = np.isfinite(column).sum()
     impossible = column[is_impossible]
@@ -110,7 +120,11 @@ def _check_unit(channel: str, column: np.ndarray, is_impossible: np.ndarray, lim
     )
 
 
-def _remark_missing_or_constant(channel: str, column: np.ndarray, remarks: list[str]) -> None:
+def _remark_missing_or_constant(
+    channel: str,
+    column: np.ndarray,
+    remarks: list[str],
+) -> None:
     known = column[np.isfinite(column)]
     n_missing = column.size - known.size
     if known.size == 0:
@@ -123,7 +137,9 @@ def _remark_missing_or_constant(channel: str, column: np.ndarray, remarks: list[
 
 
 def _remark_disagreement(
-    values: Mapping[str, np.ndarray], vehicle: Vehicle, remarks: list[str]
+    values: Mapping[str, np.ndarray],
+    vehicle: Vehicle,
+    remarks: list[str],
 ) -> None:
     """Remark where speed or voltage disagree with the shaft speed by a factor as of a unit."""
     for side in SIDES:
@@ -139,7 +155,11 @@ def _remark_disagreement(
                 remarks.append(f"{remark}{_explanation(ratio, channel)}; are the units right?")
 
 
-def _typical_ratio(column: np.ndarray | None, rpm: np.ndarray | None, scale: float) -> float | None:
+def _typical_ratio(
+    column: np.ndarray | None,
+    rpm: np.ndarray | None,
+    scale: float,
+) -> float | None:
     """Median ratio of a reading to the one that the shaft speed implies, while the shaft turns."""
     if column is None or rpm is None or not scale:
         return None

@@ -30,7 +30,11 @@ class Table(NamedTuple):
     units: Mapping[str, str] = MappingProxyType({})
 
 
-def unique_labels(names: Sequence[str], log: str, remarks: list[str]) -> list[str]:
+def unique_labels(
+    names: Sequence[str],
+    log: str,
+    remarks: list[str],
+) -> list[str]:
     """A label of its own for each column; a column without a name gets a blank and its number."""
     if len(names) > WIDEST:
         raise refusal("log", f"{log}: {len(names)} columns", f"at most {WIDEST}", "export fewer")

@@ -59,7 +59,10 @@ def _without_stray_quotes(lines: Sequence[str], remarks: list[str]) -> list[str]
 
 
 def _cells_by_column(
-    lines: Sequence[str], dialect: Dialect, log: str, remarks: list[str]
+    lines: Sequence[str],
+    dialect: Dialect,
+    log: str,
+    remarks: list[str],
 ) -> list[pa.ChunkedArray]:
     """The cells of the rows as text; rows with more or fewer cells than the header are left out."""
     skipped: list[str] = []

@@ -96,7 +96,11 @@ def _words(name: str) -> list[str]:
     return [word.lower() for word in words]
 
 
-def _meaning_as(quantity: str, words: list[str], unit: str) -> Meaning | None:
+def _meaning_as(
+    quantity: str,
+    words: list[str],
+    unit: str,
+) -> Meaning | None:
     """The column as this quantity, if a word names it and a separate unit is of its kind."""
     kind, names = QUANTITIES[quantity]
     names_shaft = bool(SHAFT.intersection(words))

@@ -103,7 +103,11 @@ def propose(table: Table, name: str) -> Proposal:
     return Proposal(vehicle, comments, missing, tuple(left_out))
 
 
-def _missing(guesses: Mapping[str, Guess], time: Guess | None, shafts: int) -> Iterable[str]:
+def _missing(
+    guesses: Mapping[str, Guess],
+    time: Guess | None,
+    shafts: int,
+) -> Iterable[str]:
     if time is None:
         step = f"{1 / SAMPLE_RATE:g} s"
         yield f"time: no column whose numbers grow; rows are taken to be {step} apart"
@@ -145,7 +149,10 @@ def _varies(values: np.ndarray) -> bool:
 
 
 def _guesses(
-    table: Table, meanings: Mapping[str, Meaning], labels: Mapping[str, str], vehicle: Vehicle
+    table: Table,
+    meanings: Mapping[str, Meaning],
+    labels: Mapping[str, str],
+    vehicle: Vehicle,
 ) -> dict[str, Guess]:
     """Columns with unit and sign.
 
@@ -171,7 +178,11 @@ def _guesses(
 
 
 def _with_unit(
-    channel: str, label: str, values: np.ndarray, named_unit: str | None, limit: float
+    channel: str,
+    label: str,
+    values: np.ndarray,
+    named_unit: str | None,
+    limit: float,
 ) -> Guess:
     kind = CHANNELS[channel].unit
     if named_unit:
