@@ -1,7 +1,7 @@
-"""``auv-fault export``: a trained network as an ONNX file, and beside it an episode with PyTorch's answers.
+"""``auv-fault export``: a trained network as ONNX file, and an episode with PyTorch's outputs.
 
-The file runs wherever ONNX Runtime does, without Python packages of this project; its metadata say
-what its columns are, what to feed it with and what it was made from.
+The file runs in any ONNX Runtime, without Python packages of this project; its metadata describe
+its columns, its inputs and its origin.
 ``docs/examples/onnx_runner.py`` runs it on the episode.
 """
 
@@ -34,58 +34,58 @@ WEIGHTS = ".safetensors"
 def main(arguments: Export) -> None:
     """Write the ONNX file, and the episode as .npz of the same name."""
     seed = int(finite_in_range("seed", arguments.seed, 0, 2**62))
-    output = (
-        arguments.output or Path("runs") / f"{Path(arguments.name).name.removesuffix(WEIGHTS)}.onnx"
-    )
+    name = Path(arguments.name).name.removesuffix(WEIGHTS)
+    output = arguments.output or Path("runs") / f"{name}.onnx"
     if output.suffix != ".onnx":
         raise refusal("output", str(output), "a file that ends in .onnx", "add the ending")
     graph = graph_of(arguments.name)
     model = to_onnx(graph)
     episode = graph.episode(seed)
-    packed = io.BytesIO()
-    np.savez_compressed(packed, **episode, **answers(graph, episode))
-    _write({output: model, output.with_suffix(".npz"): packed.getvalue()})
-    print(
-        f"{output}: {len(model) / 1e3:.0f} kB, {', '.join(widths(graph))} in, {', '.join(graph.outputs)} out"
-    )
+    archive = io.BytesIO()
+    np.savez_compressed(archive, **episode, **evaluate(graph, episode))
+    _write({output: model, output.with_suffix(".npz"): archive.getvalue()})
+    inputs = ", ".join(n_columns(graph))
+    outputs = ", ".join(graph.outputs)
+    print(f"{output}: {len(model) / 1e3:.0f} kB, {inputs} in, {outputs} out")
     print(f"try it: python docs/examples/onnx_runner.py {output}")
 
 
 def graph_of(name: str) -> Graph:
-    """What to export of a diagnoser or policy of the package, by name, or of a safetensors file."""
+    """The graph of a diagnoser or policy of the package, by name, or of a safetensors file."""
     policies = {path.stem: path for path in sorted(storage.WEIGHTS.glob(f"stimulus-*{WEIGHTS}"))}
     path = policies.get(name, Path(name))
     if path.suffix != WEIGHTS:
-        return GRAPHS[known_name("network to export", name, [*GRAPHS, *policies])](
-            diagnosers.make(name)
-        ).eval()
-    header = storage.read(path)[1]
-    if isinstance(header, dict) and "features" in header:
+        graph = GRAPHS[known_name("network to export", name, [*GRAPHS, *policies])]
+        return graph(diagnosers.make(name)).eval()
+    card = storage.read(path)[1]
+    if isinstance(card, dict) and "features" in card:
         return PolicyGraph(LearnedPolicy.load(path)).eval()
     diagnoser = diagnosers.load(path)
-    return GRAPHS[known_name(f"diagnoser of {path}", diagnoser.name, GRAPHS)](diagnoser).eval()
+    graph = GRAPHS[known_name(f"diagnoser of {path}", diagnoser.name, GRAPHS)]
+    return graph(diagnoser).eval()
 
 
 def to_onnx(graph: Graph) -> bytes:
-    """The ONNX model with its metadata; any number of lanes."""
+    """The ONNX model with its metadata, for any number of lanes."""
     onnx = import_from_extra("onnx", "formats")
     import_from_extra("onnxscript", "formats")
-    given = tuple(torch.zeros(2, width) for width in widths(graph).values())
-    # they are equal, and the first names them
-    lanes = ["n_lanes"] + [torch.export.Dim.DYNAMIC] * (len(given) - 1)
+    widths = n_columns(graph)
+    inputs = tuple(torch.zeros(2, width) for width in widths.values())
+    # all inputs have the same number of lanes, which the first one names
+    lanes = ["n_lanes"] + [torch.export.Dim.DYNAMIC] * (len(inputs) - 1)
     with quiet(), torch.no_grad():
         program = torch.onnx.export(
             graph,
-            given,
-            input_names=list(widths(graph)),
+            inputs,
+            input_names=list(widths),
             output_names=list(graph.outputs),
             dynamic_shapes=tuple({0: dimension} for dimension in lanes),
             dynamo=True,
             verbose=False,
         )
     model = program.model_proto
-    for part in (model.graph, *model.graph.node):  # where in the source each came from
-        del part.metadata_props[:]
+    for element in (model.graph, *model.graph.node):
+        del element.metadata_props[:]  # its place in the source
     onnx.helper.set_model_props(model, metadata(graph))
     onnx.checker.check_model(model)
     return model.SerializeToString()
@@ -93,7 +93,7 @@ def to_onnx(graph: Graph) -> bytes:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keep back what PyTorch's exporter says of itself: it misses torchvision, and uses what it has deprecated."""
+    """Suppress messages of PyTorch's exporter about torchvision and about its own deprecations."""
     log = logging.getLogger("torch.onnx._internal.exporter._registration")
     level = log.level
     log.setLevel(logging.ERROR)
@@ -105,14 +105,14 @@ def quiet() -> Iterator[None]:
         log.setLevel(level)
 
 
-def widths(graph: Graph) -> dict[str, int]:
-    """Number of columns by input, the state's included."""
+def n_columns(graph: Graph) -> dict[str, int]:
+    """Number of columns by input, the state included."""
     state = {"state": graph.n_state} if graph.n_state else {}
     return {name: len(columns) for name, columns in graph.inputs.items()} | state
 
 
 def metadata(graph: Graph) -> dict[str, str]:
-    """What the file says of itself; everything but `about` is JSON."""
+    """Metadata of the file; everything but `about` is JSON."""
     plain = {
         "version": version("auv-fault"),
         "weights": digest(graph.tensors),
@@ -124,16 +124,17 @@ def metadata(graph: Graph) -> dict[str, str]:
 
 
 def digest(tensors: Mapping[str, np.ndarray]) -> str:
-    """SHA-256 of tensors, by name: equal for equal weights, however they are stored."""
-    found = hashlib.sha256()
+    """SHA-256 of tensors by name, whatever the file format."""
+    checksum = hashlib.sha256()
     for name, tensor in sorted(tensors.items()):
-        found.update(f"{name} {tensor.shape} {tensor.dtype.str}".encode() + tensor.tobytes())
-    return found.hexdigest()
+        checksum.update(f"{name} {tensor.shape} {tensor.dtype.str}".encode() + tensor.tobytes())
+    return checksum.hexdigest()
 
 
-def answers(graph: Graph, episode: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """What PyTorch makes of an episode's inputs, sample by sample: outputs (n_samples, n_lanes, n_columns)."""
-    told: list[list[np.ndarray]] = []
+def evaluate(graph: Graph, episode: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """PyTorch's outputs for the inputs of an episode, (n_samples, n_lanes, n_columns) each."""
+    names = graph.outputs[:-1] if graph.n_state else graph.outputs
+    samples: dict[str, list[np.ndarray]] = {name: [] for name in names}
     inputs = [torch.from_numpy(values) for values in episode.values()]
     state = [torch.zeros(inputs[0].shape[1], graph.n_state)] if graph.n_state else []
     for sample in zip(*inputs, strict=True):
@@ -141,15 +142,13 @@ def answers(graph: Graph, episode: Mapping[str, np.ndarray]) -> dict[str, np.nda
             outputs = graph(*sample, *state)
         outputs = [outputs] if isinstance(outputs, torch.Tensor) else list(outputs)
         state = [outputs.pop()] if graph.n_state else []
-        told.append([values.numpy() for values in outputs])
-    return {
-        name: np.stack(values)
-        for name, values in zip(graph.outputs, zip(*told, strict=True), strict=False)
-    }
+        for name, values in zip(samples, outputs, strict=True):
+            samples[name].append(values.numpy())
+    return {name: np.stack(values) for name, values in samples.items()}
 
 
 def _write(contents: Mapping[Path, bytes]) -> None:
-    """Write files, aside first: each is whole, the old or the new one."""
+    """Write files so that each is complete at any time, the old or the new one."""
     for path, content in contents.items():
         aside = path.with_name(f".{path.name}-{os.getpid()}")
         try:

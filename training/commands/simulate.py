@@ -1,7 +1,7 @@
-"""``auv-fault simulate``: episodes of faulty vehicles as tables, one row per sample: time, channels, truth."""
+"""``auv-fault simulate``: episodes of faulty vehicles as tables, one row per sample."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.schedules import Events, Schedule, load_schedule, schedules_of, to_json
 from auv_fault_env.truth import FleetTruth
 from training.arguments import Simulate
-from training.commands.simulate_page import page
+from training.commands.simulate_page import report
 from training.formats.minari import FORMAT as MINARI
 from training.formats.minari import episodes, new_storage
 from training.report.page import write_report
@@ -31,9 +31,16 @@ WRITERS = {"csv": pyarrow.csv.CSVWriter, "parquet": pyarrow.parquet.ParquetWrite
 
 
 class Chunk(NamedTuple):
-    """Episodes of some vehicles: their numbers and seeds, (n_lanes,), and schedules by number.
+    """Episodes of some vehicles.
 
-    columns: channels and truth, (steps + 1, n_lanes) each, the first at the start.
+    Attributes
+    ----------
+    vehicles, seeds
+        Numbers of the vehicles and their seeds, (n_lanes,).
+    schedules
+        By number of the vehicle.
+    columns
+        Channels and truth, (n_steps + 1, n_lanes) each, the first at the start.
     """
 
     vehicles: np.ndarray
@@ -43,31 +50,28 @@ class Chunk(NamedTuple):
 
 
 def main(arguments: Simulate) -> None:
-    """Simulate and write; the output holds the tables, every vehicle's schedule, and a manifest."""
-    steps = _checked_steps(arguments)
+    """Simulate; the output holds the tables, the schedule of every vehicle, and a manifest."""
+    n_steps = _checked_steps(arguments)
     schedule = None if arguments.schedule is None else _checked_schedule(arguments)
     mission = None if arguments.mission is None else _mission(arguments.mission)
     with run_folder(arguments.output, "simulate", arguments) as folder:
-        results = write_tables(folder, arguments, steps, schedule, mission)
+        results = write_tables(folder, arguments, n_steps, schedule, mission)
         write_json(folder / "results.json", results)
         write_report(results, folder)
-    print(
-        f"{steps * arguments.vehicles} rows of {arguments.vehicles} vehicles in {arguments.output}"
-    )
+    n_rows = n_steps * arguments.vehicles
+    print(f"{n_rows} rows of {arguments.vehicles} vehicles in {arguments.output}")
 
 
 def _checked_steps(arguments: Simulate) -> int:
     if arguments.vehicles < 1:
-        raise refusal(
-            "vehicles", arguments.vehicles, "a whole number from 1", "ask for at least one vehicle"
-        )
+        remedy = "ask for at least one vehicle"
+        raise refusal("vehicles", arguments.vehicles, "a whole number from 1", remedy)
     if not arguments.formats:
         raise refusal("formats", arguments.formats, "csv, parquet, minari or several", "name one")
     finite_in_range("seed", arguments.seed, 0, 2**62)
     _fleet(1, arguments)
-    return round(
-        finite_in_range("duration", arguments.duration, 1 / SAMPLE_RATE, 1e5) * SAMPLE_RATE
-    )
+    duration = finite_in_range("duration", arguments.duration, 1 / SAMPLE_RATE, 1e5)
+    return round(duration * SAMPLE_RATE)
 
 
 def _fleet(n_lanes: int, arguments: Simulate) -> Fleet:
@@ -84,15 +88,17 @@ def _checked_schedule(arguments: Simulate) -> Schedule:
     schedule = load_schedule(arguments.schedule)
     for event in schedule:
         if event.onset >= arguments.duration:
+            name = f"onset of {event.fault}"
             allowed = f"before the episode's end at {arguments.duration:g} s"
-            raise refusal(
-                f"onset of {event.fault}", event.onset, allowed, "begin earlier or raise --duration"
-            )
+            raise refusal(name, event.onset, allowed, "begin earlier or raise --duration")
     return schedule
 
 
 def _mission(text: str) -> Mission:
-    return mission_of(text if text in MISSIONS or not _is_number(text) else float(text))
+    """The mission of that name, or at that speed."""
+    if text not in MISSIONS and _is_number(text):
+        return mission_of(float(text))
+    return mission_of(text)
 
 
 def _is_number(text: str) -> bool:
@@ -103,49 +109,69 @@ def _is_number(text: str) -> bool:
     return True
 
 
+class TableFiles:
+    """The tables in several formats, each a file that grows by the chunks."""
+
+    def __init__(self, folder: Path, formats: Sequence[str], stack: ExitStack):
+        self._paths = {name: folder / f"episodes.{name}" for name in WRITERS if name in formats}
+        self._stack = stack
+        self._writers: dict[str, Any] = {}
+
+    def append(self, table: pa.Table) -> None:
+        """Write a table behind those before."""
+        for name, path in self._paths.items():
+            if name not in self._writers:
+                writer = WRITERS[name](str(path), table.schema)
+                self._writers[name] = self._stack.enter_context(writer)
+            self._writers[name].write_table(table)
+
+
 def write_tables(
     folder: Path,
     arguments: Simulate,
-    steps: int,
+    n_steps: int,
     schedule: Schedule | None,
     mission: Mission | None,
 ) -> dict[str, Any]:
-    """Write the episodes chunk by chunk, and schedules.json; returns the report as plain data."""
-    writers: dict[str, Any] = {}
+    """Write the episodes chunk by chunk, and schedules.json; returns the report as plain data.
+
+    Schedule and mission are those of all vehicles; None samples them.
+    """
     schedules: dict[int, Schedule] = {}
     storage = new_storage(folder, arguments) if MINARI in arguments.formats else None
-    with (
-        ExitStack() as stack,
-        tqdm(total=arguments.vehicles * steps, unit="sample", unit_scale=True) as bar,
-    ):
-        for chunk in _chunks(arguments, steps, schedule, mission, bar):
+    n_samples = arguments.vehicles * n_steps
+    with ExitStack() as stack, tqdm(total=n_samples, unit="sample", unit_scale=True) as bar:
+        files = TableFiles(folder, arguments.formats, stack)
+        for chunk in _chunks(arguments, n_steps, schedule, mission, bar):
             table = _table(chunk)
-            for kind in set(arguments.formats) & set(WRITERS):
-                if kind not in writers:
-                    writer = WRITERS[kind](str(folder / f"episodes.{kind}"), table.schema)
-                    writers[kind] = stack.enter_context(writer)
-                writers[kind].write_table(table)
+            files.append(table)
             if storage is not None:
-                storage.update_episodes(
-                    episodes(chunk.columns, chunk.seeds, chunk.schedules.values(), mission)
-                )
+                planned = chunk.schedules.values()
+                storage.update_episodes(episodes(chunk.columns, chunk.seeds, planned, mission))
             if not schedules:
-                first = {
-                    name: table[name].slice(0, steps).to_numpy() for name in ("time", *CHANNELS)
-                }
+                first_vehicle = _first_vehicle(table, n_steps)
             schedules |= chunk.schedules
     plain = {vehicle: json.loads(to_json(events)) for vehicle, events in schedules.items()}
     write_json(folder / "schedules.json", plain)
     command = f"auv-fault simulate --vehicles {arguments.vehicles} --seed {arguments.seed}"
-    return page(command, table.schema.names, schedules, arguments.seed, first)
+    return report(command, table.schema.names, schedules, arguments.seed, first_vehicle)
+
+
+def _first_vehicle(table: pa.Table, n_steps: int) -> dict[str, np.ndarray]:
+    """Time and channels of the first vehicle, (n_steps,) each."""
+    return {name: table[name].slice(0, n_steps).to_numpy() for name in ("time", *CHANNELS)}
 
 
 def _chunks(
-    arguments: Simulate, steps: int, schedule: Schedule | None, mission: Mission | None, bar: tqdm
+    arguments: Simulate,
+    n_steps: int,
+    schedule: Schedule | None,
+    mission: Mission | None,
+    bar: tqdm,
 ) -> Iterator[Chunk]:
-    at_once = max(1, ROWS_AT_ONCE // steps)
-    for first in range(0, arguments.vehicles, at_once):
-        vehicles = np.arange(first, min(first + at_once, arguments.vehicles))
+    n_lanes = max(1, ROWS_AT_ONCE // n_steps)
+    for first in range(0, arguments.vehicles, n_lanes):
+        vehicles = np.arange(first, min(first + n_lanes, arguments.vehicles))
         fleet = _fleet(vehicles.size, arguments)
         seeds = arguments.seed + vehicles
         observation = fleet.reset(
@@ -153,16 +179,22 @@ def _chunks(
             schedules=None if schedule is None else [schedule] * vehicles.size,
             missions=None if mission is None else [mission] * vehicles.size,
         )
-        columns = roll_out(fleet, observation, steps, bar)
+        columns = roll_out_with_truth(fleet, observation, n_steps, bar)
         planned = schedules_of(Events(fleet.plan.fault, fleet.plan.profile))
-        yield Chunk(vehicles, seeds, dict(zip(vehicles.tolist(), planned, strict=True)), columns)
+        schedules = dict(zip(vehicles.tolist(), planned, strict=True))
+        yield Chunk(vehicles, seeds, schedules, columns)
 
 
-def roll_out(fleet: Fleet, observation: np.ndarray, steps: int, bar: tqdm) -> dict[str, np.ndarray]:
-    """Let every lane follow its mission; columns (steps + 1, n_lanes) of channels and truth, the first at the start."""
+def roll_out_with_truth(
+    fleet: Fleet, observation: np.ndarray, n_steps: int, bar: tqdm
+) -> dict[str, np.ndarray]:
+    """Let every lane follow its mission; channels and truth, (n_steps + 1, n_lanes) each.
+
+    `observation` is that of the reset, the first sample.
+    """
     samples = [_sample(fleet, observation)]
     actions = np.zeros((fleet.n_lanes, 3))
-    for _ in range(steps):
+    for _ in range(n_steps):
         actions[:, 0] = observation[:, 0]
         observation = fleet.step(actions)
         samples.append(_sample(fleet, observation))
@@ -171,27 +203,36 @@ def roll_out(fleet: Fleet, observation: np.ndarray, steps: int, bar: tqdm) -> di
 
 
 def _sample(fleet: Fleet, observation: np.ndarray) -> dict[str, np.ndarray]:
+    """Time, channels and truth of one sample, (n_lanes,) each."""
     truth = FleetTruth(fleet)
     severity = np.stack(list(truth["severity"].values()))
-    plant = {
-        name: value
-        for name, value in truth["parameters"].items()
-        if not name.startswith(tuple(CHANNELS))
-    }
-    columns = {"time": fleet.time} | dict(zip(CHANNELS, observation.T, strict=True))
+    reward, energy, cost = fleet.outcomes[:3]
+    columns = {"time": fleet.time}
+    columns |= dict(zip(CHANNELS, observation.T, strict=True))
     columns |= {
         "truth_label": truth["label"],
         "truth_severity": severity.max(axis=0),
         "truth_onset": truth["onset"],
+        "truth_reward": reward,
+        "truth_energy": energy,
+        "truth_cost": cost,
     }
-    columns |= dict(
-        zip(("truth_reward", "truth_energy", "truth_cost"), fleet.outcomes[:3], strict=True)
-    )
-    return columns | {f"truth_{name}": value for name, value in (truth["state"] | plant).items()}
+    sensors = tuple(CHANNELS)
+    for name, value in truth["state"].items():
+        columns[f"truth_{name}"] = value
+    for name, value in truth["parameters"].items():
+        if not name.startswith(sensors):
+            columns[f"truth_{name}"] = value
+    return columns
 
 
 def _table(chunk: Chunk) -> pa.Table:
-    """One row per vehicle and sample, that at the start left out."""
-    steps = len(chunk.columns["time"]) - 1
-    keys = {"vehicle": np.repeat(chunk.vehicles, steps), "seed": np.repeat(chunk.seeds, steps)}
-    return pa.table(keys | {name: values[1:].T.ravel() for name, values in chunk.columns.items()})
+    """One row per vehicle and sample, without the sample at the start."""
+    n_steps = len(chunk.columns["time"]) - 1
+    columns = {
+        "vehicle": np.repeat(chunk.vehicles, n_steps),
+        "seed": np.repeat(chunk.seeds, n_steps),
+    }
+    for name, values in chunk.columns.items():
+        columns[name] = values[1:].T.ravel()
+    return pa.table(columns)

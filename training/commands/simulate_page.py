@@ -1,4 +1,4 @@
-"""The page of `auv-fault simulate`: the files, the vehicles with their faults, and the first vehicle's run."""
+"""Report of `auv-fault simulate`: the vehicles with their faults, and the run of the first."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -8,51 +8,54 @@ import numpy as np
 from auv_fault_env.schedules import Schedule
 from training.report.lines import line_without_band
 
-SHOWN = 100  # vehicles in the page's table; all are in schedules.json
+N_SHOWN = 100  # vehicles in the table of the page; all are in schedules.json
 PANELS = {
-    "surge speed [m/s]": (("speed", "speed"), ("commanded", "speed_command")),
-    "shaft speed [rpm]": (("port", "port_rpm"), ("starboard", "starboard_rpm")),
-    "motor voltage [V]": (("port", "port_voltage"), ("starboard", "starboard_voltage")),
-    "motor current [A]": (("port", "port_current"), ("starboard", "starboard_current")),
+    "surge speed [m/s]": {"speed": "speed", "commanded": "speed_command"},
+    "shaft speed [rpm]": {"port": "port_rpm", "starboard": "starboard_rpm"},
+    "motor voltage [V]": {"port": "port_voltage", "starboard": "starboard_voltage"},
+    "motor current [A]": {"port": "port_current", "starboard": "starboard_current"},
 }
 
 
-def page(
+def report(
     command: str,
     names: Sequence[str],
     schedules: Mapping[int, Schedule],
     seed: int,
-    first: Mapping[str, np.ndarray],
+    first_vehicle: Mapping[str, np.ndarray],
 ) -> dict[str, Any]:
-    """The report as plain data; `names` are the tables' columns, `first` the first vehicle's columns (n_samples,)."""
-    shown = list(schedules.items())[:SHOWN]
-    rows = [[str(vehicle), str(seed + vehicle), faults(schedule)] for vehicle, schedule in shown]
-    onset = min((event.onset for event in schedules[0]), default=None)
+    """The report as plain data.
+
+    Parameters
+    ----------
+    command
+        The command that simulated.
+    names
+        Columns of the tables.
+    schedules
+        By number of the vehicle.
+    seed
+        Of the first vehicle.
+    first_vehicle
+        Its time and channels, (n_samples,) each.
+    """
+    intro = (
+        f"{len(schedules)} vehicles, one row per vehicle and sample of 0.1 s, in the order of the "
+        "vehicles. Channels are commands and readings of the vehicle; columns that begin with "
+        "truth_ are for scoring only."
+    )
+    rows = []
+    for vehicle, schedule in list(schedules.items())[:N_SHOWN]:
+        rows.append([str(vehicle), str(seed + vehicle), schedule_text(schedule)])
     return {
         "title": "Simulated episodes",
         "command": command,
-        "intro": [
-            f"{len(schedules)} vehicles, one row per vehicle and sample of 0.1 s, in the order of the vehicles. "
-            "Channels are what the vehicle's instruments tell; columns that begin with truth_ are for scoring "
-            "only.",
-            "Columns: " + ", ".join(names) + ".",
-        ],
+        "intro": [intro, f"Columns: {', '.join(names)}."],
         "sections": [
             {
                 "heading": "The first vehicle",
                 "text": [],
-                "figures": [
-                    {
-                        "plot": "transients",
-                        "name": "first-vehicle",
-                        "caption": f"Readings of vehicle 0: {faults(schedules[0])}.",
-                        "data": {
-                            "time": first["time"].tolist(),
-                            "panels": panels(first),
-                            "onset": onset,
-                        },
-                    }
-                ],
+                "figures": [reading_figure(schedules[0], first_vehicle)],
             },
             {
                 "heading": "Faults",
@@ -63,18 +66,25 @@ def page(
     }
 
 
-def faults(schedule: Schedule) -> str:
-    """A schedule in words."""
-    words = [
-        f"{event.fault} from {event.onset:.1f} s, severity {event.severity:.2f}"
-        for event in schedule
-    ]
-    return "; ".join(words) or "healthy"
-
-
-def panels(columns: Mapping[str, np.ndarray]) -> dict[str, dict[str, dict[str, list[float]]]]:
-    """Lines of the figure by panel; one run has no scatter."""
+def reading_figure(schedule: Schedule, columns: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """Readings of the first vehicle."""
+    panels = {}
+    for label, channels in PANELS.items():
+        panels[label] = {
+            name: line_without_band(columns[channel]) for name, channel in channels.items()
+        }
+    onset = min((event.onset for event in schedule), default=None)
     return {
-        label: {name: line_without_band(columns[channel]) for name, channel in lines}
-        for label, lines in PANELS.items()
+        "plot": "transients",
+        "name": "first-vehicle",
+        "caption": f"Readings of vehicle 0: {schedule_text(schedule)}.",
+        "data": {"time": columns["time"].tolist(), "panels": panels, "onset": onset},
     }
+
+
+def schedule_text(schedule: Schedule) -> str:
+    """The faults with onset and severity."""
+    faults = []
+    for event in schedule:
+        faults.append(f"{event.fault} from {event.onset:.1f} s, severity {event.severity:.2f}")
+    return "; ".join(faults) or "healthy"

@@ -1,9 +1,9 @@
-"""Simulated episodes as a Minari data set: observations, actions, rewards, and the truth in the infos.
+"""Simulated episodes as a Minari data set; the truth is in the infos.
 
-It lies within the run, in the layout that `minari.load_dataset` looks for: point
-MINARI_DATASETS_PATH at ``OUTPUT/minari``. An episode's metadata hold seed and reset options: the
-environment that the data set recovers replays it exactly. Minari asks for the size of all files
-after every episode: thousands of them take long.
+It lies within the run, in the layout of `minari.load_dataset`: set MINARI_DATASETS_PATH to
+``OUTPUT/minari``. The metadata of an episode hold seed and reset options, with which the
+environment that the data set recovers repeats it exactly. Minari determines the size of all files
+after every episode, so thousands of episodes take long.
 """
 
 import copy
@@ -30,6 +30,9 @@ FORMAT = "minari"
 DATASET = "propulsion-faults-v0"
 ENVIRONMENT = "auv_fault_env/Propulsion-v0"
 LONGEST = 13_000.0  # s: Minari reads an episode in one piece of at most 131072 rows
+DESCRIPTION = (
+    "Episodes of an autonomous underwater vehicle whose propulsion may fail; truth_ is for scoring."
+)
 
 
 def new_storage(folder: Path, arguments: Simulate) -> Any:
@@ -42,7 +45,7 @@ def new_storage(folder: Path, arguments: Simulate) -> Any:
     about = {
         "dataset_id": DATASET,
         "minari_version": version("minari"),
-        "description": "Episodes of an autonomous underwater vehicle whose propulsion may fail; truth_ is for scoring.",
+        "description": DESCRIPTION,
         "algorithm_name": "the mission's speed",
         "requirements": ["auv-fault"],
     }
@@ -55,9 +58,8 @@ def environment(arguments: Simulate) -> gym.envs.registration.EnvSpec:
     spec = copy.deepcopy(gym.spec(ENVIRONMENT))
     spec.max_episode_steps = round(arguments.duration * SAMPLE_RATE)
     names = ("preset", "sensor_noise", "disturbance", "healthy_band")
-    spec.kwargs = {name: getattr(arguments, name) for name in names} | {
-        "horizon": max(60.0, arguments.duration)
-    }
+    spec.kwargs = {name: getattr(arguments, name) for name in names}
+    spec.kwargs["horizon"] = max(60.0, arguments.duration)
     return spec
 
 
@@ -76,26 +78,25 @@ def episodes(
     seeds, schedules
         One per lane.
     mission
-        That of all lanes; None if each has drawn its own.
+        That of all lanes; None if each has sampled its own.
     """
     buffer = import_from_extra("minari.data_collector.episode_buffer", "formats").EpisodeBuffer
-    observations, actions = (
-        np.stack([columns[name] for name in names], axis=-1) for names in (CHANNELS, ACTIONS)
-    )
-    infos = {
-        name: values for name, values in columns.items() if name not in (*CHANNELS, "truth_reward")
-    }
-    asked = {} if mission is None else {"mission": asdict(mission)}
+    observations = np.stack([columns[name] for name in CHANNELS], axis=-1)
+    actions = np.stack([columns[name] for name in ACTIONS], axis=-1)
+    infos = dict(columns)
+    for name in (*CHANNELS, "truth_reward"):
+        del infos[name]
+    common_options = {} if mission is None else {"mission": asdict(mission)}
+    is_last = np.arange(1, len(observations)) == len(observations) - 1
     for lane, (seed, schedule) in enumerate(zip(seeds, schedules, strict=True)):
-        last = np.arange(1, len(observations)) == len(observations) - 1
         yield buffer(
             seed=int(seed),
-            options={"schedule": json.loads(to_json(schedule))} | asked,
+            options={"schedule": json.loads(to_json(schedule))} | common_options,
             observations=observations[:, lane],
-            # the commands in force during the sample that ends with the reading
+            # the commands during the sample that ends with the reading
             actions=actions[1:, lane],
             rewards=columns["truth_reward"][1:, lane],
-            terminations=np.zeros_like(last),
-            truncations=last,
+            terminations=np.zeros_like(is_last),
+            truncations=is_last.copy(),
             infos={name: values[:, lane].tolist() for name, values in infos.items()},
         )

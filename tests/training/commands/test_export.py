@@ -15,7 +15,7 @@ from auv_fault_env.parameters import PRESETS
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import make
 from training import cli
-from training.commands.export import answers, digest, graph_of, metadata, to_onnx, widths
+from training.commands.export import digest, evaluate, graph_of, metadata, n_columns, to_onnx
 from training.formats.onnx import GRAPHS, PolicyGraph
 from training.rollouts import manoeuvres, roll_out
 from training.stimuli import policy_inputs
@@ -78,13 +78,13 @@ def test_answers_to_random_inputs_are_those_of_torch(graph, session, n_lanes):
         name: random.normal(0.5, 1.0, (30, n_lanes, len(columns))).astype(np.float32)
         for name, columns in graph.inputs.items()
     }
-    assert_alike(run(session, inputs), answers(graph, inputs))
+    assert_alike(run(session, inputs), evaluate(graph, inputs))
 
 
 def test_answers_along_an_episode_are_those_of_torch(graph, session):
     episode = graph.episode(3)
     assert all(np.ptp(values) > 0.1 for values in episode.values())
-    assert_alike(run(session, episode), answers(graph, episode))
+    assert_alike(run(session, episode), evaluate(graph, episode))
 
 
 def test_the_example_is_an_episode_of_the_seed(graph):
@@ -97,10 +97,10 @@ def test_the_example_is_an_episode_of_the_seed(graph):
 def test_the_graph_believes_what_the_diagnoser_believes(name, rollout):
     graph = graph_of(name)
     diagnoser = make(name)
-    told = answers(graph, graph.feed(rollout.observations))
+    outputs = evaluate(graph, graph.feed(rollout.observations))
     diagnoser.reset(4)
     beliefs = [diagnoser.update(observation) for observation in rollout.observations]
-    for part, values in told.items():
+    for part, values in outputs.items():
         expected = np.stack([getattr(belief, part) for belief in beliefs])
         if part == "log_probability":
             assert len(set(expected[-1].argmax(axis=1))) > 1  # they do not all say the same
@@ -118,7 +118,7 @@ def test_the_policy_of_the_graph_is_the_policy():
     )
     expected = np.stack([policy().action(sample) for sample in features])
     np.testing.assert_allclose(
-        answers(graph, {"features": features})["action"], expected, atol=1e-6
+        evaluate(graph, {"features": features})["action"], expected, atol=1e-6
     )
 
 
@@ -131,9 +131,9 @@ def test_the_file_says_what_it_is(graph, model, session):
     )
     assert json.loads(about["sample_time"]) == 0.1
     named = {name: len(columns) for name, columns in json.loads(about["inputs"]).items()}
-    assert {name: width for name, width in widths(graph).items() if name != "state"} == named
+    assert {name: width for name, width in n_columns(graph).items() if name != "state"} == named
     assert {entry.name: entry.shape for entry in session.get_inputs()} == {
-        name: ["n_lanes", width] for name, width in widths(graph).items()
+        name: ["n_lanes", width] for name, width in n_columns(graph).items()
     }
     for trace in (b"site-packages", b".py", b"ExportedProgram"):
         assert trace not in model
