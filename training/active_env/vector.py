@@ -91,6 +91,7 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         self.metadata = self.metadata | {"autoreset_mode": mode}
         self.single_action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
         diagnoser = make(diagnoser) if isinstance(diagnoser, str) else diagnoser
+        self._monitor = LaneMonitor(diagnoser)
         self.classes = diagnoser.classes
         low, high = feature_bounds(len(self.classes))
         self.single_observation_space = gym.spaces.Box(low, high, dtype=np.float32)
@@ -98,7 +99,6 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._class_names = np.array(self.classes)
         self._catalogue_classes = classes()
-        self._monitor = LaneMonitor(diagnoser)
         self._declaration = Declaration(self.num_envs, declare)
         self._lanes = np.arange(self.num_envs)
         self._readings: np.ndarray | None = None
