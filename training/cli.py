@@ -1,4 +1,4 @@
-"""The command line ``auv-fault``: a subcommand per entry of `COMMANDS`, run by ``main`` of the module of that name."""
+"""The command line ``auv-fault``: each of `COMMANDS` is run by ``main`` of its module."""
 
 import importlib
 import os
@@ -13,7 +13,7 @@ from training.arguments import COMMANDS
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; 0 on success or what the command says, 2 on bad input with one line on the error stream."""
+    """Run one command and return its exit code; 2 and one line of error on bad input."""
     command = tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="auv-fault", args=arguments)
     name = next(name for name, kind in COMMANDS.items() if isinstance(command, kind))
     for number in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):

@@ -1,4 +1,4 @@
-"""What an extra brings is imported where it is needed, and where it is missing the extra is named."""
+"""Optional packages: imported where they are needed, or refused with the extra to install."""
 
 import importlib
 from types import ModuleType
@@ -7,7 +7,7 @@ from auv_fault_env.errors import refusal
 
 
 def import_from_extra(module: str, extra: str) -> ModuleType:
-    """The module; if it is not installed, a refusal that names the extra of this package that brings it."""
+    """The module; refused with the name of the extra if it is not installed."""
     try:
         return importlib.import_module(module)
     except ImportError:

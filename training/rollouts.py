@@ -1,4 +1,4 @@
-"""Episodes streamed from the fleet: what the diagnosers learn from and are tried on. Nothing is kept on disk."""
+"""Episodes of a fleet, simulated without a diagnoser in the loop."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -46,7 +46,7 @@ def roll_out(
     Parameters
     ----------
     fleet
-        The vehicles; what they draw without schedules and missions is theirs to say.
+        The vehicles; it samples schedules and missions that are not passed.
     seeds
         One per lane.
     n_samples
@@ -70,7 +70,7 @@ def roll_out(
 
 
 def label_and_severity(plan: EpisodePlan | Events, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Label and severity over time, each (n_samples, n_lanes), of the worst fault that has begun and not ended.
+    """Label and severity over time of the worst fault present, each (n_samples, n_lanes).
 
     An intermittent fault counts as present between its bursts: a vehicle with a loose contact is
     not healthy.
@@ -91,22 +91,23 @@ def label_and_severity(plan: EpisodePlan | Events, n_samples: int) -> tuple[np.n
 
 
 def manoeuvres(seed: int, n_samples: int, n_lanes: int) -> np.ndarray:
-    """Random stimuli, (n_samples, n_lanes, 3) for `roll_out`: square waves around the mission speed, rudder and planes.
+    """Random square waves of speed offset, rudder and stern plane, (n_samples, n_lanes, 3).
 
     Half of the lanes follow the mission as it is; the others swing by up to 0.15 m/s with
     half-periods of 2 to 12 s. A third of them uses rudder and stern plane as well, up to 0.3 rad.
     """
     random = np.random.default_rng(seed)
-    half = random.uniform(2.0, 12.0, (n_lanes, 3))
+    half_period = random.uniform(2.0, 12.0, (n_lanes, 3))
     phase = random.uniform(0.0, 24.0, (n_lanes, 3))
     amplitude = random.uniform(0.0, 1.0, (n_lanes, 3)) * [0.15, 0.3, 0.3]
     amplitude *= random.uniform(size=(n_lanes, 3)) < [0.5, 0.3, 0.3]
-    return square_waves(amplitude, half, phase, n_samples)
+    return square_waves(amplitude, half_period, phase, n_samples)
 
 
 def square_waves(
-    amplitude: np.ndarray, half: np.ndarray, phase: np.ndarray, n_samples: int
+    amplitude: np.ndarray, half_period: np.ndarray, phase: np.ndarray, n_samples: int
 ) -> np.ndarray:
-    """Square waves (n_samples, n_lanes, n_inputs) from their amplitudes, half-periods [s] and phases [s]."""
+    """Square waves (n_samples, n_lanes, n_inputs); half-periods and phases in seconds."""
     time = np.arange(n_samples)[:, None, None] * SAMPLE_TIME
-    return amplitude * np.where(np.floor((time + phase) / half) % 2 == 0, 1.0, -1.0)
+    n_halves = np.floor((time + phase) / half_period)
+    return amplitude * np.where(n_halves % 2 == 0, 1.0, -1.0)

@@ -1,4 +1,4 @@
-"""Which seeds serve which purpose: disjoint ranges, so that nothing is ever tuned on what it is scored on."""
+"""Seeds by purpose, in disjoint ranges: nothing is tuned on what it is scored on."""
 
 from auv_fault_env.errors import finite_in_range, known_name, refusal
 
@@ -7,12 +7,13 @@ PURPOSES = ("training", "calibration", "validation", "test")
 
 
 def seeds(purpose: str, count: int, first: int = 0) -> range:
-    """`count` seeds of a purpose, from the first-th on; those of different purposes never meet.
+    """`count` seeds of a purpose from number `first` on; purposes share no seed.
 
     >>> seeds("validation", 2)
     range(3000000000, 3000000002)
     """
-    start = SPAN * (1 + PURPOSES.index(known_name("purpose of seeds", purpose, PURPOSES)))
+    known_name("purpose of seeds", purpose, PURPOSES)
+    start = SPAN * (1 + PURPOSES.index(purpose))
     finite_in_range("first seed", first, 0, SPAN - 1)
     if not 0 <= first + count <= SPAN:
         raise refusal("number of seeds", count, f"up to {SPAN - first}", "ask for fewer")
@@ -20,7 +21,7 @@ def seeds(purpose: str, count: int, first: int = 0) -> range:
 
 
 def purpose_of(seed: int) -> str | None:
-    """The purpose that a seed is kept for; None for those of examples and users.
+    """The purpose of a seed; None for those of examples and users.
 
     >>> purpose_of(3000000001), purpose_of(7)
     ('validation', None)

@@ -1,1 +1,1 @@
-"""The benchmark: frozen suites, trials of every diagnoser under every stimulus, scores and pages."""
+"""The benchmark: suites, trials of every diagnoser under every stimulus, scores, pages."""

@@ -113,7 +113,7 @@ def assess(threshold: float, faulty: Record, truth: Truth, healthy: HealthyOutco
 
 
 def healthy_beside(n_faulty: int, n_healthy: int) -> np.ndarray:
-    """Indices of the healthy lanes judged beside the faulty ones, evenly spaced over all of them."""
+    """Indices of the healthy lanes judged beside the faulty ones, evenly spaced."""
     count = min(round(HEALTHY_PER_FAULTY * n_faulty), n_healthy)
     return np.linspace(0, n_healthy - 1, count).astype(np.int64)
 

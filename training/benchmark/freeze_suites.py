@@ -1,4 +1,6 @@
-"""Write the suites of the benchmark, ``python -m training.benchmark.freeze_suites``; or, given files, seal a suite of your own.
+"""Write the suites of the benchmark, or seal files with suites of your own.
+
+``python -m training.benchmark.freeze_suites [FILE ...]``.
 
 The suites in the package are frozen: drawn once by this file, and written out episode by episode.
 Drawing them anew gives the same files, unless a sampler or the catalogue of faults has changed
@@ -55,7 +57,7 @@ class Recipe:
 
 
 def spread(per_class: int, low: float = 0.2, high: float = 1.0) -> list[tuple[str, float]]:
-    """As many cells of every class: the kinds of fault within it in turn, severities evenly spread within each kind."""
+    """As many cells of every class, its faults in turn, severities evenly spaced for each fault."""
     cells = []
     for diagnosis in classes():
         kinds = [
@@ -68,7 +70,7 @@ def spread(per_class: int, low: float = 0.2, high: float = 1.0) -> list[tuple[st
 
 
 def of_the_thesis() -> list[tuple[str, float]]:
-    """The thesis' faults, at its severities where it gives them (drag +35 %, one propeller lost)."""
+    """The thesis' faults, at its severities where it states them."""
     faults = {"increased_drag": 0.35, "decreased_drag": 0.7}
     for side in ("port", "starboard"):
         faults |= {
@@ -118,7 +120,7 @@ def recipes() -> dict[str, Recipe]:
 
 
 def frozen(name: str, recipe: Recipe) -> Suite:
-    """The suite of a recipe, its episodes in random order so that each k-th of them is a fair sample."""
+    """The suite of a recipe, in random order so that each k-th episode is a fair sample."""
     first = NAMES.index(name) * BLOCK
     chosen = seeds("test", len(recipe.cells), first)
     healthy = {
@@ -136,7 +138,7 @@ def frozen(name: str, recipe: Recipe) -> Suite:
 
 
 def schedule(seed: int, fault: str, severity: float, compound: bool) -> tuple[FaultEvent, ...]:
-    """The fault at its full severity, onset and ramp as drawn with the seed; and perhaps a lesser one after it."""
+    """The fault with onset and ramp from the seed, and a lesser fault after it if compound."""
     drawn = ONE_FAULT.sample(seed)[0]
     onset = round(drawn.onset, 2)
     first = FaultEvent(fault, onset, round(severity, 4), round(drawn.ramp, 2))

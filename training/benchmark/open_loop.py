@@ -1,4 +1,4 @@
-"""Episodes whose commands do not depend on beliefs: simulated once, then diagnosed by several diagnosers.
+"""Episodes whose commands do not depend on beliefs: simulated once for several diagnosers.
 
 Half of the lanes run the thesis' stimulus, half random missions with random manoeuvres. A faulty
 lane has one permanent fault, every class equally likely.

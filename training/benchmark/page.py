@@ -1,4 +1,4 @@
-"""The page of a benchmark, from its results alone: what was run, who is best, and what limits the comparison."""
+"""The page of a benchmark, from its results alone."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -312,7 +312,7 @@ def calibration(view: BenchmarkView) -> dict[str, Any]:
 
 
 def severity(view: BenchmarkView) -> dict[str, Any]:
-    """Estimated against true severity for the best diagnosers, under the best stimulus of the first."""
+    """Estimated against true severity for the best diagnosers, under one stimulus."""
     stimulus = view.best_stimulus(view.names[0])
     scatters = {
         name: view.scores[stimulus][name]["severity_scatter"]

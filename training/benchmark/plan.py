@@ -1,4 +1,4 @@
-"""Which trials a benchmark has: every diagnoser, under every stimulus, on every part of the suite."""
+"""The trials of a benchmark: every diagnoser under every stimulus on every part of the suite."""
 
 import math
 from collections.abc import Sequence
@@ -68,7 +68,7 @@ class BenchmarkPlan(NamedTuple):
         return range(first, first + n_lanes)
 
     def check_seeds(self) -> None:
-        """Refuse a suite in which a vehicle serves twice: no score comes from lanes that set a threshold."""
+        """Refuse a suite in which a vehicle serves twice, say for a threshold and for a score."""
         seeds_by_part: dict[str, set[int]] = {
             FAULTY: {episode.seed for episode in self.suite.episodes}
         }
@@ -90,7 +90,7 @@ class BenchmarkPlan(NamedTuple):
         return self.threshold_conditions if part == THRESHOLD else self.suite.conditions
 
     def trials(self, entrants: Sequence[Entrant]) -> list[Trial]:
-        """All trials of these diagnosers, by part, stimulus and diagnoser, then in the order of lanes."""
+        """All trials of these diagnosers by part, stimulus and diagnoser, in the order of lanes."""
         trials = []
         for part, stimulus in product(PARTS, self.stimuli):
             conditions = self.conditions(part)

@@ -1,4 +1,4 @@
-"""The results of a benchmark as plain data, from its trials: what results.json and results.csv hold."""
+"""The results of a benchmark as plain data: what results.json and results.csv hold."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -46,8 +46,8 @@ N_BOUND_LANES = 1080
 # What results.json holds, by key. Classes are indices into `classes`, 0 is normal.
 RESULTS: dict[str, str] = {
     "command": "the command line",
-    "suite": "name, about, hash, plant, duration [s], listed (episodes in the file), every (k: each "
-    "k-th was run)",
+    "suite": "name, about, hash, plant, duration [s], listed (episodes in the file), every (each "
+    "so many-th was run)",
     "seeds": "first and last of faulty, threshold and counting lanes; seed of the bootstrap",
     "settings": "persistence [samples], horizon [s], decided_at [s], severity_at [s], hours and "
     "counting_hours (of each diagnoser, all stimuli together), stimuli with their budgets [m/s]",

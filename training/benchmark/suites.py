@@ -1,4 +1,4 @@
-"""Suites of episodes that everybody is scored on: frozen JSON files, each sealed with a hash over all of its text.
+"""Suites of episodes: frozen JSON files, each sealed with a hash over all of its text.
 
 A file has the conditions under which all of its vehicles run, the first seeds of healthy ones, and
 a line per faulty episode: seed, fault events, mission legs (start [s], speed [m/s]), speed at the
@@ -51,7 +51,7 @@ CLOSING = re.compile(r' "hash": "([0-9a-f]{64})"\n}\n\Z')
 
 @dataclass(frozen=True)
 class Steering:
-    """Rudder and stern plane: a share of the lanes swings each of them, up to `deflection` [rad]."""
+    """A share of the lanes swings rudder and stern plane by up to `deflection` [rad]."""
 
     share: float
     deflection: float
@@ -101,7 +101,7 @@ class Conditions:
         return round(self.duration / SAMPLE_TIME)
 
     def deflections(self, seeds: Sequence[int]) -> np.ndarray:
-        """Rudder and stern plane [rad] of the lanes with these seeds, (n_samples, n_lanes, 2): square waves."""
+        """Square waves of rudder and stern plane [rad] by seed, (n_samples, n_lanes, 2)."""
         uniform = uniforms(noise_keys(seeds), STREAMS["steering"], 7)
         is_steered = uniform[:, :1] < self.steering.share
         amplitude = self.steering.deflection * is_steered * uniform[:, 1:3]
@@ -220,7 +220,7 @@ def noise_keys(seeds: Sequence[int]) -> np.ndarray:
 
 
 def load(suite: str) -> Suite:
-    """A suite by its name, or from the path of a file; a file that does not match its hash is refused."""
+    """A suite by its name or file; a file that does not match its hash is refused."""
     if suite.endswith(".json"):
         path = Path(suite)
     else:
@@ -252,7 +252,7 @@ def read(path: Path) -> str:
 
 
 def parse(text: str, origin: Path) -> Suite:
-    """The suite of a JSON text, its hash not checked; what is no suite is refused with the place."""
+    """The suite of a JSON text, its hash not checked; any other text is refused."""
     try:
         content = json.loads(text)
         missions = [MissionSampler(**fields) for fields in content["missions"]]

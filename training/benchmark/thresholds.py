@@ -1,7 +1,7 @@
-"""The levels of log p(normal) below which an alarm stands, by diagnoser, as `auv-fault benchmark` sets them.
+"""Thresholds of log p(normal) by diagnoser, as `auv-fault benchmark` sets them.
 
-On healthy operation under the conditions of the suite `standard`; `null` never goes below what it
-always says.
+On healthy operation under the conditions of the suite `standard`. The belief of `null` is constant
+and never below its threshold.
 """
 
 ONE_PER_HOUR: dict[str, float] = {

@@ -243,6 +243,6 @@ def run_trial(trial: Trial) -> FaultyOutcome | HealthyOutcome:
 
 
 def _use_one_thread() -> None:
-    """Let torch, if a diagnoser has loaded it, use one thread: trials run in parallel, and sums stay equal."""
+    """Let torch use one thread: trials run in parallel, and sums stay equal."""
     if "torch" in sys.modules:
         sys.modules["torch"].set_num_threads(1)

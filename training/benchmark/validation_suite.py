@@ -24,7 +24,7 @@ LAST_OFFSET = 90_000_000  # the parts are 100 million seeds apart
 
 
 def validation_suite(n_lanes: int, offset: int) -> Suite:
-    """The suite with so many faulty lanes, its seeds moved by an offset within those of validation."""
+    """The suite with so many faulty lanes, at an offset within the seeds of validation."""
     conditions = load(STANDARD).conditions
     faulty_seeds = seeds("validation", n_lanes, FIRST_SEED["faulty"] + offset)
     missions = conditions.sample_missions(faulty_seeds)

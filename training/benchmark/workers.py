@@ -47,7 +47,7 @@ def with_catalogue(
 
 
 def attempt(path: Path, trial: Trial) -> tuple[Path, str, FaultyOutcome | HealthyOutcome | str]:
-    """The path of the trial's outcome, its diagnoser, and the outcome or the reason why there is none."""
+    """Path, diagnoser, and the outcome or the reason why there is none."""
     try:
         return path, trial.entrant.name, run_trial(trial)
     # whatever fails in one diagnoser, the others are scored
@@ -87,7 +87,7 @@ def run_missing(trials: Mapping[Path, Trial], workers: int, backend: str) -> dic
 
 
 def _outcomes(jobs: Iterator[Any], workers: int, backend: str) -> Iterator[Any]:
-    """The outcomes of the jobs in any order: as they end, or in rounds where joblib waits for all."""
+    """The outcomes in any order: as they come, or in rounds where joblib waits for all."""
     if backend == RAY:
         with Parallel(n_jobs=workers, backend=backend) as parallel:
             while round_of_jobs := list(islice(jobs, JOBS_PER_ROUND)):

@@ -1,4 +1,4 @@
-"""``auv-fault benchmark``: diagnosers and stimuli on a frozen suite, scored at set rates of false alarms."""
+"""``auv-fault benchmark``: diagnosers and stimuli on a suite, at set rates of false alarms."""
 
 import functools
 import shlex
@@ -172,7 +172,7 @@ def named_entrants(names: Iterable[str], third_parties: Mapping[str, Any]) -> di
 
 
 def trials_folder(run: Run) -> Path:
-    """The folder of the trials; an output that holds anything but a run of this suite is refused."""
+    """The folder of the trials; an output with anything but a run of this suite is refused."""
     output = checked_output(run.output)
     manifest = read_manifest(output)
     identity = run.suite_identity

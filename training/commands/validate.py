@@ -1,4 +1,4 @@
-"""``auv-fault validate``: the benchmark on a suite of validation seeds, for diagnosers that are being developed."""
+"""``auv-fault validate``: the benchmark on validation seeds, while diagnosers are developed."""
 
 from auv_fault_env.errors import finite_in_range
 from diagnosers import NAMES

@@ -1,4 +1,4 @@
-"""Metrics of detection, isolation, severity and calibration: pure functions of beliefs and truth."""
+"""Metrics of detection, isolation, severity and calibration, of beliefs and truth."""
 
 from training.metrics.metrics import (
     N_BINS,

@@ -1,9 +1,9 @@
-"""Scores of other benchmarks, computed as theirs, so that our figures can stand beside published ones.
+"""Scores of other benchmarks, computed as theirs, to compare with published figures.
 
 All of them count samples, or whole runs, and none knows how soon a fault was found: read them
 beside the isolation time, and no further than the comparison needs. Their delays are left out on
 purpose: fddbenchmark's ADD takes a delay in samples times the step of the window once more, leaves
-out the runs it missed, and takes an alarm that stands at onset for a delay of nought.
+out the runs it missed, and counts an alarm that stands at onset as a delay of zero.
 
 Label and decision are (n_samples, n_lanes) class indices over time, 0 is normal, as in
 `training.metrics.metrics`; a decision is the fault named while the alarm stands. A share of nothing
@@ -19,7 +19,7 @@ from training.metrics.plain import finite
 
 
 class Fddbenchmark(NamedTuple):
-    """Scores of fddbenchmark: see the function of that name; the last two are by class, (n_classes,)."""
+    """Scores of fddbenchmark; the last two are by class, (n_classes,)."""
 
     detection_tpr: float
     detection_fpr: float
@@ -29,7 +29,7 @@ class Fddbenchmark(NamedTuple):
 
 
 def fddbenchmark(label: np.ndarray, decision: np.ndarray, n_classes: int) -> Fddbenchmark:
-    """True and false positive rate of detection, correct diagnosis rate, and both rates of each class.
+    """Rates of detection, correct diagnosis rate, and the rates of each class.
 
     Detection: the share of the faulty samples at which any fault was named, and of the normal ones.
     CDR: the share of the faulty samples with a fault named at which it was the right one. By class:
@@ -54,7 +54,7 @@ def fddbenchmark(label: np.ndarray, decision: np.ndarray, n_classes: int) -> Fdd
 
 
 def true_detection_rate(label: np.ndarray, decision: np.ndarray) -> float:
-    """TDR of DX 2025: the share of the samples with a fault at which one is detected, whichever it is.
+    """TDR of DX 2025: share of the samples with a fault at which any fault is detected.
 
     An alarm from before the fault counts as detected: read it beside `false_alarm_rate`. Source:
     the competitions' page, https://vehsys.gitlab-pages.liu.se/dx25benchmarks (LiU-ICE and SLIDe
@@ -64,10 +64,10 @@ def true_detection_rate(label: np.ndarray, decision: np.ndarray) -> float:
 
 
 def false_alarm_rate(label: np.ndarray, decision: np.ndarray) -> float:
-    """FAR of DX 2025: the share of the samples without a fault at which one is detected; the page scores 1 - FAR.
+    """FAR of DX 2025: share of the samples without a fault at which one is detected.
 
-    A share of samples, not a number of alarms: one alarm that stays is worse than a hundred that do
-    not. Source: as `true_detection_rate`.
+    The page of the competition scores 1 - FAR. A share of samples, not a number of alarms: one
+    alarm that stays is worse than a hundred that do not. Source: as `true_detection_rate`.
     """
     return _share((decision[label == NORMAL] != NORMAL).sum(), (label == NORMAL).sum())
 
@@ -75,11 +75,11 @@ def false_alarm_rate(label: np.ndarray, decision: np.ndarray) -> float:
 def fault_isolation_accuracy(
     label: np.ndarray, decision: np.ndarray, log_probability: np.ndarray
 ) -> float:
-    """FIA of DX 2025: the mean probability of the true fault over all samples at which a fault is rightly detected.
+    """FIA of DX 2025: mean probability of the true fault over the samples with a detection.
 
     log_probability (..., n_classes) goes with label and decision (...,), at all samples or at some
     drawn at random. The competition's isolation sums to 1 over the faults, so the probability is
-    that among faults. Misleads: who detects late isolates well; read it beside
+    that among faults. Misleads: a diagnoser that detects late isolates well; read it beside
     `true_detection_rate`. Source: as there.
     """
     chosen = (label != NORMAL) & (decision != NORMAL)
@@ -92,7 +92,7 @@ def fault_isolation_accuracy(
 
 
 def utility(diagnosed: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """m_utl: what a diagnosis is worth to who repairs, 1 if right, from sets of components (..., n_components), bool.
+    """m_utl: the worth of a diagnosis for repair, 1 if right; sets (..., n_components), bool.
 
     ``1 - n (N + 1) / (f (n + 1)) - m (M + 1) / (f (m + 1))`` with f components, n of them wrongly
     diagnosed of the N diagnosed, and m faults missed among the M components that are not: the
@@ -112,10 +112,10 @@ def utility(diagnosed: np.ndarray, true: np.ndarray) -> np.ndarray:
 
 
 def mean_utility(label: np.ndarray, decision: np.ndarray, n_classes: int) -> float:
-    """m_utl of DXC'26 over lanes: each fault class is a component, at most one is diagnosed and one is true in a lane.
+    """m_utl of DXC'26 over lanes, each fault class being a component.
 
-    What counts in a lane is, as there, the last fault that was named, even if the alarm has ended
-    since.
+    At most one is diagnosed and one is true in a lane. As there, the last fault named in a lane
+    counts, even if the alarm has ended since.
     """
     components = np.arange(1, n_classes)
     diagnosed, true = (_last(classes)[:, None] == components for classes in (decision, label))

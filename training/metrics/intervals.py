@@ -1,6 +1,6 @@
-"""95 % intervals: how far a figure could be off by the luck of the lanes drawn.
+"""95 % intervals of figures over the lanes of a sample.
 
-They know nothing of a diagnoser trained with another seed, nor of a plant unlike ours.
+They do not cover a diagnoser trained with another seed, nor another plant.
 """
 
 import numpy as np
@@ -18,11 +18,12 @@ def interval(values: np.ndarray, seed: int, n: int = RESAMPLES) -> Interval:
     Misleads where the same lanes serve two diagnosers: overlapping intervals may hide a sure
     difference. Compare with `paired_bootstrap`.
     """
-    return central(resamples(len(values), seed, n) @ values / len(values))
+    counts = resamples(len(values), seed, n)
+    return central(counts @ values / len(values))
 
 
 def paired_bootstrap(a: np.ndarray, b: np.ndarray, seed: int, n: int = RESAMPLES) -> Interval:
-    """Interval of mean(a) - mean(b) over lanes (n_lanes,) that both have met, each resample the same for both.
+    """Interval of mean(a) - mean(b) over the same lanes (n_lanes,), resampled together.
 
     Small but sure differences are apart from zero: read it beside their size.
     """
@@ -33,14 +34,16 @@ def f1_interval(
     label: np.ndarray, decision: np.ndarray, n_classes: int, seed: int, n: int = RESAMPLES
 ) -> Interval:
     """Interval of macro-F1 by resampling lanes; label and decision (n_lanes,)."""
-    return central(_resampled_f1(label, decision, n_classes, seed, n))
+    values = _resampled_f1(label, decision, n_classes, seed, n)
+    return central(values)
 
 
 def paired_f1(
     label: np.ndarray, a: np.ndarray, b: np.ndarray, n_classes: int, seed: int, n: int = RESAMPLES
 ) -> Interval:
-    """Interval of the macro-F1 of decisions a minus that of decisions b, (n_lanes,) each, over the same resamples."""
-    first, second = (_resampled_f1(label, decision, n_classes, seed, n) for decision in (a, b))
+    """Interval of the macro-F1 of decisions a minus that of b, (n_lanes,), resampled together."""
+    first = _resampled_f1(label, a, n_classes, seed, n)
+    second = _resampled_f1(label, b, n_classes, seed, n)
     return central(first - second)
 
 
@@ -50,18 +53,22 @@ def poisson_interval(count: int, duration: float) -> Interval:
     Takes the events as independent; alarms that flicker are not, and the true interval is wider.
     """
     low = chi2.ppf(0.025, 2 * count) / 2 if count else 0.0
-    return float(low / duration), float(chi2.ppf(0.975, 2 * count + 2) / 2 / duration)
+    high = chi2.ppf(0.975, 2 * count + 2) / 2
+    return float(low / duration), float(high / duration)
 
 
 def resamples(n_lanes: int, seed: int | list[int], n: int = RESAMPLES) -> np.ndarray:
-    """How often each lane is drawn in each resample, (n, n_lanes)."""
-    return np.random.default_rng(seed).multinomial(n_lanes, np.full(n_lanes, 1.0 / n_lanes), size=n)
+    """How often each lane is in each resample, (n, n_lanes)."""
+    random = np.random.default_rng(seed)
+    chance = np.full(n_lanes, 1.0 / n_lanes)
+    return random.multinomial(n_lanes, chance, size=n)
 
 
 def _resampled_f1(
     label: np.ndarray, decision: np.ndarray, n_classes: int, seed: int, n: int
 ) -> np.ndarray:
-    return macro_f1(confusion(label, decision, n_classes, resamples(len(label), seed, n)))
+    counts = resamples(len(label), seed, n)
+    return macro_f1(confusion(label, decision, n_classes, counts))
 
 
 def central(values: np.ndarray) -> Interval:

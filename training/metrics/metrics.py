@@ -22,14 +22,14 @@ N_BINS = 15
 
 
 class Times(NamedTuple):
-    """Seconds from onset until something happened, (n_lanes,), and where it had not happened when watching ended."""
+    """Seconds from onset to an event, (n_lanes,), and where it is censored at the horizon."""
 
     time: np.ndarray
     censored: np.ndarray
 
 
 class Reliability(NamedTuple):
-    """Per bin of confidence, (n_bins,): share of the beliefs in it, their mean confidence, share that was right."""
+    """Share of the beliefs in each bin, their mean confidence, share that was right, (n_bins,)."""
 
     share: np.ndarray
     confidence: np.ndarray
@@ -42,23 +42,23 @@ def sample_at(time: np.ndarray | float) -> np.ndarray:
 
 
 def class_order(given: Sequence[str], wanted: Sequence[str]) -> np.ndarray:
-    """Columns of beliefs over classes `given`, in the order of `wanted`: classes are matched by name, never by place.
+    """Columns of beliefs over classes `given` in the order of `wanted`, matched by name.
 
     Raises `InputError` if the two are not the same set.
     """
     if sorted(given) != sorted(wanted):
-        odd = ", ".join(sorted(set(given) ^ set(wanted))) or "doubles"
-        raise refusal(
-            "classes of the belief", tuple(given), "each of those of the truth, once", f"mend {odd}"
-        )
+        differing = ", ".join(sorted(set(given) ^ set(wanted))) or "doubles"
+        allowed = "each of those of the truth, once"
+        raise refusal("classes of the belief", tuple(given), allowed, f"mend {differing}")
     return np.array([list(given).index(name) for name in wanted])
 
 
 def alarms(log_normal: np.ndarray, threshold: float, persistence: int) -> np.ndarray:
-    """Where the alarm stands: log p(normal) has been below the threshold for `persistence` samples in a row.
+    """Where the alarm stands, (n_samples, n_lanes) bool.
 
-    (n_samples, n_lanes) bool. It says nothing of merit by itself: a threshold high enough detects
-    everything at once. Read every figure made from it beside the measured false-alarm rate.
+    log p(normal) has been below the threshold for `persistence` samples in a row. By itself it
+    is no merit: a threshold high enough detects everything at once. Read every figure made from
+    it beside the measured false-alarm rate.
     """
     return running_maximum(log_normal, persistence) < threshold
 
@@ -66,9 +66,9 @@ def alarms(log_normal: np.ndarray, threshold: float, persistence: int) -> np.nda
 def rising(alarm: np.ndarray) -> np.ndarray:
     """Where an alarm begins; on healthy lanes the sum is the number of false alarms.
 
-    One that never ends counts once, so a diagnoser that alarms for ever looks better than one that
-    flickers; read it beside the detection delay, which such a diagnoser loses (an alarm standing at
-    onset detects nothing).
+    One that never ends counts once, so a diagnoser whose alarm never ends looks better than one
+    that flickers; read it beside the detection delay, which such a diagnoser loses (an alarm
+    standing at onset detects nothing).
     """
     before = np.zeros_like(alarm)
     before[1:] = alarm[:-1]
@@ -76,14 +76,14 @@ def rising(alarm: np.ndarray) -> np.ndarray:
 
 
 class Edges(NamedTuple):
-    """Where alarms would begin, (n_edges,) each: one begins for the thresholds above `low` and up to `high`."""
+    """Alarms, (n_edges,) each: one begins at thresholds above `low` and up to `high`."""
 
     low: np.ndarray
     high: np.ndarray
 
 
 def edges(log_normal: np.ndarray, persistence: int) -> Edges:
-    """Every alarm that some threshold would raise on these lanes, in the order of time and then of lanes.
+    """Every alarm that some threshold would raise on these lanes, by time and then lane.
 
     An alarm begins at sample k for thresholds in (m[k], m[k-1]], m being the maximum over the last
     `persistence` samples. Misleads as `rising` does.
@@ -95,20 +95,22 @@ def edges(log_normal: np.ndarray, persistence: int) -> Edges:
 
 
 def count_alarms(found: Edges, threshold: np.ndarray | float) -> np.ndarray:
-    """How many alarms begin at a threshold, exactly the sum of `rising` over the lanes; misleads as that does."""
+    """How many alarms begin at a threshold: the sum of `rising`, which misleads likewise."""
     low = np.sort(found.low)
     high = np.sort(found.high)
-    return np.searchsorted(low, threshold, side="left") - np.searchsorted(
-        high, threshold, side="left"
-    )
+    begun = np.searchsorted(low, threshold, side="left")
+    above = np.searchsorted(high, threshold, side="left")
+    return begun - above
 
 
 def threshold_within(found: Edges, allowed: int) -> float:
-    """The largest threshold up to which no lower one gives more alarms than allowed; see `threshold_for`."""
+    """The largest threshold such that no lower one gives more alarms than allowed."""
     low = np.sort(found.low)
     high = np.sort(found.high)
-    above = np.searchsorted(low, low, side="right") - np.searchsorted(high, low, side="right")
-    too_many = low[above > allowed]
+    # how many alarms begin just above each of the thresholds `low`
+    begun = np.searchsorted(low, low, side="right")
+    ended = np.searchsorted(high, low, side="right")
+    too_many = low[begun - ended > allowed]
     return min(float(too_many[0]), 0.0) if too_many.size else 0.0
 
 
@@ -119,7 +121,7 @@ def allowed_alarms(duration: float, mean_time: float) -> int:
 
 
 def threshold_for(log_normal: np.ndarray, mean_time: float, persistence: int) -> float:
-    """The threshold that allows one false alarm per `mean_time` [s] on these healthy lanes, and not one more.
+    """The threshold for one false alarm per `mean_time` [s] on these healthy lanes.
 
     The largest one up to which no lower threshold gives more rising edges than the lanes' total
     time allows. (Raised further, alarms merge, and the count falls again to one per lane: such
@@ -154,7 +156,7 @@ def detection_delay(alarm: np.ndarray, onset: np.ndarray, horizon: float) -> Tim
 def isolation_time(
     decision: np.ndarray, label: np.ndarray, onset: np.ndarray, horizon: float
 ) -> Times:
-    """From onset to the start of the last interval in which the decision is right up to the horizon [s].
+    """Time from onset to the start of the last interval with right decisions to the horizon [s].
 
     Parameters
     ----------
@@ -190,14 +192,17 @@ def restricted_mean(times: Times) -> float:
 
 
 def probability(times: Times) -> float:
-    """Share of the lanes where it happened within the horizon. Says nothing of when; read beside `restricted_mean`."""
+    """Share of the lanes where it happened within the horizon.
+
+    Says nothing of when: read it beside `restricted_mean`.
+    """
     return float(1.0 - times.censored.mean())
 
 
 def kaplan_meier_median(times: Times) -> float:
-    """Time [s] by which the Kaplan-Meier estimate says half of the lanes had it; infinite if fewer ever had.
+    """Kaplan-Meier estimate of the median time [s]; infinite if it never reaches half.
 
-    Censored lanes count as watched until then. Blind to the slower half: read it beside
+    Censored lanes count as observed until then. Blind to the slower half: read it beside
     `restricted_mean`. Source: Kaplan & Meier, J. Am. Stat. Assoc. 53 (1958) 457.
     """
     event, count = np.unique(times.time[~times.censored], return_counts=True)
@@ -210,7 +215,7 @@ def kaplan_meier_median(times: Times) -> float:
 def confusion(
     label: np.ndarray, decision: np.ndarray, n_classes: int, weights: np.ndarray | None = None
 ) -> np.ndarray:
-    """How many lanes of each true class (row) were given each class (column), (n_classes, n_classes).
+    """Counts of true class (row) against decided class (column), (n_classes, n_classes).
 
     With `weights` (..., n_lanes) one matrix for each row of weights. At one instant: early, a
     cautious diagnoser looks bad; read it beside the isolation times.
@@ -223,11 +228,11 @@ def confusion(
 
 
 def macro_f1(matrix: np.ndarray) -> np.ndarray:
-    """Mean over the classes that occur of the harmonic mean of precision and recall; matrices (..., n, n), truth first.
+    """Mean harmonic mean of precision and recall over the classes that occur.
 
-    Each class weighs the same however rare. Depends on the share of healthy lanes through the
-    precision of `normal`, and says nothing of which classes are mixed up: read it beside the
-    confusion matrix.
+    Confusion matrices (..., n_classes, n_classes) have the truth in rows. Each class weighs the
+    same however rare. Depends on the share of healthy lanes through the precision of `normal`,
+    and says nothing of which classes are mixed up: read it beside the confusion matrix.
     """
     hits = np.diagonal(matrix, axis1=-2, axis2=-1)
     truth = matrix.sum(axis=-1)
@@ -239,8 +244,8 @@ def macro_f1(matrix: np.ndarray) -> np.ndarray:
 def severity_error(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """|E[severity | true class] - truth| by lane; the mean is the MAE.
 
-    Given the true class, so it says nothing of whether that was found: read it beside macro-F1. An
-    estimate stuck at the middle of the severities drawn already has a quarter of their range.
+    Given the true class, so it says nothing of whether that was found: read it beside macro-F1. A
+    constant estimate in the middle of all severities already has a quarter of their range.
     """
     return np.abs(estimate - truth)
 
@@ -256,10 +261,10 @@ def covered(
 
 
 def reliability(confidence: np.ndarray, right: np.ndarray, n_bins: int = N_BINS) -> Reliability:
-    """Confidence in the most probable class against how often it is right, in bins of equal width; empty bins NaN.
+    """Confidence in the most probable class against how often it is right, by bin.
 
-    Both are (n,): one belief each. Bins with few beliefs scatter widely: read accuracy beside the
-    share.
+    Both are (n,): one belief each. Bins have equal width; empty ones are NaN. Bins with few
+    beliefs scatter widely: read accuracy beside the share.
     """
     place = np.minimum((confidence * n_bins).astype(np.int64), n_bins - 1)
     count, sure, hits = (
@@ -282,20 +287,19 @@ def expected_calibration_error(
 
 
 def brier(log_probability: np.ndarray, label: np.ndarray) -> float:
-    """Mean squared distance of the probabilities (n, n_classes) from the truth (n,), summed over classes: 0 to 2.
+    """Mean squared distance of probabilities (n, n_classes) from the truth (n,): 0 to 2.
 
     Forgiving of a truth held impossible; read it beside `log_loss`, which is not.
     """
-    return float(
-        ((np.exp(log_probability) - np.eye(log_probability.shape[1])[label]) ** 2)
-        .sum(axis=1)
-        .mean()
-    )
+    truth = np.eye(log_probability.shape[1])[label]
+    squared = (np.exp(log_probability) - truth) ** 2
+    return float(squared.sum(axis=1).mean())
 
 
 def log_loss(log_probability: np.ndarray, label: np.ndarray) -> float:
     """Mean of -log p(true class) [nat]; infinite if a truth was held impossible once.
 
-    A few confident errors rule it: read it beside `brier`.
+    A few confident errors decide it: read it beside `brier`.
     """
-    return float(-np.take_along_axis(log_probability, label[:, None], axis=1).mean())
+    of_truth = np.take_along_axis(log_probability, label[:, None], axis=1)
+    return float(-of_truth.mean())

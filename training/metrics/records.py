@@ -185,7 +185,7 @@ def healthy_outcome(
 
 
 def concatenate_lanes(parts: Sequence[Any]) -> Any:
-    """Tuples of arrays as one, along the axis of the lanes: the only one of vectors, else the second."""
+    """Tuples of arrays as one, along the lanes: the first axis of vectors, else the second."""
     fields = []
     for arrays in zip(*parts, strict=True):
         axis = min(arrays[0].ndim - 1, 1)
