@@ -97,11 +97,11 @@ print(json.dumps({
 BENCHMARK = """
 import sys
 from training.cli import main
-main([
-    "benchmark", "--suite", "ideal", "--lanes", "4", "--hours", "0.05", "--counting-hours", "0.05",
+sys.exit(main([
+    "benchmark", "--suite", "ood_noise", "--lanes", "4", "--hours", "0.05", "--counting-hours", "0.05",
     "--diagnosers", "filter_bank", "integrated", "--stimuli", "learned", "--workers", "2",
     "--output", sys.argv[1],
-])
+]))
 """
 
 
