@@ -2,9 +2,8 @@
 
 ``python -m training.benchmark.freeze_suites [FILE ...]``.
 
-The suites in the package are frozen: drawn once by this file, and written out episode by episode.
-Drawing them anew gives the same files, unless a sampler or the catalogue of faults has changed
-since.
+The suites in the package are frozen: sampled once by this file, and written out episode by episode.
+Sampling them anew gives the same files, unless a sampler or the catalogue of faults has changed.
 """
 
 import sys
@@ -39,7 +38,7 @@ PER_CLASS_OF_A_SHIFT = 22
 PER_FAULT_OF_THE_THESIS = 32
 # s by which a second fault follows the first: at least, and at most so much more
 DELAY = 2.0
-DELAY_SPREAD = 8.0
+MORE_DELAY = 8.0
 CONSTANT = MissionSampler(speed=(0.2, 0.5), n_legs=1, from_rest=0.0)
 THESIS_SPEED = 0.75 * FOOT  # m/s: the thesis' 0.5 and 1.0 ft/s lie a budget below and above
 PLANT = dict(preset="thesis1992", sensor_noise=1.0, disturbance=1.0, healthy_band=1.0)
@@ -48,7 +47,7 @@ STANDARD = Conditions(PLANT, 65.0, (CONSTANT, MissionSampler()), Steering(1.0 / 
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a suite is drawn from; `cells` are pairs (fault, full severity), one per episode."""
+    """What a suite is sampled from; `cells` are pairs (fault, full severity), one per episode."""
 
     about: str
     cells: Sequence[tuple[str, float]]
@@ -56,20 +55,21 @@ class Recipe:
     compound: bool = False
 
 
-def spread(per_class: int, low: float = 0.2, high: float = 1.0) -> list[tuple[str, float]]:
+def even_cells(per_class: int, low: float = 0.2, high: float = 1.0) -> list[tuple[str, float]]:
     """As many cells of every class, its faults in turn, severities evenly spaced for each fault."""
     cells = []
     for diagnosis in classes():
-        kinds = [
-            fault.name for fault in CATALOGUE.values() if fault.diagnosis == diagnosis != NORMAL
-        ]
-        for k, kind in enumerate(kinds):
-            n = len(range(k, per_class, len(kinds)))
-            cells += [(kind, low + (high - low) * (i + 0.5) / n) for i in range(n)]
+        faults = [fault.name for fault in CATALOGUE.values() if fault.diagnosis == diagnosis]
+        if diagnosis == NORMAL:
+            continue
+        for k, fault in enumerate(faults):
+            n = len(range(k, per_class, len(faults)))
+            for i in range(n):
+                cells.append((fault, low + (high - low) * (i + 0.5) / n))
     return cells
 
 
-def of_the_thesis() -> list[tuple[str, float]]:
+def thesis_cells() -> list[tuple[str, float]]:
     """The thesis' faults, at its severities where it states them."""
     faults = {"increased_drag": 0.35, "decreased_drag": 0.7}
     for side in ("port", "starboard"):
@@ -88,33 +88,44 @@ def shifted(**plant: float) -> Conditions:
 
 def recipes() -> dict[str, Recipe]:
     """The recipe of every suite."""
-    few = spread(PER_CLASS_OF_A_SHIFT)
-    still = MissionSampler(speed=(THESIS_SPEED, THESIS_SPEED), n_legs=1, from_rest=0.0)
-    fast = MissionSampler(speed=(0.5, 0.9), duration=(4.0, 8.0), n_legs=16, from_rest=0.5)
-    nominal = Conditions(PLANT | {"healthy_band": 0.0}, 65.0, (still,), Steering(0.0, 0.0))
-    swift = replace(STANDARD, missions=(fast,), steering=Steering(1.0, 0.4))
+    shift_cells = even_cells(PER_CLASS_OF_A_SHIFT)
+    thesis_speed = MissionSampler(speed=(THESIS_SPEED, THESIS_SPEED), n_legs=1, from_rest=0.0)
+    fast_legs = MissionSampler(speed=(0.5, 0.9), duration=(4.0, 8.0), n_legs=16, from_rest=0.5)
+    nominal_conditions = Conditions(
+        PLANT | {"healthy_band": 0.0}, 65.0, (thesis_speed,), Steering(0.0, 0.0)
+    )
+    fast_conditions = replace(STANDARD, missions=(fast_legs,), steering=Steering(1.0, 0.4))
     return {
         "thesis": Recipe(
-            "faults of the thesis, nominal vehicles at its mean speed", of_the_thesis(), nominal
+            "faults of the thesis, nominal vehicles at its mean speed",
+            thesis_cells(),
+            nominal_conditions,
         ),
         "standard": Recipe(
-            "every class and severity, within what diagnosers are trained for", spread(PER_CLASS)
+            "every class and severity, within what diagnosers are trained for",
+            even_cells(PER_CLASS),
         ),
-        "ood_noise": Recipe("shift: sensors twice as noisy", few, shifted(sensor_noise=2.0)),
+        "ood_noise": Recipe(
+            "shift: sensors twice as noisy", shift_cells, shifted(sensor_noise=2.0)
+        ),
         "ood_disturbance": Recipe(
-            "shift: disturbance twice as strong", few, shifted(disturbance=2.0)
+            "shift: disturbance twice as strong", shift_cells, shifted(disturbance=2.0)
         ),
         "ood_vehicle": Recipe(
-            "shift: healthy vehicles twice as different", few, shifted(healthy_band=2.0)
+            "shift: healthy vehicles twice as different", shift_cells, shifted(healthy_band=2.0)
         ),
         "ood_severity": Recipe(
-            "shift: severity 0.05 to 0.2", spread(PER_CLASS_OF_A_SHIFT, 0.05, 0.2)
+            "shift: severity 0.05 to 0.2", even_cells(PER_CLASS_OF_A_SHIFT, 0.05, 0.2)
         ),
         "ood_compound": Recipe(
-            "shift: a second, lesser fault 2 to 10 s after the one to find", few, compound=True
+            "shift: a second, lesser fault 2 to 10 s after the one to find",
+            shift_cells,
+            compound=True,
         ),
         "ood_mission": Recipe(
-            "shift: fast short legs, half from rest, large rudder and plane deflections", few, swift
+            "shift: fast short legs, half from rest, large rudder and plane deflections",
+            shift_cells,
+            fast_conditions,
         ),
     }
 
@@ -139,25 +150,25 @@ def frozen(name: str, recipe: Recipe) -> Suite:
 
 def schedule(seed: int, fault: str, severity: float, compound: bool) -> tuple[FaultEvent, ...]:
     """The fault with onset and ramp from the seed, and a lesser fault after it if compound."""
-    drawn = ONE_FAULT.sample(seed)[0]
-    onset = round(drawn.onset, 2)
-    first = FaultEvent(fault, onset, round(severity, 4), round(drawn.ramp, 2))
-    return (first, lesser(first, seed)) if compound else (first,)
+    sampled = ONE_FAULT.sample(seed)[0]
+    onset = round(sampled.onset, 2)
+    ramp = round(sampled.ramp, 2)
+    first = FaultEvent(fault, onset, round(severity, 4), ramp)
+    return (first, lesser_fault(first, seed)) if compound else (first,)
 
 
-def lesser(first: FaultEvent, seed: int) -> FaultEvent:
-    """A fault of another class that follows the first."""
-    others = (ONE_FAULT.sample(seed + BLOCK // 4 + k)[0] for k in count())
-    other = next(
-        event
-        for event in others
-        if CATALOGUE[event.fault].diagnosis != CATALOGUE[first.fault].diagnosis
-    )
+def lesser_fault(first: FaultEvent, seed: int) -> FaultEvent:
+    """A fault of another class that follows the first and is less severe."""
+    diagnosis = CATALOGUE[first.fault].diagnosis
+    samples = (ONE_FAULT.sample(seed + BLOCK // 4 + k)[0] for k in count())
+    second = next(event for event in samples if CATALOGUE[event.fault].diagnosis != diagnosis)
     low, high = ONE_FAULT.onset
-    later = DELAY + DELAY_SPREAD * (other.onset - low) / (high - low)
-    severity = first.severity * other.severity
+    delay = DELAY + MORE_DELAY * (second.onset - low) / (high - low)
     return FaultEvent(
-        other.fault, round(first.onset + later, 2), round(severity, 4), round(other.ramp, 2)
+        second.fault,
+        onset=round(first.onset + delay, 2),
+        severity=round(first.severity * second.severity, 4),
+        ramp=round(second.ramp, 2),
     )
 
 
