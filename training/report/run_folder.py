@@ -29,6 +29,9 @@ PACKAGES = (
     "torch",
 )
 MANIFEST = "manifest.json"
+# what comes before the name in the commands that write run folders
+SUBCOMMAND = "auv-fault "
+STUDY = "python -m training.studies."
 
 
 class UnfinishedRun(NamedTuple):
@@ -56,6 +59,7 @@ def run_folder(
     arguments: Any,
     notes: Mapping[str, Any] | None = None,
     files_to_keep: Sequence[str] = (),
+    program: str = SUBCOMMAND,
 ) -> Iterator[Path]:
     """Yield a folder to write into, which becomes `output` on success and disappears on failure.
 
@@ -72,6 +76,8 @@ def run_folder(
         Further entries of the manifest.
     files_to_keep
         Files and folders of an earlier run that move into the new one, by name.
+    program
+        `SUBCOMMAND` or `STUDY`: what comes before the name in the command.
 
     Raises
     ------
@@ -86,7 +92,7 @@ def run_folder(
         folder = Path(tempfile.mkdtemp(prefix=f".{output.name}-", dir=output.parent))
         run.folder.append(folder)
         yield folder
-        write_manifest(folder, name, arguments, notes)
+        write_manifest(folder, name, arguments, notes, program)
         folder.chmod(0o755)
         _replace(output, folder, files_to_keep)
     except BaseException as error:
@@ -123,7 +129,7 @@ def read_manifest(path: Path) -> dict[str, Any] | None:
         return None
     if not isinstance(manifest, dict):
         return None
-    is_run = str(manifest.get("command", "")).startswith("auv-fault ")
+    is_run = str(manifest.get("command", "")).startswith((SUBCOMMAND, STUDY))
     return manifest if is_run else None
 
 
@@ -150,11 +156,15 @@ def _missing_parents(path: Path) -> list[Path]:
 
 
 def write_manifest(
-    folder: Path, name: str, arguments: Any, notes: Mapping[str, Any] | None = None
+    folder: Path,
+    name: str,
+    arguments: Any,
+    notes: Mapping[str, Any] | None = None,
+    program: str = SUBCOMMAND,
 ) -> None:
     """Write command, arguments, versions and revision: the file by which a run folder is known."""
     manifest = {
-        "command": f"auv-fault {name}",
+        "command": program + name,
         "arguments": asdict(arguments),
         "given": sys.argv[1:],
         **(notes or {}),

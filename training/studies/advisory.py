@@ -73,7 +73,7 @@ def main(arguments: AdvisoryStudy) -> None:
         runs = {arm: run_missions(plan, VEHICLE, arm, diagnoser) for arm in ARMS}
         return summary(arguments, plan, runs)
 
-    run_study("advisory-study", arguments, study, page)
+    run_study("advisory", arguments, study, page)
 
 
 def random_plan(arguments: AdvisoryStudy) -> MissionPlan:

@@ -68,7 +68,7 @@ def main(arguments: DiagnosisStudy) -> None:
     finite_in_range("vehicles", arguments.vehicles, 1, 10_000)
     finite_in_range("lanes", arguments.lanes, 12, 10_000)
     known_name("preset", arguments.preset, PRESETS)
-    run_study("diagnosis-study", arguments, lambda folder: study(arguments))
+    run_study("calibrated_diagnosis", arguments, lambda folder: study(arguments))
 
 
 def study(arguments: DiagnosisStudy) -> dict[str, Any]:

@@ -66,7 +66,7 @@ def main(arguments: CalibrationStudy) -> None:
     """Calibrate, count, and write the results."""
     finite_in_range("vehicles", arguments.vehicles, 2, 10_000)
     finite_in_range("seed", arguments.seed, 0, 1_000_000)
-    run_study("calibration-study", arguments, lambda folder: study(arguments))
+    run_study("calibration", arguments, lambda folder: study(arguments))
 
 
 def study(arguments: CalibrationStudy) -> dict[str, Any]:

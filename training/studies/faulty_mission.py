@@ -82,7 +82,7 @@ def main(arguments: FaultyMissionStudy) -> None:
         paths = write_missions(folder, arguments)
         return study([read_log(path, VEHICLE) for path in paths], folder)
 
-    run_study("faulty-mission", arguments, results_of)
+    run_study("faulty_mission", arguments, results_of)
 
 
 def write_missions(folder: Path, arguments: FaultyMissionStudy) -> list[Path]:

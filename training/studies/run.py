@@ -9,7 +9,7 @@ import tyro
 
 from auv_fault_env.errors import InputError
 from training.report.page import print_tables, write_report
-from training.report.run_folder import run_folder, write_json
+from training.report.run_folder import STUDY, run_folder, write_json
 
 Report = Mapping[str, Any]
 
@@ -25,7 +25,7 @@ def command_line(main: Callable[..., None]) -> NoReturn:
     main
         Takes one dataclass of options, or plain options, or nothing.
     """
-    program = f"python -m training.studies.{Path(sys.argv[0]).stem}"
+    program = STUDY + Path(sys.argv[0]).stem
     try:
         tyro.cli(main, prog=program, config=(tyro.conf.OmitArgPrefixes,))
     except InputError as error:
@@ -49,7 +49,7 @@ def run_study(
     Parameters
     ----------
     name
-        Name of the study in the manifest.
+        Module of the study, for the manifest.
     arguments
         Dataclass of its options; `output` is the run folder.
     study
@@ -65,7 +65,10 @@ def run_study(
     report
         Title, introduction and sections of the page.
     """
-    with run_folder(arguments.output, name, arguments, files_to_keep=files_to_keep) as folder:
+    folder_of_run = run_folder(
+        arguments.output, name, arguments, files_to_keep=files_to_keep, program=STUDY
+    )
+    with folder_of_run as folder:
         results = study(folder)
         write_json(folder / "results.json", results)
         report = page(results) if page else results

@@ -33,7 +33,13 @@ from tyro.conf import Positional, arg
 from auv_fault_env.errors import finite_in_range, known_name, refusal, whole_number
 from training.benchmark.scores import RANKED_AT
 from training.bounds import active_ceiling
-from training.report.run_folder import checked_output, read_manifest, write_json, write_manifest
+from training.report.run_folder import (
+    STUDY,
+    checked_output,
+    read_manifest,
+    write_json,
+    write_manifest,
+)
 from training.stimuli import STIMULI
 from training.studies import stimulus_behaviour
 from training.studies.run import command_line, run_study
@@ -61,7 +67,6 @@ SEARCH_SETTINGS = (
 ALL_CORES = -1
 # within the range of seeds that the study has
 LARGEST_SEED = 40_000_000
-NAME = "stimulus-study"
 
 
 @dataclass(frozen=True)
@@ -70,7 +75,7 @@ class StimulusStudy:
 
     results: Annotated[Positional[tuple[Path, ...]], arg(metavar="RESULTS.json")]
     """Results of `auv-fault benchmark` on one suite with cruise and thesis, a file per budget."""
-    output: Path = Path("runs") / NAME
+    output: Path = Path("runs/stimulus-study")
     """Folder of the report; an earlier run there is replaced, except for its ceilings."""
     workers: int | None = None
     """Number of processes, one per core if not given; the results do not depend on it."""
@@ -87,7 +92,7 @@ def main(arguments: StimulusStudy) -> None:
     if read_manifest(output) is None:
         # the ceilings are saved there before the run folder is complete
         output.mkdir(parents=True, exist_ok=True)
-        write_manifest(output, NAME, arguments)
+        write_manifest(output, "stimuli", arguments, program=STUDY)
     ceilings = find_ceilings(output / CEILINGS_FILE, list(benchmarks), workers, arguments.seed)
 
     def study(_folder: Path) -> dict[str, Any]:
@@ -95,7 +100,7 @@ def main(arguments: StimulusStudy) -> None:
         words = ["python", "-m", "training.studies.stimuli", *map(str, arguments.results)]
         return results | {"command": shlex.join([*words, "--seed", str(arguments.seed)])}
 
-    run_study(NAME, arguments, study, page, files_to_keep=[CEILINGS_FILE])
+    run_study("stimuli", arguments, study, page, files_to_keep=[CEILINGS_FILE])
 
 
 def load_benchmarks(paths: Sequence[Path]) -> dict[float, dict[str, Any]]:

@@ -54,7 +54,7 @@ def main(arguments: StreamStudy) -> None:
         write_vehicle(path, vehicle)
         return study(arguments, path)
 
-    run_study("stream-study", arguments, results_of)
+    run_study("stream", arguments, results_of)
 
 
 def study(arguments: StreamStudy, vehicle: Path) -> dict[str, Any]:

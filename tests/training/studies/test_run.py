@@ -32,7 +32,7 @@ def test_a_study_leaves_results_page_and_manifest_and_prints_its_tables(tmp_path
     assert report["title"] == "t"
     assert json.loads((output / "results.json").read_text()) == {"command": "c"}
     assert "details" in (output / "index.html").read_text()
-    assert read_manifest(output) is not None
+    assert read_manifest(output)["command"] == "python -m training.studies.name"
     printed = capsys.readouterr().out
     assert "printed" in printed and "details" not in printed and str(output) in printed
 
