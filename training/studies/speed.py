@@ -1,12 +1,11 @@
 """How fast the environments are, beside others measured at the same time, and what a step costs.
 
-    python -m training.studies.speed --output runs/speed
-
-Rates are medians over the repeats; a ratio is the median of the ratios within each repeat. They
-include all that a user pays for: noise, controllers, faults, observations, information and resets.
-Runs of this project's batches are whole episodes, so that the resets of all lanes have their share;
-other runs reset whenever an episode ends. Random actions are sampled before the measurement. Other
-load on the machine affects the parallel batches most: measure on an idle machine.
+Run ``python -m training.studies.speed``. Rates are medians over the repeats; a ratio is the median
+of the ratios within each repeat. They include all that a user pays for: noise, controllers, faults,
+observations, information and resets. Runs of this project's batches are whole episodes, so that the
+resets of all lanes have their share; other runs reset whenever an episode ends. Random actions are
+sampled before the measurement. Other load on the machine affects the parallel batches most: measure
+on an idle machine.
 """
 
 import contextlib
@@ -14,19 +13,18 @@ import importlib.util
 import os
 import platform
 import statistics
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from importlib import metadata
+from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 
 from auv_fault_env.errors import finite_in_range, whole_number
-from training.report.run_folder import run_folder, write_json
-from training.studies.run import command_line
+from training.studies.run import command_line, run_study
 from training.studies.speed_profiles import ENVIRONMENT, batch_profile, single_profile
 from training.studies.speed_runs import Rates, Run, batch_run, rates_in_turn, single_run
 
@@ -35,10 +33,12 @@ GEM_MISSING = (
     "gym-electric-motor is not installed; its rows are missing. To install it: "
     'pip install -e ".[bench]"'
 )
-NOTES = """\
-A step of gym-electric-motor is 0.1 ms of one motor; ours is 0.1 s of two motors, hull, controllers
-and sensors. By default its constraints end an episode of random actions after a few steps, so that
-resets take much of its time. A lane-step is a step of one lane. Both profiles are of one thread."""
+NOTES = (
+    "A step of gym-electric-motor is 0.1 ms of one motor; ours is 0.1 s of two motors, hull, "
+    "controllers and sensors. By default its constraints end an episode of random actions after a "
+    "few steps, so that resets take much of its time. A lane-step is a step of one lane. Both "
+    "profiles are of one thread."
+)
 VERSIONED_PACKAGES = ("auv-fault", "gymnasium", "numpy", "numba", "gym-electric-motor")
 TARGET_WORDS = {True: "met", False: "missed", None: ""}
 # steps of a run of gym-electric-motor
@@ -53,8 +53,8 @@ class Speed:
     """Seed of the environments and of the actions."""
     repeats: int = 5
     """Number of repeats, of which the median counts."""
-    output: Path | None = None
-    """Folder for results.json; without it nothing is written."""
+    output: Path = Path("runs/speed")
+    """Folder of the report; an earlier run there is replaced."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,7 @@ class Size:
     seconds: float = 0.3
 
 
-@dataclass(frozen=True)
-class Comparison:
+class Comparison(NamedTuple):
     """A row of the table: a run, and the ratio of two rates with its limits.
 
     Attributes
@@ -99,58 +98,30 @@ class Comparison:
     numerator: str
     denominator: str
     to: str
-    least: float = -np.inf
-    most: float = np.inf
+    least: float = -inf
+    most: float = inf
     target: str = ""
 
 
 GEM_RATIO = "ours over it"
-BATCH_TARGET = ">= 25 (aim 60)"
+GEM_FREE = "  the same without constraints"
+VECTORISED = "CartPole-v1 hand-vectorised, {lanes} lanes"
+TO_CARTPOLE = ("cartpole", CARTPOLE)
+OF_BATCH = (*TO_CARTPOLE, 25.0, inf, ">= 25 (aim 60)")
+OF_MANY = ("parallel", "many", "cost per lane-step at {lanes}", -inf, 1.2, "<= 1.2")
 # by run
 COMPARISONS = {
-    "cartpole": Comparison("CartPole-v1, single", "cartpole", "cartpole", CARTPOLE),
-    "single": Comparison(
-        "Propulsion-v0, single", "single", "cartpole", CARTPOLE, least=0.4, target=">= 0.4"
-    ),
+    "cartpole": Comparison("CartPole-v1, single", "cartpole", *TO_CARTPOLE),
+    "single": Comparison("Propulsion-v0, single", "single", *TO_CARTPOLE, 0.4, inf, ">= 0.4"),
     "gem": Comparison(
-        "gym-electric-motor DC speed, single",
-        "single",
-        "gem",
-        GEM_RATIO,
-        least=15.0,
-        target=">= 15",
+        "gym-electric-motor DC speed, single", "single", "gem", GEM_RATIO, 15.0, inf, ">= 15"
     ),
-    "gem_free": Comparison("  the same without constraints", "single", "gem_free", GEM_RATIO),
-    "gem_euler": Comparison(
-        "  the same without constraints, Euler", "single", "gem_euler", GEM_RATIO
-    ),
-    "serial": Comparison(
-        "Propulsion-v0, {lanes} lanes, serial",
-        "serial",
-        "cartpole",
-        CARTPOLE,
-        least=25.0,
-        target=BATCH_TARGET,
-    ),
-    "parallel": Comparison(
-        "Propulsion-v0, {lanes} lanes",
-        "parallel",
-        "cartpole",
-        CARTPOLE,
-        least=25.0,
-        target=BATCH_TARGET,
-    ),
-    "cartpoles": Comparison(
-        "CartPole-v1 hand-vectorised, {lanes} lanes", "cartpoles", "cartpole", CARTPOLE
-    ),
-    "many": Comparison(
-        "Propulsion-v0, {many} lanes",
-        "parallel",
-        "many",
-        "cost per lane-step at {lanes}",
-        most=1.2,
-        target="<= 1.2",
-    ),
+    "gem_free": Comparison(GEM_FREE, "single", "gem_free", GEM_RATIO),
+    "gem_euler": Comparison(f"{GEM_FREE}, Euler", "single", "gem_euler", GEM_RATIO),
+    "serial": Comparison("Propulsion-v0, {lanes} lanes, serial", "serial", *OF_BATCH),
+    "parallel": Comparison("Propulsion-v0, {lanes} lanes", "parallel", *OF_BATCH),
+    "cartpoles": Comparison(VECTORISED, "cartpoles", *TO_CARTPOLE),
+    "many": Comparison("Propulsion-v0, {many} lanes", *OF_MANY),
 }
 
 
@@ -160,17 +131,10 @@ def main(arguments: Speed) -> None:
 
 
 def report(arguments: Speed, size: Size) -> None:
-    """Measure, print the tables, and write results.json where asked to."""
+    """Measure, and write results and page."""
     whole_number("repeats", arguments.repeats)
     finite_in_range("seed", arguments.seed, 0, 2**31)
-    if arguments.output is None:
-        print(tables(measure(arguments, size)))
-        return
-    with run_folder(arguments.output, "speed", arguments) as folder:
-        results = measure(arguments, size)
-        write_json(folder / "results.json", results)
-    print(tables(results))
-    print(f"\nwritten: {arguments.output / 'results.json'}")
+    run_study("speed", arguments, lambda folder: measure(arguments, size), page)
 
 
 def measure(arguments: Speed, size: Size) -> dict[str, Any]:
@@ -256,38 +220,45 @@ def machine() -> dict[str, Any]:
     return {"processor": processor, "cores": os.cpu_count(), "versions": versions}
 
 
-def tables(results: dict[str, Any]) -> str:
-    """The results as text."""
+def page(results: dict[str, Any]) -> dict[str, Any]:
+    """Title, introduction, command and sections."""
     about = results["machine"]
     versions = ", ".join(f"{name} {version}" for name, version in about["versions"].items())
-    batch_title = f"batch of {results['size']['lanes']} lanes"
-    parts = [
-        f"{about['processor']}, {about['cores']} cores; {versions}",
-        comparison_table(results["comparison"]),
-        profile_table(batch_title, results["batch_profile"]),
-        profile_table("single environment", results["single_profile"]),
-        NOTES,
+    rows = [
+        [
+            row["what"],
+            f"{row['rate']:,.0f}",
+            f"{row['ratio']:.2f}",
+            row["to"],
+            row["target"],
+            TARGET_WORDS[row["met"]],
+        ]
+        for row in results["comparison"]
     ]
-    return "\n\n".join(parts)
+    columns = ["what", "rate [1/s]", "ratio", "to", "target", "met"]
+    return {
+        "title": "How fast the environments are",
+        "intro": [f"{about['processor']}, {about['cores']} cores; {versions}.", NOTES],
+        "command": results["command"],
+        "sections": [
+            {"heading": "Rates", "table": {"columns": columns, "rows": rows}},
+            profile_section(f"Batch of {results['size']['lanes']} lanes", results["batch_profile"]),
+            profile_section("Single environment", results["single_profile"]),
+        ],
+    }
 
 
-def comparison_table(rows: Sequence[dict[str, Any]]) -> str:
-    """The table of rates and ratios."""
-    lines = [f"{'what':<44}{'rate [1/s]':>14}{'ratio':>9}  {'to':<31}{'target':<16}met"]
-    for row in rows:
-        line = f"{row['what']:<44}{row['rate']:>14,.0f}{row['ratio']:>9.2f}  {row['to']:<31}"
-        line += f"{row['target']:<16}{TARGET_WORDS[row['met']]}"
-        lines.append(line.rstrip())
-    return "\n".join(lines)
-
-
-def profile_table(title: str, parts: dict[str, float]) -> str:
+def profile_section(heading: str, parts: dict[str, float]) -> dict[str, Any]:
     """A profile: ns per lane-step and share of each part."""
     whole = sum(parts.values())
-    lines = [f"{title:<44}{'ns/lane-step':>14}{'share':>9}"]
-    for name, cost in (*parts.items(), ("whole", whole)):
-        lines.append(f"{name:<44}{cost:>14,.2f}{100 * cost / whole:>9.1f} %")
-    return "\n".join(lines)
+    rows = [
+        [name, f"{cost:,.2f}", f"{100 * cost / whole:.1f} %"]
+        for name, cost in (*parts.items(), ("whole", whole))
+    ]
+    return {
+        "heading": heading,
+        "table": {"columns": ["part of a step", "ns/lane-step", "share"], "rows": rows},
+    }
 
 
 if __name__ == "__main__":

@@ -17,10 +17,9 @@ from training.studies.speed import (
     Size,
     Speed,
     comparison_rows,
-    comparison_table,
     main,
+    page,
     report,
-    tables,
 )
 from training.studies.speed_runs import rate, rates_in_turn
 
@@ -83,7 +82,7 @@ def test_tables_name_every_row_and_how_to_install_what_is_missing(results):
         *results.single_profile,
     ]:
         assert what in results.printed
-    assert "batch of 5 lanes" in results.printed
+    assert "Batch of 5 lanes" in results.printed
 
 
 def test_gym_electric_motor_is_measured_where_it_is_installed():
@@ -104,27 +103,30 @@ def test_a_missed_target_is_printed_as_missed(many, met):
     rates = {"cartpole": [100.0], "parallel": [100.0], "many": [many]}
     row = comparison_rows(rates, Size())[-1]
     assert row["met"] is met and row["what"] == "Propulsion-v0, 65536 lanes"
-    assert comparison_table([row]).endswith(" met" if met else " missed")
+    rates_section = page(results_with([row]))["sections"][0]
+    assert rates_section["table"]["rows"][0][-1] == ("met" if met else "missed")
 
 
 def test_a_run_is_measured_at_least_once():
     assert rate(lambda: 7, seconds=0.0) > 0
 
 
-def test_shares_of_a_profile_add_up():
-    size = {"lanes": 64}
-    about = {"processor": "cpu", "cores": 2, "versions": {"python": "3"}}
+def results_with(comparison):
     profile = {"move": 3.0, "publish": 1.0}
-    text = tables(
-        {
-            "machine": about,
-            "size": size,
-            "comparison": [],
-            "batch_profile": profile,
-            "single_profile": profile,
-        }
-    )
-    assert text.count("75.0 %") == 2 and text.count("100.0 %") == 2
+    return {
+        "command": "c",
+        "machine": {"processor": "cpu", "cores": 2, "versions": {"python": "3"}},
+        "size": {"lanes": 64},
+        "comparison": comparison,
+        "batch_profile": profile,
+        "single_profile": profile,
+    }
+
+
+def test_shares_of_a_profile_add_up():
+    _, batch, single = page(results_with([]))["sections"]
+    for section in (batch, single):
+        assert [row[-1] for row in section["table"]["rows"]] == ["75.0 %", "25.0 %", "100.0 %"]
 
 
 @pytest.mark.parametrize(
@@ -139,7 +141,3 @@ def test_bad_input_is_refused_in_one_line_before_anything_is_measured(
     with pytest.raises(InputError) as refused:
         main(Speed(**arguments))
     assert named in str(refused.value) and "\n" not in str(refused.value)
-
-
-def test_defaults():
-    assert Speed() == Speed(seed=0, repeats=5, output=None)

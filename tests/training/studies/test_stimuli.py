@@ -10,7 +10,7 @@ from auv_fault_env.errors import InputError
 from auv_fault_env.faults import classes
 from training.bounds import active_ceiling
 from training.report.figures.registry import PLOTS
-from training.studies import run, stimulus_behaviour
+from training.studies import run, stimuli, stimulus_behaviour
 from training.studies.stimuli import (
     DIAGNOSER,
     StimulusStudy,
@@ -401,9 +401,10 @@ def test_half_of_the_time_is_twice_as_soon_and_the_ends_change_places():
 def test_the_command_writes_a_report_and_takes_ceilings_over(tmp_path, searched, monkeypatch):
     for name, value in (("PER_CLASS", 1), ("N_HEALTHY", 2)):
         monkeypatch.setattr(stimulus_behaviour, name, value)
-    # drawing takes the longest
+    # drawing and the filter bank take the longest; both have their own tests
     monkeypatch.setattr(run, "write_report", lambda report, folder: None)
-    path = written(tmp_path, stimuli=("cruise", "thesis"))
+    monkeypatch.setattr(stimuli, "DIAGNOSER", "cusum")
+    path = written(tmp_path, stimuli=("cruise", "thesis"), thresholds={"cusum": {"1 h": -6.0}})
     arguments = StimulusStudy((path,), tmp_path / "out", workers=1)
     main(arguments)
     first = json.loads((tmp_path / "out" / "results.json").read_text())
