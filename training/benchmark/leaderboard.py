@@ -114,11 +114,3 @@ def failures_table(failures: Mapping[str, str]) -> dict[str, Any]:
             "rows": [list(item) for item in failures.items()],
         },
     }
-
-
-def figure_section(
-    heading: str, plot: str, name: str, caption: str, data: Mapping[str, Any]
-) -> dict[str, Any]:
-    """A section of one figure."""
-    figure = {"plot": plot, "name": name, "caption": caption, "data": dict(data)}
-    return {"heading": heading, "text": [], "figures": [figure]}

@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from training.benchmark.leaderboard import Scores, figure_section, in_order
+from training.benchmark.leaderboard import Scores, in_order
 from training.benchmark.scores import RANKED_AT, Score
 from training.report.cells import file_name, number, row_name
+from training.report.sections import figure_section
 
 N_EPISODES_SHOWN = 3  # of each diagnoser
 N_CONFUSIONS_SHOWN = 2  # diagnosers

@@ -50,19 +50,11 @@ FIRST_SEED = 700_000_000
 LEAST_RATE = 0.01
 FAULTS = (
     *("increased_drag", "decreased_drag"),
-    *(
-        "propeller_damage:port",
-        "propeller_loss:port",
-        "seal_friction:port",
-        "motor_overheating:port",
-    ),
-    *(
-        f"sensor_bias:{channel}"
-        for channel in ("speed", "acceleration", "port_voltage", "port_current", "port_rpm")
-    ),
+    *("propeller_damage:port", "propeller_loss:port"),
+    *("seal_friction:port", "motor_overheating:port"),
+    *("sensor_bias:speed", "sensor_bias:acceleration"),
+    *("sensor_bias:port_voltage", "sensor_bias:port_current", "sensor_bias:port_rpm"),
 )
-
-
 # rates (n_profiles,) of profiles or levels (n_profiles, ...)
 RateFunction = Callable[[np.ndarray], np.ndarray]
 

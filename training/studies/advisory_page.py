@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from training.report.cells import number, percent, with_interval
+from training.report.sections import figure, table_section
 from training.studies.mission_runs import ARMS, OUTCOMES, TRUTH_KNOWN
 
 Results = Mapping[str, Any]
@@ -74,12 +75,8 @@ def _ends(results: Results) -> dict[str, Any]:
         part: {_shown(arm): figures["outcomes"] for arm, figures in arms.items()}
         for part, arms in results["parts"].items()
     }
-    figure = {
-        "plot": "outcome_shares",
-        "name": "outcomes",
-        "caption": "Ends of the missions: advice ignored, followed, and from the truth.",
-        "data": {"panels": panels, "names": OUTCOMES},
-    }
+    caption = "Ends of the missions: advice ignored, followed, and from the truth."
+    data = {"panels": panels, "names": OUTCOMES}
     missions = results["missions"]
     text = (
         "Completed: the vehicle reached the goal. Came home: it turned and got back. Aborted: it "
@@ -88,12 +85,8 @@ def _ends(results: Results) -> dict[str, Any]:
         f"bootstrap intervals over missions; an interval of 0 means none of {missions} missions, "
         f"which is possible up to a true share of {300.0 / missions:.1f} %."
     )
-    return {
-        "heading": "How the missions ended",
-        "text": [text],
-        "table": {"columns": columns, "rows": rows},
-        "figures": [figure],
-    }
+    section = table_section("How the missions ended", columns, rows, text)
+    return section | {"figures": [figure("outcome_shares", "outcomes", caption, data)]}
 
 
 def _quantity_cells(triples: Mapping[str, list[float]], sign: str = "") -> list[str]:
@@ -115,11 +108,8 @@ def _differences(results: Results) -> dict[str, Any]:
         "missions are broken off: compare it with the completed missions. On healthy vehicles any "
         "loss is the cost of false or overcautious advice."
     )
-    return {
-        "heading": "What following the advice changes",
-        "text": [text],
-        "table": {"columns": ["missions", "advice", *QUANTITY_COLUMNS], "rows": rows},
-    }
+    columns = ["missions", "advice", *QUANTITY_COLUMNS]
+    return table_section("What following the advice changes", columns, rows, text)
 
 
 def _classes(results: Results) -> dict[str, Any]:
@@ -130,11 +120,8 @@ def _classes(results: Results) -> dict[str, Any]:
     for name, arms in results["kinds"].items():
         shares = [percent(arms[arm][outcome]) for outcome in ends.values() for arm in ARMS]
         rows.append([name, str(results["counts"][name]), *shares])
-    return {
-        "heading": "By fault",
-        "text": ["Each row rests on few missions: single figures are uncertain."],
-        "table": {"columns": columns, "rows": rows},
-    }
+    text = "Each row rests on few missions: single figures are uncertain."
+    return table_section("By fault", columns, rows, text)
 
 
 def _limits() -> dict[str, Any]:

@@ -7,6 +7,8 @@ import numpy as np
 
 from training.bounds.active_ceiling import WINDOW
 from training.bounds.structural_isolability import MISSING
+from training.report.cells import number
+from training.report.sections import figure, figure_section, table_section
 
 Results = Mapping[str, Any]
 Matrix = Sequence[Sequence[float]]
@@ -21,18 +23,11 @@ STIMULUS = "thesis"
 
 def page(results: Results) -> dict[str, Any]:
     """Title, introduction and sections."""
+    sections = (_maps, _rivals, _band, _removal, _ceiling, _cramer_rao, _structure)
     return {
         "title": "Which faults can be isolated",
         "intro": _intro(results),
-        "sections": [
-            _maps(results),
-            _rivals(results),
-            _band(results),
-            _removal(results),
-            _ceiling(results),
-            _cramer_rao(results),
-            _structure(results),
-        ],
+        "sections": [section(results) for section in sections],
     }
 
 
@@ -52,10 +47,6 @@ def _intro(results: Results) -> list[str]:
     return [rates, time]
 
 
-def _figure(plot: str, name: str, caption: str, data: Mapping[str, Any]) -> dict[str, Any]:
-    return {"plot": plot, "name": name, "caption": caption, "data": data}
-
-
 def _maps(results: Results) -> dict[str, Any]:
     band = {f"{STIMULUS}, vehicle unknown within the band": results["band_rates"][STIMULUS]}
     data = {"classes": results["classes"], "rates": results["rates"] | band}
@@ -65,8 +56,7 @@ def _maps(results: Results) -> dict[str, Any]:
         "drag from thrust, because the propeller also loads the motor; speed and shaft speed do "
         "not (see the Cramér-Rao bound in cruise below)."
     )
-    figure = _figure("isolability_maps", "isolability", caption, data)
-    return {"heading": "Isolability", "text": [], "figures": [figure]}
+    return figure_section("Isolability", "isolability_maps", "isolability", caption, data)
 
 
 def _rivals(results: Results) -> dict[str, Any]:
@@ -75,11 +65,8 @@ def _rivals(results: Results) -> dict[str, Any]:
         [name, *(_rival_cell(rates, k, names) for rates in results["rates"].values())]
         for k, name in enumerate(names)
     ]
-    return {
-        "heading": "The most dangerous rival",
-        "text": ["The class against which evidence grows slowest, and that rate [nat/s]."],
-        "table": {"columns": ["class", *results["rates"]], "rows": rows},
-    }
+    text = "The class against which evidence grows slowest, and that rate [nat/s]."
+    return table_section("The most dangerous rival", ["class", *results["rates"]], rows, text)
 
 
 def _rival_cell(rates: Matrix, k: int, names: Sequence[str]) -> str:
@@ -96,29 +83,19 @@ def least_rival(rates: Matrix, k: int, excluded: int | None = None) -> tuple[int
 
 def _band(results: Results) -> dict[str, Any]:
     names = results["classes"]
-    known = results["rates"][STIMULUS]
-    band = results["band_rates"][STIMULUS]
-    rows = [
-        [
-            names[k],
-            f"{known[k][0]:.2g}",
-            f"{band[k][0]:.2g}",
-            _rival_cell(known, k, names),
-            _rival_cell(band, k, names),
-        ]
-        for k in range(1, len(names))
-    ]
+    both_rates = (results["rates"][STIMULUS], results["band_rates"][STIMULUS])
+    rows = []
+    for k in range(1, len(names)):
+        against_normal = [f"{rates[k][0]:.2g}" for rates in both_rates]
+        rivals = [_rival_cell(rates, k, names) for rates in both_rates]
+        rows.append([names[k], *against_normal, *rivals])
     text = (
         "Rates [nat/s] on the thesis' stimulus when the healthy vehicle is known, and when only "
         "the healthy band is known. The longer the observation, the smaller the difference: the "
         "bank estimates what is constant."
     )
     columns = ["class", "against normal", "band only", "most dangerous rival", "band only"]
-    return {
-        "heading": "What not knowing the vehicle costs",
-        "text": [text],
-        "table": {"columns": columns, "rows": rows},
-    }
+    return table_section("What not knowing the vehicle costs", columns, rows, text)
 
 
 def _removal(results: Results) -> dict[str, Any]:
@@ -136,8 +113,9 @@ def _removal(results: Results) -> dict[str, Any]:
         "not count as a rival."
     )
     data = {"classes": names[1:], "channels": list(without), "shares": shares}
-    figure = _figure("sensor_removal", "sensor-removal", caption, data)
-    return {"heading": "What each sensor adds", "text": [], "figures": [figure]}
+    return figure_section(
+        "What each sensor adds", "sensor_removal", "sensor-removal", caption, data
+    )
 
 
 def _share_left(
@@ -154,17 +132,16 @@ def _share_left(
 
 
 def _ceiling(results: Results) -> dict[str, Any]:
-    rows = []
-    for fault, ceiling in results["ceiling"].items():
-        speed_up = ceiling["speed_up"]
-        row = [
+    rows = [
+        [
             fault,
             f"{ceiling['passive']:.2g} ({ceiling['passive_rival']})",
             f"{ceiling['active']:.2g}",
-            "no rate to compare with" if speed_up is None else f"{speed_up:.1f}",
+            number(ceiling["speed_up"], 1, "no rate to compare with"),
             _profile_cell(**ceiling["profile"]),
         ]
-        rows.append(row)
+        for fault, ceiling in results["ceiling"].items()
+    ]
     text = (
         "The rate against the most dangerous rival in cruise at 1 ft/s, and the largest rate found "
         "over periodic speed profiles with a root mean square of 0.25 ft/s about it. Their ratio "
@@ -173,11 +150,7 @@ def _ceiling(results: Results) -> dict[str, Any]:
         "speed, and roundness from square (0) to sine (1)."
     )
     columns = ["fault", "cruise [nat/s] (rival)", "best [nat/s]", "speed-up", "best profile"]
-    return {
-        "heading": "How much a stimulus can help",
-        "text": [text],
-        "table": {"columns": columns, "rows": rows},
-    }
+    return table_section("How much a stimulus can help", columns, rows, text)
 
 
 def _profile_cell(cycles: int, duty: float, roundness: float) -> str:
@@ -203,13 +176,9 @@ def _cramer_rao(results: Results) -> dict[str, Any]:
         [fault, *(f"{of_mission[fault]:.2f}" for of_mission in severity.values())]
         for fault in severity[STIMULUS]
     ]
-    figure = _figure("cramer_rao", "cramer-rao", caption, {"time": time, "lines": lines})
-    return {
-        "heading": "How accurately drag and thrust can be estimated",
-        "text": [text],
-        "table": {"columns": ["fault", *severity], "rows": rows},
-        "figures": [figure],
-    }
+    heading = "How accurately drag and thrust can be estimated"
+    plot = figure("cramer_rao", "cramer-rao", caption, {"time": time, "lines": lines})
+    return table_section(heading, ["fault", *severity], rows, text) | {"figures": [plot]}
 
 
 def _structure(results: Results) -> dict[str, Any]:
@@ -218,28 +187,19 @@ def _structure(results: Results) -> dict[str, Any]:
     if structure is None:
         return {"heading": heading, "text": [MISSING]}
     faults = structure["faults"]
-    table_rows = zip(faults, structure["isolable"], structure["rates"], strict=True)
-    rows = [
-        [fault, *map(_isolable_cell, is_isolable, rates)]
-        for fault, is_isolable, rates in table_rows
-    ]
-    by_structure = np.array(structure["isolable"])
-    by_information = np.array(structure["rates"]) > ROUNDING
-    n_agreeing = int((by_structure == by_information).sum())
+    isolable = np.array(structure["isolable"])
+    rates = np.array(structure["rates"])
+    has_information = rates > ROUNDING
+    words = np.where(isolable, "yes", "no")
+    rows = []
+    for k, fault in enumerate(faults):
+        shown = np.where(has_information[k], rates[k], 0.0)
+        rows.append([fault, *map("{}, {:.3g}".format, words[k], shown)])
     text = (
         "Can a fault of the port shaft (row) be isolated from another (column) that may be any "
         "signal? The answer by structure, from the Fault Diagnosis Toolbox, and the rate [nat/s] "
         "of evidence in steady motion at 1 ft/s, from the linearised equations. They agree on "
-        f"{n_agreeing} of {len(faults) ** 2} pairs. The classes above use more knowledge: a "
-        "changed parameter is constant, and a propeller also drives the vehicle."
+        f"{(isolable == has_information).sum()} of {len(faults) ** 2} pairs. The classes above use "
+        "more knowledge: a changed parameter is constant, and a propeller also drives the vehicle."
     )
-    return {
-        "heading": heading,
-        "text": [text],
-        "table": {"columns": ["fault", *faults], "rows": rows},
-    }
-
-
-def _isolable_cell(is_isolable: bool, rate: float) -> str:
-    word = "yes" if is_isolable else "no"
-    return f"{word}, {rate:.3g}" if rate > ROUNDING else f"{word}, 0"
+    return table_section(heading, ["fault", *faults], rows, text)

@@ -1,11 +1,11 @@
 """The sections with figures of the page of ``python -m training.studies.stimuli``."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import cycle
 from typing import Any
 
-from training.benchmark.leaderboard import figure_section
 from training.report.figures.style import COLOURS
+from training.report.sections import figure, figure_section
 from training.stimuli.open_loop import Cruise
 from training.studies.stimulus_comparisons import (
     AGENT,
@@ -37,68 +37,49 @@ def colours(results: Results) -> dict[str, str]:
     return assigned | {name: assigned[AGENT] for name in names if LEARNED.fullmatch(name)}
 
 
-def _section(heading: str, text: Sequence[str], figures: list[dict[str, Any]]) -> dict[str, Any]:
-    return {"heading": heading, "text": list(text), "figures": figures}
-
-
 def by_class(results: Results) -> dict[str, Any]:
     """How many times sooner each class is isolated."""
-    stimulus_colours = colours(results)
     text = (
         "Restricted mean under the reference divided by that under the stimulus, with "
         f"{results['diagnoser']}."
     )
-    figures = [_speed_up_figure(results, budget, stimulus_colours) for budget in results["budgets"]]
-    return _section("Speed-up by class", [text], figures)
-
-
-def _speed_up_figure(
-    results: Results, budget: str, stimulus_colours: Mapping[str, str]
-) -> dict[str, Any]:
-    figures = results["budgets"][budget]["figures"][results["diagnoser"]]
-    names = results["classes"]
-    panels: dict[str, Any] = {}
-    for reference in reversed(REFERENCES):
-        panels[reference] = {
-            stimulus: [speed_up(figures[name][stimulus]["ratio"][reference]) for name in names]
-            for stimulus in without_single_seeds(figures["all"])
-            if stimulus not in (Cruise.name, reference)
-        }
-    caption = (
-        f"How many times sooner each class is isolated within {budget} m/s; right of the dashed "
-        "line is sooner."
-    )
-    return {
-        "plot": "speed_ups",
-        "name": f"speed-ups-{budget}",
-        "caption": caption,
-        "data": {"classes": names, "panels": panels, "colours": dict(stimulus_colours)},
-    }
+    classes = results["classes"]
+    figures = []
+    for budget, of_budget in results["budgets"].items():
+        measured = of_budget["figures"][results["diagnoser"]]
+        panels: dict[str, Any] = {}
+        for reference in reversed(REFERENCES):
+            panels[reference] = {
+                stimulus: [
+                    speed_up(measured[name][stimulus]["ratio"][reference]) for name in classes
+                ]
+                for stimulus in without_single_seeds(measured["all"])
+                if stimulus not in (Cruise.name, reference)
+            }
+        caption = (
+            f"How many times sooner each class is isolated within {budget} m/s; right of the "
+            "dashed line is sooner."
+        )
+        data = {"classes": classes, "panels": panels, "colours": colours(results)}
+        figures.append(figure("speed_ups", f"speed-ups-{budget}", caption, data))
+    return {"heading": "Speed-up by class", "text": [text], "figures": figures}
 
 
 def delay_cost_plane(results: Results) -> dict[str, Any]:
     """Isolation time against cost."""
     points = list(_points(results))
+    names = {}
     fronts = {}
     for cost in COST_LABELS:
-        front = pareto_front([(point[cost], point["delay"][0]) for point in points])
-        fronts[cost] = [points[index] for index in front]
-    names = {cost: ", ".join(map(_point_name, front)) for cost, front in fronts.items()}
+        front = [points[k] for k in pareto_front([(p[cost], p["delay"][0]) for p in points])]
+        names[cost] = ", ".join(map(_point_name, front))
+        fronts[cost] = [[point[cost], point["delay"][0]] for point in front]
     caption = (
         f"Isolation time with {results['diagnoser']} against the cost of a stimulus on the same "
         "episodes. Down and left is better; no stimulus is better in both than the dotted ones. By "
         f"speed: {names['speed_rms']}. By energy: {names['energy']}."
     )
-    lines = {
-        cost: [[point[cost], point["delay"][0]] for point in front]
-        for cost, front in fronts.items()
-    }
-    data = {
-        "points": points,
-        "fronts": lines,
-        "costs": COST_LABELS,
-        "colours": colours(results),
-    }
+    data = {"points": points, "fronts": fronts, "costs": COST_LABELS, "colours": colours(results)}
     return figure_section("Delay and cost", "delay_cost_plane", "delay-cost", caption, data)
 
 
@@ -124,7 +105,6 @@ def _point_name(point: Mapping[str, Any]) -> str:
 
 def around_onset(results: Results) -> dict[str, Any]:
     """What stimuli do around the onset of each class."""
-    stimulus_colours = colours(results)
     text = (
         f"Speed offsets with {results['diagnoser']}, averaged over {results['lanes']} vehicles of "
         "each class; every fault is abrupt and lasting with severity 0.2 to 1. A mean near zero "
@@ -134,21 +114,12 @@ def around_onset(results: Results) -> dict[str, Any]:
     figures = []
     for budget, of_budget in results["budgets"].items():
         offsets = of_budget["behaviour"]["around_onset"]
-        for kind, (label, caption) in OFFSET_KINDS.items():
-            data = {
-                "time": offsets["time"],
-                "panels": offsets[kind],
-                "label": label,
-                "colours": stimulus_colours,
-            }
-            figure = {
-                "plot": "around_onset",
-                "name": f"onset-{kind}-{budget}",
-                "caption": f"{caption} around the onset, budget {budget} m/s.",
-                "data": data,
-            }
-            figures.append(figure)
-    return _section("What they do around the onset", [text], figures)
+        common = {"time": offsets["time"], "colours": colours(results)}
+        for kind, (label, beginning) in OFFSET_KINDS.items():
+            caption = f"{beginning} around the onset, budget {budget} m/s."
+            data = common | {"panels": offsets[kind], "label": label}
+            figures.append(figure("around_onset", f"onset-{kind}-{budget}", caption, data))
+    return {"heading": "What they do around the onset", "text": [text], "figures": figures}
 
 
 def episodes(results: Results) -> dict[str, Any]:
@@ -160,22 +131,15 @@ def episodes(results: Results) -> dict[str, Any]:
             f"{recorded['stimulus']} within {budget} m/s: of each class the episode of median "
             "isolation time."
         )
-        figure = {
-            "plot": "active_episodes",
-            "name": f"episodes-{budget}",
-            "caption": caption,
-            "data": {"drawn": [_episode(episode) for episode in recorded["drawn"]]},
-        }
-        figures.append(figure)
-    return _section("Six episodes", [], figures)
+        data = {"drawn": [_episode(episode) for episode in recorded["drawn"]]}
+        figures.append(figure("active_episodes", f"episodes-{budget}", caption, data))
+    return {"heading": "Six episodes", "text": [], "figures": figures}
 
 
 def _episode(episode: Mapping[str, Any]) -> dict[str, Any]:
     series = {key: value for key, value in episode.items() if key != "class"}
     time = episode["isolation"]
-    is_isolated = time is not None
-    ending = f"isolated after {time:.1f} s" if is_isolated else "not isolated"
-    return series | {
-        "title": f"{episode['class']}, {ending}",
-        "isolation": episode["onset"] + time if is_isolated else None,
-    }
+    if time is None:
+        return series | {"title": f"{episode['class']}, not isolated"}
+    title = f"{episode['class']}, isolated after {time:.1f} s"
+    return series | {"title": title, "isolation": episode["onset"] + time}

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from auv_fault_env.faults import fault_of
-from training.report.cells import percent, row_name, with_interval
+from training.report.cells import number, percent, row_name, with_interval
+from training.report.sections import table_section
 from training.stimuli.base import LARGEST_OFFSET
 from training.stimuli.open_loop import Cruise, Thesis
 from training.studies import stimuli_figures
@@ -21,9 +22,16 @@ Results = Mapping[str, Any]
 MET = "met"
 MISSED = "not met"
 OPEN = "not judged"
+NO_RATE = "no rate to compare with"
 COLUMNS = ["isolation [s]", *(f"× {name}" for name in REFERENCES), "isolated"]
 COLUMNS += [f"minus {name} [s]" for name in REFERENCES]
-COST_COLUMNS = ["speed RMS [m/s]", "energy [J]", "false alarms per hour"]
+# column and format by cost
+COSTS = {
+    "speed_rms": ("speed RMS [m/s]", ".4f"),
+    "energy": ("energy [J]", ".0f"),
+    "false_alarms_per_hour": ("false alarms per hour", ".2f"),
+}
+COST_COLUMNS = [column for column, _ in COSTS.values()]
 SUBSET_WORDS = {"all": "", "confounded": ", classes alike in cruise"}
 # the stimuli with known onset: name in the results, name on the page
 KNOWN_ONSET_NAMES = {
@@ -39,11 +47,8 @@ OF_BUDGET = 1 / 10
 def page(results: Results) -> dict[str, Any]:
     """Title, introduction, command and sections; details are on the page only, not printed."""
     budgets = results["budgets"]
-    summaries = [
-        benchmarks(results),
-        targets(results),
-        *(cross_play(results, budget) for budget in budgets),
-    ]
+    summaries = [benchmarks(results), targets(results)]
+    summaries += [cross_play(results, budget) for budget in budgets]
     details = [
         *(
             diagnoser_table(results, budget, diagnoser, subset)
@@ -90,20 +95,14 @@ def benchmarks(results: Results) -> dict[str, Any]:
     """The benchmarks behind the results."""
     suite = results["suite"]
     share = "all" if suite["every"] == 1 else f"one in {suite['every']}"
-    rows = [
-        [
-            f"{budget} m/s",
-            ", ".join(of_budget["stimuli"]),
-            of_budget["revision"] or "unknown",
-            of_budget["command"],
-        ]
-        for budget, of_budget in results["budgets"].items()
-    ]
-    return {
-        "heading": "What was compared",
-        "text": [f"Suite {suite['name']}, {share} of its episodes, hash {suite['hash']}."],
-        "table": {"columns": ["budget", "stimuli", "revision", "benchmark"], "rows": rows},
-    }
+    rows = []
+    for budget, of_budget in results["budgets"].items():
+        stimuli = ", ".join(of_budget["stimuli"])
+        revision = of_budget["revision"] or "unknown"
+        rows.append([f"{budget} m/s", stimuli, revision, of_budget["command"]])
+    text = f"Suite {suite['name']}, {share} of its episodes, hash {suite['hash']}."
+    columns = ["budget", "stimuli", "revision", "benchmark"]
+    return table_section("What was compared", columns, rows, text)
 
 
 def targets(results: Results) -> dict[str, Any]:
@@ -117,11 +116,8 @@ def targets(results: Results) -> dict[str, Any]:
         f"Targets of '{AGENT}' with {results['diagnoser']}. A target is met if the whole interval "
         f"is below it. Classes alike in cruise: {', '.join(SUBSETS['confounded'])}."
     )
-    return {
-        "heading": "Does the agent meet its targets?",
-        "text": [text],
-        "table": {"columns": ["budget", "target", "verdict", "figure"], "rows": rows},
-    }
+    columns = ["budget", "target", "verdict", "figure"]
+    return table_section("Does the agent meet its targets?", columns, rows, text)
 
 
 def verdicts(of_budget: Mapping[str, Any], diagnoser: str) -> list[list[str]]:
@@ -139,25 +135,20 @@ def verdicts(of_budget: Mapping[str, Any], diagnoser: str) -> list[list[str]]:
     subsets = of_budget["figures"][diagnoser]
     agent = {subset: figures[AGENT] for subset, figures in subsets.items() if AGENT in figures}
 
-    def ratio(subset: str, reference: str) -> Triple | None:
-        return agent[subset]["ratio"][reference] if subset in agent else None
-
-    def difference(reference: str) -> Triple | None:
-        return agent["all"]["difference"][reference] if agent else None
+    def triple(subset: str, quantity: str, reference: str) -> Triple | None:
+        return agent[subset][quantity][reference] if subset in agent else None
 
     of_thesis = f"isolates in less than half of the time under {Thesis.name}"
     of_cruise = f"classes alike in cruise: in less than a third of the time under {Cruise.name}"
     of_budget_words = "healthy vehicles: offsets below a tenth of the budget, root mean square"
     share = of_budget["behaviour"]["healthy"]["share"].get(AGENT)
-    return [
-        _verdict_row(of_thesis, ratio("all", Thesis.name), OF_THESIS),
-        *(
-            _verdict_row(f"isolates sooner than under {rule}", difference(rule), 0.0, "s", "+")
-            for rule in rules_from_belief(subsets["all"])
-        ),
-        _verdict_row(of_cruise, ratio("confounded", Cruise.name), OF_CRUISE),
-        _verdict_row(of_budget_words, share, OF_BUDGET),
-    ]
+    rows = [_verdict_row(of_thesis, triple("all", "ratio", Thesis.name), OF_THESIS)]
+    for rule in rules_from_belief(subsets["all"]):
+        difference = triple("all", "difference", rule)
+        rows.append(_verdict_row(f"isolates sooner than under {rule}", difference, 0.0, "s", "+"))
+    rows.append(_verdict_row(of_cruise, triple("confounded", "ratio", Cruise.name), OF_CRUISE))
+    rows.append(_verdict_row(of_budget_words, share, OF_BUDGET))
+    return rows
 
 
 def _verdict_row(
@@ -182,46 +173,37 @@ def cross_play(results: Results, budget: str) -> dict[str, Any]:
         f"{results['diagnoser']} alone. Diagnosers marked * are references: they know the truth, "
         "or nothing."
     )
-    return {
-        "heading": f"Every stimulus with every diagnoser, {budget} m/s",
-        "text": [text],
-        "table": {"columns": ["stimulus", *names], "rows": rows},
-    }
+    heading = f"Every stimulus with every diagnoser, {budget} m/s"
+    return table_section(heading, ["stimulus", *names], rows, text)
 
 
 def diagnoser_table(results: Results, budget: str, diagnoser: str, subset: str) -> dict[str, Any]:
-    """The stimuli with one diagnoser, over all classes or a subset."""
+    """The stimuli with one diagnoser, over all classes (with costs) or a subset."""
     of_budget = results["budgets"][budget]
     figures = of_budget["figures"][diagnoser].get(subset, {})
-    costs = of_budget["costs"][diagnoser]
-    has_costs = subset == "all"
-    rows = []
+    heading = f"{diagnoser}, {budget} m/s{SUBSET_WORDS[subset]}"
+    rows = {}
     for stimulus in _by_mean(figures):
         figure = figures[stimulus]
-        row = [_name_with_spread(stimulus, figure), *_figure_cells(figure)]
-        rows.append([*row, *_cost_cells(costs[stimulus])] if has_costs else row)
+        spread = figure["spread"]
+        name = stimulus if spread is None else f"{stimulus} ± {spread:.2f}"
+        rows[stimulus] = [name, *_figure_cells(figure)]
+    columns = ["stimulus", *COLUMNS]
+    if subset != "all":
+        return table_section(heading, columns, list(rows.values()))
+    for stimulus, row in rows.items():
+        costs = of_budget["costs"][diagnoser][stimulus]
+        row += [format(costs[key], form) for key, (_, form) in COSTS.items()]
     text = (
         "After ± is the standard deviation over the training seeds [s]. Speed RMS is the root mean "
         "square deviation of the true speed from the mission speed."
     )
-    return {
-        "heading": f"{diagnoser}, {budget} m/s{SUBSET_WORDS[subset]}",
-        "text": [text] if has_costs else [],
-        "table": {
-            "columns": ["stimulus", *COLUMNS, *(COST_COLUMNS if has_costs else [])],
-            "rows": rows,
-        },
-    }
+    return table_section(heading, [*columns, *COST_COLUMNS], list(rows.values()), text)
 
 
 def _by_mean(figures: Mapping[str, Any]) -> list[str]:
     """Stimuli by their mean isolation time."""
     return sorted(figures, key=lambda stimulus: figures[stimulus]["mean"][0])
-
-
-def _name_with_spread(stimulus: str, figure: Mapping[str, Any]) -> str:
-    spread = figure["spread"]
-    return stimulus if spread is None else f"{stimulus} ± {spread:.2f}"
 
 
 def _triple_cell(triple: Triple, sign: str = "") -> str:
@@ -234,14 +216,6 @@ def _figure_cells(figure: Mapping[str, Any]) -> list[str]:
         *(_triple_cell(figure["ratio"][name]) for name in REFERENCES),
         percent(figure["isolated"]),
         *(_triple_cell(figure["difference"][name], "+") for name in REFERENCES),
-    ]
-
-
-def _cost_cells(costs: Mapping[str, float]) -> list[str]:
-    return [
-        f"{costs['speed_rms']:.4f}",
-        f"{costs['energy']:.0f}",
-        f"{costs['false_alarms_per_hour']:.2f}",
     ]
 
 
@@ -259,11 +233,8 @@ def known_onset(results: Results, budget: str) -> dict[str, Any]:
         "stimulus that waits for suspicion begins later. Another speed profile may achieve more; "
         "see the ceilings below."
     )
-    return {
-        "heading": f"What a known onset would achieve, {budget} m/s",
-        "text": [text],
-        "table": {"columns": ["stimulus", *COLUMNS], "rows": rows},
-    }
+    heading = f"What a known onset would achieve, {budget} m/s"
+    return table_section(heading, ["stimulus", *COLUMNS], rows, text)
 
 
 def healthy(results: Results) -> dict[str, Any]:
@@ -280,14 +251,8 @@ def healthy(results: Results) -> dict[str, Any]:
         "Root mean square of the speed offsets as a share of the budget, over "
         f"{n_lanes} healthy vehicles and 65 s, with {results['diagnoser']}."
     )
-    return {
-        "heading": "What they use on healthy vehicles",
-        "text": [text],
-        "table": {
-            "columns": ["stimulus", *(f"{budget} m/s" for budget in by_budget)],
-            "rows": rows,
-        },
-    }
+    columns = ["stimulus", *(f"{budget} m/s" for budget in by_budget)]
+    return table_section("What they use on healthy vehicles", columns, rows, text)
 
 
 def ceilings(results: Results, budget: str) -> dict[str, Any]:
@@ -299,7 +264,7 @@ def ceilings(results: Results, budget: str) -> dict[str, Any]:
             fault,
             f"{ceiling['passive']:.2g} ({ceiling['passive_rival']})",
             *(f"{ceiling[key]:.2g}" for key in ("thesis", "active", "free")),
-            *(_ratio_cell(ceiling[key]) for key in ("best_speed_up", "thesis_speed_up")),
+            *(number(ceiling[key], 1, NO_RATE) for key in ("best_speed_up", "thesis_speed_up")),
             *(_agent_cell(figures, fault, reference) for reference in reversed(REFERENCES)),
         ]
         for fault, ceiling in of_budget["ceilings"].items()
@@ -319,15 +284,8 @@ def ceilings(results: Results, budget: str) -> dict[str, Any]:
         "with a diagnoser that does not know the vehicle. Both need not agree; where the first is "
         "large and the second is not, training can improve the agent."
     )
-    return {
-        "heading": f"How much a stimulus could achieve, {budget} m/s",
-        "text": [rates, agent],
-        "table": {"columns": columns, "rows": rows},
-    }
-
-
-def _ratio_cell(ratio: float | None) -> str:
-    return "no rate to compare with" if ratio is None else f"{ratio:.1f}"
+    heading = f"How much a stimulus could achieve, {budget} m/s"
+    return table_section(heading, columns, rows, rates, agent)
 
 
 def _agent_cell(figures: Mapping[str, Any], fault: str, reference: str) -> str:
