@@ -117,15 +117,9 @@ class RepeatedOffsets(Stimulus):
 def best_profile(rate: RateFunction, seed: int) -> Profile:
     """The profile with the largest rate, found by differential evolution.
 
-    Its rate in the search is too high where rates are random: measure it again. A search as short
-    as this one misses narrow peaks.
-
-    Parameters
-    ----------
-    rate
-        Computes rates (n_profiles,) of profiles (n_profiles, 3).
-    seed
-        Seed of the search.
+    `rate` computes rates (n_profiles,) of profiles (n_profiles, 3). The rate of the best in the
+    search is too high where rates are random: measure it again. A search as short as this one
+    misses narrow peaks.
     """
     optimum = differential_evolution(
         lambda columns: -rate(columns.T),
@@ -144,16 +138,9 @@ def best_profile(rate: RateFunction, seed: int) -> Profile:
 def best_free_levels(rate: RateFunction, start: np.ndarray, seed: int) -> np.ndarray:
     """Levels (LEVELS,) with a rate no lower than that of `start`, found by random changes.
 
-    Every round changes the best levels so far at random and takes the best of the results.
-
-    Parameters
-    ----------
-    rate
-        Computes rates (n_profiles,) of levels (n_profiles, LEVELS); it is deterministic.
-    start
-        Levels (LEVELS,) of mean zero.
-    seed
-        Seed of the search.
+    Every round changes the best levels so far at random and takes the best of the results. `rate`
+    computes rates (n_profiles,) of levels (n_profiles, LEVELS), without randomness; `start` has
+    mean zero.
     """
     random = np.random.default_rng(seed)
     best = start

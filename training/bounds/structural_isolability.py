@@ -35,13 +35,8 @@ MISSING = (
 UNKNOWN = ("voltage", "current", "spin", "rate", "torque", "speed", "flux")
 KNOWN = ("read_voltage", "read_current", "read_rpm", "read_speed")
 FAULTS = (
-    "resistance",
-    "torque_constant",
-    "friction",
-    "propeller",
-    "voltage_sensor",
-    "current_sensor",
-    "rpm_sensor",
+    *("resistance", "torque_constant", "friction", "propeller"),
+    *("voltage_sensor", "current_sensor", "rpm_sensor"),
 )
 # the equations of a shaft (`auv_fault_env.physics`), each as the names that occur in it
 EQUATIONS = (
@@ -87,13 +82,8 @@ def isolability_tables() -> dict[str, Any] | None:
     import faultdiagnosistoolbox as toolbox
 
     relations = [list(names) for names in EQUATIONS] + [toolbox.DiffConstraint("rate", "spin")]
-    definition = {
-        "type": "VarStruc",
-        "x": list(UNKNOWN),
-        "f": list(FAULTS),
-        "z": list(KNOWN),
-        "rels": relations,
-    }
+    names = {"x": list(UNKNOWN), "f": list(FAULTS), "z": list(KNOWN)}
+    definition = {"type": "VarStruc", "rels": relations} | names
     model = toolbox.DiagnosisModel(definition, name="shaft")
     not_isolable = model.IsolabilityAnalysis(permute=False)
     return {
@@ -155,11 +145,10 @@ def _linearised(vehicle: Vehicle, speed: float) -> tuple[np.ndarray, np.ndarray]
     channels = [CHANNELS[name] for name in CHANNEL_NAMES]
     readings = READING_FACTORS / [channel.noise for channel in channels]
     bias = np.diag([BIAS[channel.unit] / channel.noise for channel in channels])[:, :3]
+    by_state = np.vstack([by_state, np.diag(readings)])
     no_bias = np.zeros((2, 3))
     no_effect = np.zeros((4, len(PARAMETERS)))
-    return np.vstack([by_state, np.diag(readings)]), np.block(
-        [[by_fault, no_bias], [no_effect, bias]]
-    )
+    return by_state, np.block([[by_fault, no_bias], [no_effect, bias]])
 
 
 def _over_window(rows: np.ndarray, shaft_moves: bool) -> np.ndarray:

@@ -122,37 +122,31 @@ def summary(
     """All results as plain data."""
     names = ("missions", "diagnoser", "hotel_load", "seed")
     options = (f"--{name.replace('_', '-')} {getattr(arguments, name)}" for name in names)
-    part = np.repeat(list(PARTS), arguments.missions)
+    part_of_lane = np.repeat(list(PARTS), arguments.missions)
     kind = np.array([_kind(schedule) for schedule in plan.schedules])
     lanes_by_kind = {str(name): kind == name for name in np.unique(kind[kind != ""])}
+    followed = runs_by_arm[FOLLOWED]
+    others = {f"{FOLLOWED} minus {arm}": runs_by_arm[arm] for arm in (IGNORED, TRUTH_KNOWN)}
+    parts = {}
+    gaps = {}
+    for part in PARTS:
+        lanes = part_of_lane == part
+        parts[part] = {
+            arm: arm_figures(runs, lanes, arguments.seed) for arm, runs in runs_by_arm.items()
+        }
+        gaps[part] = {
+            name: differences(followed, other, lanes, arguments.seed)
+            for name, other in others.items()
+        }
+    ranges = dict(speed=SPEED, length=LENGTH, gone=GONE, reserve=RESERVE, current=CURRENT)
     return {
         "command": " ".join(["python -m training.studies.advisory", *options]),
         "missions": arguments.missions,
         "diagnoser": arguments.diagnoser,
         "hotel_load": arguments.hotel_load,
-        "drawn": {
-            "speed": SPEED,
-            "length": LENGTH,
-            "gone": GONE,
-            "reserve": RESERVE,
-            "current": CURRENT,
-        },
-        "parts": {
-            name: {
-                arm: arm_figures(runs, part == name, arguments.seed)
-                for arm, runs in runs_by_arm.items()
-            }
-            for name in PARTS
-        },
-        "differences": {
-            name: {
-                f"{FOLLOWED} minus {other}": differences(
-                    runs_by_arm[FOLLOWED], runs_by_arm[other], part == name, arguments.seed
-                )
-                for other in (IGNORED, TRUTH_KNOWN)
-            }
-            for name in PARTS
-        },
+        "drawn": ranges,
+        "parts": parts,
+        "differences": gaps,
         "kinds": {
             name: {arm: _shares(runs.outcome[lanes]) for arm, runs in runs_by_arm.items()}
             for name, lanes in lanes_by_kind.items()

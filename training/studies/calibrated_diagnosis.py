@@ -26,6 +26,7 @@ from training.metrics import confusion, macro_f1, restricted_mean
 from training.metrics.intervals import f1_interval
 from training.metrics.records import Record, Truth, concatenate_lanes, healthy_outcome
 from training.report.cells import with_interval
+from training.report.sections import table_section
 from training.seeds import seeds
 from training.studies.calibration import sampled_vehicle, simulated_logs
 from training.studies.run import command_line, run_study
@@ -133,9 +134,7 @@ def score(vehicles: Sequence[VehicleEpisodes], seed: int) -> dict[str, Any]:
 
 
 def section(
-    scores: Mapping[str, Mapping[str, Any]],
-    ratio: float,
-    n_vehicles: int,
+    scores: Mapping[str, Mapping[str, Any]], ratio: float, n_vehicles: int
 ) -> dict[str, Any]:
     """The table of the scores."""
     rows = [
@@ -148,15 +147,9 @@ def section(
         ]
         for name, score in scores.items()
     ]
-    columns = [
-        "vehicle and parameters of the bank",
-        "macro-F1 at 10 s (95 %)",
-        "isolation [s]",
-        "false alarms",
-        "episodes",
-    ]
+    columns = ["vehicle and parameters of the bank", "macro-F1 at 10 s (95 %)", "isolation [s]"]
     heading = f"{n_vehicles} vehicles: macro-F1 calibrated is {ratio:.3f} of that on the preset"
-    return {"heading": heading, "table": {"columns": columns, "rows": rows}}
+    return table_section(heading, [*columns, "false alarms", "episodes"], rows)
 
 
 if __name__ == "__main__":

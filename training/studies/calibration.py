@@ -24,6 +24,7 @@ from training.field.calibration.calibration import Calibration, calibrate
 from training.field.logs.log import Log, read_log
 from training.field.units import UNITS
 from training.field.vehicle_file import Column, VehicleFile, read_vehicle, write_vehicle
+from training.report.sections import table_section
 from training.rollouts import roll_out
 from training.seeds import seeds
 from training.studies.run import command_line, run_study
@@ -185,32 +186,21 @@ def _summary_row(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def page(rows: Mapping[str, Mapping[str, Any]], n_vehicles: int) -> dict[str, Any]:
     """The report's sections."""
     shares = ("half_width", "error", "error_before")
-    cells = [
-        [
-            name,
-            str(row["inside"]),
-            *(f"{100 * row[key]:.2f} %" if key in row else "" for key in shares),
-        ]
-        for name, row in rows.items()
-    ]
-    columns = [
-        "parameter",
-        f"inside, of {n_vehicles}",
-        "median half-width",
-        "median error",
-        "error of the preset",
-    ]
+    cells = []
+    for name, row in rows.items():
+        share_cells = [f"{100 * row[key]:.2f} %" if key in row else "" for key in shares]
+        cells.append([name, str(row["inside"]), *share_cells])
+    columns = ["parameter", f"inside, of {n_vehicles}", "median half-width", "median error"]
     intro = (
         f"{n_vehicles} vehicles with {', '.join(SAMPLED)} within {100 * HALF_WIDTH:.0f} % of the "
         f"preset. Each is calibrated on {2 * LOGS} logs of {DURATION:g} s with default noise and "
         "disturbance; half of the logs follow the thesis' speed steps. Inside: the true value "
         "lies in the 95 % interval."
     )
-    table = {"columns": columns, "rows": cells}
     return {
         "title": "Does a calibration find vehicles far from the preset?",
         "intro": [intro],
-        "sections": [{"heading": "Intervals", "text": [], "table": table}],
+        "sections": [table_section("Intervals", [*columns, "error of the preset"], cells)],
     }
 
 

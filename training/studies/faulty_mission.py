@@ -32,6 +32,7 @@ from training.field.diagnosis.diagnosis import (
 from training.field.diagnosis.load_limits import is_overloaded, load_limits
 from training.field.logs.log import Log, read_log
 from training.field.vehicle_file import Column, VehicleFile, write_vehicle
+from training.report.sections import table_section
 from training.seeds import seeds
 from training.studies.run import command_line, run_study
 
@@ -100,11 +101,7 @@ def write_missions(folder: Path, arguments: FaultyMissionStudy) -> list[Path]:
     return paths
 
 
-def simulated_missions(
-    lanes: Sequence[int],
-    n_samples: int,
-    load: float,
-) -> np.ndarray:
+def simulated_missions(lanes: Sequence[int], n_samples: int, load: float) -> np.ndarray:
     """Observations (n_samples, n_lanes, n_channels) at 10 Hz; `load` multiplies the last torque."""
     fleet = Fleet(len(lanes), VEHICLE.vehicle, missions=LEGS)
     observations = [fleet.reset(lanes, schedules=[()] * len(lanes))]
@@ -136,21 +133,16 @@ def study(logs: Sequence[Log], folder: Path) -> dict[str, Any]:
         ["faulty", *summary_cells([faulty])],
     ]
     columns = ["missions", "number", "with alarm", "first alarm [s]", "fault", "load of the shaft"]
-    table = {"columns": columns, "rows": rows}
     return {
         "title": "Is one faulty mission found among healthy ones?",
         "verdicts": {verdict.log: verdict.verdict for verdict in (*verdicts, faulty)},
         "alarm_time": faulty.alarm_time,
         "false_alarms": sum(bool(verdict.alarms) for verdict in verdicts),
-        "sections": [{"heading": "One faulty mission", "table": table}],
+        "sections": [table_section("One faulty mission", columns, rows)],
     }
 
 
-def verdicts_on(
-    logs: Sequence[Log],
-    healthy: Sequence[Log],
-    vehicle: VehicleFile,
-) -> list[Verdict]:
+def verdicts_on(logs: Sequence[Log], healthy: Sequence[Log], vehicle: VehicleFile) -> list[Verdict]:
     """Verdicts by the filter bank and by the limits on the load from the healthy logs."""
     limits = load_limits(healthy, vehicle)
     verdicts = []

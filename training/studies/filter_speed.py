@@ -99,10 +99,8 @@ class SurgeModel:
         of the last shaft speeds in the thrust.
         """
         p, by_severity = self.parameters(x)
-        squares = [
-            last_weight * last * last + (1.0 - last_weight) * now * now
-            for now, last in zip(self.rpm, self.last_rpm, strict=True)
-        ]
+        now = np.square(self.rpm)
+        squares = last_weight * np.square(self.last_rpm) + (1.0 - last_weight) * now
         thrust = p[2] * squares[0] + p[3] * squares[1]
         thrust_slope = by_severity[2] * squares[0] + by_severity[3] * squares[1]
         drag = p[0] + p[1] * self.deflection
@@ -188,12 +186,9 @@ def filterpy_filter(model: SurgeModel, mean: np.ndarray, covariance: np.ndarray)
             if channel == ACCELERATION:
                 gain = parameters[row + 1]
                 variance += model.counter_noise_variance(kalman.x) * gain**2
-            kalman.update(
-                np.array([observation[channel]]),
-                partial(gradient, row=row),
-                partial(predicted, row=row),
-                R=variance,
-            )
+            reading = np.array([observation[channel]])
+            functions = (partial(gradient, row=row), partial(predicted, row=row))
+            kalman.update(reading, *functions, R=variance)
 
     return kalman, update
 
@@ -209,7 +204,6 @@ class SurgeBank:
         table = bank.hypotheses()
         state = bank.initial(self.n_lanes)
         self.n_filters = int(table.first_filter[SURGE + 1])
-        rows = len(OWN_PARAMETERS[SURGE])
         self.constants = bank.constants
         self.base = state.healthy[0, table.parameter[SURGE]]
         self.filters = np.ascontiguousarray(state.filters[:, :, : self.n_filters])
@@ -219,20 +213,12 @@ class SurgeBank:
         self.last = np.full((self.n_lanes, N_READINGS), np.nan)
         self.work = new_workspace(table, 1)
         self.sample = new_sample(1)
-        self.rows = slice(0, rows)
         self.work.healthy[:] = self.base[:, None]
 
     def update(self, observation: np.ndarray) -> None:
         """Update all filters by float64 observations (n_lanes, n_channels) without deflections."""
-        update_lanes(
-            self.filters,
-            self.last_rpm,
-            self.last,
-            observation,
-            self.constants,
-            self.work,
-            self.sample,
-        )
+        last = (self.last_rpm, self.last)
+        update_lanes(self.filters, *last, observation, self.constants, self.work, self.sample)
 
     def moments(self, lane: int, f: int) -> tuple[np.ndarray, np.ndarray]:
         """Mean (5,) and covariance (5, 5) of one filter."""
@@ -242,12 +228,8 @@ class SurgeBank:
 
     def filterpy_filter(self, lane: int, f: int) -> tuple[object, Callable[[np.ndarray], None]]:
         """The filterpy filter that equals one of these, and its update."""
-        model = SurgeModel(
-            self.base[self.rows],
-            self.slope[self.rows, f],
-            self.offset[self.rows, f],
-            self.constants,
-        )
+        n = len(OWN_PARAMETERS[SURGE])
+        model = SurgeModel(self.base[:n], self.slope[:n, f], self.offset[:n, f], self.constants)
         return filterpy_filter(model, *self.moments(lane, f))
 
 

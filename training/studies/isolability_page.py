@@ -113,9 +113,8 @@ def _removal(results: Results) -> dict[str, Any]:
         "not count as a rival."
     )
     data = {"classes": names[1:], "channels": list(without), "shares": shares}
-    return figure_section(
-        "What each sensor adds", "sensor_removal", "sensor-removal", caption, data
-    )
+    heading = "What each sensor adds"
+    return figure_section(heading, "sensor_removal", "sensor-removal", caption, data)
 
 
 def _share_left(

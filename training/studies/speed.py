@@ -24,6 +24,7 @@ import gymnasium as gym
 import numpy as np
 
 from auv_fault_env.errors import finite_in_range, whole_number
+from training.report.sections import table_section
 from training.studies.run import command_line, run_study
 from training.studies.speed_profiles import ENVIRONMENT, batch_profile, single_profile
 from training.studies.speed_runs import Rates, Run, batch_run, rates_in_turn, single_run
@@ -82,12 +83,10 @@ class Comparison(NamedTuple):
 
     Attributes
     ----------
-    what
-        Name of the run in the table.
+    what, to
+        Run and meaning of the ratio in the table.
     numerator, denominator
         Names of the runs whose rates are divided.
-    to
-        Meaning of the ratio in the table.
     least, most
         Limits of the ratio.
     target
@@ -241,7 +240,7 @@ def page(results: dict[str, Any]) -> dict[str, Any]:
         "intro": [f"{about['processor']}, {about['cores']} cores; {versions}.", NOTES],
         "command": results["command"],
         "sections": [
-            {"heading": "Rates", "table": {"columns": columns, "rows": rows}},
+            table_section("Rates", columns, rows),
             profile_section(f"Batch of {results['size']['lanes']} lanes", results["batch_profile"]),
             profile_section("Single environment", results["single_profile"]),
         ],
@@ -255,10 +254,7 @@ def profile_section(heading: str, parts: dict[str, float]) -> dict[str, Any]:
         [name, f"{cost:,.2f}", f"{100 * cost / whole:.1f} %"]
         for name, cost in (*parts.items(), ("whole", whole))
     ]
-    return {
-        "heading": heading,
-        "table": {"columns": ["part of a step", "ns/lane-step", "share"], "rows": rows},
-    }
+    return table_section(heading, ["part of a step", "ns/lane-step", "share"], rows)
 
 
 if __name__ == "__main__":

@@ -30,16 +30,7 @@ def batch_profile(
 ) -> dict[str, float]:
     """Cost of the parts of a batch's step on one thread [ns per lane-step]; the sum is the whole.
 
-    Parameters
-    ----------
-    seed
-        Seed of the first lane.
-    repeats, seconds
-        As for `rates_in_turn`.
-    n_lanes
-        Lanes of the batch.
-    episode
-        Steps of an episode.
+    `episode` is in steps; `repeats` and `seconds` are those of `rates_in_turn`.
     """
     fleet = Fleet(n_lanes, parallel=False)
     fleet.reset(range(seed, seed + n_lanes))

@@ -84,18 +84,8 @@ def rate(run: Run, seconds: float) -> float:
 def rates_in_turn(runs: Mapping[str, Run], repeats: int, seconds: float, about: str) -> Rates:
     """Rates of all runs, measured in turn in every repeat so that other load affects all alike.
 
-    A first round, which does not count, compiles and warms up.
-
-    Parameters
-    ----------
-    runs
-        By name.
-    repeats
-        Number of rates for each run.
-    seconds
-        Least time of one measurement.
-    about
-        Label of the progress bar.
+    A first round, which does not count, compiles and warms up. `seconds` is the least time of one
+    measurement, `about` the label of the progress bar.
     """
     rates: Rates = {name: [] for name in runs}
     warm_up = [(name, 0.0) for name in runs]

@@ -144,10 +144,7 @@ def healthy_lanes(conditions: Conditions, n_lanes: int, seed: int) -> list[Episo
     """Episodes without a fault."""
     lane_seeds = seeds("validation", n_lanes, FIRST_HEALTHY + seed)
     missions = conditions.sample_missions(lane_seeds)
-    return [
-        Episode(lane_seed, (), mission)
-        for lane_seed, mission in zip(lane_seeds, missions, strict=True)
-    ]
+    return [Episode(*fields) for fields in zip(lane_seeds, [()] * n_lanes, missions, strict=True)]
 
 
 def behaviour(
@@ -159,12 +156,10 @@ def behaviour(
     workers: int,
     seed: int,
 ) -> dict[str, Any]:
-    """What stimuli do within a budget [m/s], as plain data.
+    """What stimuli do within a budget [m/s] on faulty and on healthy lanes, as plain data.
 
     Parameters
     ----------
-    faulty_stimuli, healthy_stimuli
-        Names of the stimuli that run on faulty lanes, and on healthy lanes.
     diagnoser, threshold
         The diagnoser in the loop, and the log p(normal) below which it raises its alarm.
     workers
@@ -232,12 +227,7 @@ def offsets_around_onset(
 ) -> dict[str, Any]:
     """Mean offset and mean absolute offset [m/s] in bins of the time since onset.
 
-    Parameters
-    ----------
-    runs
-        By stimulus.
-    fault, onset
-        Class and onset [s] of each lane, (n_lanes,).
+    `fault` and `onset` are class and onset [s] of each lane, (n_lanes,).
 
     Returns
     -------
@@ -267,15 +257,8 @@ def budget_shares(
 ) -> dict[str, list[float]]:
     """Root mean square of the offsets as a share of the budget, a triple for each stimulus.
 
-    Parameters
-    ----------
-    mean_squares
-        Mean square of the offsets of each lane, (1, n_lanes), by stimulus; the seeds of the agent
-        count together as well.
-    budget
-        [m/s].
-    seed
-        Seed of the bootstrap.
+    `mean_squares` holds the mean square of the offsets of each lane, (1, n_lanes); the seeds of the
+    agent count together as well. The seed is that of the bootstrap.
     """
     shares = {}
     for name, values in with_agent(mean_squares).items():

@@ -21,6 +21,7 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MissionSampler, follow_mission
 from auv_fault_env.parameters import PRESETS, SAMPLE_TIME
 from training.field.vehicle_file import Column, VehicleFile, write_vehicle
+from training.report.sections import table_section
 from training.seeds import seeds
 from training.studies.run import command_line, run_study
 
@@ -79,13 +80,13 @@ def study(arguments: StreamStudy, vehicle: Path) -> dict[str, Any]:
     p50, p99 = (1e6 * np.percentile(durations[WARM_UP:], [50, 99])).tolist()
     rows = [[f"{n_lines:,}", f"{size:.1f}"] for n_lines, size in memory.items()]
     times = f"median {p50:.0f} µs, 99th percentile {p99:.0f} µs"
-    table = {"columns": ["lines", "resident memory [MB]"], "rows": rows}
+    heading = f"{arguments.diagnoser}, to an answer: {times}"
     return {
         "title": "The cost of a stream",
         "p50_us": p50,
         "p99_us": p99,
         "memory_mb": memory,
-        "sections": [{"heading": f"{arguments.diagnoser}, to an answer: {times}", "table": table}],
+        "sections": [table_section(heading, ["lines", "resident memory [MB]"], rows)],
     }
 
 

@@ -59,9 +59,8 @@ def main() -> None:
     fleet = fleet_rate()
     ratio = fleet / single
     print(f"single environments in {PROCESSES} processes: {single:,.0f} decisions per second")
-    print(
-        f"fleet of {stimulus.LANES}: {fleet:,.0f} decisions per second, {ratio:.1f} times as many"
-    )
+    rate = f"{fleet:,.0f} decisions per second, {ratio:.1f} times as many"
+    print(f"fleet of {stimulus.LANES}: {rate}")
 
 
 if __name__ == "__main__":
