@@ -21,7 +21,7 @@ def shuffled_folds(
     n_folds: int,
     seed: int,
 ) -> np.ndarray:
-    """A fold for each run (n_runs,), drawn at random; every fold has its share of each label."""
+    """A fold for each run (n_runs,), at random; every fold has its share of each label."""
     selection = import_from_extra("sklearn.model_selection", EXTRA)
     splitter = selection.StratifiedKFold(n_folds, shuffle=True, random_state=seed)
     folds = np.empty(len(label), np.int64)

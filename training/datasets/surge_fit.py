@@ -100,7 +100,7 @@ def together(runs: Sequence[Normal]) -> Normal:
 
 
 def solve(normal: Normal, weights: np.ndarray | None = None) -> np.ndarray:
-    """Least-squares coefficients (..., n_terms), by weights (..., n_blocks) of 1 or as given."""
+    """Least-squares coefficients (..., n_terms), by weights (..., n_blocks), 1 by default."""
     weights = np.ones(len(normal.gram)) if weights is None else weights
     gram = np.tensordot(weights, normal.gram, 1)
     moment = weights @ normal.moment

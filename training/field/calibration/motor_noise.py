@@ -51,7 +51,7 @@ def noise_covariance(
 ) -> float:
     """Covariance of the noise of a reading and of its prediction error, (n_samples,) each.
 
-    The error does not depend on the reading before, whose difference therefore removes the signal.
+    The error does not depend on the reading before, so that a difference of readings removes the signal.
     Outliers and changes of speed are left out.
     """
     segment = np.cumsum(log.starts)[log.is_read]

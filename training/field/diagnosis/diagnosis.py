@@ -124,7 +124,7 @@ def diagnoser_for(
 
 
 def logged_sides(vehicle: VehicleFile) -> tuple[str, ...]:
-    """Sides whose voltage or shaft speed is logged.
+    """Sides with a voltage or a shaft speed in the log.
 
     A starboard shaft that is not logged is taken to turn as the port one.
     """
@@ -138,7 +138,7 @@ def logged_sides(vehicle: VehicleFile) -> tuple[str, ...]:
 
 
 def changes_parameter(fault: Fault, prefixes: tuple[str, ...]) -> bool:
-    """Whether a fault changes a parameter whose name begins with one of the prefixes."""
+    """Whether a fault changes a parameter with one of these prefixes."""
     return any(name.startswith(prefixes) for name in (*fault.scale, *fault.offset))
 
 

@@ -123,7 +123,7 @@ def _between_coarse_ticks(
     sample_rate: float,
     remarks: list[str],
 ) -> np.ndarray:
-    """The time, rows with the same stamp spread evenly to the next if the clock is coarse."""
+    """The time; rows with the same stamp of a coarse clock are evenly apart until the next."""
     ticks = np.flatnonzero(np.diff(time, prepend=-np.inf))
     count = np.diff(ticks, append=time.size)
     length = np.median(np.diff(time[ticks])) if ticks.size > 1 else 0.0

@@ -34,7 +34,7 @@ class Log(NamedTuple):
         segment. A reading is NaN where none arrived: a log of 1 Hz has nine such rows between two
         readings. A command stays until the next one.
     segments
-        Unbroken stretches of at least 10 s.
+        The unbroken parts of at least 10 s.
     remarks
         What was repaired, one line each.
     """

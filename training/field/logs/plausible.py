@@ -172,7 +172,7 @@ def _typical_ratio(
 
 
 def _explanation(ratio: float, channel: str) -> str:
-    """The unit whose factor is nearest to the ratio, if one is near."""
+    """The unit with the factor nearest to the ratio, if one is near."""
     units = UNITS[CHANNELS[channel].unit]
     factors = {f"{channel} in {unit}": 1 / factor for unit, factor in units.items()}
     factors |= {f"shaft speed in {unit}": factor for unit, factor in UNITS["rpm"].items()}

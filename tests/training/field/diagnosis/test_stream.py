@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import InputError
 from training.field.diagnosis.diagnosis import THRESHOLDS, beliefs
 from training.field.diagnosis.stream import follow, lines
@@ -88,7 +89,7 @@ def test_json_lines_are_read_as_csv_is(faulty):
     ],
     ids=["cut", "binary", "time", "empty", "endless"],
 )
-def test_a_bad_line_is_told_in_one_line_and_left(faulty, line, words):
+def test_a_bad_line_is_reported_in_one_line_and_left_out(faulty, line, words):
     good = csv_lines(episode(FAULT)[:SHORT]).splitlines()
     rows, errors, _ = answers(b"\n".join([*good[:40], line, *good[40:]]))
     assert rows == faulty[0][:SHORT]
@@ -102,7 +103,7 @@ def test_a_bad_line_is_told_in_one_line_and_left(faulty, line, words):
 @pytest.mark.parametrize(
     "line", [b"{", b"[1]", b"17", b'{"time": {}}', b'{"time": 1e999}', b"{" * 5000]
 )
-def test_a_bad_json_line_is_left(line):
+def test_a_bad_json_line_is_left_out(line):
     good = json_lines(episode()[:20]).splitlines()
     rows, errors, _ = answers(b"\n".join([*good[:9], line, *good[9:]]))
     assert len(rows) == 20 and len(errors) == 1
@@ -178,6 +179,49 @@ def test_a_line_without_end_is_one_line():
     assert [(number, len(text)) for number, text in found] == [(1, LONGEST_LINE), (2, 4)]
 
 
+def with_ends(content, end):
+    return b"".join(line + end for line in content.splitlines())
+
+
+def with_units(content):
+    header, rows = content.split(b"\n", 1)
+    units = ",".join(["s", *(CHANNELS[name].unit for name in NAMES)])
+    return b"\n".join([header, units.encode(), rows])
+
+
+LAYOUTS = {
+    "bars": lambda content: content.replace(b",", b"|"),
+    "blanks": lambda content: content.replace(b",", b"  "),
+    "comment mark before the header": lambda content: b"# " + content,
+    "separator at the end": lambda content: with_ends(content, b",\n"),
+    "separator at the end of rows": lambda content: with_ends(content, b",\n").replace(
+        b",\n", b"\n", 1
+    ),
+    "line ends of Windows": lambda content: with_ends(content, b"\r\n"),
+    "row of units": with_units,
+    "quotation marks": lambda content: b"\n".join(
+        b'"' + line.replace(b",", b'","') + b'"' for line in content.splitlines()
+    ),
+    "stray quotation mark": lambda content: content.replace(b"100.0,", b'"100.0,'),
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_a_stream_is_read_in_the_layouts_of_files(faulty, layout):
+    rows, errors, _ = answers(layout(csv_lines(episode(FAULT)[:SHORT])))
+    assert rows == faulty[0][:SHORT] and not errors
+
+
+def test_time_stamps_and_words_are_read_as_in_files():
+    lines = csv_lines(episode()[:30]).splitlines()
+    stamped = [lines[0]]
+    for k, line in enumerate(lines[1:]):
+        stamped.append(b"12:00:%04.1f," % (0.1 * k) + line.split(b",", 1)[1])
+    rows, errors, _ = answers(b"\n".join(stamped))
+    assert not errors
+    np.testing.assert_allclose([row["time"] for row in rows], 43200.0 + 0.1 * np.arange(30))
+
+
 def test_decimal_commas_are_read_where_another_separator_stands(faulty):
     german = csv_lines(episode(FAULT)[:SHORT]).replace(b",", b";").replace(b".", b",")
     rows, errors, _ = answers(german)
@@ -185,7 +229,7 @@ def test_decimal_commas_are_read_where_another_separator_stands(faulty):
 
 
 @pytest.mark.parametrize(("cell", "words"), [(b"1e155", "'1e155' is beyond"), (b"abc", "'abc'")])
-def test_what_cannot_have_been_read_is_told_and_taken_as_missing(cell, words):
+def test_an_impossible_cell_is_reported_and_taken_as_missing(cell, words):
     good = csv_lines(episode()[:SHORT]).splitlines()
     place = good[0].split(b",").index(NAMES[4].encode())
     bad = list(good)
@@ -199,7 +243,7 @@ def test_what_cannot_have_been_read_is_told_and_taken_as_missing(cell, words):
     assert len(errors) == 1 and words in errors[0] and "taken as missing" in errors[0]
 
 
-def test_a_line_without_a_reading_is_left():
+def test_a_line_without_a_reading_is_left_out():
     good = csv_lines(episode()[:3]).splitlines()
     row = [b"" if k > 4 else cell for k, cell in enumerate(good[2].split(b","))]
     rows, errors, _ = answers(b"\n".join([*good[:2], b",".join(row), good[3]]))
