@@ -72,7 +72,7 @@ def benchmark(budget=0.05, stimuli=(*OPEN_LOOP, "learned", "learned_1"), **chang
     scores = {
         stimulus: {
             name: score(SPEED[stimulus] * slow * (1.0 + k))
-            for k, name in enumerate((DIAGNOSER, "cusum"))
+            for k, name in enumerate((DIAGNOSER, "limits"))
         }
         for stimulus in stimuli
     }
@@ -81,10 +81,10 @@ def benchmark(budget=0.05, stimuli=(*OPEN_LOOP, "learned", "learned_1"), **chang
         "revision": None,
         "suite": {"name": "standard", "hash": "a" * 64, "every": 1},
         "classes": list(classes()),
-        "references": ["cusum"],
+        "references": ["limits"],
         "episodes": {"fault": FAULT.tolist()},
         "settings": {"stimuli": dict.fromkeys(stimuli, budget)},
-        "thresholds": {DIAGNOSER: {"1 h": -6.0}, "cusum": {"1 h": None}},
+        "thresholds": {DIAGNOSER: {"1 h": -6.0}, "limits": {"1 h": None}},
         "scores": scores,
     } | changes
 
@@ -222,7 +222,7 @@ def test_without_the_agent_no_target_is_judged():
         ('{"scores": {}}', "KeyError"),
         (benchmark(stimuli=("thesis", "greedy")), "thesis and cruise among them"),
         (benchmark(settings={"stimuli": {"cruise": 0.05, "thesis": 0.1}}), "all with one budget"),
-        (benchmark(thresholds={"cusum": {}}), f"{DIAGNOSER} among them"),
+        (benchmark(thresholds={"limits": {}}), f"{DIAGNOSER} among them"),
         (benchmark(scores=benchmark()["scores"] | {"thesys": {}}), "did you mean 'thesis'"),
     ],
 )
@@ -351,9 +351,9 @@ def results(stimuli):
         "revision": "abc",
         "stimuli": list(stimuli),
         "figures": {
-            name: compare_by_subset(scores, name, names, 0) for name in (DIAGNOSER, "cusum")
+            name: compare_by_subset(scores, name, names, 0) for name in (DIAGNOSER, "limits")
         },
-        "costs": {name: mean_costs(scores, name) for name in (DIAGNOSER, "cusum")},
+        "costs": {name: mean_costs(scores, name) for name in (DIAGNOSER, "limits")},
         "behaviour": behaviour,
         "ceilings": {fault: ceiling_of(fault, 0, 0.05) for fault in active_ceiling.FAULTS},
     }
@@ -362,7 +362,7 @@ def results(stimuli):
         "seed": 0,
         "suite": {"name": "standard", "hash": "a" * 64, "every": 1, "episodes": LANES},
         "diagnoser": DIAGNOSER,
-        "references": ["cusum"],
+        "references": ["limits"],
         "classes": FAULTS,
         "lanes": 6,
         "budgets": {"0.05": one, "0.1": one},
@@ -403,8 +403,8 @@ def test_the_command_writes_a_report_and_takes_ceilings_over(tmp_path, searched,
         monkeypatch.setattr(stimulus_behaviour, name, value)
     # drawing and the filter bank take the longest; both have their own tests
     monkeypatch.setattr(run, "write_report", lambda report, folder: None)
-    monkeypatch.setattr(stimuli, "DIAGNOSER", "cusum")
-    path = written(tmp_path, stimuli=("cruise", "thesis"), thresholds={"cusum": {"1 h": -6.0}})
+    monkeypatch.setattr(stimuli, "DIAGNOSER", "limits")
+    path = written(tmp_path, stimuli=("cruise", "thesis"), thresholds={"limits": {"1 h": -6.0}})
     arguments = StimulusStudy((path,), tmp_path / "out", workers=1)
     main(arguments)
     first = json.loads((tmp_path / "out" / "results.json").read_text())
