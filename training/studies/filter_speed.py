@@ -8,7 +8,7 @@ bank all filters of a lane at once.
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -37,6 +37,7 @@ STERN_PLANE = INDEX["stern_plane"]
 SPEED = INDEX["speed"]
 ACCELERATION = INDEX["acceleration"]
 CHANNEL_OF_RPM = (INDEX["port_rpm"], INDEX["starboard_rpm"])
+BETAS = [surge.PORT_BETA, surge.STARBOARD_BETA]
 
 
 @kernel
@@ -79,14 +80,14 @@ class SurgeModel:
     offset: np.ndarray
     constants: BankConstants
     deflection: float = 0.0
-    rpm: tuple[float, float] = (0.0, 0.0)
-    last_rpm: tuple[float, float] = (0.0, 0.0)
+    rpm: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    last_rpm: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
     def parameters(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Parameters at the state, and their derivatives by severity."""
         healthy = self.base.copy()
         healthy[surge.ALPHA] *= 1.0 + x[2]
-        healthy[[surge.PORT_BETA, surge.STARBOARD_BETA]] *= 1.0 + x[3]
+        healthy[BETAS] *= 1.0 + x[3]
         by_severity = healthy * self.slope + self.offset
         return healthy + x[4] * by_severity, by_severity
 
@@ -101,8 +102,8 @@ class SurgeModel:
         p, by_severity = self.parameters(x)
         now = np.square(self.rpm)
         squares = last_weight * np.square(self.last_rpm) + (1.0 - last_weight) * now
-        thrust = p[2] * squares[0] + p[3] * squares[1]
-        thrust_slope = by_severity[2] * squares[0] + by_severity[3] * squares[1]
+        thrust = p[BETAS] @ squares
+        thrust_slope = by_severity[BETAS] @ squares
         drag = p[0] + p[1] * self.deflection
         drag_slope = by_severity[0] + by_severity[1] * self.deflection
         square = speed * abs(speed)
@@ -118,7 +119,7 @@ class SurgeModel:
     def counter_noise_variance(self, x: np.ndarray) -> float:
         """Variance of the acceleration from the noise of the rpm counters."""
         p, _ = self.parameters(x)
-        return (2.0 * p[2] * self.rpm[0]) ** 2 + (2.0 * p[3] * self.rpm[1]) ** 2
+        return np.square(2.0 * p[BETAS] * self.rpm).sum()
 
     def predict(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """State after a sample, its Jacobian and the covariance of the process noise."""
@@ -137,7 +138,7 @@ class SurgeModel:
         noise = np.zeros((N_STATES, N_STATES))
         noise[1, 1] = (1.0 - c.disturbance_memory**2) * c.disturbance_variance
         noise = jacobian @ noise @ jacobian.T
-        jump = sum(p[2 + i] * (self.rpm[i] ** 2 - self.last_rpm[i] ** 2) for i in range(2))
+        jump = p[BETAS] @ (np.square(self.rpm) - np.square(self.last_rpm))
         variance = self.counter_noise_variance(x) + (BETWEEN_STD * jump) ** 2
         noise[0, 0] += SAMPLE_TIME**2 * variance
         x[0] += SAMPLE_TIME * middle
@@ -175,9 +176,8 @@ def filterpy_filter(model: SurgeModel, mean: np.ndarray, covariance: np.ndarray)
         return np.array([model.reading(x, row)[0]])
 
     def update(observation: np.ndarray) -> None:
-        port, starboard = CHANNEL_OF_RPM
         model.last_rpm = model.rpm
-        model.rpm = (observation[port], observation[starboard])
+        model.rpm = observation[list(CHANNEL_OF_RPM)]
         model.deflection = observation[RUDDER] ** 2 + observation[STERN_PLANE] ** 2
         kalman.predict()
         for row, channel in ((surge.SPEED, SPEED), (surge.ACCELERATION, ACCELERATION)):
@@ -222,9 +222,9 @@ class SurgeBank:
 
     def moments(self, lane: int, f: int) -> tuple[np.ndarray, np.ndarray]:
         """Mean (5,) and covariance (5, 5) of one filter."""
-        places = [[covariance_row.py_func(i, j) for j in range(N_STATES)] for i in range(N_STATES)]
-        mean = self.filters[lane, :N_STATES, f].copy()
-        return mean, self.filters[lane, :, f][np.array(places)]
+        rows = np.vectorize(covariance_row.py_func)(*np.indices((N_STATES, N_STATES)))
+        moments = self.filters[lane, :, f]
+        return moments[:N_STATES].copy(), moments[rows]
 
     def filterpy_filter(self, lane: int, f: int) -> tuple[object, Callable[[np.ndarray], None]]:
         """The filterpy filter that equals one of these, and its update."""

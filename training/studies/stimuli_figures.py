@@ -71,9 +71,10 @@ def delay_cost_plane(results: Results) -> dict[str, Any]:
     names = {}
     fronts = {}
     for cost in COST_LABELS:
-        front = [points[k] for k in pareto_front([(p[cost], p["delay"][0]) for p in points])]
-        names[cost] = ", ".join(map(_point_name, front))
-        fronts[cost] = [[point[cost], point["delay"][0]] for point in front]
+        places = [(point[cost], point["delay"][0]) for point in points]
+        front = pareto_front(places)
+        names[cost] = ", ".join(_point_name(points[k]) for k in front)
+        fronts[cost] = [list(places[k]) for k in front]
     caption = (
         f"Isolation time with {results['diagnoser']} against the cost of a stimulus on the same "
         "episodes. Down and left is better; no stimulus is better in both than the dotted ones. By "

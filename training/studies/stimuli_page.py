@@ -182,23 +182,23 @@ def diagnoser_table(results: Results, budget: str, diagnoser: str, subset: str) 
     of_budget = results["budgets"][budget]
     figures = of_budget["figures"][diagnoser].get(subset, {})
     heading = f"{diagnoser}, {budget} m/s{SUBSET_WORDS[subset]}"
-    rows = {}
-    for stimulus in _by_mean(figures):
-        figure = figures[stimulus]
-        spread = figure["spread"]
+    stimuli = _by_mean(figures)
+    rows = []
+    for stimulus in stimuli:
+        spread = figures[stimulus]["spread"]
         name = stimulus if spread is None else f"{stimulus} ± {spread:.2f}"
-        rows[stimulus] = [name, *_figure_cells(figure)]
+        rows.append([name, *_figure_cells(figures[stimulus])])
     columns = ["stimulus", *COLUMNS]
     if subset != "all":
-        return table_section(heading, columns, list(rows.values()))
-    for stimulus, row in rows.items():
+        return table_section(heading, columns, rows)
+    for stimulus, row in zip(stimuli, rows, strict=True):
         costs = of_budget["costs"][diagnoser][stimulus]
         row += [format(costs[key], form) for key, (_, form) in COSTS.items()]
     text = (
         "After ± is the standard deviation over the training seeds [s]. Speed RMS is the root mean "
         "square deviation of the true speed from the mission speed."
     )
-    return table_section(heading, [*columns, *COST_COLUMNS], list(rows.values()), text)
+    return table_section(heading, [*columns, *COST_COLUMNS], rows, text)
 
 
 def _by_mean(figures: Mapping[str, Any]) -> list[str]:
