@@ -120,8 +120,6 @@ def summary(
     arguments: AdvisoryStudy, plan: MissionPlan, runs_by_arm: Mapping[str, MissionRuns]
 ) -> dict[str, Any]:
     """All results as plain data."""
-    names = ("missions", "diagnoser", "hotel_load", "seed")
-    options = (f"--{name.replace('_', '-')} {getattr(arguments, name)}" for name in names)
     part_of_lane = np.repeat(list(PARTS), arguments.missions)
     kind = np.array([_kind(schedule) for schedule in plan.schedules])
     lanes_by_kind = {str(name): kind == name for name in np.unique(kind[kind != ""])}
@@ -140,7 +138,6 @@ def summary(
         }
     ranges = dict(speed=SPEED, length=LENGTH, gone=GONE, reserve=RESERVE, current=CURRENT)
     return {
-        "command": " ".join(["python -m training.studies.advisory", *options]),
         "missions": arguments.missions,
         "diagnoser": arguments.diagnoser,
         "hotel_load": arguments.hotel_load,

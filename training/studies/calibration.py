@@ -78,13 +78,8 @@ def study(arguments: CalibrationStudy) -> dict[str, Any]:
         truth = sampled_vehicle(PRESETS[arguments.preset], number)
         calibration = calibrate(*simulated_logs(truth, number))
         vehicles.append(compared_with_truth(calibration, truth))
-    module = "python -m training.studies.calibration"
     rows = summary(vehicles)
-    return page(rows, len(vehicles)) | {
-        "command": f"{module} --vehicles {arguments.vehicles} --seed {arguments.seed}",
-        "summary": rows,
-        "vehicles": vehicles,
-    }
+    return page(rows, len(vehicles)) | {"summary": rows, "vehicles": vehicles}
 
 
 def sampled_vehicle(preset: Vehicle, seed: int) -> Vehicle:

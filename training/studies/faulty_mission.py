@@ -1,8 +1,8 @@
-"""Is one faulty mission among thirty detected? ``python -m training.studies.faulty_mission``.
+"""Is one faulty mission found among thirty healthy ones?
 
-A vehicle of one shaft logs speed, motor command and current once a second, and no shaft speed.
-Every mission has another vehicle of the healthy band; on the last one the propeller's torque is
-three times as large from the start.
+Run ``python -m training.studies.faulty_mission``. A vehicle of one shaft logs speed, motor command
+and current once a second, and no shaft speed. Every mission has another vehicle of the healthy
+band; on the last one the propeller's torque is three times as large from the start.
 """
 
 from collections.abc import Sequence

@@ -86,7 +86,6 @@ def isolability(vehicles: int, seed: int) -> dict[str, Any]:
             ceilings[fault] = active_ceiling.periodic_ceiling(fault, seed)
             bar.update()
     cramer_rao_seeds = seeds("test", N_CRAMER_RAO, FIRST_SEED + seed)
-    options = f"--vehicles {vehicles} --seed {seed}"
     results = {
         "rates": rates,
         "band_rates": band_rates,
@@ -97,7 +96,6 @@ def isolability(vehicles: int, seed: int) -> dict[str, Any]:
         "classes": list(classes()),
         "vehicles": vehicles,
         "severity": SEVERITY,
-        "command": f"python -m training.studies.isolability {options}",
     }
     return results | page(results)
 

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -53,7 +54,8 @@ def run_study(
     arguments
         Dataclass of its options; `output` is the run folder.
     study
-        Computes the results, plain data, from the folder into which it may write files.
+        Computes the results, plain data, from the folder into which it may write files. The command
+        is added to them.
     page
         Makes the page from the results; without it the results hold the page's sections. The table
         of a section with ``printed=False`` is on the page only.
@@ -69,10 +71,18 @@ def run_study(
         arguments.output, name, arguments, files_to_keep=files_to_keep, program=STUDY
     )
     with folder_of_run as folder:
-        results = study(folder)
+        results = {"command": _command(name, arguments)} | study(folder)
         write_json(folder / "results.json", results)
         report = page(results) if page else results
         write_report(report, folder)
     print_tables(section for section in report["sections"] if section.get("printed", True))
     print(f"\nreport: {arguments.output / 'index.html'}")
     return report
+
+
+def _command(name: str, arguments: Any) -> str:
+    """The command with all options but the output, which changes no result."""
+    options = asdict(arguments)
+    del options["output"]
+    words = (f"--{option.replace('_', '-')} {value}" for option, value in options.items())
+    return " ".join([STUDY + name, *words])

@@ -50,10 +50,10 @@ GEM_STEPS = 100
 class Speed:
     """Measure the speed of the environments beside others, and profile a step."""
 
-    seed: int = 0
-    """Seed of the environments and of the actions."""
     repeats: int = 5
     """Number of repeats, of which the median counts."""
+    seed: int = 0
+    """Seed of the environments and of the actions."""
     output: Path = Path("runs/speed")
     """Folder of the report; an earlier run there is replaced."""
 
@@ -143,7 +143,6 @@ def measure(arguments: Speed, size: Size) -> dict[str, Any]:
     rates = rates_in_turn(compared_runs(seed, size), repeats, size.seconds, "comparison")
     profile_seconds = size.seconds / 3
     return {
-        "command": f"python -m training.studies.speed --repeats {repeats} --seed {seed}",
         "seed": seed,
         "repeats": repeats,
         "size": asdict(size),

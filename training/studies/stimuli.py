@@ -97,8 +97,8 @@ def main(arguments: StimulusStudy) -> None:
 
     def study(_folder: Path) -> dict[str, Any]:
         results = summary(benchmarks, ceilings, workers, arguments.seed)
-        words = ["python", "-m", "training.studies.stimuli", *map(str, arguments.results)]
-        return results | {"command": shlex.join([*words, "--seed", str(arguments.seed)])}
+        words = shlex.join([*map(str, arguments.results), "--seed", str(arguments.seed)])
+        return results | {"command": f"{STUDY}stimuli {words}"}
 
     run_study("stimuli", arguments, study, page, files_to_keep=[CEILINGS_FILE])
 

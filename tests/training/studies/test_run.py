@@ -14,6 +14,7 @@ from training.studies.run import command_line, run_study
 @dataclass(frozen=True)
 class Arguments:
     output: Path
+    first_seed: int = 3
 
 
 def section(heading, **more):
@@ -28,9 +29,10 @@ def page(results):
 
 def test_a_study_leaves_results_page_and_manifest_and_prints_its_tables(tmp_path, capsys):
     output = tmp_path / "run"
-    report = run_study("name", Arguments(output), lambda folder: {"command": "c"}, page)
+    report = run_study("name", Arguments(output), lambda folder: {"a": 1}, page)
     assert report["title"] == "t"
-    assert json.loads((output / "results.json").read_text()) == {"command": "c"}
+    command = "python -m training.studies.name --first-seed 3"
+    assert json.loads((output / "results.json").read_text()) == {"command": command, "a": 1}
     assert "details" in (output / "index.html").read_text()
     assert read_manifest(output)["command"] == "python -m training.studies.name"
     printed = capsys.readouterr().out
