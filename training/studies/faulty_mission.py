@@ -1,4 +1,4 @@
-"""Is one faulty mission found among thirty healthy ones?
+"""The detection of one faulty mission among thirty healthy ones.
 
 Run ``python -m training.studies.faulty_mission``. A vehicle of one shaft logs speed, motor command
 and current once a second, and no shaft speed. Every mission has another vehicle of the healthy
