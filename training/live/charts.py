@@ -12,7 +12,7 @@ from auv_fault_env.channels import INDEX
 from auv_fault_env.faults import NORMAL, classes
 from auv_fault_env.parameters import SIDES
 from training.live.history import WINDOW, History
-from training.report.figures.style import COMMAND, PORT, SPEED, STARBOARD, TRUTH
+from training.report.colours import COMMAND, PORT, SPEED, STARBOARD, TRUTH
 
 Options = dict[str, Any]
 N_FAULTS = 4  # fault classes whose probabilities are shown over time

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from itertools import cycle
 from typing import Any
 
-from training.report.figures.style import COLOURS
+from training.report.colours import COLOURS
 from training.report.sections import figure, figure_section
 from training.stimuli.open_loop import Cruise
 from training.studies.stimulus_comparisons import (

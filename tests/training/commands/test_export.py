@@ -15,8 +15,15 @@ from auv_fault_env.parameters import PRESETS
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import make
 from training import cli
-from training.commands.export import digest, evaluate, graph_of, metadata, n_columns, to_onnx
 from training.formats.onnx import GRAPHS, PolicyGraph
+from training.formats.onnx_export import (
+    digest,
+    evaluate,
+    graph_of,
+    metadata,
+    n_columns,
+    to_onnx,
+)
 from training.rollouts import manoeuvres, roll_out
 from training.stimuli import policy_inputs
 from training.stimuli.policy import LearnedPolicy, policy_shapes

@@ -7,15 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from training.report.figures.style import (
-    COMMAND,
-    PORT,
-    SPEED,
-    STARBOARD,
-    STYLE,
-    legend_above,
-    new_figure,
-)
+from training.report.colours import COMMAND, PORT, SPEED, STARBOARD
+from training.report.figures.style import STYLE, legend_above, new_figure
 
 OUTCOME_COLOURS = (STARBOARD, SPEED, COMMAND, PORT)
 LEAST_WRITTEN = 4.0  # %, the least share whose number has room in its bar

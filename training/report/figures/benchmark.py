@@ -9,20 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from training.report.colours import COMMAND, MARKERS, PORT, SPEED, STARBOARD, TRUTH
 from training.report.figures.scores import Series, heat_map, line_styles
-from training.report.figures.style import (
-    COMMAND,
-    MARKERS,
-    PORT,
-    SPEED,
-    STARBOARD,
-    STYLE,
-    TRUTH,
-    legend_above,
-    marker_legend,
-    new_figure,
-    panel_grid,
-)
+from training.report.figures.style import STYLE, legend_above, marker_legend, new_figure, panel_grid
 
 LOWEST = -1000.0  # ln p(normal) that is shown
 # colour by whether the most probable fault is the right one, and whether the alarm stands

@@ -7,13 +7,10 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from training.report.colours import COMMAND, PORT, SPEED, TRUTH
 from training.report.figures.style import (
-    COMMAND,
     MAP_STYLE,
-    PORT,
-    SPEED,
     STYLE,
-    TRUTH,
     legend_above,
     new_figure,
     panel_grid,

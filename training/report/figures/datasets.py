@@ -8,14 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from training.report.colours import COMMAND, PORT, SPEED, STARBOARD, TRUTH
 from training.report.figures.style import (
-    COMMAND,
     MAP_STYLE,
-    PORT,
-    SPEED,
-    STARBOARD,
     STYLE,
-    TRUTH,
     legend_above,
     new_figure,
     slanted_names,

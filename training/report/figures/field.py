@@ -7,19 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from training.report.figures.style import (
-    COLOURS,
-    COMMAND,
-    PORT,
-    SPEED,
-    STARBOARD,
-    STYLE,
-    TRUTH,
-    fill_band,
-    legend_above,
-    new_figure,
-    panel_grid,
-)
+from training.report.colours import COLOURS, COMMAND, PORT, SPEED, STARBOARD, TRUTH
+from training.report.figures.style import STYLE, fill_band, legend_above, new_figure, panel_grid
 
 Series = Sequence[float | None]
 LINE_COLOURS = {

@@ -6,7 +6,8 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from training.report.figures.style import PORT, SPEED, STYLE, TRUTH, legend_above, new_figure
+from training.report.colours import PORT, SPEED, TRUTH
+from training.report.figures.style import STYLE, legend_above, new_figure
 
 Series = Sequence[float]
 

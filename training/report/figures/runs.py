@@ -7,17 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from training.report.figures.style import (
-    COMMAND,
-    PORT,
-    SPEED,
-    STARBOARD,
-    STYLE,
-    TRUTH,
-    fill_band,
-    legend_above,
-    new_figure,
-)
+from training.report.colours import COMMAND, PORT, SPEED, STARBOARD, TRUTH
+from training.report.figures.style import STYLE, fill_band, legend_above, new_figure
 
 Series = Sequence[float]
 Lines = Mapping[str, Series]  # clean, mean and std over time

@@ -7,13 +7,10 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from training.report.colours import COLOURS, COMMAND, SPEED, TRUTH
 from training.report.figures.style import (
-    COLOURS,
-    COMMAND,
     MAP_STYLE,
-    SPEED,
     STYLE,
-    TRUTH,
     legend_above,
     new_figure,
     panel_grid,

@@ -8,20 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from training.report.colours import COMMAND, MARKERS, PORT, SPEED, STARBOARD, TRUTH
 from training.report.figures.scores import Series
-from training.report.figures.style import (
-    COMMAND,
-    MARKERS,
-    PORT,
-    SPEED,
-    STARBOARD,
-    STYLE,
-    TRUTH,
-    legend_above,
-    marker_legend,
-    new_figure,
-    panel_grid,
-)
+from training.report.figures.style import STYLE, legend_above, marker_legend, new_figure, panel_grid
 
 Colours = Mapping[str, str]
 ROW_SHARE = 0.7  # of the row of a class, over which its stimuli are placed

@@ -8,26 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-PORT = "#c0392b"
-STARBOARD = "#1e8449"
-SPEED = "#1f4e79"
-COMMAND = "#8a949e"
-TRUTH = "#111111"
-COLOURS = (
-    PORT,
-    SPEED,
-    STARBOARD,
-    "#b9770e",
-    "#7d3c98",
-    "#117a8b",
-    "#8d6e63",
-    "#d4478c",
-    "#5d6d7e",
-    "#a3b81e",
-    "#f0a8b8",
-    "#4a235a",
-)
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+from training.report.colours import TRUTH
+
 STYLE = {
     "font.size": 9,
     "axes.grid": True,

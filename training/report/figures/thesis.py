@@ -12,14 +12,10 @@ from matplotlib.image import AxesImage
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 
+from training.report.colours import COMMAND, PORT, SPEED, STARBOARD, TRUTH
 from training.report.figures.style import (
-    COMMAND,
     MAP_STYLE,
-    PORT,
-    SPEED,
-    STARBOARD,
     STYLE,
-    TRUTH,
     fill_band,
     legend_above,
     new_figure,
