@@ -351,5 +351,5 @@ def test_unwritable_weights_folder_is_refused(tmp_path, monkeypatch, whole, caps
 def test_learning_curve_names_its_axes_and_marks_the_best():
     axis = learning_curve([3.0, 2.0, 1.0], [3.0, 2.5, 2.7], best=2).axes[0]
     assert (axis.get_xlabel(), axis.get_ylabel()) == ("epoch", "loss")
-    assert [line.get_label() for line in axis.lines] == ["training", "validation", "weights kept"]
+    assert [line.get_label() for line in axis.lines] == ["training", "validation", "weights used"]
     assert (axis.lines[2].get_xdata()[0], axis.lines[2].get_ydata()[0]) == (2, 2.5)
