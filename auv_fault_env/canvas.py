@@ -1,4 +1,4 @@
-"""The surface off screen on which frames are drawn, its strokes and colours."""
+"""The surface off screen on which frames are drawn."""
 
 import os
 import warnings
@@ -8,9 +8,9 @@ from typing import Any
 
 import gymnasium as gym
 
-from auv_fault_env.parameters import SIDES
+from auv_fault_env import palette
+from auv_fault_env.palette import INK, Colour
 
-Colour = tuple[int, int, int]
 Point = Sequence[float]
 
 SIZE = (960, 640)  # px
@@ -18,21 +18,6 @@ SIZE = (960, 640)  # px
 SMALL = 16
 MEDIUM = 18
 LARGE = 24
-PAPER = (250, 251, 252)
-PANEL = (255, 255, 255)
-INK = (33, 41, 52)
-FAINT = (112, 121, 133)
-GRID = (226, 231, 236)
-# the nautical side lights
-PORT = (200, 32, 48)
-STARBOARD = (0, 132, 72)
-BLUE = (30, 104, 196)
-VIOLET = (142, 68, 190)
-STEEL = (150, 160, 172)
-WARNING = (255, 152, 20)
-PALE_WARNING = (255, 206, 140)
-WARNING_EDGE = (196, 84, 0)
-SIDE_COLOURS = dict(zip(SIDES, (PORT, STARBOARD), strict=True))
 
 
 def _pygame():
@@ -42,9 +27,9 @@ def _pygame():
             warnings.simplefilter("ignore")  # pygame imports pkg_resources, which warns
             import pygame
     except ImportError as error:
-        remedy = 'pip install "auv-fault[render]"'
-        message = f"pygame: got no such package; rendering needs it; {remedy}"
-        raise gym.error.DependencyNotInstalled(message) from error
+        raise gym.error.DependencyNotInstalled(
+            'pygame: got no such package; rendering needs it; pip install "auv-fault[render]"'
+        ) from error
     return pygame
 
 
@@ -59,14 +44,11 @@ class Canvas:
 
     @contextmanager
     def new_sheet(self):
-        """An empty sheet.
-
-        Its fonts end with it: they crash if somebody else has called `pygame.quit()` meanwhile.
-        """
+        """An empty sheet, with fonts of its own: `pygame.quit()` elsewhere breaks older ones."""
         self.pygame.font.init()
         font = self.pygame.font.Font
         self._fonts = {size: font(None, size) for size in (SMALL, MEDIUM, LARGE)}
-        self.surface.fill(PAPER)
+        self.surface.fill(palette.PAPER)
         try:
             yield
         finally:
@@ -89,13 +71,7 @@ class Canvas:
         self.pygame.draw.circle(self.surface, colour, centre, radius, width)
 
     def box(
-        self,
-        left: float,
-        top: float,
-        width: float,
-        height: float,
-        fill: Colour,
-        radius: int = 0,
+        self, left: float, top: float, width: float, height: float, fill: Colour, radius: int = 0
     ):
         """A filled rectangle with rounded corners."""
         rectangle = (left, top, width, height)
@@ -106,12 +82,7 @@ class Canvas:
         return self._text(words, INK, MEDIUM).get_width()
 
     def text(
-        self,
-        words: str,
-        place: Point,
-        colour: Colour = INK,
-        align: float = 0.0,
-        size: int = MEDIUM,
+        self, words: str, place: Point, colour: Colour = INK, align: float = 0.0, size: int = MEDIUM
     ):
         """Words at the height of `place`: right of it (align 0), centred (0.5) or left (1)."""
         text = self._text(words, colour, size)

@@ -6,21 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.canvas import (
-    BLUE,
-    FAINT,
-    GRID,
-    INK,
-    PANEL,
-    SIDE_COLOURS,
-    SMALL,
-    STEEL,
-    VIOLET,
-    WARNING,
-    Canvas,
-    Colour,
-    Point,
-)
+from auv_fault_env import palette
+from auv_fault_env.canvas import SMALL, Canvas, Point
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.parameters import SIDES
 
@@ -32,27 +19,30 @@ class Trace(NamedTuple):
 
     channel: str
     name: str
-    colour: Colour
+    colour: palette.Colour
     width: int = 1
 
 
 def _pair(quantity: str) -> tuple[Trace, ...]:
-    return tuple(Trace(f"{side}_{quantity}", side, SIDE_COLOURS[side]) for side in SIDES)
+    return tuple(Trace(f"{side}_{quantity}", side, palette.SIDES[side]) for side in SIDES)
 
 
 TRUE_SPEED = "true_speed"
 COLUMNS = {name: column for column, name in enumerate(("time", *CHANNELS, TRUE_SPEED))}
 SPEEDS = (
-    Trace("speed", "measured", INK),
-    Trace("mission_speed", "mission", STEEL, 4),
-    Trace("speed_command", "command", BLUE, 2),
-    Trace(TRUE_SPEED, "true", VIOLET),
+    Trace("speed", "measured", palette.INK),
+    Trace("mission_speed", "mission", palette.STEEL, 4),
+    Trace("speed_command", "command", palette.BLUE, 2),
+    Trace(TRUE_SPEED, "true", palette.VIOLET),
 )
-DEFLECTIONS = (Trace("rudder", "rudder", BLUE, 4), Trace("stern_plane", "stern plane", VIOLET, 2))
+DEFLECTIONS = (
+    Trace("rudder", "rudder", palette.BLUE, 4),
+    Trace("stern_plane", "stern plane", palette.VIOLET, 2),
+)
 CHARTS = {
     "speed": SPEEDS,
     "shaft speed": _pair("rpm"),
-    "acceleration": (Trace("acceleration", "measured", INK),),
+    "acceleration": (Trace("acceleration", "measured", palette.INK),),
     "motor voltage": _pair("voltage"),
     "deflection": DEFLECTIONS,
     "motor current": _pair("current"),
@@ -98,7 +88,7 @@ def draw_times(canvas: Canvas, corner: Point, now: float):
     start = max(0.0, now - WINDOW)
     for time in _time_ticks(start):
         x = corner[0] + 46 + (time - start) / WINDOW * 400
-        canvas.text(f"{time:.0f} s", (x, corner[1] + 10), FAINT, 0.5, SMALL)
+        canvas.text(f"{time:.0f} s", (x, corner[1] + 10), palette.FAINT, 0.5, SMALL)
 
 
 def draw_chart(
@@ -123,15 +113,15 @@ def draw_chart(
     def y(value):
         return top + (marks[-1] - value) / (marks[-1] - marks[0]) * height
 
-    canvas.box(left, top, width, height, PANEL)
+    canvas.box(left, top, width, height, palette.PANEL)
     for mark in marks:
         words = _number(mark, marks[1] - marks[0])
-        canvas.box(left, round(y(mark)), width, 1, GRID)
-        canvas.text(words, (left - 6, y(mark)), FAINT, 1.0, SMALL)
+        canvas.box(left, round(y(mark)), width, 1, palette.GRID)
+        canvas.text(words, (left - 6, y(mark)), palette.FAINT, 1.0, SMALL)
     for time in _time_ticks(start):
-        canvas.box(round(x(time)), top, 1, height, GRID)
+        canvas.box(round(x(time)), top, 1, height, palette.GRID)
     for onset in onsets:
-        canvas.box(round(x(onset)), top, 2, height, WARNING)
+        canvas.box(round(x(onset)), top, 2, height, palette.WARNING)
     for trace, series in zip(traces, values.T, strict=True):
         points = np.stack([x(rows[:, 0]), y(series)], axis=1).tolist()
         if len(points) > 1:
@@ -158,6 +148,6 @@ def draw_legend(
         width = canvas.width(words)
         is_faulty = f"sensor:{trace.channel}" in faulty
         if is_faulty:
-            canvas.box(right - width - 4, y - 9, width + 8, 17, WARNING, 4)
-        canvas.text(words, (right, y), INK if is_faulty else trace.colour, 1.0)
+            canvas.box(right - width - 4, y - 9, width + 8, 17, palette.WARNING, 4)
+        canvas.text(words, (right, y), palette.INK if is_faulty else trace.colour, 1.0)
         right -= width + 16

@@ -1,13 +1,12 @@
 """Decorators that compile, and a disk cache that notices edits in every compiled file.
 
-The disk cache of numba notices edits of the cached function's own file alone. Here the cache folder
-is named by a digest of that file and of every file of its project that it imports, so that an edit
-of any of them compiles again.
+The cache folder is named by a digest of the kernel's file and of every file of its project that it
+imports, because numba itself notices edits of the kernel's own file alone.
 
 A kernel that calls another kernel uses one of two copies of it: in the process that compiles both
 the one compiled by itself, in later processes the one compiled with the caller. The copies may fuse
-multiplications and additions differently and so differ in the last bits. A kernel that calls only
-inlined functions always gives the same.
+multiplications and additions differently. A kernel that calls only inlined functions always gives
+the same.
 """
 
 import ast
@@ -34,8 +33,7 @@ inlined = scalar = njit(forceinline=True, **OPTIONS)
 def fused(typing, factor, other_factor, summand):
     """``factor * other_factor + summand``, rounded once.
 
-    In a sum of two products the compiler may fuse either, and chooses differently for the vectors
-    of a loop and for its remainder. Here the choice is explicit.
+    In a sum of two products the compiler may fuse either, differently in the parts of a loop.
     """
     signature = types.float64(types.float64, types.float64, types.float64)
     return signature, lambda context, builder, _, numbers: builder.fma(*numbers)
@@ -43,10 +41,7 @@ def fused(typing, factor, other_factor, summand):
 
 @cache
 def imported(file: Path) -> frozenset[Path]:
-    """The files of the same project whose names a file imports.
-
-    A project is the folder that holds the outermost package of the file.
-    """
+    """The files that a file imports from its project, the folder of its outermost package."""
     project = file.parent
     while (project / "__init__.py").is_file():
         project = project.parent
@@ -96,8 +91,8 @@ def digest(file: Path) -> str:
 def cache_folder(name: str) -> Path:
     """A folder for compiled code.
 
-    It lies in NUMBA_CACHE_DIR, in this package, in the cache of the user or in a temporary folder:
-    the first that can be written.
+    In the first that can be written of NUMBA_CACHE_DIR, this package, the user's cache, a temporary
+    folder.
     """
     bases = [config.CACHE_DIR] if config.CACHE_DIR else []
     bases += [Path(__file__).parent / "__pycache__", "~/.cache/auv_fault_env"]

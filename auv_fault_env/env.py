@@ -4,7 +4,7 @@ import math
 import numbers
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -40,11 +40,16 @@ def _checked_schedule(value, end: float) -> Schedule:
     return schedule
 
 
+def _info(outcomes: Sequence, truth: Mapping[str, Any]) -> dict[str, Any]:
+    """The information of a step, from the `outcomes` of the fleet."""
+    _, energy, cost, mission_speed = outcomes
+    return {"mission_speed": mission_speed, "energy": energy, "cost": cost, "truth": truth}
+
+
 def _need_reset(started: bool):
     if not started:
-        raise gym.error.ResetNeeded(
-            "step: got no reset before; allowed is a step after a reset; call reset() first"
-        )
+        message = "step: got no reset before; allowed is a step after a reset; call reset() first"
+        raise gym.error.ResetNeeded(message)
 
 
 class PropulsionEnv(gym.Env):
@@ -107,13 +112,8 @@ class PropulsionEnv(gym.Env):
 
     ## Arguments
     ```python
-    gym.make(
-        "auv_fault_env/Propulsion-v0",
-        preset="thesis1992",
-        sensor_noise=1.0,
-        disturbance=1.0,
-        healthy_band=1.0,
-    )
+    arguments = dict(preset="thesis1992", sensor_noise=1.0, disturbance=1.0, healthy_band=1.0)
+    gym.make("auv_fault_env/Propulsion-v0", **arguments)
     ```
     `preset`: `thesis1992`, `npsnet1995` or a `Vehicle`. `sensor_noise`, `disturbance`,
     `healthy_band`: factors on the default noise, the disturbing acceleration and the healthy band;
@@ -139,7 +139,7 @@ class PropulsionEnv(gym.Env):
     * v0: first version
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
 
     def __init__(
         self,
@@ -185,13 +185,7 @@ class PropulsionEnv(gym.Env):
         return observation, self.fleet.outcomes.item(0), False, False, info
 
     def _observation_and_info(self):
-        _, energy, cost, mission_speed = self.fleet.outcomes[:, 0].tolist()
-        info = {
-            "mission_speed": mission_speed,
-            "energy": energy,
-            "cost": cost,
-            "truth": self._truth.read(),
-        }
+        info = _info(self.fleet.outcomes[:, 0].tolist(), self._truth.read())
         if self.render_mode is not None:
             self._record(info)
         return self._observation, info
@@ -225,17 +219,12 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
 
     Lane k of ``reset(seed=s)`` is the single environment with seed s + k, bit for bit. A finished
     lane resets itself on the next step, whose action it ignores (`AutoresetMode.NEXT_STEP`). Values
-    in `info` are arrays (num_envs,); `truth` is a mapping of arrays that is valid until the next
-    step.
-
+    in `info` are arrays (num_envs,); `truth` is a mapping of arrays, valid until the next step.
     `reset(options=...)` takes `schedule` and `mission` for all lanes, or `schedules` and `missions`
     with one per lane.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
-        "render_modes": [],
-        "autoreset_mode": AutoresetMode.NEXT_STEP,
-    }
+    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
 
     def __init__(
         self,
@@ -257,12 +246,7 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
         self._terminated = np.zeros(self.num_envs, bool)
         self._done: np.ndarray | None = None
 
-    def reset(
-        self,
-        *,
-        seed: int | Sequence[int | None] | None = None,
-        options: dict[str, Any] | None = None,
-    ):
+    def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict | None = None):
         """Start an episode on every lane."""
         options = _known_options(options, ("schedule", "mission", "schedules", "missions"))
         end = self.max_episode_steps / SAMPLE_RATE
@@ -276,35 +260,21 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
         return observations, self._info()
 
     def step(self, actions):
-        """Apply the actions (num_envs, 3) for one sample of 0.1 s.
-
-        Lanes that have finished start their next episode instead.
-        """
+        """Apply the actions (num_envs, 3) for 0.1 s; finished lanes start their next episode."""
         _need_reset(self._done is not None)
         observations = self.fleet.step(actions)
         if self._done.any():
             self.fleet.reset(lanes=np.flatnonzero(self._done), observations=observations)
         self._done = self.fleet.time * SAMPLE_RATE >= self.max_episode_steps
-        return (
-            observations,
-            self.fleet.outcomes[0],
-            self._terminated.copy(),
-            self._done.copy(),
-            self._info(),
-        )
+        reward = self.fleet.outcomes[0]
+        return observations, reward, self._terminated.copy(), self._done.copy(), self._info()
 
     def close_extras(self, **kwargs):
         """End the fleet's threads."""
         self.fleet.close()
 
     def _info(self) -> dict[str, Any]:
-        _, energy, cost, mission_speed = self.fleet.outcomes
-        return {
-            "mission_speed": mission_speed,
-            "energy": energy,
-            "cost": cost,
-            "truth": FleetTruth(self.fleet),
-        }
+        return _info(self.fleet.outcomes, FleetTruth(self.fleet))
 
     def _seeds(self, seed) -> list[int] | None:
         """One seed per lane; None to go on with the next episodes."""

@@ -1,56 +1,35 @@
-"""What happens to a lane besides physics: faults come and go, mission legs, starts of episodes."""
+"""What happens to a lane besides physics: severities, mission legs and starts of episodes."""
 
 import math
 
 import numpy as np
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
+from auv_fault_env import lanes, physics
 from auv_fault_env import layout as row
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.faults import fault_effect
-from auv_fault_env.lanes import (
-    copy_results,
-    prepare_step,
-    read_sensors,
-    sample_normals,
-    shaft_of_lane,
-)
 from auv_fault_env.layout import LANES, SeverityProfile
 from auv_fault_env.parameters import SAMPLE_RATE
-from auv_fault_env.physics import (
-    clipped,
-    constants_from_array,
-    equilibrium_shaft_speed,
-    equilibrium_voltage,
-)
 
 # values of `FleetState.next_update`: no update to come, and one at once, whatever the severities
 NEVER = np.int64(1 << 60)
 UPDATE_NOW = -1
 FAR = 1e15  # steps: an instant so late that it never comes
 
+N_PROFILE = len(SeverityProfile._fields)
 compiled_fault_effect = scalar(fault_effect)
 
 
 @scalar
 def profile_at(profiles, lane, event):
     """The `SeverityProfile` of one event of a lane, from an array (n_lanes, n_events, 6)."""
-    return SeverityProfile(
-        profiles[lane, event, 0],
-        profiles[lane, event, 1],
-        profiles[lane, event, 2],
-        profiles[lane, event, 3],
-        profiles[lane, event, 4],
-        profiles[lane, event, 5],
-    )
+    return SeverityProfile(*to_fixed_tuple(profiles[lane, event], N_PROFILE))
 
 
 @scalar
 def severity_at(time, profile):
-    """Severity of an event at `time` [s].
-
-    It grows over the ramp and ends with the event; an intermittent fault is absent in the rest of
-    each period.
-    """
+    """Severity of an event at `time` [s]: it grows over the ramp, ends, and may be intermittent."""
     since_onset = time - profile.onset
     periods = since_onset / profile.period + 1e-9 if profile.period > 0.0 else 0.0
     in_duty = periods - math.floor(periods) <= profile.duty
@@ -122,7 +101,7 @@ def update_parameters(memory, lane, plan, catalogue):
                 factor *= factor_of_event
                 shift += shift_of_event
         value = plan.healthy[lane, p] * factor + shift
-        limited = clipped(value, catalogue.low[p], catalogue.high[p])
+        limited = physics.clipped(value, catalogue.low[p], catalogue.high[p])
         memory[b, (row.PARAMETER + p) * LANES + k] = limited
 
 
@@ -162,7 +141,8 @@ def update_due_lanes(state, plan, catalogue):
 @scalar
 def start_shaft(block, k, shaft, first_state, shaft_speed, speed, constants):
     """Let one shaft turn at a constant speed, its voltage in the integral of the controller."""
-    voltage = equilibrium_voltage(shaft_of_lane(block, shaft, k), shaft_speed, speed, constants)
+    coefficients = lanes.shaft_of_lane(block, shaft, k)
+    voltage = physics.equilibrium_voltage(coefficients, shaft_speed, speed, constants)
     block[(first_state + row.SHAFT_SPEED) * LANES + k] = shaft_speed
     block[(first_state + row.INTEGRAL) * LANES + k] = voltage
     block[(first_state + row.VOLTAGE) * LANES + k] = voltage
@@ -172,13 +152,12 @@ def start_shaft(block, k, shaft, first_state, shaft_speed, speed, constants):
 def start_episodes(
     state, started, start_speed, plan, catalogue, limits, constants, observations, outcomes
 ):
-    """Start an episode on the lanes `started` (m,) and read their sensors.
+    """Start an episode on the lanes `started` (m,), at a constant `start_speed` (m,) [m/s].
 
-    The vehicles move at a constant `start_speed` (m,) [m/s], which may be 0; constants is a
-    `PlantConstants` as an array, as for `lanes.step_blocks`.
+    Constants are a `PlantConstants` as an array. The sensors are read.
     """
     scratch = np.empty(row.N_SCRATCH * LANES)
-    shared = constants_from_array(constants)
+    shared = physics.constants_from_array(constants)
     for i in range(started.size):
         lane = started[i]
         speed = start_speed[i]
@@ -191,7 +170,7 @@ def start_episodes(
         update_lane(state, lane, plan, catalogue)
         beta = block[row.PORT_SHAFT * LANES + k] + block[row.STARBOARD_SHAFT * LANES + k]
         alpha = block[row.ALPHA * LANES + k]
-        shaft_speed = equilibrium_shaft_speed(alpha, beta, speed, shared)
+        shaft_speed = physics.equilibrium_shaft_speed(alpha, beta, speed, shared)
         start_shaft(block, k, row.PORT_SHAFT, row.PORT_STATE, shaft_speed, speed, shared)
         start_shaft(block, k, row.STARBOARD_SHAFT, row.STARBOARD_STATE, shaft_speed, speed, shared)
         block[row.SPEED * LANES + k] = speed
@@ -200,9 +179,9 @@ def start_episodes(
         column = block[k:]
         key = state.key[lane:]
         step = state.step[lane:]
-        sample_normals(scratch, 1, key, step)
-        prepare_step(column, scratch, 1, shared)
+        lanes.sample_normals(scratch, 1, key, step)
+        lanes.prepare_step(column, scratch, 1, shared)
         normal = scratch[row.DISTURBANCE_NORMAL * LANES]
         block[row.DISTURBANCE * LANES + k] = shared.disturbance_std * normal
-        read_sensors(column, scratch, 1, key, step, limits)
-        copy_results(column, 1, lane, observations, outcomes)
+        lanes.read_sensors(column, scratch, 1, key, step, limits)
+        lanes.copy_results(column, 1, lane, observations, outcomes)

@@ -6,7 +6,7 @@ import math
 import numbers
 from collections.abc import Iterable, Mapping, Sequence
 
-LONGEST_VALUE = 200  # characters of a value that an error shows
+MAX_CHARACTERS = 200  # of a value that an error shows
 
 
 class InputError(ValueError):
@@ -20,8 +20,8 @@ def refusal(thing: str, got, allowed: str, remedy: str) -> InputError:
     'severity: got 1.5; allowed is 0 to 1; give a fraction'
     """
     shown = " ".join(repr(got).split())
-    if len(shown) > LONGEST_VALUE:
-        shown = shown[:LONGEST_VALUE] + " ..."
+    if len(shown) > MAX_CHARACTERS:
+        shown = shown[:MAX_CHARACTERS] + " ..."
     return InputError(f"{thing}: got {shown}; allowed is {allowed}; {remedy}")
 
 
@@ -50,8 +50,7 @@ def finite_in_range(thing: str, value, low: float, high: float) -> float:
     auv_fault_env.errors.InputError: severity: got nan; allowed is a number from 0 to 1; ...
     """
     number = math.nan
-    is_number = isinstance(value, numbers.Real) and not isinstance(value, bool)
-    if is_number:
+    if isinstance(value, numbers.Real) and not isinstance(value, bool):
         with contextlib.suppress(OverflowError):
             number = float(value)
     if not low <= number <= high:

@@ -1,8 +1,7 @@
 """The catalogue of faults. A fault is data.
 
 At severity s a parameter becomes ``healthy * prod(1 + s (scale - 1)) + sum(s offset)`` over the
-faults that are present: severity 0 is healthy, and faults compose. A compound stops at the physical
-limits of a parameter.
+faults that are present, within its physical limits.
 
 To add a fault, add an entry to `CATALOGUE`, at any time before the next reset::
 
@@ -14,10 +13,9 @@ To add a fault, add an entry to `CATALOGUE`, at any time before the next reset::
         source="estimate",
     )
 
-The entry alone gives the diagnosis class, schedules and their files, sampled episodes, the truth,
-the picture, and a hypothesis of the filter bank for every diagnoser that is made afterwards. A
-trained network has no output for the new class: its probability comes from the evidence of the
-filter bank until the network is trained again.
+The entry alone gives the diagnosis class, schedules, sampled episodes, the truth, the picture, and
+a hypothesis of every filter bank that is made afterwards. A trained network has no output for the
+new class: its probability comes from the filter bank until the network is trained again.
 """
 
 from collections.abc import Mapping
@@ -36,35 +34,15 @@ NORMAL = "normal"
 
 @dataclass(frozen=True)
 class Fault:
-    """What a fault does at severity 1.
+    """What a fault does at severity 1."""
 
-    Attributes
-    ----------
-    name
-        Unique name, ``kind`` or ``kind:place``.
-    component
-        The part that fails: ``hull``, ``propeller:port``, ``sensor:speed``, ...
-    scale
-        Factor by parameter at severity 1.
-    offset
-        Shift by parameter at severity 1, in the parameter's unit.
-    about
-        One sentence.
-    source
-        Where the magnitude comes from.
-    table_5_1
-        Mode of Table 5.1 of the thesis, None if it has none.
-    table_5_2
-        Mode of Table 5.2 of the thesis, None if it has none.
-    """
-
-    name: str
-    component: str
-    scale: Mapping[str, float] = field(default_factory=dict)
-    offset: Mapping[str, float] = field(default_factory=dict)
+    name: str  # unique, ``kind`` or ``kind:place``
+    component: str  # the part that fails: ``hull``, ``propeller:port``, ``sensor:speed``, ...
+    scale: Mapping[str, float] = field(default_factory=dict)  # factor by parameter
+    offset: Mapping[str, float] = field(default_factory=dict)  # shift by parameter, in its unit
     about: str = ""
-    source: str = ""
-    table_5_1: str | None = None
+    source: str = ""  # of the magnitudes
+    table_5_1: str | None = None  # mode in that table of the thesis, None if it has none
     table_5_2: str | None = None
 
     def __post_init__(self):
@@ -147,13 +125,11 @@ BIAS = {"m/s": 0.15, "m/s^2": 0.03, "V": 1.0, "A": 0.4, "rpm": 60.0}
 
 
 def _sensor_faults(channel: str) -> list[Fault]:
-    unit = CHANNELS[channel].unit
+    bias = BIAS[CHANNELS[channel].unit]
     noise = CHANNELS[channel].noise
     cited = "de Benito 1990, as cited by the thesis"
     kinds: dict[str, dict[str, Any]] = {
-        "bias": dict(
-            offset={f"{channel}_bias": BIAS[unit]}, about="The zero shifts.", source="estimate"
-        ),
+        "bias": dict(offset={f"{channel}_bias": bias}, about="The zero shifts.", source="estimate"),
         "scale": dict(
             scale={f"{channel}_gain": 0.6},
             about="Calibration lost; on the paddle wheel, fouling.",
@@ -183,20 +159,13 @@ def _sensor_faults(channel: str) -> list[Fault]:
 
 CATALOGUE: dict[str, Fault] = {
     fault.name: fault
-    for family in (
-        _hull_faults(),
-        *(_side_faults(side) for side in SIDES),
-        *(_sensor_faults(channel) for channel in READINGS),
-    )
+    for family in (_hull_faults(), *map(_side_faults, SIDES), *map(_sensor_faults, READINGS))
     for fault in family
 }
 
 
 def fault_effect(severity, scale, offset):
-    """Factor on a parameter, and shift, by one fault; numbers or arrays that broadcast.
-
-    Under several faults the parameter is ``healthy * product of factors + sum of shifts``.
-    """
+    """Factor on a parameter, and shift, by one fault; numbers or arrays that broadcast."""
     return 1.0 + severity * (scale - 1.0), severity * offset
 
 

@@ -39,33 +39,25 @@ class Fleet:
     Parameters
     ----------
     n_lanes
-        Number of vehicles, at least 1.
+        Number of vehicles.
     preset
         Name in `PRESETS`, or a `Vehicle`.
-    sensor_noise
-        Factor on the standard deviations of the readings; 0 for none.
-    disturbance
-        Factor on the disturbing acceleration; 0 for none.
-    healthy_band
-        Factor on the width of the healthy band; 0 for the nominal vehicle.
+    sensor_noise, disturbance, healthy_band
+        Factors on the standard deviations of the readings, on the disturbing acceleration and on
+        the width of the healthy band; 0 for none.
     parallel
-        Whether threads share the blocks, `compiling.n_threads` of them; by default in fleets of at
-        least 512 lanes.
-    schedules
-        Distribution of the schedules of lanes that are reset without one.
-    missions
-        Distribution of the missions of lanes that are reset without one.
+        Whether `compiling.n_threads` threads share the blocks; by default from 512 lanes on.
+    schedules, missions
+        Distributions for lanes that are reset without a schedule or a mission.
 
     Attributes
     ----------
-    state
-        `layout.FleetState`, which the kernels write.
+    state, plan, catalogue
+        What the kernels share, see `layout`.
     limits
         Full scale of the channels, (n_channels, 2).
     constants
         `PlantConstants` as an array.
-    catalogue
-        `layout.Catalogue`.
     diagnoses
         Diagnosis class of every fault of the catalogue, (n_faults,).
     outcomes
@@ -94,7 +86,8 @@ class Fleet:
         finite_in_range("healthy_band", healthy_band, 0.0, 10.0)
         if parallel is None:
             parallel = self.n_lanes >= PARALLEL_LANES
-        self._block_ranges = _block_ranges(self.n_lanes, parallel)
+        n_blocks = -(-self.n_lanes // layout.LANES)
+        self._block_ranges = _block_ranges(n_blocks, parallel)
         self._threads: ThreadPoolExecutor | None = None
         self._process = 0
         parameters = nominal(self.vehicle, sensor_noise)
@@ -105,23 +98,23 @@ class Fleet:
         limits = [(channel.low, channel.high) for channel in CHANNELS.values()]
         self.limits = np.array(limits)
         self._read_catalogue()
-        self._allocate(self.schedules.EVENTS, self.missions.n_legs)
+        self._allocate(n_blocks, self.schedules.EVENTS, self.missions.n_legs)
 
     def _read_catalogue(self):
         self._faults = tuple(CATALOGUE.values())
         self.catalogue = matrices()
         self.diagnoses = np.array([fault.diagnosis for fault in self._faults])
 
-    def _allocate(self, n_events: int, n_legs: int):
+    def _allocate(self, n_blocks: int, n_events: int, n_legs: int):
         n = self.n_lanes
         self.state = layout.FleetState(
-            memory=np.zeros((_n_blocks(n), layout.N_ROWS * layout.LANES)),
+            memory=np.zeros((n_blocks, layout.N_ROWS * layout.LANES)),
             key=np.zeros(n, np.uint64),
             step=np.zeros(n, np.int64),
             next_update=np.full(n, episodes.UPDATE_NOW, np.int64),
         )
         events = no_events(n, n_events)
-        self._plan = layout.EpisodePlan(
+        self.plan = layout.EpisodePlan(
             healthy=np.tile(self._nominal, (n, 1)),
             fault=events.fault,
             profile=events.profile,
@@ -142,7 +135,7 @@ class Fleet:
         missions: Sequence[Mission] | None = None,
         observations: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Start an episode on some lanes.
+        """Start an episode on some lanes; return the observations (n_lanes, n_channels), float32.
 
         Parameters
         ----------
@@ -151,16 +144,10 @@ class Fleet:
             episode of the present seed.
         lanes
             Indices (m,) of the lanes to reset; None for all.
-        schedules
-            One per lane that is reset; None: from the sampler.
-        missions
-            One per lane that is reset; None: from the sampler.
+        schedules, missions
+            One per lane that is reset; None: from the samplers.
         observations
-            (n_lanes, n_channels) float32, whose rows of the reset lanes are written.
-
-        Returns
-        -------
-        The observations, (n_lanes, n_channels) float32; in a new array, rows of other lanes are 0.
+            Where to write the rows of the lanes that are reset; None for a new array of zeros.
         """
         indices = self._lane_indices(lanes)
         observations = self._checked_observations(observations)
@@ -170,22 +157,14 @@ class Fleet:
         events, legs = _events_and_legs(schedules, missions, indices.size)
         key = self._next_episode(indices, seeds)
         place = 2.0 * uniforms(key, STREAMS["healthy_parameters"], len(PARAMETERS)) - 1.0
-        self._plan.healthy[indices] = self._nominal * (1.0 + self._band * place)
+        self.plan.healthy[indices] = self._nominal * (1.0 + self._band * place)
         self._set_events(indices, self.schedules.sample_events(key) if events is None else events)
         legs, speeds = self.missions.sample_legs(key) if legs is None else legs
         self._set_legs(indices, legs)
         self.outcomes = self.outcomes.copy()
-        episodes.start_episodes(
-            self.state,
-            indices,
-            speeds,
-            self._plan,
-            self.catalogue,
-            self.limits,
-            self.constants,
-            observations,
-            self.outcomes,
-        )
+        shared = self.plan, self.catalogue, self.limits, self.constants
+        results = observations, self.outcomes
+        episodes.start_episodes(self.state, indices, speeds, *shared, *results)
         self.changes += 1
         return observations
 
@@ -206,9 +185,8 @@ class Fleet:
             return np.zeros(shape, np.float32)
         if observations.shape != shape or observations.dtype != np.float32:
             got = f"{observations.dtype} {observations.shape}"
-            raise refusal(
-                "observations", got, f"float32 {shape}", "give an array of that type and shape"
-            )
+            remedy = "give an array of that type and shape"
+            raise refusal("observations", got, f"float32 {shape}", remedy)
         return observations
 
     def _lane_indices(self, lanes: np.ndarray | None) -> np.ndarray:
@@ -227,7 +205,7 @@ class Fleet:
     def _set_events(self, indices: np.ndarray, events: Events):
         if self._faults != tuple(CATALOGUE.values()):
             self._read_catalogue()
-        plan = self._plan
+        plan = self.plan
         n_events = events.fault.shape[1]
         empty = no_events(self.n_lanes, max(n_events, plan.fault.shape[1]))
         fault = _widened(plan.fault, empty.fault)
@@ -237,28 +215,21 @@ class Fleet:
         fault[indices, :n_events] = events.fault
         profile[indices] = empty.profile[indices]
         profile[indices, :n_events] = events.profile
-        self._plan = plan._replace(fault=fault, profile=profile, severity=severity)
+        self.plan = plan._replace(fault=fault, profile=profile, severity=severity)
 
     def _set_legs(self, indices: np.ndarray, legs: np.ndarray):
         n_legs = legs.shape[1]
-        n_columns = max(n_legs, self._plan.legs.shape[1])
+        n_columns = max(n_legs, self.plan.legs.shape[1])
         blank = np.full((self.n_lanes, n_columns, 2), np.inf)
-        self._plan = self._plan._replace(legs=_widened(self._plan.legs, blank))
-        self._plan.legs[indices] = np.inf
-        self._plan.legs[indices, :n_legs] = legs
+        self.plan = self.plan._replace(legs=_widened(self.plan.legs, blank))
+        self.plan.legs[indices] = np.inf
+        self.plan.legs[indices, :n_legs] = legs
 
     def step(self, actions: np.ndarray) -> np.ndarray:
-        """Advance every lane by one sample of 0.1 s.
+        """Advance every lane by 0.1 s; return new observations (n_lanes, n_channels), float32.
 
-        Parameters
-        ----------
-        actions
-            (n_lanes, 3): speed command [m/s], rudder and stern plane [rad]; clipped to the
-            channels' limits.
-
-        Returns
-        -------
-        New observations, (n_lanes, n_channels) float32; reward, energy and cost are in `outcomes`.
+        actions is (n_lanes, 3): speed command [m/s], rudder and stern plane [rad]; clipped to the
+        channels' limits. Reward, energy and cost are in `outcomes`.
         """
         return self.advance(checked_actions(actions, (self.n_lanes, 3)))
 
@@ -268,7 +239,7 @@ class Fleet:
             allowed = "a step after a reset of all lanes"
             raise refusal("step", "no reset before", allowed, "call reset() first")
         if self._n_due:
-            episodes.update_due_lanes(self.state, self._plan, self.catalogue)
+            episodes.update_due_lanes(self.state, self.plan, self.catalogue)
             self.changes += 1
         observations = np.empty((self.n_lanes, len(CHANNELS)), np.float32)
         self.outcomes = np.empty((4, self.n_lanes))
@@ -300,27 +271,19 @@ class Fleet:
         return n_due + sum(task.result() for task in tasks)
 
     def set_healthy(self, values: np.ndarray) -> None:
-        """Replace the healthy parameters from the next step on.
-
-        values is (n_lanes, n_parameters), in the order of `PARAMETERS`.
-        """
+        """Replace the healthy parameters (n_lanes, n_parameters) from the next step on."""
         values = np.asarray(values, np.float64)
-        shape = self._plan.healthy.shape
+        shape = self.plan.healthy.shape
         if values.shape != shape or not np.isfinite(values).all():
             allowed = f"finite numbers of shape {shape}"
             raise refusal("healthy parameters", values, allowed, "give one row per lane")
-        self._plan.healthy[:] = values
+        self.plan.healthy[:] = values
         self._update_all()
 
     def replan(
-        self,
-        schedules: Sequence[Schedule] | None = None,
-        missions: Sequence[Mission] | None = None,
+        self, schedules: Sequence[Schedule] | None = None, missions: Sequence[Mission] | None = None
     ) -> None:
-        """Replace schedules, missions or both, one per lane, from the next step on.
-
-        Times still count from the reset.
-        """
+        """Replace schedules, missions or both, one per lane; times still count from the reset."""
         if not self.changes:
             allowed = "another plan after a reset of all lanes"
             raise refusal("replan", "no reset before", allowed, "call reset() first")
@@ -339,11 +302,6 @@ class Fleet:
     def table(self) -> np.ndarray:
         """The memory as a view, (n_blocks, N_ROWS, LANES); see `layout`."""
         return self.state.memory.reshape(-1, layout.N_ROWS, layout.LANES)
-
-    @property
-    def plan(self) -> layout.EpisodePlan:
-        """Healthy parameters, fault events, present severities and mission legs of every lane."""
-        return self._plan
 
     @property
     def time(self) -> np.ndarray:
@@ -379,17 +337,11 @@ def _are_different_lanes(indices: np.ndarray, n_lanes: int) -> bool:
     return are_in_range.all() and np.unique(indices).size == indices.size
 
 
-def _n_blocks(n_lanes: int) -> int:
-    return -(-n_lanes // layout.LANES)
-
-
-def _block_ranges(n_lanes: int, parallel: bool) -> list[tuple[int, int]]:
+def _block_ranges(n_blocks: int, parallel: bool) -> list[tuple[int, int]]:
     """First block of each thread and the one after its last.
 
-    These are plain threads: those of OpenMP occupy shared cores while they wait, and abort in a
-    fork.
+    Threads of OpenMP would occupy shared cores while they wait, and abort in a fork.
     """
-    n_blocks = _n_blocks(n_lanes)
     threads = min(n_threads(), n_blocks) if parallel else 1
     edges = np.linspace(0, n_blocks, threads + 1).astype(int)
     return list(itertools.pairwise(edges.tolist()))

@@ -5,37 +5,18 @@ import math
 import numpy as np
 
 from auv_fault_env import layout as row
+from auv_fault_env import physics
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.layout import LANES
 from auv_fault_env.noise import CHANCE_WORD, channel_uniform, normal_pair, random_bits
 from auv_fault_env.parameters import SAMPLE_TIME
-from auv_fault_env.physics import (
-    RPM,
-    SUBSTEP,
-    SUBSTEPS,
-    Motion,
-    Motor,
-    armature_current,
-    clipped,
-    constants_from_array,
-    disturbance_memory,
-    electrical_energy,
-    low_pass,
-    mission_reward,
-    motor,
-    reading,
-    rpm_command,
-    shaft_at,
-    substep,
-    surge_acceleration,
-    voltage_command,
-)
+from auv_fault_env.physics import RPM, SUBSTEP, SUBSTEPS, Motion, Motor, clipped
 
 
 @scalar
 def shaft_of_lane(block, shaft, k):
     """The `Shaft` of lane k whose parameters begin at row `shaft`."""
-    return shaft_at(block, shaft * LANES + k, LANES)
+    return physics.shaft_at(block, shaft * LANES + k, LANES)
 
 
 @scalar
@@ -75,7 +56,7 @@ def run_shaft_controller(block, k, constants, command, rpm_reading, state):
     """Set the voltage of one shaft from its command and its rpm reading."""
     error = command - block[rpm_reading * LANES + k]
     integral_before = block[(state + row.INTEGRAL) * LANES + k]
-    voltage, integral = voltage_command(constants, error, integral_before)
+    voltage, integral = physics.voltage_command(constants, error, integral_before)
     block[(state + row.VOLTAGE) * LANES + k] = voltage
     block[(state + row.INTEGRAL) * LANES + k] = integral
 
@@ -86,10 +67,10 @@ def run_controllers(block, width, constants):
     share = 1.0 - math.exp(-SAMPLE_TIME / constants.speed_filter_time)
     for k in range(width):
         speed_reading = block[row.SPEED_READING * LANES + k]
-        speed = low_pass(block[row.FILTERED_SPEED * LANES + k], speed_reading, share)
+        speed = physics.low_pass(block[row.FILTERED_SPEED * LANES + k], speed_reading, share)
         block[row.FILTERED_SPEED * LANES + k] = speed
         speed_command = block[row.SPEED_COMMAND * LANES + k]
-        command = rpm_command(constants, speed_command, speed, delta_squared(block, k))
+        command = physics.rpm_command(constants, speed_command, speed, delta_squared(block, k))
         run_shaft_controller(block, k, constants, command, row.PORT_RPM_READING, row.PORT_STATE)
         run_shaft_controller(
             block, k, constants, command, row.STARBOARD_RPM_READING, row.STARBOARD_STATE
@@ -103,16 +84,16 @@ def sample_normals(scratch, width, key, step):
         first = (row.NORMAL + 2 * pair) * LANES
         for k in range(width):
             word = random_bits(key[k], step[k], np.uint64(pair))
-            one, two = normal_pair(word)
-            scratch[first + k] = one
-            scratch[first + LANES + k] = two
+            normals = normal_pair(word)
+            scratch[first + k] = normals[0]
+            scratch[first + LANES + k] = normals[1]
 
 
 @scalar
 def motor_of_lane(block, shaft, state, k, constants):
     """The `Motor` of one of lane k's shafts at its present voltage."""
     voltage = block[(state + row.VOLTAGE) * LANES + k]
-    return motor(shaft_of_lane(block, shaft, k), constants, voltage)
+    return physics.motor(shaft_of_lane(block, shaft, k), constants, voltage)
 
 
 @scalar
@@ -129,7 +110,7 @@ def store_motor(scratch, side, k, coefficients):
 @kernel
 def prepare_step(block, scratch, width, constants):
     """Write the coefficients of the next sample and advance the disturbance to it."""
-    memory, kick = disturbance_memory(constants)
+    memory, std = physics.disturbance_memory(constants)
     for k in range(width):
         port = motor_of_lane(block, row.PORT_SHAFT, row.PORT_STATE, k, constants)
         store_motor(scratch, row.PORT_MOTOR, k, port)
@@ -140,7 +121,7 @@ def prepare_step(block, scratch, width, constants):
         scratch[row.DRAG * LANES + k] = alpha + gamma * delta_squared(block, k)
         before = block[row.DISTURBANCE * LANES + k]
         normal = scratch[row.DISTURBANCE_NORMAL * LANES + k]
-        block[row.DISTURBANCE * LANES + k] = memory * before + kick * normal
+        block[row.DISTURBANCE * LANES + k] = memory * before + std * normal
         block[row.PORT_ANGLE * LANES + k] = 0.0
         block[row.STARBOARD_ANGLE * LANES + k] = 0.0
 
@@ -151,7 +132,7 @@ def advance_motion(block, scratch, width):
     for s in range(SUBSTEPS):
         time = SUBSTEP[s]
         for k in range(width):
-            motion = substep(
+            motion = physics.substep(
                 Motion(
                     block[row.SPEED * LANES + k],
                     block[row.PORT_SHAFT_SPEED * LANES + k],
@@ -177,14 +158,14 @@ def current_of_lane(block, shaft, state, k):
     """Armature current of one of lane k's motors [A]."""
     shaft_speed = block[(state + row.SHAFT_SPEED) * LANES + k]
     voltage = block[(state + row.VOLTAGE) * LANES + k]
-    return armature_current(shaft_of_lane(block, shaft, k), shaft_speed, voltage)
+    return physics.armature_current(shaft_of_lane(block, shaft, k), shaft_speed, voltage)
 
 
 @kernel
 def write_true_values(block, scratch, width):
     """Write the surge acceleration and both currents that follow from the state."""
     for k in range(width):
-        block[row.ACCELERATION * LANES + k] = surge_acceleration(
+        block[row.ACCELERATION * LANES + k] = physics.surge_acceleration(
             block[row.SPEED * LANES + k],
             block[row.PORT_SHAFT_SPEED * LANES + k],
             block[row.STARBOARD_SHAFT_SPEED * LANES + k],
@@ -201,17 +182,14 @@ def write_true_values(block, scratch, width):
 
 @scalar
 def read_sensor(block, scratch, width, chances, read_into, true_row, factor, limits):
-    """Write the readings of one channel into row `read_into`.
-
-    The sensor measures `factor` times the true value, which stands in row `true_row`.
-    """
+    """Write the readings of one channel into row `read_into`, of `factor` times row `true_row`."""
     channel = read_into - row.READING
     sensor = (row.SENSORS + row.N_SENSOR_PARAMETERS * channel) * LANES
     normal = (row.NORMAL + channel) * LANES
     low = limits[read_into, 0]
     high = limits[read_into, 1]
     for k in range(width):
-        unlimited = reading(
+        unlimited = physics.reading(
             factor * block[true_row * LANES + k],
             block[sensor + k],
             block[sensor + LANES + k],
@@ -257,7 +235,7 @@ def energy_of_lane(block, shaft, state, k):
     """Electrical energy of one of lane k's motors in the sample [J]."""
     angle = block[(state + row.ANGLE) * LANES + k]
     voltage = block[(state + row.VOLTAGE) * LANES + k]
-    return electrical_energy(shaft_of_lane(block, shaft, k), angle, voltage)
+    return physics.electrical_energy(shaft_of_lane(block, shaft, k), angle, voltage)
 
 
 @kernel
@@ -270,7 +248,7 @@ def write_outcomes(block, width, constants):
         deviation = block[row.SPEED * LANES + k] - mission_speed
         block[row.ENERGY * LANES + k] = energy
         block[row.COST * LANES + k] = deviation * deviation
-        block[row.REWARD * LANES + k] = mission_reward(deviation, energy, constants)
+        block[row.REWARD * LANES + k] = physics.mission_reward(deviation, energy, constants)
 
 
 @scalar
@@ -282,10 +260,9 @@ def copy_row(block, width, source, target):
 
 @kernel
 def copy_results(block, width, first, observations, outcomes):
-    """Copy channels and outcomes of the block that begins with lane `first`.
+    """Copy the block from lane `first` on to observations (n_lanes, n_channels) and outcomes.
 
-    observations is (n_lanes, n_channels); outcomes is (4, n_lanes): reward, energy, cost, mission
-    speed.
+    Outcomes are (4, n_lanes): reward, energy, cost, mission speed.
     """
     rows = observations[first:]
     for k in range(width):
@@ -328,23 +305,15 @@ def step_blocks(
 ):
     """One sample of the blocks `first` to `last` - 1; returns how many lanes need an update.
 
-    Plain arrays come in, because unpacking named tuples at the border to Python costs more than a
-    lane's step; constants is a `PlantConstants` as an array. It releases the interpreter's lock, so
-    threads may share the blocks.
+    It takes plain arrays, constants too: unpacking named tuples costs more than a lane's step.
+    Threads may share the blocks, because it releases the interpreter's lock.
     """
-    shared = constants_from_array(constants)
+    shared = physics.constants_from_array(constants)
     count = 0
     for b in range(first, last):
+        block = memory[b]
+        start = b * LANES
         count += step_block(
-            memory[b],
-            b * LANES,
-            key,
-            step,
-            next_update,
-            actions,
-            limits,
-            shared,
-            observations,
-            outcomes,
+            block, start, key, step, next_update, actions, limits, shared, observations, outcomes
         )
     return count

@@ -1,8 +1,7 @@
 """The memory of a fleet: which quantity stands in which row.
 
 The lanes stand in blocks of `LANES`. A block is one contiguous table, a row for each quantity and a
-column for each lane: element ``row * LANES + lane``. The innermost loops run over the columns, at
-distances the compiler knows, and so vectorise.
+column for each lane: element ``row * LANES + lane``. The innermost loops vectorise over columns.
 """
 
 from typing import NamedTuple
@@ -14,8 +13,7 @@ from auv_fault_env.parameters import HULL, PARAMETERS, SENSOR, SHAFT
 
 LANES = 256  # lanes of a block: its table stays in the second-level cache
 
-# Rows 0 to 11 are the observation, in the order of CHANNELS; the last rows the parameters, in that
-# of PARAMETERS.
+# The first rows are the observation, as in CHANNELS; the last the parameters, as in PARAMETERS.
 N_CHANNELS = len(CHANNELS)
 N_PARAMETERS = len(PARAMETERS)
 MISSION_SPEED, SPEED_COMMAND, RUDDER, STERN_PLANE = range(4)
@@ -30,22 +28,16 @@ READING = len(COMMANDS)
     STARBOARD_CURRENT_READING,
     STARBOARD_RPM_READING,
 ) = range(READING, N_CHANNELS)
-(SPEED, FILTERED_SPEED, ACCELERATION, DISTURBANCE, REWARD, ENERGY, COST) = range(
-    N_CHANNELS, N_CHANNELS + 7
-)
+STATE = range(N_CHANNELS, N_CHANNELS + 7)
+SPEED, FILTERED_SPEED, ACCELERATION, DISTURBANCE, REWARD, ENERGY, COST = STATE
 # the state of a shaft and its motor: rows of each side, counted from its first
 SHAFT_SPEED, ANGLE, INTEGRAL, VOLTAGE, CURRENT = range(5)
 PORT_STATE = COST + 1
 PORT_SHAFT_SPEED, PORT_ANGLE, _, PORT_VOLTAGE, PORT_CURRENT = range(PORT_STATE, PORT_STATE + 5)
 STARBOARD_STATE = PORT_STATE + 5
-(
-    STARBOARD_SHAFT_SPEED,
-    STARBOARD_ANGLE,
-    _,
-    STARBOARD_VOLTAGE,
-    STARBOARD_CURRENT,
-) = range(STARBOARD_STATE, STARBOARD_STATE + 5)
 PARAMETER = STARBOARD_STATE + 5
+STARBOARD_STATES = range(STARBOARD_STATE, PARAMETER)
+STARBOARD_SHAFT_SPEED, STARBOARD_ANGLE, _, STARBOARD_VOLTAGE, STARBOARD_CURRENT = STARBOARD_STATES
 ALPHA = PARAMETER
 GAMMA = PARAMETER + 1
 PORT_SHAFT = PARAMETER + len(HULL)

@@ -23,19 +23,10 @@ LONGEST = 1e12  # s
 
 @dataclass(frozen=True)
 class Mission:
-    """Mission speed in legs.
+    """Mission speed in legs, and the speed at the start: that of the first leg if None."""
 
-    Attributes
-    ----------
-    legs
-        Pairs (start [s], speed [m/s]), the first at 0 s, in ascending order.
-    start_speed
-        Speed [m/s] at which the vehicle moves at the start; None for that of the first leg, 0 for
-        rest.
-    """
-
-    legs: tuple[tuple[float, float], ...]
-    start_speed: float | None = None
+    legs: tuple[tuple[float, float], ...]  # (start [s], speed [m/s]), ascending, the first at 0 s
+    start_speed: float | None = None  # m/s
 
     def __post_init__(self):
         legs = tuple(_checked_leg(start, speed) for start, speed in self.legs)
@@ -84,24 +75,12 @@ def mission_of(value: "Mission | str | float | Sequence | Mapping") -> Mission:
 
 @dataclass(frozen=True)
 class MissionSampler:
-    """Random missions of `n_legs` legs; a share of them starts at rest, the others in motion.
+    """Random missions: legs of uniform speed and duration, the last one without an end."""
 
-    Attributes
-    ----------
-    speed
-        Range of the legs' speeds [m/s].
-    duration
-        Range of the legs' durations [s].
-    n_legs
-        Number of legs; the last one has no end.
-    from_rest
-        Probability of a start at rest.
-    """
-
-    speed: tuple[float, float] = (0.15, 0.6)
-    duration: tuple[float, float] = (8.0, 20.0)
+    speed: tuple[float, float] = (0.15, 0.6)  # m/s
+    duration: tuple[float, float] = (8.0, 20.0)  # s
     n_legs: int = 5
-    from_rest: float = 0.2
+    from_rest: float = 0.2  # probability of a start at rest, otherwise in motion
 
     def __post_init__(self):
         pair_in_range("speed of the legs", self.speed, 0.0, MAXIMUM_COMMAND)
@@ -110,10 +89,7 @@ class MissionSampler:
         finite_in_range("from_rest", self.from_rest, 0.0, 1.0)
 
     def sample_legs(self, key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Legs and start speeds of many lanes at random, from their noise keys (n_lanes,).
-
-        Legs are (n_lanes, n_legs, 2), start speeds (n_lanes,).
-        """
+        """Random legs (n_lanes, n_legs, 2) and start speeds (n_lanes,), from noise keys."""
         u = uniforms(key, STREAMS["mission"], 2 * self.n_legs + 1)
         legs = np.empty((key.size, self.n_legs, 2))
         shortest, longest = self.duration
@@ -126,8 +102,5 @@ class MissionSampler:
 
 
 def follow_mission(observation: np.ndarray) -> np.ndarray:
-    """Actions (n_lanes, 3) that command the mission speed, with rudder and stern plane amidships.
-
-    observation is (n_lanes, n_channels).
-    """
+    """Actions (n_lanes, 3) that command the mission speed of the observation, fins amidships."""
     return observation[:, INDEX["mission_speed"], None] * [1.0, 0.0, 0.0]

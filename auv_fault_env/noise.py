@@ -1,8 +1,7 @@
 """Counter-based noise: random numbers depend on key, step and channel alone.
 
-So any lane of any batch can be replayed. The bits are SplitMix64's, computed for a place instead of
-in sequence. Normals follow by Box and Muller, with a logarithm and a sine that vectorise over
-lanes, as those of libm do not.
+So any lane of any batch can be replayed. The bits are those of SplitMix64; normals follow by Box
+and Muller, with a logarithm and a sine that vectorise over lanes, as those of libm do not.
 """
 
 import math
@@ -29,15 +28,8 @@ CHANCE_WORD = np.uint64(8)
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 MIX_2 = np.uint64(0x94D049BB133111EB)
-U12 = np.uint64(12)
-U27 = np.uint64(27)
-U30 = np.uint64(30)
-U31 = np.uint64(31)
-U32 = np.uint64(32)
-U52 = np.uint64(52)
-LOW_16 = np.uint64((1 << 16) - 1)
-LOW_32 = np.uint64((1 << 32) - 1)
-LOW_52 = np.uint64((1 << 52) - 1)
+U12, U27, U30, U31, U32, U52 = map(np.uint64, (12, 27, 30, 31, 32, 52))
+LOW_16, LOW_32, LOW_52 = (np.uint64((1 << bits) - 1) for bits in (16, 32, 52))
 TWO_52 = 4503599627370496.0
 BITS_OF_ONE = np.uint64(0x3FF0000000000000)
 BITS_OF_TWO_52 = np.uint64(0x4330000000000000)

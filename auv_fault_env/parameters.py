@@ -1,7 +1,7 @@
 """The constants of a vehicle with unit, meaning and source; presets; parameters that faults change.
 
-SI units; those of the thesis are converted here and nowhere else. Shaft speed is in rpm in
-``beta``, as in the thesis and every vehicle log, and in rad/s in the motor constants.
+SI units; those of the thesis are converted here. Shaft speed is in rpm in ``beta``, as in every
+vehicle log, and in rad/s in the motor constants.
 
 Sources
 -------
@@ -34,8 +34,7 @@ def blade_pair_inertia(
 ) -> float:
     """Polar inertia [kg m^2] of a two-bladed propeller, a sum over rectangles as in [T].
 
-    The thesis gives the method, not the blade: a 4 inch brass blade of 25 mm chord and 3 mm mean
-    thickness is assumed, without entrained water.
+    The blade is assumed: 4 inch of brass, without entrained water.
     """
     width = (tip - hub) / elements
     radii = [hub + (k + 0.5) * width for k in range(elements)]
@@ -46,11 +45,7 @@ def blade_pair_inertia(
 def quantity(
     value: float, unit: str, about: str, source: str, low: float, high: float, band: float = 0.0
 ):
-    """A field of `Vehicle`.
-
-    low and high are physical limits, band is half the width of the healthy band relative to the
-    value.
-    """
+    """A field of `Vehicle`: physical limits, and half the healthy band relative to the value."""
     metadata = dict(unit=unit, about=about, source=source, low=low, high=high, band=band)
     return field(default=value, metadata=metadata)
 
@@ -60,8 +55,7 @@ class Vehicle:
     """A healthy vehicle: hull, shafts and motors (both sides alike), water and controller gains.
 
     A variant is ``dataclasses.replace(PRESETS["thesis1992"], alpha=-0.1)``; a value outside its
-    physical limits raises `ValueError`. Units, meanings and sources are in each field's metadata:
-    see `describe`.
+    physical limits raises `ValueError`. `describe` lists units, meanings and sources.
     """
 
     # fmt: off
@@ -141,9 +135,8 @@ class Vehicle:
     def __post_init__(self):
         for spec in fields(self):
             if spec.metadata:
-                low = spec.metadata["low"]
-                high = spec.metadata["high"]
-                finite_in_range(spec.name, getattr(self, spec.name), low, high)
+                limits = spec.metadata["low"], spec.metadata["high"]
+                finite_in_range(spec.name, getattr(self, spec.name), *limits)
         speed_per_rpm = (self.beta / -self.alpha) ** 0.5
         advance_ratio = 60.0 * speed_per_rpm / self.diameter * (1.0 - self.wake_fraction)
         if self.c2 and self.c2 * advance_ratio >= self.c1:
@@ -199,18 +192,14 @@ def _plant_parameter(name: str) -> Parameter:
 
 
 def _sensor_parameters(channel: str) -> dict[str, Parameter]:
-    unit = CHANNELS[channel].unit
-    low = CHANNELS[channel].low
-    high = CHANNELS[channel].high
+    unit, low, high, *_ = CHANNELS[channel]
     span = high - low
     return {
         f"{channel}_bias": Parameter(unit, -span, span, 0.0, "added to the reading"),
         f"{channel}_gain": Parameter("1", 0.0, 10.0, 0.0, "multiplies the reading"),
         f"{channel}_noise": Parameter(unit, 0.0, span, 0.0, "standard deviation of the reading"),
-        f"{channel}_stuck": Parameter(
-            "1", 0.0, 1.0, 0.0, "share of the samples that repeat the last reading"
-        ),
-        f"{channel}_dropout": Parameter("1", 0.0, 1.0, 0.0, "share of the samples that read zero"),
+        f"{channel}_stuck": Parameter("1", 0.0, 1.0, 0.0, "share of samples that repeat the last"),
+        f"{channel}_dropout": Parameter("1", 0.0, 1.0, 0.0, "share of samples that read zero"),
     }
 
 
@@ -223,10 +212,7 @@ PARAMETERS: dict[str, Parameter] = {
 
 
 def nominal(vehicle: Vehicle, sensor_noise: float = 1.0) -> dict[str, float]:
-    """Healthy value of every parameter, in the order of `PARAMETERS`.
-
-    The sides have half of ``beta`` each.
-    """
+    """Healthy value of every parameter, in that order; each side has half of ``beta``."""
     shaft = {name: getattr(vehicle, name) for name in SHAFT} | {"beta": vehicle.beta / 2}
     values = {name: getattr(vehicle, name) for name in HULL}
     values |= {f"{side}_{name}": shaft[name] for side in SIDES for name in SHAFT}

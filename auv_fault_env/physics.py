@@ -1,8 +1,7 @@
 """The equations of surge, shafts, controllers and sensors as scalar functions for compiled loops.
 
-This is the only source of physics: a single step, a serial batch and a parallel batch are loops
-around these functions of floats and named tuples of floats. They create no arrays, raise nothing
-and never branch on a fault.
+All kernels are loops around these functions of floats and named tuples of floats, which create no
+arrays, raise nothing and never branch on a fault.
 
 Equations (u surge speed, w shaft speed in rad/s, n the same in rpm, V motor voltage)::
 
@@ -10,12 +9,13 @@ Equations (u surge speed, w shaft speed in rad/s, n the same in rpm, V motor vol
     J dw/dt = K_T (V - K_b w)/R - Q - b w - tau_c sign(w),      w >= 0, with stiction at w = 0
     Q       = rho D^5 (w/2 pi)^2 (C1 - C2 J_a),                 J_a = u (1 - wake) / ((w/2 pi) D)
 
-With the surge speed known, the shaft equation is a Riccati equation, which `shaft_speed_after`
-solves in closed form.
+With the surge speed known, `shaft_speed_after` solves the shaft equation in closed form.
 """
 
 import math
 from typing import NamedTuple
+
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.parameters import ENERGY_WEIGHT, SAMPLE_TIME, SHAFT, Vehicle
@@ -61,10 +61,12 @@ class PlantConstants(NamedTuple):
     energy_weight: float
 
 
+N_CONSTANTS = len(PlantConstants._fields)
+
+
 def plant_constants(vehicle: Vehicle, disturbance: float = 1.0) -> PlantConstants:
     """The constants of a vehicle; `disturbance` is a factor on the disturbing acceleration."""
-    names = PlantConstants._fields[:-1]
-    values = [float(getattr(vehicle, name)) for name in names]
+    values = [float(getattr(vehicle, name)) for name in PlantConstants._fields[:-1]]
     constants = PlantConstants(*values, ENERGY_WEIGHT)
     return constants._replace(disturbance_std=constants.disturbance_std * disturbance)
 
@@ -72,24 +74,7 @@ def plant_constants(vehicle: Vehicle, disturbance: float = 1.0) -> PlantConstant
 @scalar
 def constants_from_array(values):
     """The `PlantConstants` whose fields stand in an array, in their order."""
-    return PlantConstants(
-        values[0],
-        values[1],
-        values[2],
-        values[3],
-        values[4],
-        values[5],
-        values[6],
-        values[7],
-        values[8],
-        values[9],
-        values[10],
-        values[11],
-        values[12],
-        values[13],
-        values[14],
-        values[15],
-    )
+    return PlantConstants(*to_fixed_tuple(values, N_CONSTANTS))
 
 
 class Shaft(NamedTuple):
@@ -127,10 +112,9 @@ def shaft_at(values, first, stride):
 
 
 class Motor(NamedTuple):
-    """Coefficients of a shaft at one voltage.
+    """A shaft at one voltage: dw/dt = drive - (damping - coupling u) w - load w^2 [rad/s^2].
 
-    The shaft speed w changes by drive - (damping - coupling u) w - load w^2 [rad/s^2]; the vehicle
-    gains the acceleration thrust w^2 [m/s^2].
+    Its propeller accelerates the vehicle by thrust w^2 [m/s^2].
     """
 
     drive: float
@@ -190,10 +174,7 @@ def shaft_acceleration(shaft_speed, speed, side):
 
 @scalar
 def disturbance_memory(constants):
-    """Share of the disturbance that outlives a sample, and standard deviation of what joins it.
-
-    Together they make an exact step of the Ornstein-Uhlenbeck process.
-    """
+    """Share of the disturbance left after a sample, and std of the noise that joins it: exact."""
     memory = math.exp(-SAMPLE_TIME / constants.disturbance_time)
     return memory, constants.disturbance_std * math.sqrt(1.0 - memory * memory)
 
@@ -206,29 +187,20 @@ def armature_current(shaft, shaft_speed, voltage):
 
 @scalar
 def electrical_energy(shaft, angle, voltage):
-    """Electrical energy [J] of a sample in which the shaft turned by `angle` [rad].
-
-    Negative while the motor brakes.
-    """
+    """Electrical energy [J] of a sample with this turn [rad]; negative while the motor brakes."""
     return voltage * (voltage * SAMPLE_TIME - shaft.torque_constant * angle) / shaft.resistance
 
 
 @scalar
 def equilibrium_shaft_speed(alpha, beta, speed, constants):
-    """Shaft speed [rad/s] at which thrust and drag balance, at most that of the largest command.
-
-    Zero for a vehicle without thrust.
-    """
+    """Shaft speed [rad/s] at which thrust and drag balance, within that of the largest command."""
     rpm = math.sqrt(-alpha / beta) * speed if beta > 0.0 else 0.0
     return min(rpm, constants.maximum_rpm) / RPM
 
 
 @scalar
 def equilibrium_voltage(shaft, shaft_speed, speed, constants):
-    """Voltage [V] that keeps a shaft speed against friction and propeller, within the supply.
-
-    Zero for a standing shaft.
-    """
+    """Voltage [V] that keeps a shaft speed, within the supply; zero for a standing shaft."""
     unpowered = motor(shaft, constants, 0.0)
     damping = unpowered.damping - unpowered.coupling * speed + unpowered.load * shaft_speed
     torque = shaft.inertia * (damping * shaft_speed - unpowered.drive)
@@ -263,13 +235,12 @@ def rates(motion, drag, disturbance, port, starboard):
 def shaft_speed_after(start, side, mean_speed, slope, time):
     """Shaft speed [rad/s] after `time` [s] under a surge speed of given mean and constant slope.
 
-    The Riccati equation is the projection of a linear system of order two with generator M =
-    [[-b/2, a], [c, b/2]]. With a constant speed, w(t) = w0 + w'(0) T / (1 + (b/2 + c w0) T) with T
-    = tanh(l t)/l, l^2 = b^2/4 + a c. A linear speed turns b; the Magnus expansion, summed to first
-    order in the slope, then scales a by (1 + k) and c by (1 - k), k = coupling slope t^2 (y coth y
-    - 1)/(4 y^2), y = l t. With x = y^2, one Pade approximant gives both functions, tanh(y)/y = p/(p
-    + x q) and (y coth y - 1)/y^2 = q/p. So all orders of k cost one division: no exponential, no
-    singularity at c = 0, and x < 0 needs no other formula than x > 0.
+    The equation is a Riccati equation, the projection of a linear system with generator M =
+    [[-b/2, a], [c, b/2]]. At a constant speed, w(t) = w0 + w'(0) T / (1 + (b/2 + c w0) T) with T
+    = tanh(l t)/l, l^2 = b^2/4 + a c. A linear speed changes b; the Magnus expansion, to first order
+    in the slope, scales a by (1 + k) and c by (1 - k), k = coupling slope t^2 (y coth y - 1)/(4
+    y^2), y = l t. With x = y^2, one Pade approximant gives tanh(y)/y = p/(p + x q) and (y coth y -
+    1)/y^2 = q/p, for x of either sign.
     """
     damping = side.damping - side.coupling * mean_speed
     x = (0.25 * damping * damping + side.drive * side.load) * time * time
@@ -312,10 +283,7 @@ def shafts_and_acceleration(
 
 @scalar
 def substep(motion, drag, disturbance, port, starboard, time):
-    """The motion after `time` [s].
-
-    Closed-form shafts at the Lobatto points, quadrature of order 6 for speed and angles.
-    """
+    """The motion after `time` [s]: closed-form shafts at Lobatto points, quadrature of order 6."""
     u = motion.speed
     port_0 = motion.port_shaft_speed
     starboard_0 = motion.starboard_shaft_speed
@@ -346,13 +314,10 @@ def substep(motion, drag, disturbance, port, starboard, time):
 
 @kernel
 def advance(motion, drag, disturbance, port, starboard):
-    """The `Motion` one sample (0.1 s) later, under constant voltages and disturbance.
+    """The `Motion` one sample later, under a constant disturbance [m/s^2] and two `Motor` s.
 
-    Within 1e-6 of the exact solution for the presets under every fault; a much stiffer shaft, of a
-    tenth of the inertia, costs accuracy, not stability.
-
-    drag is alpha + gamma delta^2 [1/m], disturbance an acceleration [m/s^2], port and starboard are
-    `Motor` s.
+    drag is alpha + gamma delta^2 [1/m]. Within 1e-6 of the exact solution for the presets under
+    every fault; a shaft of a tenth of the inertia costs accuracy, not stability.
     """
     for k in range(SUBSTEPS):
         motion = substep(motion, drag, disturbance, port, starboard, SUBSTEP[k])
@@ -369,9 +334,8 @@ def clipped(value, low, high):
 def rpm_command(constants, speed_command, speed, delta_squared):
     """Shaft speed command [rpm] by sliding mode control of the surge speed on the nominal hull.
 
-    The form is that of Healey & Lienard (1993). The drag is fed forward at the measured speed, but
-    not above the boundary layer: a vehicle with less drag than nominal, or a wrong reading, would
-    otherwise be driven the harder the faster it is.
+    Form: Healey & Lienard (1993). The measured speed feeds the drag forward only up to the boundary
+    layer: else a vehicle with less drag, or a wrong reading, would be driven ever faster.
     """
     ahead = min(speed, speed_command + constants.boundary_layer)
     drag = (constants.alpha + constants.gamma * delta_squared) * ahead * abs(ahead)
@@ -383,10 +347,7 @@ def rpm_command(constants, speed_command, speed, delta_squared):
 
 @scalar
 def voltage_command(constants, error, integral):
-    """Voltage [V] by PI control of the shaft speed, and the new integral.
-
-    The integral stops where the voltage saturates.
-    """
+    """Voltage [V] by PI control of the shaft speed, and the integral, which stops at saturation."""
     proportional = constants.proportional_gain * error
     unlimited = proportional + integral + constants.integral_gain * SAMPLE_TIME * error
     voltage = clipped(unlimited, 0.0, constants.maximum_voltage)

@@ -1,8 +1,7 @@
 """Frames of `PropulsionEnv`: the vehicle in three projections, and strip charts of the last minute.
 
-Everything follows from the channels, the catalogue and the truth: a new fault shows on the part
-that its `component` names, and in the caption, without an edit here. A fault shows from its onset
-on.
+A fault shows from its onset on, in the caption and on the part that its `component` names: a new
+one of the catalogue needs no edit here.
 """
 
 from collections import deque
@@ -11,20 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from auv_fault_env.canvas import (
-    BLUE,
-    FAINT,
-    GRID,
-    INK,
-    LARGE,
-    SIDE_COLOURS,
-    SIZE,
-    SMALL,
-    STEEL,
-    VIOLET,
-    WARNING,
-    Canvas,
-)
+from auv_fault_env import palette
+from auv_fault_env.canvas import LARGE, SIZE, SMALL, Canvas
 from auv_fault_env.channels import MAXIMUM_COMMAND
 from auv_fault_env.charts import (
     CHARTS,
@@ -57,52 +44,46 @@ def _draw_gauge(canvas: Canvas, row: Mapping[str, float]):
         fraction = min(max(row[trace.channel] / marks[-1], 0.0), 1.0)
         places[trace.channel] = left + width * fraction
     canvas.text(f"{row['speed']:.2f} m/s measured", (left, 52), size=LARGE)
-    canvas.box(left, top, width, 12, GRID)
-    canvas.box(left, top, places[TRUE_SPEED] - left, 12, VIOLET)
-    canvas.box(places["speed"] - 1, top - 2, 2, 16, INK)
+    canvas.box(left, top, width, 12, palette.GRID)
+    canvas.box(left, top, places[TRUE_SPEED] - left, 12, palette.VIOLET)
+    canvas.box(places["speed"] - 1, top - 2, 2, 16, palette.INK)
     for name, colour, y, tip in (
-        ("speed_command", BLUE, top - 5, top + 3),
-        ("mission_speed", STEEL, top + 17, top + 9),
+        ("speed_command", palette.BLUE, top - 5, top + 3),
+        ("mission_speed", palette.STEEL, top + 17, top + 9),
     ):
         x = places[name]
-        canvas.polygon([(x - 4, y), (x + 4, y), (x, tip)], colour, INK)
+        canvas.polygon([(x - 4, y), (x + 4, y), (x, tip)], colour, palette.INK)
     for mark in marks:
         x = left + width * mark / marks[-1]
-        canvas.text(f"{mark:.1f}", (x, top + 24), FAINT, 0.5, SMALL)
+        canvas.text(f"{mark:.1f}", (x, top + 24), palette.FAINT, 0.5, SMALL)
 
 
 def _draw_caption(canvas: Canvas, time: float, faults: Sequence[tuple[str, float, float]]):
     """Time, and a table of the present faults: class, severity, onset."""
     for side, x in zip(SIDES, (513, 579), strict=True):
-        canvas.text(side, (x, 204), SIDE_COLOURS[side], 0.5)
+        canvas.text(side, (x, 204), palette.SIDES[side], 0.5)
     canvas.text("NPS AUV II", (674, 18), size=LARGE)
     canvas.text(f"{time:.1f} s", (946, 18), size=LARGE, align=1.0)
-    canvas.text("fault" if faults else "no fault", (674, 122), FAINT)
+    canvas.text("fault" if faults else "no fault", (674, 122), palette.FAINT)
     if faults:
-        canvas.text("severity", (896, 122), FAINT, 1.0)
-        canvas.text("since", (946, 122), FAINT, 1.0)
+        canvas.text("severity", (896, 122), palette.FAINT, 1.0)
+        canvas.text("since", (946, 122), palette.FAINT, 1.0)
     shown = 5 if len(faults) <= 5 else 4
     for line, (name, severity, since) in enumerate(faults[:shown]):
         y = 142 + 20 * line
-        canvas.box(668, y - 9, 282, 18, WARNING, 4)
+        canvas.box(668, y - 9, 282, 18, palette.WARNING, 4)
         canvas.text(name, (674, y))
         canvas.text(f"{severity:.2f}", (896, y), align=1.0)
         canvas.text(f"{since:.1f} s", (946, y), align=1.0)
     if len(faults) > shown:
-        canvas.text(f"and {len(faults) - shown} more", (674, 142 + 20 * shown), FAINT)
+        canvas.text(f"and {len(faults) - shown} more", (674, 142 + 20 * shown), palette.FAINT)
 
 
 class Renderer:
     """Records the last minute of an episode and draws it.
 
-    Without pygame it raises `gymnasium.error.DependencyNotInstalled`.
-
-    Parameters
-    ----------
-    mode
-        ``rgb_array`` (draws off screen; needs no display) or ``human`` (a window).
-    fps
-        Frames per second of the window.
+    `mode` is ``rgb_array`` (off screen; needs no display) or ``human`` (a window of so many frames
+    per second). Without pygame it raises `gymnasium.error.DependencyNotInstalled`.
     """
 
     def __init__(self, mode: str, fps: float):
@@ -129,8 +110,7 @@ class Renderer:
         previous = self._rows[-1][0] if self._rows else time
         state = truth["state"]
         self._rows.append((time, *map(float, observation), state["speed"]))
-        severities = truth["severity"].items()
-        self._severity = {name: severity for name, severity in severities if severity > 0.0}
+        self._severity = {name: s for name, s in truth["severity"].items() if s > 0.0}
         for name in self._severity:
             self._onsets.setdefault(name, previous)
         duration = time - previous
@@ -145,9 +125,8 @@ class Renderer:
         """The picture, (height, width, 3) uint8."""
         self._draw()
         pixels = self._canvas.pygame.image.tobytes(self._canvas.surface, "RGB")
-        width, height = SIZE
         frame = np.frombuffer(bytearray(pixels), np.uint8)
-        return frame.reshape(height, width, 3)
+        return frame.reshape(*SIZE[::-1], 3)
 
     def show(self):
         """Update the window; do nothing once the user has closed it."""

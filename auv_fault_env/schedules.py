@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections import namedtuple
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
@@ -21,38 +22,19 @@ LIMITS = {"severity": 1.0, "duty": 1.0, "onset": LONGEST, "ramp": LONGEST, "peri
 
 @dataclass(frozen=True)
 class FaultEvent:
-    """One fault of an episode: abrupt, incipient (ramp), intermittent (period, duty) or repaired.
+    """One fault of an episode: abrupt, incipient (ramp), intermittent (period), or repaired."""
 
-    Attributes
-    ----------
-    fault
-        Name in the catalogue.
-    onset
-        Start [s] from the beginning of the episode.
-    severity
-        Full severity, 0 to 1.
-    ramp
-        Time [s] over which the severity grows from zero.
-    end
-        End [s]; infinite if never repaired.
-    period
-        Period [s] of an intermittent fault; 0 if permanent.
-    duty
-        Share of each period during which it is present.
-    """
-
-    fault: str
-    onset: float
-    severity: float
-    ramp: float = 0.0
-    end: float = math.inf
-    period: float = 0.0
-    duty: float = 1.0
+    fault: str  # name in the catalogue
+    onset: float  # s, from the beginning of the episode
+    severity: float  # full, 0 to 1
+    ramp: float = 0.0  # s, in which the severity grows from zero
+    end: float = math.inf  # s
+    period: float = 0.0  # s, of an intermittent fault; 0 if permanent
+    duty: float = 1.0  # share of each period during which it is present
 
     def __post_init__(self):
         fault_of(self.fault)
-        limits = LIMITS | {"end": math.inf}
-        for name, high in limits.items():
+        for name, high in {**LIMITS, "end": math.inf}.items():
             value = finite_in_range(f"{name} of {self.fault}", getattr(self, name), 0.0, high)
             object.__setattr__(self, name, value)
         if self.end <= self.onset:
@@ -61,6 +43,10 @@ class FaultEvent:
 
 
 Schedule = tuple[FaultEvent, ...]
+# the uniform numbers in (0, 1) that decide one event
+EventUniforms = namedtuple(
+    "EventUniforms", "fault onset severity incipient ramp intermittent period duty repaired life"
+)
 PROFILE = SeverityProfile._fields
 JSON_FORM = "a JSON list of fault events"
 
@@ -95,10 +81,10 @@ def schedule_of(value: Sequence[FaultEvent | Mapping] | str | Path) -> Schedule:
 def to_json(schedule: Schedule) -> str:
     """The schedule as JSON without default values; `from_json` returns it exactly."""
     defaults = {spec.name: spec.default for spec in fields(FaultEvent)}
-    events = []
-    for row in map(asdict, schedule):
-        not_default = {name: value for name, value in row.items() if value != defaults[name]}
-        events.append(not_default)
+    events = [
+        {name: value for name, value in asdict(event).items() if value != defaults[name]}
+        for event in schedule
+    ]
     return json.dumps(events, indent=2)
 
 
@@ -121,8 +107,7 @@ def load_schedule(path: str | Path) -> Schedule:
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
-        remedy = f"check the path ({reason})"
+        remedy = f"check the path ({getattr(error, 'strerror', None) or 'not a text file'})"
         raise refusal("schedule file", str(path), "a readable JSON file", remedy) from None
     return from_json(text, str(path))
 
@@ -171,8 +156,7 @@ def schedules_of(events: Events) -> list[Schedule]:
     for faults, profiles in zip(*events, strict=True):
         present = faults >= 0
         rows = zip(faults[present], profiles[present].tolist(), strict=True)
-        schedule = [FaultEvent(names[row], *profile) for row, profile in rows]
-        schedules.append(tuple(schedule))
+        schedules.append(tuple(FaultEvent(names[row], *profile) for row, profile in rows))
     return schedules
 
 
@@ -180,50 +164,28 @@ def schedules_of(events: Events) -> list[Schedule]:
 class ScheduleSampler:
     """Random schedules, all quantities uniform within their ranges.
 
-    A lane is healthy with probability `healthy`; else it has one fault, and with probability
-    `compound` a second, different one, if the prior allows for it. Diagnosis classes are equally
-    likely unless `prior` weighs them; the faults of a class are equally likely.
-
-    Attributes
-    ----------
-    prior
-        Relative weight by class; empty for equal weights.
-    healthy
-        Probability of a lane without a fault.
-    compound
-        Probability that a faulty lane has two faults.
-    severity
-        Range of the full severity.
-    onset
-        Range of the onset [s].
-    incipient
-        Probability of a ramp; `ramp` is the range of its duration [s].
-    intermittent
-        Probability of an intermittent fault; `period` [s] and `duty` are ranges.
-    repaired
-        Probability that the fault ends; `life` is the range of its duration [s].
+    Diagnosis classes are equally likely unless `prior` weighs them, as are the faults of a class.
     """
 
-    prior: Mapping[str, float] = field(default_factory=dict)
-    healthy: float = 0.2
-    compound: float = 0.1
+    prior: Mapping[str, float] = field(default_factory=dict)  # relative weight by class
+    healthy: float = 0.2  # probability of a lane without a fault
+    compound: float = 0.1  # probability of a second, different fault, if the prior allows for it
     severity: tuple[float, float] = (0.2, 1.0)
-    onset: tuple[float, float] = (5.0, 30.0)
-    incipient: float = 0.25
-    ramp: tuple[float, float] = (2.0, 15.0)
-    intermittent: float = 0.1
-    period: tuple[float, float] = (2.0, 8.0)
+    onset: tuple[float, float] = (5.0, 30.0)  # s
+    incipient: float = 0.25  # probability of a ramp
+    ramp: tuple[float, float] = (2.0, 15.0)  # s
+    intermittent: float = 0.1  # probability of `period` and `duty`
+    period: tuple[float, float] = (2.0, 8.0)  # s
     duty: tuple[float, float] = (0.3, 0.7)
-    repaired: float = 0.1
-    life: tuple[float, float] = (5.0, 20.0)
+    repaired: float = 0.1  # probability of an end
+    life: tuple[float, float] = (5.0, 20.0)  # s, from the onset to the end
 
     EVENTS = 2  # of a lane at most
 
     def __post_init__(self):
         for name in ("healthy", "compound", "incipient", "intermittent", "repaired"):
             finite_in_range(name, getattr(self, name), 0.0, 1.0)
-        limits = LIMITS | {"life": LONGEST}
-        for name, high in limits.items():
+        for name, high in {**LIMITS, "life": LONGEST}.items():
             pair_in_range(name, getattr(self, name), 0.0, high)
         if self.life[0] <= 0.0:
             raise refusal("life", self.life, "a pair above 0", "let a fault last")
@@ -242,10 +204,9 @@ class ScheduleSampler:
         return weights / weights.sum()
 
     def _faults(self, chance: np.ndarray) -> np.ndarray:
-        """Rows of the catalogue for two candidate faults of each lane, (n_lanes, 2).
+        """Rows of the catalogue of two candidates, from uniform chances, both (n_lanes, 2).
 
-        chance is (n_lanes, 2), uniform in (0, 1). The second fault comes from what the first one
-        leaves of the probability.
+        The second comes from what the first one leaves of the probability.
         """
         weights = self.weights()
         edges = np.cumsum(weights)
@@ -263,26 +224,21 @@ class ScheduleSampler:
         u = EventUniforms(*np.moveaxis(numbers, -1, 0))
         fault = self._faults(u.fault)
         onset = _within(self.onset, u.onset)
-        is_intermittent = u.intermittent < self.intermittent
-        ramp = _within(self.ramp, u.ramp)
         end = onset + _within(self.life, u.life)
-        period = _within(self.period, u.period)
-        duty = _within(self.duty, u.duty)
+        is_intermittent = u.intermittent < self.intermittent
         profile = SeverityProfile(
             onset=onset,
             severity=_within(self.severity, u.severity),
-            ramp=np.where(u.incipient < self.incipient, ramp, 0.0),
+            ramp=np.where(u.incipient < self.incipient, _within(self.ramp, u.ramp), 0.0),
             end=np.where(u.repaired < self.repaired, end, math.inf),
-            period=np.where(is_intermittent, period, 0.0),
-            duty=np.where(is_intermittent, duty, 1.0),
+            period=np.where(is_intermittent, _within(self.period, u.period), 0.0),
+            duty=np.where(is_intermittent, _within(self.duty, u.duty), 1.0),
         )
-        profiles = np.stack(profile, axis=-1)
         is_present = self._presence(key, fault)
-        empty = no_events(*fault.shape)
-        return Events(
-            np.where(is_present, fault, empty.fault),
-            np.where(is_present[..., None], profiles, empty.profile),
-        )
+        events = no_events(*fault.shape)
+        events.fault[is_present] = fault[is_present]
+        events.profile[is_present] = np.stack(profile, axis=-1)[is_present]
+        return events
 
     def _presence(self, key: np.ndarray, fault: np.ndarray) -> np.ndarray:
         """Whether each of two candidate faults (n_lanes, 2) strikes."""
@@ -299,21 +255,6 @@ class ScheduleSampler:
         key = episode_keys(seeds, np.zeros(1, np.uint64))
         events = self.sample_events(key)
         return schedules_of(events)[0]
-
-
-class EventUniforms(NamedTuple):
-    """The uniform numbers in (0, 1) that decide one event."""
-
-    fault: np.ndarray
-    onset: np.ndarray
-    severity: np.ndarray
-    incipient: np.ndarray
-    ramp: np.ndarray
-    intermittent: np.ndarray
-    period: np.ndarray
-    duty: np.ndarray
-    repaired: np.ndarray
-    life: np.ndarray
 
 
 def _diagnoses() -> list[str]:

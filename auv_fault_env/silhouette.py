@@ -6,36 +6,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.canvas import (
-    FAINT,
-    INK,
-    PALE_WARNING,
-    PANEL,
-    SIDE_COLOURS,
-    STEEL,
-    WARNING,
-    WARNING_EDGE,
-    Canvas,
-    Colour,
-    Point,
-)
+from auv_fault_env import palette
+from auv_fault_env.canvas import Canvas, Point
 from auv_fault_env.channels import READINGS
 from auv_fault_env.parameters import SIDES
 
-HULL = (236, 214, 120)
-FIN = (206, 176, 70)
-
 
 class Part(NamedTuple):
-    """A part of the vehicle, drawn as the convex hull of its corners.
+    """A part of the vehicle, drawn as the convex hull of its corners."""
 
-    corners is (n, 3) [m]: forward, to starboard, down from amidships. component is that of a
-    `Fault`.
-    """
-
-    component: str
-    corners: np.ndarray
-    colour: Colour
+    component: str  # as in `Fault`
+    corners: np.ndarray  # (n, 3) [m]: forward, to starboard, down from amidships
+    colour: palette.Colour
 
 
 class Projection(NamedTuple):
@@ -69,17 +51,12 @@ SENSOR_PLACES = {
     **{f"{side}_current": (-0.46, y, 0.0) for side, y in SHAFT_OFFSET.items()},
     **{f"{side}_rpm": (-1.03, y, 0.0) for side, y in SHAFT_OFFSET.items()},
 }
-AMIDSHIPS = (0.0, 0.0, 0.0)
 
 
 def _box(low: Point, high: Point) -> np.ndarray:
     """Corners (8, 3) of a box."""
     coordinates = np.meshgrid(*zip(low, high, strict=True))
     return np.stack(coordinates, axis=-1).reshape(-1, 3)
-
-
-def _cube(centre: Point) -> np.ndarray:
-    return _box(np.subtract(centre, 0.013), np.add(centre, 0.013))
 
 
 def _turned(corners: np.ndarray, axis: int, pivot: Point, angle: float) -> np.ndarray:
@@ -141,25 +118,22 @@ def _blades(x: float, y: float, radius: float) -> np.ndarray:
 
 
 def _drive(side: str, angle: float, thrust: float) -> list[Part]:
-    """Motor, shaft with its seal, swept disc and propeller, whose blades are as long as `thrust`.
-
-    The thrust is relative to a whole propeller; a lost one is not drawn.
-    """
+    """Motor, shaft with its seal, swept disc and blades, whose length shows the relative thrust."""
     y = SHAFT_OFFSET[side]
     x = PROPELLER_PLACE
     motor = _box((-0.84, y - 0.035, -0.035), (-0.62, y + 0.035, 0.035))
     shaft = _box((x - 0.015, y - 0.008, -0.008), (-0.84, y + 0.008, 0.008))
     seal = _box((-1.13, y - 0.018, -0.018), (-1.08, y + 0.018, 0.018))
     parts = [
-        Part(f"motor:{side}", motor, STEEL),
-        Part(f"shaft:{side}", shaft, FAINT),
-        Part(f"shaft:{side}", seal, FAINT),
-        Part(f"propeller:{side}", _disc(x, y, PROPELLER_RADIUS), PANEL),
+        Part(f"motor:{side}", motor, palette.STEEL),
+        Part(f"shaft:{side}", shaft, palette.FAINT),
+        Part(f"shaft:{side}", seal, palette.FAINT),
+        Part(f"propeller:{side}", _disc(x, y, PROPELLER_RADIUS), palette.PANEL),
     ]
     if thrust > 0.02:
         blades = _blades(x, y, PROPELLER_RADIUS * thrust)
         blades = _turned(blades, 0, (x, y, 0), angle)
-        parts.append(Part(f"propeller:{side}", blades, SIDE_COLOURS[side]))
+        parts.append(Part(f"propeller:{side}", blades, palette.SIDES[side]))
     return parts
 
 
@@ -179,12 +153,13 @@ def vehicle_parts(
     shares
         Thrust of each side relative to a whole propeller, 0 if lost.
     """
-    hull = Part("hull", _hull(), HULL)
-    fins = [Part("fins", fin, FIN) for fin in _fins(rudder, plane)]
+    hull = Part("hull", _hull(), palette.HULL)
+    fins = [Part("fins", fin, palette.FIN) for fin in _fins(rudder, plane)]
     sensors = []
     for name in READINGS:
-        cube = _cube(SENSOR_PLACES.get(name, AMIDSHIPS))
-        sensors.append(Part(f"sensor:{name}", cube, PANEL))
+        centre = np.array(SENSOR_PLACES.get(name, (0.0, 0.0, 0.0)))
+        cube = _box(centre - 0.013, centre + 0.013)
+        sensors.append(Part(f"sensor:{name}", cube, palette.PANEL))
     port = _drive("port", -angles["port"], shares["port"])
     starboard = _drive("starboard", angles["starboard"], shares["starboard"])
     return [hull, *fins, *sensors, *port, *starboard]
@@ -212,32 +187,34 @@ def _outline(points: np.ndarray) -> list[Point]:
 
 def draw_vehicle(canvas: Canvas, projection: Projection, parts: Sequence[Part], faulty: set[str]):
     """Draw the hull first, the parts of faulty components last and in the colour of a warning."""
-    canvas.text(projection.title, projection.label, FAINT)
+    canvas.text(projection.title, projection.label, palette.FAINT)
     hull, *others = parts
     for part in (hull, *sorted(others, key=lambda part: part.component in faulty)):
         points = projection.project(part.corners)
         outline = _outline(points)
         if part.component not in faulty:
-            canvas.polygon(outline, part.colour, INK)
+            canvas.polygon(outline, part.colour, palette.INK)
             continue
         reach = np.ptp(points, axis=0).max() / 2
         # parts within a faulty hull must still stand out
-        canvas.polygon(outline, WARNING if reach < 60 else PALE_WARNING, WARNING_EDGE)
+        canvas.polygon(
+            outline, palette.WARNING if reach < 60 else palette.PALE_WARNING, palette.WARNING_EDGE
+        )
         if reach < 12:
             radius = max(1.5 * reach, 11)
-            canvas.circle(points.mean(axis=0), radius, WARNING_EDGE, 2)
+            canvas.circle(points.mean(axis=0), radius, palette.WARNING_EDGE, 2)
 
 
 def draw_ruler(canvas: Canvas, travelled: float):
     """Draw metres through the water, which pass below the vehicle as it moves."""
     from_above = PROJECTIONS[0]
     top = 216
-    canvas.line([(16, top), (420, top)], FAINT)
+    canvas.line([(16, top), (420, top)], palette.FAINT)
     first = math.ceil(2 * travelled - 2.4)
     last = math.floor(2 * travelled + 2.4)
     for half_metre in range(first, last + 1):
         is_metre = half_metre % 2 == 0
         x = from_above.centre[0] + (half_metre / 2 - travelled) * from_above.scale
-        canvas.line([(x, top), (x, top + 4 + 3 * is_metre)], FAINT)
+        canvas.line([(x, top), (x, top + 4 + 3 * is_metre)], palette.FAINT)
         if is_metre:
-            canvas.text(f"{half_metre // 2} m", (x, top + 14), FAINT, 0.5)
+            canvas.text(f"{half_metre // 2} m", (x, top + 14), palette.FAINT, 0.5)

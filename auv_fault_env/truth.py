@@ -1,7 +1,4 @@
-"""The truth behind the readings: labels, severities, onset, parameters, noise-free state.
-
-It is for scoring only.
-"""
+"""The truth behind the readings, for scoring only."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -77,8 +74,7 @@ class FleetTruth(Mapping):
     def _severity(self) -> dict[str, np.ndarray]:
         plan = self._fleet.plan
         names = classes()
-        class_of_fault = [names.index(name) for name in self._fleet.diagnoses]
-        class_of_fault = np.array(class_of_fault)
+        class_of_fault = np.array([names.index(name) for name in self._fleet.diagnoses])
         largest = np.zeros((len(names), self._fleet.n_lanes))
         lanes = np.arange(self._fleet.n_lanes)
         for fault, severity in zip(plan.fault.T, plan.severity.T, strict=True):

@@ -47,28 +47,14 @@ SPEED_SENSOR = SENSOR_PREFIX + "speed"
 
 
 class Situation(NamedTuple):
-    """Where a mission stands; each a number or (n_lanes,).
+    """Where a mission stands; each a number or (n_lanes,). Distances are over the ground."""
 
-    Attributes
-    ----------
-    speed
-        Speed through the water that the mission asks for [m/s].
-    distance_to_go, distance_home
-        Distances over the ground to the goal and back home [m].
-    energy_left
-        In the battery [J].
-    hotel_load
-        Power of all but the motors [W].
-    current
-        Current of the water [m/s], positive against the way to the goal and so with the way home.
-    """
-
-    speed: np.ndarray | float
-    distance_to_go: np.ndarray | float
-    distance_home: np.ndarray | float
-    energy_left: np.ndarray | float
-    hotel_load: np.ndarray | float
-    current: np.ndarray | float = 0.0
+    speed: np.ndarray | float  # m/s, through the water, that the mission asks for
+    distance_to_go: np.ndarray | float  # m
+    distance_home: np.ndarray | float  # m
+    energy_left: np.ndarray | float  # J
+    hotel_load: np.ndarray | float  # W, power of all but the motors
+    current: np.ndarray | float = 0.0  # m/s, of the water against the way to the goal
 
 
 LIMITS = {
@@ -92,42 +78,23 @@ class Quantiles(NamedTuple):
 class Advice(NamedTuple):
     """What to do, for what reason, and what the vehicle can still do; all (n_lanes,).
 
-    Attributes
-    ----------
-    level
-        Index of the action in `ACTIONS`: the higher, the more serious.
-    reason
-        One sentence per lane.
-    speed
-        Speed through the water to choose [m/s], 0 to abort. It is to be the true speed: a
-        controller without integral action falls short of its command under a fault.
-    distrusted
-        Class of the reading that is probably false, such as ``sensor:speed``; empty if none is.
-    reachable_speed
-        Largest speed through the water [m/s].
-    energy_per_metre, range
-        At the mission's speed on the way to the goal, hotel load included [J/m], and how far the
-        battery then brings the vehicle [m]. Infinite and 0 where it makes no way.
-    best_speed, best_energy_per_metre, best_range
-        The same at the speed, up to twice the mission's, that brings it farthest.
-    range_home
-        The range on the way home, at the best speed for that [m].
-    proposals
-        Levels of the last `N_AGREEING` judgements, (n_lanes, N_AGREEING), the newest last.
+    `speed` is to be the true speed: a controller without integral action falls short of its command
+    under a fault. Energy per metre includes the hotel load; it is infinite, and the range 0, where
+    the vehicle makes no way. The best speed, up to twice the mission's, gives the largest range.
     """
 
-    level: np.ndarray
-    reason: tuple[str, ...]
-    speed: np.ndarray
-    distrusted: np.ndarray
-    reachable_speed: Quantiles
-    energy_per_metre: Quantiles
-    range: Quantiles
-    best_speed: np.ndarray
-    best_energy_per_metre: Quantiles
-    best_range: Quantiles
-    range_home: Quantiles
-    proposals: np.ndarray
+    level: np.ndarray  # index of the action in `ACTIONS`: the higher, the more serious
+    reason: tuple[str, ...]  # one sentence per lane
+    speed: np.ndarray  # to choose, through the water [m/s], 0 to abort
+    distrusted: np.ndarray  # class of the reading that is probably false; empty if none is
+    reachable_speed: Quantiles  # the largest through the water [m/s]
+    energy_per_metre: Quantiles  # to the goal at the mission's speed [J/m]
+    range: Quantiles  # to the goal at the mission's speed [m]
+    best_speed: np.ndarray  # m/s
+    best_energy_per_metre: Quantiles  # J/m
+    best_range: Quantiles  # m
+    range_home: Quantiles  # at the best speed for that [m]
+    proposals: np.ndarray  # (n_lanes, N_AGREEING), levels of the last judgements, newest last
 
     @property
     def action(self) -> np.ndarray:
@@ -145,8 +112,7 @@ def advise(
     """Advice for every lane.
 
     It misleads where the diagnoser does: under a fault that is not in the catalogue, or under two
-    at once, the ranges are those of another vehicle. It does not include obstacles, tides to come
-    and the crew's own reasons.
+    at once, the ranges are those of another vehicle. It does not include obstacles and tides.
 
     Parameters
     ----------
@@ -157,11 +123,10 @@ def advise(
     vehicle
         The nominal vehicle.
     shafts
-        1 or 2. On a vehicle with one shaft a fault of the port side is a fault of all its
-        propulsion.
+        1 or 2. With one, a fault of the port side is a fault of all propulsion.
     previous
-        The last advice, about a second ago. With it the action does not flicker: it moves only as
-        far as each of the last `N_AGREEING` judgements would move it.
+        The last advice, about a second ago. With it the action changes only as far as all of the
+        last `N_AGREEING` judgements demand.
     """
     if shafts not in (1, 2):
         raise refusal("shafts", shafts, "1 or 2", "say how many the vehicle has")
@@ -181,12 +146,12 @@ def _checked(situation: Situation, n_lanes: int) -> Situation:
 
 
 def _checked_field(situation: Situation, name: str, n_lanes: int) -> np.ndarray:
-    given = getattr(situation, name)
+    field = getattr(situation, name)
     try:
-        values = np.broadcast_to(np.asarray(given, np.float64), n_lanes)
+        values = np.broadcast_to(np.asarray(field, np.float64), n_lanes)
     except (TypeError, ValueError):
         remedy = "give one number, or one per lane"
-        raise refusal(name, given, f"numbers of shape ({n_lanes},)", remedy) from None
+        raise refusal(name, field, f"numbers of shape ({n_lanes},)", remedy) from None
     low, high = LIMITS[name]
     wrong = ~((values >= low) & (values <= high))
     if wrong.any():
@@ -197,43 +162,21 @@ def _checked_field(situation: Situation, name: str, n_lanes: int) -> np.ndarray:
 
 
 class Assessment(NamedTuple):
-    """What an advice is made from.
-
-    Attributes
-    ----------
-    situation
-        Of every lane.
-    speeds
-        (n_lanes, n_speeds), the speeds that are compared [m/s].
-    reachable_speed
-        Quantiles over the possible vehicles [m/s].
-    may_drift
-        (n_lanes,), whether too many possible vehicles cannot hold their position.
-    within_rating
-        (n_lanes, n_speeds), whether the motors stay within their rating.
-    outward, homeward
-        (n_quantiles, n_lanes, n_speeds), quantiles of the way over the ground by energy [m/J].
-    safe_range, probable_range_home
-        (n_lanes, n_speeds), ranges [m] to plan with, 0 where a motor would exceed its rating.
-    fault, probability, severity
-        (n_lanes,), class index of the likeliest fault, its probability and its mean severity.
-    distrusted
-        As in `Advice`.
-    """
+    """The basis of an advice: quantities over the possible vehicles, and the likeliest fault."""
 
     situation: Situation
-    speeds: np.ndarray
-    reachable_speed: Quantiles
-    may_drift: np.ndarray
-    within_rating: np.ndarray
-    outward: np.ndarray
-    homeward: np.ndarray
-    safe_range: np.ndarray
-    probable_range_home: np.ndarray
-    fault: np.ndarray
-    probability: np.ndarray
-    severity: np.ndarray
-    distrusted: np.ndarray
+    speeds: np.ndarray  # (n_lanes, n_speeds), that are compared [m/s]
+    reachable_speed: Quantiles  # m/s
+    may_drift: np.ndarray  # (n_lanes,), whether too many cannot hold their position
+    within_rating: np.ndarray  # (n_lanes, n_speeds), whether the motors are
+    outward: np.ndarray  # (n_quantiles, n_lanes, n_speeds), way over the ground by energy [m/J]
+    homeward: np.ndarray  # (n_quantiles, n_lanes, n_speeds), the same
+    safe_range: np.ndarray  # (n_lanes, n_speeds), to plan with, 0 beyond the rating [m]
+    probable_range_home: np.ndarray  # (n_lanes, n_speeds), the same
+    fault: np.ndarray  # (n_lanes,), class index
+    probability: np.ndarray  # (n_lanes,)
+    severity: np.ndarray  # (n_lanes,), mean
+    distrusted: np.ndarray  # (n_lanes,), as in `Advice`
 
     @property
     def goal_in_range(self) -> np.ndarray:
@@ -262,6 +205,7 @@ def _assess(belief: Belief, situation: Situation, vehicle: Vehicle, shafts: int)
     fault = 1 + belief.log_probability[:, 1:].argmax(axis=1)
     lanes = np.arange(fault.size)
     probability = np.exp(belief.log_probability[lanes, fault])
+    sensors = np.array([name if name.startswith(SENSOR_PREFIX) else "" for name in classes()])
     return Assessment(
         situation=situation,
         speeds=speeds,
@@ -275,23 +219,15 @@ def _assess(belief: Belief, situation: Situation, vehicle: Vehicle, shafts: int)
         fault=fault,
         probability=probability,
         severity=belief.severity_mean[lanes, fault],
-        distrusted=_distrusted(fault, probability),
+        distrusted=np.where(probability >= PROBABLE, sensors[fault], ""),
     )
 
 
-def _metres_per_joule(
-    power: np.ndarray, situation: Situation, ground_speed: np.ndarray
-) -> np.ndarray:
+def _metres_per_joule(power: np.ndarray, situation: Situation, ground_speed: np.ndarray):
     """Quantiles of the way over the ground by energy, (4, n_lanes, n_speeds)."""
     way = np.maximum(ground_speed, 0.0)
     demand = np.maximum(power + situation.hotel_load[:, None, None], MIN_POWER)
     return np.quantile(way[:, None] / demand, QUANTILES, axis=1)
-
-
-def _distrusted(fault: np.ndarray, probability: np.ndarray) -> np.ndarray:
-    """Class of the sensor whose fault is probable, (n_lanes,); empty if none is."""
-    sensors = [name if name.startswith(SENSOR_PREFIX) else "" for name in classes()]
-    return np.where(probability >= PROBABLE, np.array(sensors)[fault], "")
 
 
 def _levels(assessment: Assessment) -> np.ndarray:
@@ -308,10 +244,7 @@ def _levels(assessment: Assessment) -> np.ndarray:
 
 
 def _derated_speed(assessment: Assessment) -> np.ndarray:
-    """Index of the speed to derate to, (n_lanes,).
-
-    The fastest that reaches the goal; the cheapest where the speed reading is probably false.
-    """
+    """Index of the fastest speed that reaches the goal; the cheapest if the reading is false."""
     slower = assessment.goal_in_range[:, :MISSION]
     fastest = MISSION - 1 - slower[:, ::-1].argmax(axis=1)
     cheapest = assessment.safe_range[:, : MISSION + 1].argmax(axis=1)

@@ -1,8 +1,7 @@
 """What a vehicle can still do: the speeds that it can hold, their power and their current.
 
-A belief is a mixture over fault classes, severities and the healthy band. `N_VEHICLES` possible
-vehicles of each lane represent it, the same quantiles of it at every call, so that the figures
-change only when the belief does.
+`N_VEHICLES` possible vehicles of each lane represent a belief, the same quantiles of it at every
+call, so that the figures change only when the belief does.
 """
 
 from functools import cache
@@ -17,7 +16,7 @@ from auv_fault_env.channels import CHANNELS
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.errors import refusal
 from auv_fault_env.faults import CATALOGUE, classes, fault_effect, matrices
-from auv_fault_env.parameters import HULL, PARAMETERS, SHAFT, SIDES, Parameter, Vehicle, nominal
+from auv_fault_env.parameters import HULL, PARAMETERS, SHAFT, SIDES, Vehicle, nominal
 from diagnosers.diagnoser import Belief
 
 N_VEHICLES = 128  # of a lane; a power of two: then each quantity has evenly spaced quantiles
@@ -33,22 +32,11 @@ SHAFT_TOLERANCE = 1e-6  # rad/s^2
 
 
 class Capability(NamedTuple):
-    """What each possible vehicle can do.
+    """What each possible vehicle can do; power is infinite at a speed that it cannot hold."""
 
-    Attributes
-    ----------
-    reachable_speed
-        (n_lanes, n_vehicles), largest speed through the water that it can hold [m/s].
-    power
-        (n_lanes, n_vehicles, n_speeds), electrical power of both motors [W], infinite at a speed
-        that it cannot hold.
-    current
-        (n_lanes, n_vehicles, n_speeds), current of the motor that draws more [A].
-    """
-
-    reachable_speed: np.ndarray
-    power: np.ndarray
-    current: np.ndarray
+    reachable_speed: np.ndarray  # (n_lanes, n_vehicles), the largest through the water [m/s]
+    power: np.ndarray  # (n_lanes, n_vehicles, n_speeds), electrical, of both motors [W]
+    current: np.ndarray  # (n_lanes, n_vehicles, n_speeds), of the motor that draws more [A]
 
 
 @scalar
@@ -105,16 +93,15 @@ def _fill(parameters, speeds, constants, reachable_speed, power, current):
 
 
 def capability(parameters: np.ndarray, speeds: np.ndarray, vehicle: Vehicle) -> Capability:
-    """What possible vehicles can do at these speeds.
+    """What possible vehicles can do at these speeds, in steady motion with the rudders amidships.
 
-    Motion is steady with the rudders amidships. Misleads in a turn and in waves; and where one
-    shaft alone reaches its limit: with unequal shafts the vehicle would be a little faster.
+    Misleads in a turn and in waves; and where one shaft alone reaches its limit: with unequal shaft
+    speeds the vehicle would be a little faster.
 
     Parameters
     ----------
     parameters
-        Of the possible vehicles of each lane, (n_lanes, n_vehicles, N_PLANT), as
-        `sample_parameters` returns them.
+        (n_lanes, n_vehicles, N_PLANT), as `sample_parameters` returns them.
     speeds
         Speeds through the water (n_lanes, n_speeds) [m/s].
     vehicle
@@ -122,11 +109,7 @@ def capability(parameters: np.ndarray, speeds: np.ndarray, vehicle: Vehicle) -> 
     """
     n_lanes, n_vehicles, _ = parameters.shape
     shape = n_lanes, n_vehicles, speeds.shape[1]
-    filled = Capability(
-        reachable_speed=np.empty((n_lanes, n_vehicles)),
-        power=np.empty(shape),
-        current=np.empty(shape),
-    )
+    filled = Capability(np.empty((n_lanes, n_vehicles)), np.empty(shape), np.empty(shape))
     constants = physics.plant_constants(vehicle)
     parameters = np.ascontiguousarray(parameters)
     speeds = np.ascontiguousarray(speeds, np.float64)
@@ -135,55 +118,37 @@ def capability(parameters: np.ndarray, speeds: np.ndarray, vehicle: Vehicle) -> 
 
 
 def sample_parameters(belief: Belief, vehicle: Vehicle, shafts: int = 2) -> np.ndarray:
-    """Plant parameters of equally likely possible vehicles of each lane.
+    """Plant parameters of equally likely possible vehicles, (n_lanes, n_vehicles, N_PLANT).
 
     Class and severity follow the belief (severity as a normal distribution within 0 and 1), and the
-    healthy vehicle its band. A vehicle with one shaft is a pair of equal sides, of which only port
-    is known.
-
-    Returns
-    -------
-    np.ndarray
-        (n_lanes, n_vehicles, N_PLANT), in the order of `PARAMETERS`.
+    healthy vehicle its band. With one shaft, both sides are as port.
     """
     probability = np.exp(belief.log_probability)
     if probability.shape[1] != len(classes()):
         allowed = f"{len(classes())}, those of auv_fault_env.classes()"
         remedy = "give a belief over all of them"
         raise refusal("classes of the belief", probability.shape[1], allowed, remedy)
-    of_class, of_severity, *of_parameters = _quantiles().T
+    of_class, of_severity = _quantiles()[:, :2].T
     edges = probability.cumsum(axis=1)[:, None, :-1]
     chosen = (of_class[:, None] > edges).sum(axis=2)
     mean = np.take_along_axis(belief.severity_mean, chosen, 1)
     std = np.take_along_axis(belief.severity_std, chosen, 1)
     severity = np.clip(mean + std * ndtri(of_severity), 0.0, 1.0)
-    healthy = _healthy_parameters(vehicle, np.stack(of_parameters, axis=1))
+    specs = list(PARAMETERS.values())[:N_PLANT]
+    half_width = np.array([spec.band for spec in specs])
+    healthy = np.array(list(nominal(vehicle).values())[:N_PLANT])
+    healthy = healthy * (1.0 + half_width * (2.0 * _quantiles()[:, 2:] - 1.0))
     scale, offset = _effects(shafts)
     factor, shift = fault_effect(severity[..., None], scale[chosen], offset[chosen])
     parameters = healthy * factor + shift
-    low = [spec.low for spec in _specs()]
-    high = [spec.high for spec in _specs()]
+    low = [spec.low for spec in specs]
+    high = [spec.high for spec in specs]
     return np.clip(parameters, low, high)
-
-
-def _specs() -> list[Parameter]:
-    """What is specified of each plant parameter."""
-    return list(PARAMETERS.values())[:N_PLANT]
-
-
-def _healthy_parameters(vehicle: Vehicle, quantiles: np.ndarray) -> np.ndarray:
-    """Parameters (n_vehicles, N_PLANT) at these quantiles of the healthy band."""
-    half_width = np.array([spec.band for spec in _specs()])
-    parameters = list(nominal(vehicle).values())[:N_PLANT]
-    return np.array(parameters) * (1.0 + half_width * (2.0 * quantiles - 1.0))
 
 
 @cache
 def _quantiles() -> np.ndarray:
-    """Evenly spaced points (N_VEHICLES, 2 + N_PLANT) of the unit cube.
-
-    For class, severity and every plant parameter.
-    """
+    """Evenly spaced points of the unit cube of class, severity and every plant parameter."""
     sequence = qmc.Sobol(2 + N_PLANT, scramble=False)
     return sequence.random(N_VEHICLES) + 0.5 / N_VEHICLES
 

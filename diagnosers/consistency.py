@@ -11,11 +11,10 @@ from diagnosers.kalman import Estimate
 
 
 def nees(estimate: Estimate, truth: np.ndarray) -> np.ndarray:
-    """Normalised estimation error squared (n_lanes,) of the first m states.
+    """Normalised estimation error squared (n_lanes,) of the first m states; truth is (n_lanes, m).
 
-    Chi-square with m degrees of freedom if the filter's model is true, so its mean over lanes is m;
-    above it the filter is overconfident. Misleads over time: successive values of one lane are
-    correlated. `truth` is (n_lanes, m) in the units of the mean.
+    Chi-square with m degrees of freedom if the model is true; with a mean above m the filter is
+    overconfident. Misleads over time: successive values of one lane are correlated.
     """
     m = truth.shape[1]
     error = truth - estimate.mean[:, :m]

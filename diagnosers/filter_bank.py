@@ -34,28 +34,14 @@ MIN_SEVERITY = 0.1
 
 
 class BankConstants(NamedTuple):
-    """What the kernel needs of a bank beside its hypotheses.
-
-    Attributes
-    ----------
-    water
-        The nominal plant.
-    opening
-        See `kalman.opening_share`.
-    disturbance_variance, disturbance_memory
-        Stationary variance [m^2/s^4], and the share that is left after a sample.
-    walk
-        Variance that the random walk adds to a severity per sample.
-    sensors
-        (n_readings, 4): full scale (low, high), noise and resolution of each reading.
-    """
+    """What the kernel needs of a bank beside its hypotheses."""
 
     water: PlantConstants
-    opening: float
-    disturbance_variance: float
-    disturbance_memory: float
-    walk: float
-    sensors: np.ndarray
+    opening: float  # see `kalman.opening_share`
+    disturbance_variance: float  # m^2/s^4, stationary
+    disturbance_memory: float  # share that is left after a sample
+    walk: float  # variance that the random walk adds to a severity per sample
+    sensors: np.ndarray  # (n_readings, 4), full scale (low, high), noise, resolution
 
 
 @dataclass(frozen=True)
@@ -63,12 +49,11 @@ class FilterBank(Recursive):
     """A bank of Kalman filters: the normal vehicle, and every fault in some grades of severity.
 
     Each hypothesis has filters of surge and of both motors (shared with the normal vehicle where
-    its fault does not reach). Their states are the healthy vehicle's deviations from nominal and
-    the fault's severity. Their likelihoods weigh the hypotheses. A normal vehicle may turn faulty
-    at any sample and then stays so, as in the interacting multiple model algorithm. All
-    probabilities are logarithms: p(normal) may be 1e-100 and still be graded. A silent reading
-    (NaN) is predicted; only of the voltage the last reading stands in. Nothing is learnt from a
-    silent reading, or about a motor before its first voltage reading.
+    its fault has no effect). Their states are the healthy vehicle's deviations from nominal and the
+    fault's severity; their likelihoods weigh the hypotheses. A fault may begin at any sample and
+    then lasts, as in the interacting multiple model algorithm. All probabilities are logarithms. A
+    silent reading (NaN) gives no evidence, except that the last voltage reading replaces a silent
+    one; nor is there any about a motor before its first voltage reading.
 
     Sources: Willsky, "A survey of design methods for failure detection in dynamic systems",
     Automatica 12, 1976, doi:10.1016/0005-1098(76)90041-8; Blom & Bar-Shalom 1988,
@@ -84,8 +69,7 @@ class FilterBank(Recursive):
     vehicle
         Preset or nominal vehicle.
     grades
-        Ranges of the severity, each a hypothesis of its own. Within its grade the severity is a
-        state.
+        Ranges of the severity, each a hypothesis of its own, in which the severity is a state.
     hazard
         Probability per sample that a fault begins; shared by classes, then faults, then grades. It
         is constant for a minute and then falls with the age of the vehicle.
@@ -97,14 +81,9 @@ class FilterBank(Recursive):
     shafts
         2, or 1: that of port, whose propeller gives all the thrust. Leave the other side's faults
         out of `faults`.
-    band
-        Relative half-width of the healthy band by parameter of `Vehicle`, where it is not the
-        default.
-    noise
-        Standard deviation by reading [its unit], where it is not the default.
-    resolution
-        Distance of neighbouring values by reading [its unit], where it is coarser than float32:
-        between values so far apart a healthy sensor repeats itself.
+    band, noise, resolution
+        Where not the default: relative half-width of the healthy band by parameter of `Vehicle`;
+        standard deviation, and smallest step of the values, by reading [its unit].
     """
 
     name = "filter_bank"
@@ -178,7 +157,7 @@ class FilterBank(Recursive):
         )
 
     def hypotheses(self, n_grades: int | None = None) -> HypothesisTable:
-        """The hypotheses of the catalogue as it is now, of so many grades or those of the bank."""
+        """The hypotheses of the catalogue as it is now, by default of the bank's grades."""
         n_grades = len(self.grades) if n_grades is None else n_grades
         faults = tuple(CATALOGUE) if self.faults is None else self.faults
         return current_table(n_grades, self.hazard, faults)
@@ -186,25 +165,16 @@ class FilterBank(Recursive):
     def initial(self, n_lanes: int) -> BankState:
         """The state before any observation: a normal vehicle, somewhere in the healthy band."""
         low, high = np.array(self.grades).T
-        mean = (low + high) / 2
         variance = (high - low) ** 2 / 12
         least = np.maximum(low, MIN_SEVERITY)
-        of_lane = np.stack([mean, variance, least])
-        prior = np.tile(of_lane, (n_lanes, 1, 1))
+        prior = np.stack([(low + high) / 2, variance, least])
         healthy = np.tile(self.healthy, (n_lanes, 1))
-        return self._state_around(healthy, prior, 1.0)
+        return self._state_around(healthy, np.tile(prior, (n_lanes, 1, 1)), 1.0)
 
     def _state_around(self, healthy: np.ndarray, prior: np.ndarray, band: float) -> BankState:
-        """State of normal vehicles near these, before any observation.
+        """State of vehicles with parameters in a band, given in healthy bands, around `healthy`.
 
-        Parameters
-        ----------
-        healthy
-            Parameters (n_lanes, n_parameters).
-        prior
-            Mean, variance and least value of the severity by grade, (n_lanes, 3, n_grades).
-        band
-            Width of the band around them, in healthy bands.
+        healthy is (n_lanes, n_parameters), prior that of `BankState`.
         """
         n_lanes = len(healthy)
         table = self.hypotheses(prior.shape[2])
@@ -235,10 +205,8 @@ class FilterBank(Recursive):
 
     def _prior_std(self, subsystem: int, band: float) -> list[float]:
         """Standard deviations of a filter's states at the start, without the severity."""
-        std = {
-            name: band * self._band_of(name) / math.sqrt(3.0)  # of a uniform distribution
-            for name in PARAMETERS
-        }
+        # of a uniform distribution
+        std = {name: band * self._band_of(name) / math.sqrt(3.0) for name in PARAMETERS}
         if subsystem != SURGE:
             return [std[OWN_PARAMETERS[subsystem][row]] for row in DEVIATIONS]
         of_sides = (std[f"{side}_beta"] for side in SIDES[: self.shafts])
@@ -248,17 +216,15 @@ class FilterBank(Recursive):
 
     def _band_of(self, name: str) -> float:
         """Relative half-width of the healthy band of a parameter in `PARAMETERS`."""
-        of_vehicle = name
-        for side in SIDES:
-            of_vehicle = of_vehicle.removeprefix(f"{side}_")
+        of_vehicle = name.removeprefix("port_").removeprefix("starboard_")
         return self.band.get(of_vehicle, PARAMETERS[name].band)
 
     def state_at_onset(self, state: BankState, lanes: np.ndarray) -> BankState:
         """The state if on these lanes (indices) a fault, or none, begins with the next sample.
 
-        All classes are equally likely. The filters of every fault continue from those of the normal
-        vehicle, with the severities of the prior. As long as nothing switches, differences of the
-        beliefs are log-likelihood ratios of the classes from then on.
+        All classes are equally likely. The filters of every fault continue from the normal ones,
+        with the severities of the prior. Until a hypothesis switches, differences of the log
+        beliefs are log-likelihood ratios of the classes.
         """
         table = self.hypotheses(state.prior.shape[2])
         first = table.first_filter.astype(np.int64)
@@ -283,12 +249,8 @@ class FilterBank(Recursive):
         n_lanes = len(observation)
         table = self.hypotheses(state.prior.shape[2])
         if state.log_posterior.shape[1] != table.log_hazard.size:
-            raise refusal(
-                "catalogue",
-                "faults added or removed",
-                "that of the reset",
-                "call reset(n_lanes) again",
-            )
+            change = "faults added or removed"
+            raise refusal("catalogue", change, "that of the reset", "call reset(n_lanes) again")
         new = state._replace(
             log_posterior=np.empty_like(state.log_posterior),
             severity=np.empty_like(state.severity),
@@ -326,10 +288,7 @@ def _prior_severity(prior: np.ndarray, table: HypothesisTable) -> np.ndarray:
 
 
 def _in_shares(n_lanes: int, run: Callable[[int, int], None]) -> None:
-    """Call ``run(first, last)`` on shares of the lanes, in threads where there are many.
-
-    The kernel releases the interpreter's lock.
-    """
+    """Call ``run(first, last)`` on shares of the lanes, in threads where there are many."""
     n_shares = n_threads() if n_lanes >= PARALLEL_LANES else 1
     edges = [n_lanes * k // n_shares for k in range(n_shares + 1)]
     own, *others = pairwise(edges)
@@ -344,8 +303,5 @@ def _in_shares(n_lanes: int, run: Callable[[int, int], None]) -> None:
 
 @cache
 def _threads(count: int, process: int) -> ThreadPoolExecutor:
-    """Threads beside the caller's, which live on: to start them costs a fifth of a step.
-
-    `process` is part of the key because a forked child needs its own.
-    """
+    """Threads to use again: to start them costs a fifth of a step. A forked process has its own."""
     return ThreadPoolExecutor(count)

@@ -2,15 +2,12 @@
 
 Both rest on ``du/dt = alpha u|u| + beta n|n| + gamma u|u| delta^2 + d``; ``n|n|`` is the mean of
 both shafts [rpm^2], ``delta^2 = rudder^2 + stern_plane^2``, ``beta`` that of both propellers
-together. `ParameterFilter` uses the accelerometer: each measured acceleration is an equation in
-the parameters. `SurgeFilter` does without it.
+together. `ParameterFilter` uses the accelerometer, `SurgeFilter` does not.
 
-A filter is a frozen configuration, an `Estimate` an immutable tuple of arrays, ``update`` a pure
-function: a batch of lanes gives bit for bit what each lane gives alone. Parameters are estimated
-relative to nominal (1 = nominal): ``beta`` is about 1e-7, and a covariance in SI units would be
-singular to working precision. `physical` converts. Sources: thesis (NPS, June 1992), IV.B; Gelb
-(ed.), "Applied Optimal Estimation", MIT Press 1974 (filters, Joseph form); Bar-Shalom, Li &
-Kirubarajan, "Estimation with Applications to Tracking and Navigation", Wiley 2001 (NEES, NIS).
+``update`` is a pure function; a batch of lanes gives bit for bit what each lane gives alone.
+Parameters are relative to nominal, because a covariance in SI units would be singular to working
+precision; `physical` converts. Sources: thesis (NPS, June 1992), IV.B; Gelb (ed.), "Applied Optimal
+Estimation", MIT Press 1974 (filters, Joseph form).
 """
 
 from collections.abc import Callable
@@ -45,27 +42,16 @@ CROSS, GAIN, REMAINDER = range(3)  # rows of scratch: P h, K and S K - P h
 class Estimate(NamedTuple):
     """The estimate of a filter after an observation; ``filter.states`` names the states.
 
-    Attributes
-    ----------
-    mean, covariance
-        (n_lanes, n_states) and (n_lanes, n_states, n_states): parameters relative to nominal, speed
-        in m/s, disturbance in m/s^2.
-    innovation, innovation_variance
-        (n_lanes,): last measurement minus its prediction, and its variance, in the measurement's
-        unit.
-    log_likelihood
-        (n_lanes,), log density of the last measurement given those before; where a sample is one
-        measurement (`SurgeFilter`), their sum is the evidence of a hypothesis.
-    last_input
-        (n_lanes,), the input at the last sample, from which the next update integrates.
+    Parameters are relative to nominal, speed is in m/s, disturbance in m/s^2. The sum of the log
+    likelihoods of a `SurgeFilter` is the evidence of its model.
     """
 
-    mean: np.ndarray
-    covariance: np.ndarray
-    innovation: np.ndarray
-    innovation_variance: np.ndarray
-    log_likelihood: np.ndarray
-    last_input: np.ndarray
+    mean: np.ndarray  # (n_lanes, n_states)
+    covariance: np.ndarray  # (n_lanes, n_states, n_states)
+    innovation: np.ndarray  # (n_lanes,), last measurement minus its prediction
+    innovation_variance: np.ndarray  # (n_lanes,)
+    log_likelihood: np.ndarray  # (n_lanes,), of the last measurement given those before
+    last_input: np.ndarray  # (n_lanes,), from which the next update integrates
 
 
 class FilterConstants(NamedTuple):
@@ -88,9 +74,8 @@ class FilterConstants(NamedTuple):
 def opening_share(vehicle: Vehicle) -> float:
     """Share of a sample's first value in the mean over the sample, of a shaft that settles.
 
-    Voltage is constant over the sample T, so thrust starts towards a new value at once, with the
-    motor's time constant tau: ``s = tau/T - 1/(exp(T/tau) - 1)``, 0.19 on the NPS AUV II (tau = 19
-    ms); 1/2, the trapezoid's, for a slow motor.
+    With the sample T and the motor's time constant tau, ``tau/T - 1/(exp(T/tau) - 1)``: 0.19 on the
+    NPS AUV II; 1/2, the trapezoid's, for a slow motor.
     """
     stiffness = vehicle.torque_constant**2 / vehicle.resistance + vehicle.viscous_friction
     ratio = vehicle.inertia / stiffness / SAMPLE_TIME
@@ -100,7 +85,6 @@ def opening_share(vehicle: Vehicle) -> float:
 
 @scalar
 def _dot(left, right):
-    """Scalar product."""
     total = 0.0
     for i in range(N_STATES):
         total += left[i] * right[i]
@@ -111,9 +95,8 @@ def _dot(left, right):
 def _condition(mean, covariance, gradient, innovation, variance, scratch):
     """Condition one lane on a scalar measurement ``z = h x + v``; return the innovation's variance.
 
-    Joseph form ``(I - K h) P (I - K h)^T + K r K^T``, multiplied out: ``P + S K K^T - K (P h)^T -
-    (P h) K^T``, which rounding of the gain K changes in second order only; one triangle is computed
-    and mirrored.
+    Joseph form, multiplied out: ``P + S K K^T - K (P h)^T - (P h) K^T``, which rounding of the gain
+    K changes in second order only.
     """
     total = variance
     for i in range(N_STATES):
@@ -226,10 +209,10 @@ def _integrate(mean, opening_thrust, thrust, deflection, constants, gradient):
     drag = c.alpha * mean[ALPHA] + c.gamma * deflection * mean[GAMMA]
     mean_thrust = c.opening * opening_thrust + (1.0 - c.opening) * thrust
     drive = c.beta * mean_thrust
-    push = drive * mean[BETA] + mean[OWN]
+    force = drive * mean[BETA] + mean[OWN]
     half = 0.5 * c.step
     speed = mean[U]
-    middle = speed + half * (drag * speed * abs(speed) + push)
+    middle = speed + half * (drag * speed * abs(speed) + force)
     square = middle * abs(middle)
     gain = 1.0 + half * 2.0 * drag * abs(middle)
     of_start = 1.0 + half * 2.0 * drag * abs(speed)
@@ -238,7 +221,7 @@ def _integrate(mean, opening_thrust, thrust, deflection, constants, gradient):
     gradient[BETA] = c.step * gain * drive
     gradient[GAMMA] = c.step * gain * c.gamma * deflection * square
     gradient[OWN] = c.step * gain
-    mean[U] += c.step * (drag * square + push)
+    mean[U] += c.step * (drag * square + force)
 
 
 @scalar
@@ -366,15 +349,11 @@ class _Filter:
     def update(self, estimate: Estimate, observation: np.ndarray) -> Estimate:
         """The estimate after the next observation (n_lanes, n_channels), 0.1 s later.
 
-        Channels as in `CHANNELS`. Raises `ValueError` for another shape than the estimate's and for
-        readings that are not finite. The zeros of a disconnected sensor count as measurements.
+        Raises `ValueError` for another shape and for readings that are not finite. The zeros of a
+        disconnected sensor count as measurements.
         """
         observation = checked_observation(observation, len(estimate.mean))
-        mean = estimate.mean.copy()
-        covariance = estimate.covariance.copy()
-        last_input = estimate.last_input.copy()
-        innovation = np.empty(len(mean))
-        variance = np.empty(len(mean))
+        mean, covariance, innovation, variance, _, last_input = map(np.copy, estimate)
         changed = mean, covariance, innovation, variance, last_input
         self.kernel(*changed, observation, COLUMNS, self.constants)
         misfit = innovation * innovation / variance
@@ -408,19 +387,16 @@ class ParameterFilter(_Filter):
     """The thesis' parameter filter (IV.B.2): each acceleration is an equation in the parameters.
 
     ``du/dt = H theta + v``, ``H = [u|u|, n|n|, u|u| delta^2]`` of one instant, theta = (alpha,
-    beta, gamma) a random walk. The paddle wheel's noise, squared in H, would pull alpha towards
-    zero by several percent; so the speed in H is a state too: measured acceleration integrated,
-    corrected by the paddle wheel (1.5 mm/s instead of 1 cm/s; the bias falls below 1 %). The
-    accelerometer's error enters both the integral and the equation, so it is the fifth state,
-    another one at every sample. The rpm counters' noise enters the innovation's variance to first
-    order.
+    beta, gamma) a random walk. The paddle wheel's noise, squared in H, would bias alpha by several
+    percent; so the speed in H is a state too: the integral of the measured acceleration, corrected
+    by the paddle wheel. The accelerometer's error enters both the integral and the equation, so it
+    is the fifth state.
 
     When it misleads: at constant speed only beta/alpha is observable, so a drag fault moves both
     until the speed changes; gamma does not move without deflection; a bias b of the accelerometer
     acts like a force and shifts the speed by about 5 s x b; after a jump of a parameter the
-    covariance does not show the lag. The coloured disturbance is replaced by white noise of the
-    same low-frequency density, (1 + rho)/(1 - rho) times its variance: right for slow changes,
-    pessimistic for quick ones, and NIS falls to 0.05. Take likelihoods from `SurgeFilter`.
+    covariance does not show the lag. White noise of the same low-frequency density replaces the
+    coloured disturbance: pessimistic for quick changes. Take likelihoods from `SurgeFilter`.
 
     Attributes
     ----------
@@ -430,11 +406,10 @@ class ParameterFilter(_Filter):
         Scales of the standard deviations of `CHANNELS` and vehicle, down to a floor.
     prior_std
         Of (alpha, beta, gamma), relative, at the start; also the ceiling of the random walk, which
-        slows down as a variance nears it, so that nothing grows unobserved. 0.3 makes a fault of
-        50 % an event of 1.7 sigma.
+        slows down as a variance nears it.
     walk_std
         Random walk per square root of a second, relative. 0.03 follows a jump of 35 % within two
-        speed changes and hardly adds to the scatter of a healthy estimate.
+        speed changes.
     """
 
     states: ClassVar[tuple[str, ...]] = ("speed", *PARAMETERS, "acceleration_error")
@@ -445,11 +420,10 @@ class ParameterFilter(_Filter):
 class SurgeFilter(_Filter):
     """Extended Kalman filter of speed, parameters and disturbance, without the accelerometer.
 
-    The surge equation is integrated over the sample by the midpoint rule. Thrust is the mean of
-    ``n|n|`` between the readings that bound the sample (`opening_share`), uncertain by 0.29 of
-    their difference and by the counters' noise. The disturbance d is an Ornstein-Uhlenbeck process,
-    constant over a sample, ``d' = rho d + sqrt(1 - rho^2) std w``. The measurement is the paddle
-    wheel. Attributes as in `ParameterFilter`.
+    The surge equation is integrated by the midpoint rule. Thrust is the mean of ``n|n|`` between
+    two readings (`opening_share`), uncertain by 0.29 of their difference and by their noise. The
+    disturbance is an Ornstein-Uhlenbeck process, constant over a sample. The measurement is the
+    paddle wheel. Attributes as in `ParameterFilter`.
 
     When it misleads: as the parameter filter at constant speed and without deflection. A paddle
     wheel's gain c looks like alpha/c and c beta. After a jump of a parameter, or with a prior far

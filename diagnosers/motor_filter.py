@@ -5,9 +5,8 @@ Two equations hold at the end of every sample (`physics`), in parameters relativ
     i = (f tau_c + q Q(w, u) + b w + J dw/dt) / (k K)       the current for the shaft's load
     V = r R i + k K w                                       Ohm's law
 
-The measured current never enters a gradient: as a regressor its noise, a tenth of its value at
-cruise, would pull r towards zero within seconds. The current in Ohm's law is therefore the one that
-the load requires. A batch of lanes gives bit for bit what each lane gives alone.
+The current in Ohm's law is the one that the load requires: the noise of the measured one, a tenth
+of its value at cruise, would bias r. A batch of lanes gives bit for bit what each lane gives alone.
 
 Source: Isermann & Freyermuth, "Process fault diagnosis based on process model knowledge", ASME J.
 Dyn. Sys., Meas., Control 113(4), 1991 (parameters of a motor as fault symptoms); filter as in
@@ -45,36 +44,25 @@ GRADIENT, BY_SHAFT_SPEED, BY_SPEED, CROSS, CORRECTION = range(5)
 
 
 class MotorEstimate(NamedTuple):
-    """The estimate after an observation; sides as in `SIDES`, parameters as in `PARAMETERS`.
+    """The estimate after an observation; sides as in `SIDES`, `PARAMETERS` relative to nominal.
 
-    Attributes
-    ----------
-    mean, covariance
-        (n_lanes, 2, 4) and (n_lanes, 2, 4, 4): parameters relative to nominal.
-    innovation, innovation_variance
-        (n_lanes, 2, 2): of the last current [A] and voltage [V], each given all before it. Where
-        the shaft stands, nothing is learnt: they are zero and the variance of the sensor.
-    last_shaft_speed
-        (n_lanes, 2) [rad/s], NaN before the first observation.
+    Innovations are those of the last current [A] and voltage [V], each given all before it; of a
+    standing shaft zero, with the variance of the sensor.
     """
 
-    mean: np.ndarray
-    covariance: np.ndarray
-    innovation: np.ndarray
-    innovation_variance: np.ndarray
-    last_shaft_speed: np.ndarray
+    mean: np.ndarray  # (n_lanes, 2, 4)
+    covariance: np.ndarray  # (n_lanes, 2, 4, 4)
+    innovation: np.ndarray  # (n_lanes, 2, 2)
+    innovation_variance: np.ndarray  # (n_lanes, 2, 2)
+    last_shaft_speed: np.ndarray  # (n_lanes, 2) [rad/s], NaN before the first observation
 
 
 class Tuning(NamedTuple):
-    """A configuration for the kernel.
+    """A configuration for the kernel."""
 
-    walk and ceiling: what a sample adds to the relative variance of each parameter, and its upper
-    limit. noise: factor on the variances of the sensors.
-    """
-
-    walk: tuple[float, float, float, float]
-    ceiling: tuple[float, float, float, float]
-    noise: float
+    walk: tuple[float, float, float, float]  # what a sample adds to each relative variance
+    ceiling: tuple[float, float, float, float]  # of the variances
+    noise: float  # factor on the variances of the sensors
 
 
 class Measurement(NamedTuple):
@@ -92,9 +80,8 @@ class Measurement(NamedTuple):
 def _condition(mean, covariance, scratch, measurement):
     """Condition one shaft on a measurement; return the innovation's variance.
 
-    The errors of shaft speed and speed are in gradient and innovation alike, and their product does
-    not average out: it is subtracted (bias-compensated least squares: Soederstrom, Automatica
-    43(6), 2007).
+    The errors of shaft speed and speed are in gradient and innovation; their product is subtracted
+    (bias-compensated least squares: Soederstrom, Automatica 43(6), 2007).
     """
     m = measurement
     of_shaft_speed = m.by_shaft_speed * m.by_shaft_speed * m.shaft_speed_variance
@@ -121,9 +108,9 @@ def _condition(mean, covariance, scratch, measurement):
 
 @scalar
 def _predict_current(mean, shaft_speed, speed, change, shaft, plant, scratch):
-    """Current [A] that the shaft's load requires, and its slopes by shaft speed and by speed.
+    """Current [A] for the shaft's load, its slopes by shaft speed and by speed; fills gradients.
 
-    `change` is that of the shaft speed over the sample. Fills the gradient and its derivatives.
+    `change` is that of the shaft speed over the sample.
     """
     side = motor(shaft, plant, 0.0)
     flux = mean[TORQUE_CONSTANT] * shaft.torque_constant
@@ -226,20 +213,18 @@ def _update(
 class MotorFilter:
     """Extended Kalman filter of `PARAMETERS` of both shafts from voltage, current, rpm and speed.
 
-    When it misleads: at constant speed only total load and voltage are observable, so friction
-    cannot be distinguished from propeller torque, nor resistance from torque constant, beyond what
-    the prior says; a fault moves both until the speed changes. Resistance then falls by some
-    percent in a minute, the faster the larger the walk of the load. A wrong reading appears as
-    parameters (a current sensor's gain as torque constant and load). At standstill nothing is
-    learnt. The healthy band is in the estimates: a healthy friction is 0.9 to 1.1.
+    When it misleads: at constant speed only total load and voltage are observable, so a fault moves
+    both friction and propeller torque, or both resistance and torque constant, until the speed
+    changes; resistance then falls by some percent in a minute. A wrong reading appears as
+    parameters (a current sensor's gain as torque constant and load). A standing shaft changes
+    nothing. The healthy band is in the estimates: a healthy friction is 0.9 to 1.1.
 
     Attributes
     ----------
     vehicle
         The nominal vehicle.
     sensor_noise
-        Scale of the standard deviations of `CHANNELS`. It needs no floor, because the random walk
-        keeps every variance positive.
+        Scale of the standard deviations of `CHANNELS`.
     prior_std
         Of each parameter at the start, relative, and ceiling of the random walk, which slows down
         as a variance nears it.
@@ -279,8 +264,7 @@ class MotorFilter:
     def update(self, estimate: MotorEstimate, observation: np.ndarray) -> MotorEstimate:
         """The estimate after the next observation (n_lanes, n_channels), 0.1 s later.
 
-        Channels as in `CHANNELS`. Raises `ValueError` for another shape than the estimate's and for
-        readings that are not finite.
+        Raises `ValueError` for another shape and for readings that are not finite.
         """
         observation = checked_observation(observation, len(estimate.mean))
         after = MotorEstimate(*(values.copy() for values in estimate))

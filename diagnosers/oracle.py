@@ -15,21 +15,18 @@ CERTAIN = 1e-4  # width of the band, in healthy bands, around the true vehicle
 class Oracle(FilterBank):
     """The filter bank, given the true healthy vehicle of each lane and perhaps the severity.
 
-    The distance of a diagnoser from it says how much is lost because the vehicle is unknown; what
-    the oracle cannot distinguish looks alike in the readings. Without the truth it is the filter
-    bank.
+    The distance of a diagnoser from it is the loss because the vehicle is unknown; what it cannot
+    distinguish, the readings do not. Without the truth it is the filter bank.
 
-    When it misleads: it has the full severity, so while a fault still grows it is more certain of
-    it than right; and it is no upper bound for a diagnoser that uses what the bank's model leaves
-    out, such as the controllers' commands.
+    When it misleads: it has the full severity, so it is too certain while a fault still grows; and
+    it is no upper bound for a diagnoser that uses more than the bank's model, such as the
+    controllers' commands.
     """
 
     name = "oracle"
 
     def set_truth(self, healthy: np.ndarray, severity: np.ndarray | None = None) -> None:
-        """Set the truth of every lane after a `reset`, whose state it replaces.
-
-        The next reset forgets it.
+        """Set the truth of every lane after a `reset`, until the next one.
 
         Parameters
         ----------

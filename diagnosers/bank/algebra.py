@@ -1,10 +1,9 @@
 """The algebra of the bank's filters: Gaussians of five states, the severity last, many at once.
 
 A table of filters is an array ``x`` (N_MOMENTS, n_columns): five rows of means, then the lower
-triangle of the covariance, row by row. A column is one filter of one lane (`bank.pack`); the
-innermost loops run over the columns, and so vectorise. ``columns`` is a range (first, last) of
-unsigned numbers: with signed ones the loops would not vectorise. ``work`` is the memory of
-`bank.pack`.
+triangle of the covariance, row by row. A column is one filter of one lane (`bank.pack`). The loops
+over ``columns``, a range (first, last), vectorise because its numbers are unsigned. ``work`` is the
+memory of `bank.pack`.
 
 Sources: Blom & Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian
 switching coefficients", IEEE Trans. Autom. Control 33(8), 1988, doi:10.1109/9.1299 (`mix`);
@@ -30,16 +29,12 @@ LOG_TWO_PI = math.log(2.0 * math.pi)
 
 
 class Measurement(NamedTuple):
-    """One measurement of every filter.
+    """One measurement of every filter."""
 
-    gradient (N_STATES, n_columns), of the prediction by the states; innovation, variance (of the
-    noise) and available (1 or 0), each (n_columns,).
-    """
-
-    gradient: np.ndarray
-    innovation: np.ndarray
-    variance: np.ndarray
-    available: np.ndarray
+    gradient: np.ndarray  # (N_STATES, n_columns), of the prediction by the states
+    innovation: np.ndarray  # (n_columns,)
+    variance: np.ndarray  # (n_columns,), of the noise
+    available: np.ndarray  # (n_columns,), 1 or 0
 
 
 @scalar
@@ -52,20 +47,17 @@ def covariance_row(i, j):
 
 @scalar
 def variance_after_walk(variance, prior, walk):
-    """Variance of a severity after one sample of its random walk; zero stays zero.
-
-    The walk slows down as the variance nears that of the prior.
-    """
+    """Variance of a severity after a sample of its walk, which slows down near the prior's."""
     step = walk * max(0.0, 1.0 - variance / max(prior, MIN_VARIANCE))
     return variance + step if variance > 0.0 else 0.0
 
 
 @inlined
 def mix(columns, work, walk):
-    """Mix each filter with the normal filter of its lane, by ``work.mixing_probability``.
+    """Mix each filter with the normal one of its lane, by ``work.mixing_probability``; then walk.
 
     That is the probability that the vehicle, if the hypothesis is true, left the normal hypothesis
-    at this sample. Its severity then has the moments ``work.prior``. Last, the severity walks.
+    at this sample. Its severity then has the moments ``work.prior``.
     """
     first, last = columns
     x = work.filters
@@ -101,8 +93,7 @@ def mix(columns, work, walk):
 def replace_severity(columns, work):
     """Replace mean and variance of the severities by ``work.severity``; the other states follow.
 
-    Their distribution at a given severity stays (Jeffrey's rule): exact if the subsystems
-    are independent at a given severity.
+    By Jeffrey's rule, exact if the subsystems are independent at a given severity.
     """
     first, last = columns
     x = work.filters
@@ -168,8 +159,7 @@ def covary(columns, gradient, work):
 def condition(columns, measurement, work):
     """Condition every filter on a measurement where available; add its log density to the evidence.
 
-    An innovation beyond six standard deviations counts as six: one outlier, or a moment that the
-    model does not describe, must not decide.
+    An innovation beyond six standard deviations counts as six: one outlier must not decide.
     """
     first, last = columns
     x = work.filters

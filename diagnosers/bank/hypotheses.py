@@ -1,8 +1,7 @@
 """The hypotheses of a filter bank: the normal vehicle, and every fault in some grades of severity.
 
-The vehicle falls into three subsystems, surge and the two motors. Each is observed by a small
-filter of its own, and a hypothesis has one in every subsystem that its fault touches; elsewhere it
-shares the filter of the normal vehicle.
+The vehicle has three subsystems, surge and the two motors. A hypothesis has a small filter in each
+that its fault touches; elsewhere it shares the filter of the normal vehicle.
 """
 
 from collections.abc import Sequence
@@ -18,12 +17,11 @@ N_SUBSYSTEMS = 3
 
 
 def _of_sensors(*channels: str) -> tuple[str, ...]:
-    """The parameters of these sensors."""
     return tuple(f"{channel}_{name}" for channel in channels for name in SENSOR)
 
 
 def _of_motor(side: str) -> tuple[str, ...]:
-    """The parameters of a motor, its propeller's torque and its three sensors."""
+    """The parameters of a motor with its propeller and its sensors."""
     shaft = tuple(f"{side}_{name}" for name in SHAFT if name != "beta")
     return shaft + _of_sensors(f"{side}_voltage", f"{side}_current", f"{side}_rpm")
 
@@ -44,79 +42,42 @@ N_PARAMETER_ROWS = max(map(len, OWN_PARAMETERS.values()))
 
 
 class HypothesisTable(NamedTuple):
-    """The hypotheses as arrays for the kernel.
+    """The hypotheses for the kernel; the first, and each subsystem's first filter, is normal.
 
-    Hypothesis 0 is the normal vehicle, as is the first filter of each subsystem.
-
-    Attributes
-    ----------
-    log_hazard
-        (n_hypotheses,), log probability per sample that a normal vehicle turns to it.
-    class_index
-        (n_hypotheses,), index of its diagnosis class.
-    grade
-        (n_hypotheses,), index of its grade of severity.
-    first_filter
-        (4,): the filters of subsystem m are first_filter[m] to before first_filter[m + 1].
-    hypothesis
-        (n_filters,), the hypothesis of each filter.
-    filter
-        (3, n_hypotheses), the filter of each hypothesis in each subsystem.
-    parameter
-        (3, N_PARAMETER_ROWS), index in `PARAMETERS` of each row of a subsystem.
-    slope, offset
-        (N_PARAMETER_ROWS, n_filters), what severity 1 adds to a parameter, as a share of the
-        healthy value and absolutely.
-    estimates_speed
-        (n_filters,), whether a motor's filter takes the surge speed from the surge filter of its
-        hypothesis, because the paddle wheel is faulty, and not from the reading.
+    `first_filter` holds the first filter of each subsystem and the number of all. Severity 1 adds
+    `slope`, a share of the healthy value, and `offset` to a parameter. `estimates_speed`: whether
+    a motor's filter takes the surge speed from the surge filter of its hypothesis, because the
+    paddle wheel is faulty.
     """
 
-    log_hazard: np.ndarray
-    class_index: np.ndarray
-    grade: np.ndarray
-    first_filter: np.ndarray
-    hypothesis: np.ndarray
-    filter: np.ndarray
-    parameter: np.ndarray
-    slope: np.ndarray
-    offset: np.ndarray
-    estimates_speed: np.ndarray
+    log_hazard: np.ndarray  # (n_hypotheses,), log probability per sample that it begins
+    class_index: np.ndarray  # (n_hypotheses,), of its diagnosis class
+    grade: np.ndarray  # (n_hypotheses,), index of its grade of severity
+    first_filter: np.ndarray  # (4,)
+    hypothesis: np.ndarray  # (n_filters,), of each filter
+    filter: np.ndarray  # (3, n_hypotheses), of each hypothesis in each subsystem
+    parameter: np.ndarray  # (3, N_PARAMETER_ROWS), index in `PARAMETERS` of each row
+    slope: np.ndarray  # (N_PARAMETER_ROWS, n_filters)
+    offset: np.ndarray  # (N_PARAMETER_ROWS, n_filters)
+    estimates_speed: np.ndarray  # (n_filters,)
 
 
-class _Cached(NamedTuple):
-    """A table and the catalogue from which it was built."""
-
-    catalogue: tuple[Fault, ...]
-    table: HypothesisTable
-
-
-_cache: dict[tuple, _Cached] = {}
+_cache: dict[tuple, tuple[tuple[Fault, ...], HypothesisTable]] = {}  # catalogue and its table
 
 
 def current_table(n_grades: int, hazard: float, faults: tuple[str, ...]) -> HypothesisTable:
     """`hypothesis_table` of the catalogue as it is now, built anew only when that has changed."""
     key = n_grades, hazard, faults
     catalogue = tuple(CATALOGUE.values())
-    cached = _cache.get(key)
-    if cached is None or cached.catalogue != catalogue:
-        table = hypothesis_table(n_grades, hazard, faults)
-        cached = _Cached(catalogue, table)
-        _cache[key] = cached
-    return cached.table
+    if key not in _cache or _cache[key][0] != catalogue:
+        _cache[key] = catalogue, hypothesis_table(n_grades, hazard, faults)
+    return _cache[key][1]
 
 
 def hypothesis_table(n_grades: int, hazard: float, faults: Sequence[str]) -> HypothesisTable:
-    """The table of these faults, ``1 + n_faults * n_grades`` hypotheses.
+    """The table of ``1 + n_faults * n_grades`` hypotheses.
 
-    Parameters
-    ----------
-    n_grades
-        Grades of severity.
-    hazard
-        Probability per sample that a normal vehicle turns to any of the faults.
-    faults
-        Names in the catalogue.
+    hazard is the probability per sample that a normal vehicle gets any of the faults.
     """
     diagnoses = [CATALOGUE[name].diagnosis for name in faults]
     class_of_fault = np.array([classes().index(name) for name in diagnoses])

@@ -25,41 +25,21 @@ MEAN, VARIANCE, LEAST = range(3)
 
 
 class BankState(NamedTuple):
-    """State of a bank, lane first.
+    """State of a bank, lane first; NaN where nothing has been read."""
 
-    Attributes
-    ----------
-    log_posterior
-        (n_lanes, n_hypotheses), log probabilities.
-    severity
-        (n_lanes, 2, n_hypotheses), mean and variance.
-    filters
-        (n_lanes, N_MOMENTS, n_filters), means and packed covariances of five states.
-    shaft_speed
-        (n_lanes, n_filters), estimate of each motor filter [rad/s]; NaN before the first sample.
-    readings
-        (n_lanes, N_READINGS), the last ones, NaN before any.
-    healthy
-        (n_lanes, n_parameters), the vehicle without its fault.
-    prior
-        (n_lanes, 3, n_grades), mean, variance and least value of the severity by grade.
-    age
-        (n_lanes,), samples so far.
-    """
-
-    log_posterior: np.ndarray
-    severity: np.ndarray
-    filters: np.ndarray
-    shaft_speed: np.ndarray
-    readings: np.ndarray
-    healthy: np.ndarray
-    prior: np.ndarray
-    age: np.ndarray
+    log_posterior: np.ndarray  # (n_lanes, n_hypotheses)
+    severity: np.ndarray  # (n_lanes, 2, n_hypotheses), mean and variance
+    filters: np.ndarray  # (n_lanes, N_MOMENTS, n_filters), means and packed covariances
+    shaft_speed: np.ndarray  # (n_lanes, n_filters), of the motor filters [rad/s]
+    readings: np.ndarray  # (n_lanes, N_READINGS), the last ones
+    healthy: np.ndarray  # (n_lanes, n_parameters), the vehicle without its fault
+    prior: np.ndarray  # (n_lanes, 3, n_grades), mean, variance and least value of the severity
+    age: np.ndarray  # (n_lanes,), samples so far
 
 
 @scalar
 def log_sum(log_a, log_b):
-    """Logarithm of the sum of two numbers, of which the logarithms are known."""
+    """Logarithm of the sum of two numbers, from their logarithms."""
     high = max(log_a, log_b)
     low = min(log_a, log_b)
     if low > -np.inf:
@@ -70,10 +50,9 @@ def log_sum(log_a, log_b):
 
 @inlined
 def switch_hypotheses(old, new, table, walk, switch_probability):
-    """Let a normal vehicle turn faulty: log probabilities and severities of one lane.
+    """Let hypotheses of one lane begin: posterior, severities, and the probability of this onset.
 
-    Fill the probability of each hypothesis that, if it is true, it began at this sample. The hazard
-    falls with age: a constant one would in the end, by exp(-hazard) per sample, move the posterior
+    The hazard falls with age: a constant one would, by exp(-hazard) per sample, move the posterior
     from normal to any fault too slight to be distinguished from the healthy band.
     """
     relative_age = max(1.0, old.age * SAMPLE_TIME / CONSTANT_HAZARD_TIME)
@@ -301,8 +280,8 @@ def begin_sample(observation, old, new, sample, table, constants, work):
     fill_sample(observation, old.readings, constants.sensors, sample)
     for lane in range(len(observation)):
         for channel in range(N_READINGS):
-            known = sample.replaced[channel, lane] or not sample.silent[channel, lane]
-            new.readings[lane, channel] = sample.reading[channel, lane] if known else np.nan
+            has_value = sample.replaced[channel, lane] or not sample.silent[channel, lane]
+            new.readings[lane, channel] = sample.reading[channel, lane] if has_value else np.nan
         old_lane = lanes_of(old, lane)
         new_lane = lanes_of(new, lane)
         switch_hypotheses(old_lane, new_lane, table, constants.walk, work.switch_probability[lane])
@@ -312,8 +291,7 @@ def begin_sample(observation, old, new, sample, table, constants, work):
 def step_lanes(first, last, old, new, observation, table, constants, belief, work, sample):
     """Take the lanes from `first` to before `last` through a sample: fill `new` and `belief`.
 
-    `sample` and `work` are memory for a pack of lanes, computed at once; the last pack overlaps the
-    one before if it must.
+    `sample` and `work` are memory for one pack of lanes; the last pack may overlap the one before.
     """
     n_lanes = sample.deflection.size
     for start in range(first, last, n_lanes):

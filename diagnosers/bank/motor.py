@@ -1,8 +1,7 @@
 """The motor filters of the bank: deviations of four parameters, severity, from current and rpm.
 
-Given the voltage reading, the shaft equation's closed form (`physics.shaft_speed_after`) predicts
-the rpm reading, and Ohm's law the current. The voltage's noise enters both predictions, so the
-measurements are first made independent.
+From the voltage reading, `physics.shaft_speed_after` predicts the rpm reading, and Ohm's law the
+current. The voltage's noise enters both, so the measurements are first decorrelated.
 """
 
 import numpy as np
@@ -31,10 +30,7 @@ CURRENT = 12
 SPEED = 17
 N_MOTOR_ROWS = 22
 # rows that `predict` uses
-PREDICTION_ROWS = (
-    *range(7),
-    *(row + k for row in (VOLTAGE, CURRENT, SPEED) for k in (BIAS, GAIN)),
-)
+PREDICTION_ROWS = (*range(7), *(row + k for row in (VOLTAGE, CURRENT, SPEED) for k in (BIAS, GAIN)))
 # rows that `estimate_shaft_speed` uses
 SHAFT_SPEED_ROWS = (VOLTAGE + NOISE, SPEED + BIAS, SPEED + GAIN, SPEED + NOISE)
 # parameters whose healthy deviation is a state
@@ -49,7 +45,7 @@ STEP = 1e-4  # of the forward differences
 # rpm; below, the shaft may stand, and where it starts to turn no linear model holds
 STANDING = 10.0
 STANDING_STD = 15.0  # rpm, of the prediction there
-BLIND_STD = 1e4  # rpm, before the first voltage reading: then the motor is not judged
+UNKNOWN_STD = 1e4  # rpm, of the prediction before the first voltage reading
 
 
 @inlined
@@ -82,8 +78,7 @@ def set_parameters(columns, work):
 def predict_readings(parameters, c, voltage_shift, water, work):
     """Shaft speed [rad/s], and the readings of rpm and current, at a shift of the true voltage.
 
-    A missing voltage is replaced by what current and shaft speed imply, a missing shaft speed by
-    its prediction.
+    Current and shaft speed imply a missing voltage; the prediction replaces a missing shaft speed.
     """
     has_voltage = work.available[OF_VOLTAGE, c] > 0.0
     has_rpm = work.available[OF_RPM, c] > 0.0
@@ -262,7 +257,7 @@ def gather_readings(columns, sample, channel, work):
         replaced = sample.replaced[channel, lane]
         variance = 0.0
         if sample.silent[channel, lane] and not replaced:
-            variance = BLIND_STD**2
+            variance = UNKNOWN_STD**2
         elif sample.reading[channel + OF_RPM, lane] < STANDING:
             variance = STANDING_STD**2
         for c in range(first + lane, last, n_lanes):
@@ -274,10 +269,7 @@ def gather_readings(columns, sample, channel, work):
 
 @inlined
 def update(columns, sample, channel, water, work):
-    """Take the filters of a motor through one sample; add to the evidence, fill the shaft speeds.
-
-    `channel` is the motor's first reading, that of the voltage.
-    """
+    """Take the filters of a motor, whose first reading is `channel`, through one sample."""
     set_parameters(columns, work)
     gather_readings(columns, sample, channel, work)
     linearise(columns, water, work)
@@ -285,11 +277,9 @@ def update(columns, sample, channel, water, work):
     innovation = work.innovation
     variance = work.variance
     available = work.available
+    gradient = work.current_gradient
     rpm = Measurement(work.gradient, innovation[FIRST], variance[FIRST], available[OF_RPM])
-    current_gradient = work.current_gradient
-    current = Measurement(
-        current_gradient, innovation[SECOND], variance[SECOND], available[OF_CURRENT]
-    )
+    current = Measurement(gradient, innovation[SECOND], variance[SECOND], available[OF_CURRENT])
     shift_innovation(columns, 1.0, work)
     condition(columns, rpm, work)
     shift_innovation(columns, -1.0, work)

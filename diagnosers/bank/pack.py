@@ -1,8 +1,7 @@
 """Packs of lanes: the memory in which the filter bank's kernel works.
 
-The lanes of a pack lie side by side along the filters, so that a small bank fills long loops too. A
-column is one filter of one lane: that of filter f and lane p is ``f * n_lanes + p``. So the columns
-of a subsystem are a range.
+A column is one filter of one lane, ``f * n_lanes + lane``: a small bank too has long loops, and the
+columns of a subsystem are a range.
 """
 
 import math
@@ -78,10 +77,7 @@ def workspace(table: HypothesisTable, n_lanes: int) -> Work:
 
 
 def new_workspace(table: HypothesisTable, n_lanes: int) -> Work:
-    """Memory for a pack: the table's effects of severity, all else zero.
-
-    ``switch_probability`` is (n_lanes, n_hypotheses).
-    """
+    """Memory for a pack: the table's effects of severity, all else zero."""
     memory = np.zeros((N_ALL_ROWS, table.hypothesis.size * n_lanes))
     rows = {
         name: memory[last - n_rows : last]

@@ -24,31 +24,15 @@ MIN_GAIN = 1e-3
 
 
 class Sample(NamedTuple):
-    """The readings of one sample of the lanes of a pack.
+    """The readings of one sample of a pack, (N_READINGS, n_lanes); deflection is (n_lanes,)."""
 
-    Attributes
-    ----------
-    reading
-        (N_READINGS, n_lanes); the last one where there is none now, 0 where there never was any.
-    repeated, zero
-        (N_READINGS, n_lanes), whether the reading equals the last one, and whether it is 0.
-    silent
-        (N_READINGS, n_lanes), whether there is no reading.
-    replaced
-        (N_READINGS, n_lanes), whether the last reading stands in for one that is silent.
-    log_spacing
-        (N_READINGS, n_lanes), logarithm of the distance of values that the sensor can report there.
-    deflection
-        (n_lanes,), rudder and stern plane, squared and summed [rad^2].
-    """
-
-    reading: np.ndarray
-    repeated: np.ndarray
-    zero: np.ndarray
-    silent: np.ndarray
-    replaced: np.ndarray
-    log_spacing: np.ndarray
-    deflection: np.ndarray
+    reading: np.ndarray  # the last one where there is none now, 0 where there never was any
+    repeated: np.ndarray  # whether it equals the last one
+    zero: np.ndarray  # whether it is 0
+    silent: np.ndarray  # whether there is none
+    replaced: np.ndarray  # whether the last one replaces one that is silent
+    log_spacing: np.ndarray  # logarithm of the distance of values that the sensor can report there
+    deflection: np.ndarray  # rudder and stern plane, squared and summed [rad^2]
 
 
 def new_sample(n_lanes: int) -> Sample:
@@ -69,8 +53,7 @@ def new_sample(n_lanes: int) -> Sample:
 def fill_sample(observation, last, sensors, sample):
     """Fill a sample from the observation (n_lanes, n_channels), where NaN means no reading.
 
-    last (n_lanes, N_READINGS): the last readings, NaN before any. sensors (N_READINGS, 4): see
-    `LOW`.
+    last (n_lanes, N_READINGS): the last readings. sensors (N_READINGS, 4): see `LOW`.
     """
     for lane in range(len(last)):
         rudder = observation[lane, RUDDER]
@@ -99,9 +82,8 @@ def fill_sample(observation, last, sensors, sample):
 def condition_on_availability(parameters, columns, sensor, sample, channel, available, evidence):
     """Fill which filters take the reading for available (1, else 0); add the log probability.
 
-    `sensor` is the sensor's first row of parameters. A lost sample is a single value, where an
-    available one has a density: it counts over the spacing of such values. Nothing is learnt from
-    a silent sensor.
+    `sensor` is the sensor's first row of parameters. The probability of a lost sample, which is a
+    single value, counts over the spacing of values, to compare with a density.
     """
     n_lanes = np.uint64(sample.deflection.size)
     for lane in range(n_lanes):

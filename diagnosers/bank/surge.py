@@ -1,8 +1,7 @@
 """The surge filters of the bank: speed, disturbance, deviations of drag and thrust, severity.
 
-The equation and its integration are those of `kalman.SurgeFilter`; the accelerometer is a second
-measurement, of the acceleration at the sample's end. Thrust comes from the shaft speeds that the
-motor filters of each hypothesis estimate.
+As `kalman.SurgeFilter`, with the accelerometer as a second measurement, of the acceleration at the
+sample's end, and the thrust from the shaft speeds of the motor filters.
 """
 
 from auv_fault_env.compiling import inlined
@@ -52,10 +51,7 @@ def set_parameters(columns, work):
 
 @inlined
 def compute_thrust(columns, opening, work):
-    """Fill ``work.thrust``; its variance is that by the noise of the rpm counters.
-
-    `opening` is the share of the sample's start in the acceleration.
-    """
+    """Fill ``work.thrust``, of which the sample's start has the share `opening`."""
     first, last = columns
     parameters = work.parameters
     by_severity = work.by_severity
@@ -104,10 +100,7 @@ def predict_disturbance(columns, memory, variance, work):
 
 @inlined
 def compute_process_noise(columns, work):
-    """Fill the variance that joins the speed over the sample.
-
-    It comes from the noise of the rpm counters and from the thrust's unknown course in between.
-    """
+    """Fill the variance of the speed by the rpm counters and the thrust between two readings."""
     first, last = columns
     port = work.port
     starboard = work.starboard
@@ -232,16 +225,12 @@ def condition_on_acceleration(columns, work):
 
 @inlined
 def _measurement(work):
-    """The measurement that was just prepared."""
     return Measurement(work.gradient, work.innovation[0], work.variance[0], work.available[0])
 
 
 @inlined
 def update(columns, sample, constants, work):
-    """Take all surge filters through one sample; add to the evidence.
-
-    ``work.port`` and ``work.starboard`` hold the shaft speeds, see `RPM_NOW`.
-    """
+    """Take all surge filters through one sample, with the shaft speeds of `RPM_NOW` and others."""
     available = work.available[0]
     evidence = work.evidence
     broadcast(sample.deflection, columns, work.deflection)

@@ -12,8 +12,9 @@ from gymnasium.utils import env_checker
 
 import auv_fault_env
 from auv_fault_env import CATALOGUE, CHANNELS, Fault
-from auv_fault_env.canvas import PALE_WARNING, SIZE, WARNING
+from auv_fault_env.canvas import SIZE
 from auv_fault_env.charts import ticks
+from auv_fault_env.palette import PALE_WARNING, WARNING
 from auv_fault_env.rendering import Renderer
 from auv_fault_env.silhouette import vehicle_parts
 
