@@ -123,7 +123,8 @@ def draw_chart(
     for onset in onsets:
         canvas.box(round(x(onset)), top, 2, height, palette.WARNING)
     for trace, series in zip(traces, values.T, strict=True):
-        points = np.stack([x(rows[:, 0]), y(series)], axis=1).tolist()
+        times = rows[:, 0]
+        points = np.stack([x(times), y(series)], axis=1).tolist()
         if len(points) > 1:
             canvas.line(points, trace.colour, trace.width)
         canvas.circle(points[-1], 2.5, trace.colour)

@@ -246,7 +246,12 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
         self._terminated = np.zeros(self.num_envs, bool)
         self._done: np.ndarray | None = None
 
-    def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict | None = None):
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ):
         """Start an episode on every lane."""
         options = _known_options(options, ("schedule", "mission", "schedules", "missions"))
         end = self.max_episode_steps / SAMPLE_RATE

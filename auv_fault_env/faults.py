@@ -201,5 +201,6 @@ def matrices() -> Catalogue:
             scale[row, names.index(parameter)] = value
         for parameter, value in fault.offset.items():
             offset[row, names.index(parameter)] = value
-    low, high = np.array([(spec.low, spec.high) for spec in PARAMETERS.values()]).T.copy()
+    limits = np.array([(spec.low, spec.high) for spec in PARAMETERS.values()])
+    low, high = limits.T.copy()
     return Catalogue(scale, offset, low, high)

@@ -45,10 +45,11 @@ def _checked_leg(start: float, speed: float) -> tuple[float, float]:
     return start, finite_in_range("mission speed", speed, 0.0, MAXIMUM_COMMAND)
 
 
+# V.D of the thesis: 0.5 ft/s, at 10 s 1.0 ft/s, at 20 s 0.5 ft/s, and so on
+ALTERNATING_LEGS = tuple((10.0 * leg, FOOT * (0.5, 1.0)[leg % 2]) for leg in range(12))
 MISSIONS: dict[str, Mission] = {
-    # thesis V.D: 0.5 ft/s, at 10 s 1.0 ft/s, at 20 s 0.5 ft/s, and so on
-    "thesis": Mission(tuple((10.0 * leg, FOOT * (0.5, 1.0)[leg % 2]) for leg in range(12))),
-    # thesis V.C: from rest to 1.5 ft/s
+    "thesis": Mission(ALTERNATING_LEGS),
+    # V.C of the thesis: from rest to 1.5 ft/s
     "acceleration": Mission(((0.0, 1.5 * FOOT),), start_speed=0.0),
     "cruise": Mission(((0.0, FOOT),)),
 }

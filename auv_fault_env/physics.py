@@ -23,7 +23,7 @@ from auv_fault_env.parameters import ENERGY_WEIGHT, SAMPLE_TIME, SHAFT, Vehicle
 RPM = 30.0 / math.pi  # rpm per rad/s
 
 # Graded substeps: short while the shaft answers a new voltage, long once it has settled; see
-# `python -m training.studies.integrators`.
+# docs/integrators.md.
 SUBSTEPS = 8
 GRADING = 1.75
 SUBSTEP = tuple(
@@ -212,23 +212,6 @@ def equilibrium_voltage(shaft, shaft_speed, speed, constants):
 def mission_reward(deviation, energy, constants):
     """Reward of a step: minus the squared speed deviation and the weighted electrical energy."""
     return -(deviation * deviation) - constants.energy_weight * energy
-
-
-@scalar
-def rates(motion, drag, disturbance, port, starboard):
-    """Time derivative of a `Motion`."""
-    u = motion.speed
-    port_shaft_speed = motion.port_shaft_speed
-    starboard_shaft_speed = motion.starboard_shaft_speed
-    return Motion(
-        surge_acceleration(
-            u, port_shaft_speed, starboard_shaft_speed, drag, disturbance, port, starboard
-        ),
-        shaft_acceleration(port_shaft_speed, u, port),
-        shaft_acceleration(starboard_shaft_speed, u, starboard),
-        port_shaft_speed,
-        starboard_shaft_speed,
-    )
 
 
 @scalar

@@ -52,7 +52,8 @@ def _draw_gauge(canvas: Canvas, row: Mapping[str, float]):
         ("mission_speed", palette.STEEL, top + 17, top + 9),
     ):
         x = places[name]
-        canvas.polygon([(x - 4, y), (x + 4, y), (x, tip)], colour, palette.INK)
+        corners = [(x - 4, y), (x + 4, y), (x, tip)]
+        canvas.polygon(corners, colour, palette.INK)
     for mark in marks:
         x = left + width * mark / marks[-1]
         canvas.text(f"{mark:.1f}", (x, top + 24), palette.FAINT, 0.5, SMALL)

@@ -81,10 +81,10 @@ def schedule_of(value: Sequence[FaultEvent | Mapping] | str | Path) -> Schedule:
 def to_json(schedule: Schedule) -> str:
     """The schedule as JSON without default values; `from_json` returns it exactly."""
     defaults = {spec.name: spec.default for spec in fields(FaultEvent)}
-    events = [
-        {name: value for name, value in asdict(event).items() if value != defaults[name]}
-        for event in schedule
-    ]
+    events = []
+    for row in map(asdict, schedule):
+        not_default = {name: value for name, value in row.items() if value != defaults[name]}
+        events.append(not_default)
     return json.dumps(events, indent=2)
 
 
@@ -107,7 +107,8 @@ def load_schedule(path: str | Path) -> Schedule:
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
-        remedy = f"check the path ({getattr(error, 'strerror', None) or 'not a text file'})"
+        reason = getattr(error, "strerror", None) or "not a text file"
+        remedy = f"check the path ({reason})"
         raise refusal("schedule file", str(path), "a readable JSON file", remedy) from None
     return from_json(text, str(path))
 
@@ -156,7 +157,8 @@ def schedules_of(events: Events) -> list[Schedule]:
     for faults, profiles in zip(*events, strict=True):
         present = faults >= 0
         rows = zip(faults[present], profiles[present].tolist(), strict=True)
-        schedules.append(tuple(FaultEvent(names[row], *profile) for row, profile in rows))
+        schedule = [FaultEvent(names[row], *profile) for row, profile in rows]
+        schedules.append(tuple(schedule))
     return schedules
 
 
@@ -224,15 +226,18 @@ class ScheduleSampler:
         u = EventUniforms(*np.moveaxis(numbers, -1, 0))
         fault = self._faults(u.fault)
         onset = _within(self.onset, u.onset)
-        end = onset + _within(self.life, u.life)
         is_intermittent = u.intermittent < self.intermittent
+        ramp = _within(self.ramp, u.ramp)
+        end = onset + _within(self.life, u.life)
+        period = _within(self.period, u.period)
+        duty = _within(self.duty, u.duty)
         profile = SeverityProfile(
             onset=onset,
             severity=_within(self.severity, u.severity),
-            ramp=np.where(u.incipient < self.incipient, _within(self.ramp, u.ramp), 0.0),
+            ramp=np.where(u.incipient < self.incipient, ramp, 0.0),
             end=np.where(u.repaired < self.repaired, end, math.inf),
-            period=np.where(is_intermittent, _within(self.period, u.period), 0.0),
-            duty=np.where(is_intermittent, _within(self.duty, u.duty), 1.0),
+            period=np.where(is_intermittent, period, 0.0),
+            duty=np.where(is_intermittent, duty, 1.0),
         )
         is_present = self._presence(key, fault)
         events = no_events(*fault.shape)

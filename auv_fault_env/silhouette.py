@@ -84,7 +84,10 @@ def _hull() -> np.ndarray:
         (1.07, 0.1, 0.062),
         (1.1, 0.04, 0.025),
     )
-    sections = [_box((x, -y, -z), (x, y, z)) for x, y, z in stations]
+    sections = []
+    for x, y, z in stations:
+        section = _box((x, -y, -z), (x, y, z))
+        sections.append(section)
     return np.concatenate(sections)
 
 
@@ -93,8 +96,10 @@ def _fins(rudder: float, plane: float) -> list[np.ndarray]:
     fins = []
     for x, sign in ((-0.93, 1.0), (0.62, -1.0)):
         for end in (-1.0, 1.0):
-            upright = _box((x - 0.11, -0.007, end * 0.085), (x + 0.05, 0.007, end * 0.25))
-            level = _box((x - 0.11, end * 0.2, -0.007), (x + 0.05, end * 0.33, 0.007))
+            astern = x - 0.11
+            ahead = x + 0.05
+            upright = _box((astern, -0.007, end * 0.085), (ahead, 0.007, end * 0.25))
+            level = _box((astern, end * 0.2, -0.007), (ahead, end * 0.33, 0.007))
             fins.append(_turned(upright, 2, (x, 0, 0), sign * rudder))
             fins.append(_turned(level, 1, (x, 0, 0), sign * plane))
     return fins

@@ -74,7 +74,8 @@ class FleetTruth(Mapping):
     def _severity(self) -> dict[str, np.ndarray]:
         plan = self._fleet.plan
         names = classes()
-        class_of_fault = np.array([names.index(name) for name in self._fleet.diagnoses])
+        class_of_fault = [names.index(name) for name in self._fleet.diagnoses]
+        class_of_fault = np.array(class_of_fault)
         largest = np.zeros((len(names), self._fleet.n_lanes))
         lanes = np.arange(self._fleet.n_lanes)
         for fault, severity in zip(plan.fault.T, plan.severity.T, strict=True):

@@ -109,7 +109,8 @@ def capability(parameters: np.ndarray, speeds: np.ndarray, vehicle: Vehicle) -> 
     """
     n_lanes, n_vehicles, _ = parameters.shape
     shape = n_lanes, n_vehicles, speeds.shape[1]
-    filled = Capability(np.empty((n_lanes, n_vehicles)), np.empty(shape), np.empty(shape))
+    reachable_speed = np.empty((n_lanes, n_vehicles))
+    filled = Capability(reachable_speed, np.empty(shape), np.empty(shape))
     constants = physics.plant_constants(vehicle)
     parameters = np.ascontiguousarray(parameters)
     speeds = np.ascontiguousarray(speeds, np.float64)
