@@ -43,8 +43,8 @@ class Canvas:
         self._texts: dict[tuple, Any] = {}
 
     @contextmanager
-    def new_sheet(self):
-        """An empty sheet, with fonts of its own: `pygame.quit()` elsewhere breaks older ones."""
+    def new_frame(self):
+        """An empty frame, with fonts of its own: `pygame.quit()` elsewhere breaks older ones."""
         self.pygame.font.init()
         font = self.pygame.font.Font
         self._fonts = {size: font(None, size) for size in (SMALL, MEDIUM, LARGE)}

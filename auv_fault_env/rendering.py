@@ -92,11 +92,11 @@ class Renderer:
         self._fps = fps
         self._canvas = Canvas()
         self._clock = self._canvas.pygame.time.Clock()
-        self._dismissed = False
+        self._is_closed = False
         self.clear()
 
     def clear(self):
-        """Forget the episode."""
+        """Remove the recorded episode."""
         n_rows = round(WINDOW * SAMPLE_RATE) + 1
         self._rows: deque[tuple[float, ...]] = deque(maxlen=n_rows)
         self._onsets: dict[str, float] = {}
@@ -131,7 +131,7 @@ class Renderer:
 
     def show(self):
         """Update the window; do nothing once the user has closed it."""
-        if self._dismissed:
+        if self._is_closed:
             return
         self._draw()
         display = self._canvas.pygame.display
@@ -148,9 +148,9 @@ class Renderer:
 
     def close(self):
         """Close the window, if there is one."""
-        if self._mode == "human" and not self._dismissed:
+        if self._mode == "human" and not self._is_closed:
             self._canvas.pygame.display.quit()
-        self._dismissed = True
+        self._is_closed = True
 
     def _draw(self):
         canvas = self._canvas
@@ -164,7 +164,7 @@ class Renderer:
         shares = {side: thrust / full_thrust for side, thrust in self._thrust.items()}
         parts = vehicle_parts(row["rudder"], row["stern_plane"], self._angles, shares)
         faults = [(name, severity, self._onsets[name]) for name, severity in self._severity.items()]
-        with canvas.new_sheet():
+        with canvas.new_frame():
             for projection in PROJECTIONS:
                 draw_vehicle(canvas, projection, parts, faulty)
             draw_ruler(canvas, self._travelled)

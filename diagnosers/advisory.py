@@ -254,12 +254,10 @@ def _derated_speed(assessment: Assessment) -> np.ndarray:
 
 def _advice(assessment: Assessment, level: np.ndarray, proposals: np.ndarray) -> Advice:
     lanes = np.arange(level.size)
-    speeds = assessment.speeds
     energy = assessment.situation.energy_left
     best = assessment.safe_range.argmax(axis=1)
     best_home = assessment.probable_range_home.argmax(axis=1)
-    mission = np.full_like(level, MISSION)
-    by_level = [mission, _derated_speed(assessment), best_home, best]
+    by_level = [np.full_like(level, MISSION), _derated_speed(assessment), best_home, best]
     chosen = np.choose(level, by_level)
     at_mission_speed = assessment.outward[:, :, MISSION]
     at_best_speed = assessment.outward[:, lanes, best]
@@ -267,12 +265,12 @@ def _advice(assessment: Assessment, level: np.ndarray, proposals: np.ndarray) ->
     return Advice(
         level=level,
         reason=tuple(_reason(assessment, lane, level[lane], chosen[lane]) for lane in lanes),
-        speed=np.where(level == ABORT, 0.0, speeds[lanes, chosen]),
+        speed=np.where(level == ABORT, 0.0, assessment.speeds[lanes, chosen]),
         distrusted=assessment.distrusted,
         reachable_speed=assessment.reachable_speed,
         energy_per_metre=_joules_per_metre(at_mission_speed),
         range=_interval(energy * at_mission_speed),
-        best_speed=speeds[lanes, best],
+        best_speed=assessment.speeds[lanes, best],
         best_energy_per_metre=_joules_per_metre(at_best_speed),
         best_range=_interval(energy * at_best_speed),
         range_home=_interval(energy * homeward),
