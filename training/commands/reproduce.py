@@ -17,7 +17,7 @@ from training.thesis import (
     recommendation_page,
 )
 from training.thesis.comparison import Comparison
-from training.thesis.page import COLUMNS, report_on_test_runs
+from training.thesis.page import report_on_test_runs
 from training.thesis.runs import STEPS, TEST_RUNS, record
 
 CONSISTENCY_SEEDS = 200
@@ -66,7 +66,7 @@ def network_sections(comparison: Comparison, seeds: range) -> list[dict[str, Any
         raw_study = raw_networks.run_study(comparison, seeds, bar)
         kalman_study = kalman_networks.run_study(seeds, bar)
     return [
-        *raw_page.sections(comparison, raw_study, COLUMNS),
-        *kalman_page.sections(comparison, kalman_study, COLUMNS),
-        recommendation_page.section(comparison, COLUMNS),
+        *raw_page.sections(comparison, raw_study),
+        *kalman_page.sections(comparison, kalman_study),
+        recommendation_page.section(comparison),
     ]

@@ -4,6 +4,8 @@ import math
 from typing import Any, NamedTuple
 
 from auv_fault_env.parameters import OUNCE_INCH, Vehicle, describe
+from training.report.sections import table_section
+from training.thesis.comparison import COLUMNS
 
 
 class MotorData(NamedTuple):
@@ -31,9 +33,7 @@ def derived(data: MotorData) -> dict[str, float]:
     torque_constant = data.torque_constant * OUNCE_INCH
     inertia = data.armature_inertia * OUNCE_INCH
     coupling = torque_constant * data.back_emf_constant
-    resistance_for_time_constant = (
-        1e-3 * data.mechanical_time_constant * torque_constant * data.back_emf_constant / inertia
-    )
+    time_constant = 1e-3 * data.mechanical_time_constant  # s
     return {
         "mechanical_time_constant": 1e3 * inertia * data.resistance / coupling,  # ms
         "motor_constant": data.torque_constant / math.sqrt(data.resistance),  # oz-in/sqrt(W)
@@ -42,7 +42,10 @@ def derived(data: MotorData) -> dict[str, float]:
         # V s/rad: equal to K_T in SI by conservation of energy
         "back_emf_constant": torque_constant,
         "inductance": data.electrical_time_constant * data.resistance,  # mH
-        "resistance_for_time_constant": resistance_for_time_constant,
+        "resistance_for_time_constant": time_constant
+        * torque_constant
+        * data.back_emf_constant
+        / inertia,
         "resistance_for_motor_constant": (data.torque_constant / data.motor_constant) ** 2,
     }
 
@@ -80,7 +83,7 @@ def comparison_rows(data: MotorData, command: str) -> list[list[str]]:
     return rows
 
 
-def appendix_section(columns: list[str], command: str) -> dict[str, Any]:
+def appendix_section(command: str) -> dict[str, Any]:
     """Section on the contradiction in Appendix A."""
     data = MotorData()
     text = (
@@ -90,11 +93,8 @@ def appendix_section(columns: list[str], command: str) -> dict[str, Any]:
         "current excludes. The plant uses K_T, R, J and the friction. Its inductance would be "
         f"{derived(data)['inductance']:.2f} mH; it is neglected, as in the thesis."
     )
-    return {
-        "heading": "Appendix A: the motor's data contradict themselves",
-        "text": [text],
-        "table": {"columns": columns, "rows": comparison_rows(data, command)},
-    }
+    heading = "Appendix A: the motor's data contradict themselves"
+    return table_section(heading, COLUMNS, comparison_rows(data, command), text)
 
 
 def constants_section(vehicle: Vehicle) -> dict[str, Any]:
@@ -106,8 +106,5 @@ def constants_section(vehicle: Vehicle) -> dict[str, Any]:
         "T: the thesis. N: NPSNET hydrodynamic file, 1995. H: Healey & Lienard 1993. E: estimate "
         "or default."
     )
-    return {
-        "heading": "Constants of the vehicle",
-        "text": [text],
-        "table": {"columns": ["name", "value", "unit", "meaning", "source"], "rows": rows},
-    }
+    columns = ["name", "value", "unit", "meaning", "source"]
+    return table_section("Constants of the vehicle", columns, rows, text)

@@ -14,6 +14,18 @@ VEHICLE = PRESETS["thesis1992"]
 # 1/ft, (ft/s^2)/rpm^2
 ALPHA_FT = VEHICLE.alpha * FOOT
 BETA_FT = VEHICLE.beta / FOOT
+# of the tables: thesis beside ours
+COLUMNS = [
+    "where",
+    "quantity",
+    "thesis",
+    "ours, noise-free",
+    "ours, default noise",
+    "verdict (noise-free)",
+    "why",
+    "command",
+]
+SPEED_CHANGES = [10.0, 20.0, 30.0, 40.0, 50.0]  # s, of the thesis' stimulus
 # alpha and beta after the fault, relative to nominal
 TRUE_PARAMETERS = {
     "normal": (1.0, 1.0),
@@ -24,18 +36,9 @@ TRUE_PARAMETERS = {
 
 
 class Comparison:
-    """The recordings without and with noise, by run, parameter and time.
+    """The recordings without noise (one seed) and with noise (many), by run, parameter and time.
 
-    Attributes
-    ----------
-    clean
-        The test runs without noise, one seed.
-    noisy
-        The test runs with noise, many seeds.
-    runs
-        Names of the runs, in the order of the recordings.
-    command
-        The command that makes the report.
+    `runs` are the names of the runs in the order of the recordings; `command` makes the report.
     """
 
     def __init__(self, clean: Recording, noisy: Recording, runs: Sequence[str], command: str):

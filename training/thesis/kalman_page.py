@@ -7,10 +7,13 @@ import numpy as np
 from auv_fault_env.faults import labels
 from auv_fault_env.parameters import SAMPLE_RATE
 from diagnosers.networks.fault_map import ALPHA_WINDOW, BETA_WINDOW, MODES_5_2, NOMINAL, severity
+from training.report.sections import figure, table_section
 from training.thesis.backpropagation import rms_error
 from training.thesis.comparison import (
     ALPHA,
     BETA,
+    COLUMNS,
+    SPEED_CHANGES,
     Comparison,
     mean_and_std,
     mean_and_std_percent,
@@ -30,7 +33,6 @@ from training.thesis.kalman_networks import (
     share_normal_before_onset,
     time_to_identification,
 )
-from training.thesis.page import SPEED_CHANGES
 
 FEW, ENOUGH = SIZES
 WINDOWS = {"alpha": list(ALPHA_WINDOW), "beta": list(BETA_WINDOW)}
@@ -39,39 +41,30 @@ MAP_AXIS = np.linspace(0.0, 1.0, GRID).round(4).tolist()
 Responses = tuple[Response, Response]  # without and with noise
 
 
-def sections(
-    comparison: Comparison, study: KalmanStudy, columns: list[str]
-) -> list[dict[str, Any]]:
+def sections(comparison: Comparison, study: KalmanStudy) -> list[dict[str, Any]]:
     """All sections of V.D that concern the network."""
     return [
-        map_section(comparison, study, columns),
+        map_section(comparison, study),
         table_5_2(comparison, study),
-        run_section(comparison, study, columns),
+        run_section(comparison, study),
     ]
 
 
-def map_section(comparison: Comparison, study: KalmanStudy, columns: list[str]) -> dict[str, Any]:
+def map_section(comparison: Comparison, study: KalmanStudy) -> dict[str, Any]:
     """Figure 5.12 and the two sizes."""
-    n_networks = len(study.outputs[ENOUGH])
     text = (
         "Two inputs (alpha and beta, normalised as in V.B), five outputs, trained by the same rule "
         f"on {GRID} × {GRID} points of the fault map alone, up to {CHECKPOINTS[-1]:,} "
         "presentations; the weights with the least rms error are used. "
-        f"{n_networks} networks of each size. The thesis gives the windows of the map (V.B), but "
-        "its picture (Fig. 5.1) is lost: our map grades each mode by the severity of the "
-        "catalogue's fault. The height of the decision surface is the sum of the four fault "
+        f"{len(study.outputs[ENOUGH])} networks of each size. The thesis gives the windows of the "
+        "map (V.B), but its picture (Fig. 5.1) is lost: our map grades each mode by the severity "
+        "of the catalogue's fault. The height of the decision surface is the sum of the four fault "
         "outputs, 0 for normal and 1 for a lost propeller. Where two modes meet, the sum of smooth "
         "outputs is too low or too high."
     )
-    return {
-        "heading": "V.D: the network behind the parameter filter",
-        "text": [text],
-        "table": {
-            "columns": columns,
-            "rows": [*window_rows(comparison), *map_rows(comparison, study)],
-        },
-        "figures": [surface_figure(study)],
-    }
+    rows = [*window_rows(comparison), *map_rows(comparison, study)]
+    section = table_section("V.D: the network behind the parameter filter", COLUMNS, rows, text)
+    return section | {"figures": [surface_figure(study)]}
 
 
 def surface_figure(study: KalmanStudy) -> dict[str, Any]:
@@ -80,13 +73,12 @@ def surface_figure(study: KalmanStudy) -> dict[str, Any]:
     for size in SIZES:
         mean = severity(study.outputs[size]).mean(axis=0)
         surfaces[f"2-{size}-5, mean of networks"] = _on_map(mean)
-    return {
-        "plot": "decision_surfaces",
-        "name": "fig-5-12",
-        "caption": "Fig. 5.12: decision surface of the severity, target and networks with four and "
-        "with eight hidden nodes. Dashed: the window of normal operation.",
-        "data": {"axis": MAP_AXIS, "surfaces": surfaces, "windows": WINDOWS},
-    }
+    caption = (
+        "Fig. 5.12: decision surface of the severity, target and networks with four and "
+        "with eight hidden nodes. Dashed: the window of normal operation."
+    )
+    data = {"axis": MAP_AXIS, "surfaces": surfaces, "windows": WINDOWS}
+    return figure("decision_surfaces", "fig-5-12", caption, data)
 
 
 def _on_map(heights: np.ndarray) -> list[list[float]]:
@@ -96,39 +88,24 @@ def _on_map(heights: np.ndarray) -> list[list[float]]:
 
 def window_rows(comparison: Comparison) -> list[list[str]]:
     """Figure 5.1: the windows of normal operation."""
-    where = "V.B, Fig. 5.1"
-    alpha = f"{NOMINAL[ALPHA]}, {ALPHA_WINDOW[0]} to {ALPHA_WINDOW[1]}"
-    alpha_thesis = "0.5, 0.4 to 0.6"
-    beta = f"{NOMINAL[BETA]}, {BETA_WINDOW[0]} to {BETA_WINDOW[1]}"
-    beta_thesis = "0.9, 0.65 to 1.0"
-    why = "Taken over. In words the thesis states 25 % less for beta; its numbers are 28 %."
-    return [
-        comparison.row(
-            where,
-            "normalised alpha: nominal, normal window",
-            alpha_thesis,
-            alpha,
-            "-",
-            alpha == alpha_thesis,
-            "Taken over.",
-        ),
-        comparison.row(
-            where,
-            "normalised beta: nominal, normal window",
-            beta_thesis,
-            beta,
-            "-",
-            beta == beta_thesis,
-            why,
-        ),
-    ]
+    beta_why = "Taken over. In words the thesis states 25 % less for beta; its numbers are 28 %."
+    cases = (
+        ("alpha", NOMINAL[ALPHA], ALPHA_WINDOW, "0.5, 0.4 to 0.6", "Taken over."),
+        ("beta", NOMINAL[BETA], BETA_WINDOW, "0.9, 0.65 to 1.0", beta_why),
+    )
+    rows = []
+    for name, nominal, window, thesis, why in cases:
+        quantity = f"normalised {name}: nominal, normal window"
+        ours = f"{nominal}, {window[0]} to {window[1]}"
+        row = comparison.row("V.B, Fig. 5.1", quantity, thesis, ours, "-", ours == thesis, why)
+        rows.append(row)
+    return rows
 
 
 def map_rows(comparison: Comparison, study: KalmanStudy) -> list[list[str]]:
     """What four and eight hidden nodes can do."""
     error = {size: severity_error(study.outputs[size]) for size in SIZES}
     accuracy = {size: accuracy_by_mode(study.outputs[size]) for size in SIZES}
-    mean_accuracy = {size: accuracy[size].mean(axis=1) for size in SIZES}
     rms = {}
     for size in SIZES:
         errors = rms_error(study.outputs[size], TARGETS)
@@ -136,42 +113,28 @@ def map_rows(comparison: Comparison, study: KalmanStudy) -> list[list[str]]:
     ratio = error[FEW].mean() / error[ENOUGH].mean()
     weakest = MODES_5_2[accuracy[FEW].mean(axis=0).argmin()]
     least = mean_and_std_percent(accuracy[FEW].min(axis=1))
-
-    def row(quantity, thesis, ours, agrees, why):
-        where = "V.D.1, Fig. 5.12"
-        return comparison.row(where, quantity, thesis, ours, "-", bool(agrees), why)
-
-    return [
-        row(
-            "2-4-5: modes of the map named correctly, mean of modes",
-            "detects and isolates",
-            mean_and_std_percent(mean_accuracy[FEW]),
-            mean_accuracy[FEW].mean() > 0.9,
-            f"Weakest: {weakest}, {least}; {rms[FEW]}.",
-        ),
-        row(
-            "2-4-5: mean error of the severity",
-            "not reliable",
-            mean_and_std(error[FEW], ".3f"),
-            ratio > 1.25,
-            f"Of 1, over the faulty points; {ratio:.1f} times that of eight nodes. Small "
-            "severities are underestimated.",
-        ),
-        row(
-            "2-8-5: modes of the map named correctly, mean of modes",
-            "detects and isolates",
-            mean_and_std_percent(mean_accuracy[ENOUGH]),
-            mean_accuracy[ENOUGH].mean() > 0.9,
-            f"{rms[ENOUGH]}.",
-        ),
-        row(
-            "2-8-5: mean error of the severity",
-            "reliable",
-            mean_and_std(error[ENOUGH], ".3f"),
-            error[ENOUGH].mean() < 0.05,
-            "Of 1, over the faulty points; most of it where modes meet and at small severities.",
-        ),
-    ]
+    few_why = (
+        f"Of 1, over the faulty points; {ratio:.1f} times that of eight nodes. Small "
+        "severities are underestimated."
+    )
+    enough_why = (
+        "Of 1, over the faulty points; most of it where modes meet and at small severities."
+    )
+    cases = (
+        (FEW, f"Weakest: {weakest}, {least}; {rms[FEW]}.", "not reliable", ratio > 1.25, few_why),
+        (ENOUGH, f"{rms[ENOUGH]}.", "reliable", error[ENOUGH].mean() < 0.05, enough_why),
+    )
+    where = "V.D.1, Fig. 5.12"
+    rows = []
+    for size, named_why, reliability, agrees, why in cases:
+        quantity = f"2-{size}-5: modes of the map named correctly, mean of modes"
+        named = accuracy[size].mean(axis=1)
+        ours = (mean_and_std_percent(named), "-", named.mean() > 0.9, named_why)
+        rows.append(comparison.row(where, quantity, "detects and isolates", *ours))
+        quantity = f"2-{size}-5: mean error of the severity"
+        ours = (mean_and_std(error[size], ".3f"), "-", agrees, why)
+        rows.append(comparison.row(where, quantity, reliability, *ours))
+    return rows
 
 
 def table_5_2(comparison: Comparison, study: KalmanStudy) -> dict[str, Any]:
@@ -189,21 +152,17 @@ def table_5_2(comparison: Comparison, study: KalmanStudy) -> dict[str, Any]:
         "The fault vectors are those of Table 5.1 with five places; here the place of the fault "
         "holds its severity instead of 1."
     )
-    return {
-        "heading": "Table 5.2: operating modes of the Kalman-fed network",
-        "text": [text],
-        "table": {"columns": [*columns, "command"], "rows": rows},
-    }
+    heading = "Table 5.2: operating modes of the Kalman-fed network"
+    return table_section(heading, [*columns, "command"], rows, text)
 
 
-def run_section(comparison: Comparison, study: KalmanStudy, columns: list[str]) -> dict[str, Any]:
+def run_section(comparison: Comparison, study: KalmanStudy) -> dict[str, Any]:
     """Figures 5.14 to 5.20: filter and network together."""
     networks = study.networks[ENOUGH]
-    normal = responses(comparison, "normal", networks)
     drag = responses(comparison, "drag", networks)
     loss = responses(comparison, "loss", networks)
     rows = [
-        normal_row(comparison, normal),
+        normal_row(comparison, responses(comparison, "normal", networks)),
         before_row(comparison, drag),
         identified_row(comparison, drag),
         trajectory_row(comparison, drag),
@@ -218,51 +177,40 @@ def run_section(comparison: Comparison, study: KalmanStudy, columns: list[str]) 
     )
     drag_caption = "Fig. 5.16: response of the network to increased drag (+35 % at 10 s)."
     loss_caption = "Fig. 5.20: response of the network to the loss of the port propeller at 10 s."
-    paths = {"increased drag (5.17)": drag, "port propeller lost": loss}
-    return {
-        "heading": "V.D: filter and network together",
-        "text": [text],
-        "table": {"columns": columns, "rows": rows},
-        "figures": [
-            response_figure(drag, "fig-5-16", drag_caption),
-            trajectory_figure(paths),
-            response_figure(loss, "fig-5-20", loss_caption),
-        ],
-    }
+    figures = [
+        response_figure(drag, "fig-5-16", drag_caption),
+        trajectory_figure({"increased drag (5.17)": drag, "port propeller lost": loss}),
+        response_figure(loss, "fig-5-20", loss_caption),
+    ]
+    section = table_section("V.D: filter and network together", COLUMNS, rows, text)
+    return section | {"figures": figures}
 
 
 def normal_row(comparison: Comparison, both: Responses) -> list[str]:
     """A healthy run is named normal throughout."""
     clean, noisy = ((response.outputs.argmax(axis=-1) == 0).mean(axis=1) for response in both)
-    return comparison.row(
-        "V.D, Fig. 5.14",
-        "normal run: samples named normal",
-        "all",
-        mean_and_std_percent(clean),
-        mean_and_std_percent(noisy),
-        bool(clean.mean() > 0.99),
+    why = (
         "The first samples of a noisy run, before the filter knows the speed, can lie outside the "
-        "window.",
+        "window."
     )
+    texts = map(mean_and_std_percent, (clean, noisy))
+    quantity = "normal run: samples named normal"
+    return comparison.row("V.D, Fig. 5.14", quantity, "all", *texts, clean.mean() > 0.99, why)
 
 
 def before_row(comparison: Comparison, both: Responses) -> list[str]:
     """Figure 5.16: the first ten seconds."""
-    clean, noisy = (share_normal_before_onset(response) for response in both)
-    return comparison.row(
-        "V.D, Fig. 5.16",
-        "alpha +35 %: samples of the first 10 s named normal",
-        "all",
-        mean_and_std_percent(clean),
-        mean_and_std_percent(noisy),
-        bool(clean.mean() > 0.99),
-        "",
-    )
+    clean, noisy = map(share_normal_before_onset, both)
+    texts = map(mean_and_std_percent, (clean, noisy))
+    quantity = "alpha +35 %: samples of the first 10 s named normal"
+    return comparison.row("V.D, Fig. 5.16", quantity, "all", *texts, clean.mean() > 0.99, "")
 
 
 def identified_row(comparison: Comparison, both: Responses) -> list[str]:
     """Figure 5.16: when the drag is identified."""
-    clean, noisy = (ONSET + time_to_identification(r, "increased drag") for r in both)
+    times = [ONSET + time_to_identification(response, "increased drag") for response in both]
+    texts = [mean_and_std(time, ".1f", " s") for time in times]
+    agrees = 10.0 < times[0].mean() <= 20.0
     why = (
         "With us the speed change at 20 s decides. While the vehicle accelerates, more drag and "
         "less thrust look much alike, and the estimate lies between both, inside the normal "
@@ -270,15 +218,8 @@ def identified_row(comparison: Comparison, both: Responses) -> list[str]:
         "controller and gains are unknown; with other shaft speeds in these ten seconds the two "
         "may be distinguished sooner."
     )
-    return comparison.row(
-        "V.D, Fig. 5.16",
-        "alpha +35 %: identified as increased drag at",
-        "10 to 20 s",
-        mean_and_std(clean, ".1f", " s"),
-        mean_and_std(noisy, ".1f", " s"),
-        bool(10.0 < clean.mean() <= 20.0),
-        why,
-    )
+    quantity = "alpha +35 %: identified as increased drag at"
+    return comparison.row("V.D, Fig. 5.16", quantity, "10 to 20 s", *texts, agrees, why)
 
 
 def trajectory_row(comparison: Comparison, both: Responses) -> list[str]:
@@ -287,17 +228,15 @@ def trajectory_row(comparison: Comparison, both: Responses) -> list[str]:
     end = clean[0, -1]
     noisy_alpha = mean_and_std(noisy[:, -1, ALPHA], ".2f")
     noisy_beta = mean_and_std(noisy[:, -1, BETA], ".2f")
-    is_drag = end[ALPHA] > ALPHA_WINDOW[1] and end[BETA] > BETA_WINDOW[0]
-    return comparison.row(
-        "V.D, Fig. 5.17",
-        "alpha +35 %: path of the estimate",
-        "from normal (0.5, 0.9) to increased drag",
-        f"from {_point(clean[0, 100])} to {_point(end)}",
-        f"to {noisy_alpha}, {noisy_beta}",
-        bool(is_drag),
+    thesis = "from normal (0.5, 0.9) to increased drag"
+    texts = (f"from {_point(clean[0, 100])} to {_point(end)}", f"to {noisy_alpha}, {noisy_beta}")
+    agrees = end[ALPHA] > ALPHA_WINDOW[1] and end[BETA] > BETA_WINDOW[0]
+    why = (
         "Alpha, then beta. The text at Fig. 5.17 swaps the two normal values; V.B states alpha 0.5 "
-        "and beta 0.9.",
+        "and beta 0.9."
     )
+    quantity = "alpha +35 %: path of the estimate"
+    return comparison.row("V.D, Fig. 5.17", quantity, thesis, *texts, agrees, why)
 
 
 def _point(point: np.ndarray) -> str:
@@ -306,16 +245,12 @@ def _point(point: np.ndarray) -> str:
 
 def severity_row(comparison: Comparison, both: Responses) -> list[str]:
     """Figure 5.16: the severity of the drag fault."""
-    clean, noisy = (severity(response.outputs)[:, -1] for response in both)
-    return comparison.row(
-        "V.D, Fig. 5.16",
-        "alpha +35 %: fault value at 60 s",
-        "graded",
-        mean_and_std(clean, ".2f"),
-        mean_and_std(noisy, ".2f"),
-        bool(abs(clean.mean() - 0.35) < 0.1),
-        "0.35 on our map, on the slope beside the normal window; within 0.1 agrees.",
-    )
+    at_end = [severity(response.outputs)[:, -1] for response in both]
+    texts = [mean_and_std(values, ".2f") for values in at_end]
+    agrees = abs(at_end[0].mean() - 0.35) < 0.1
+    quantity = "alpha +35 %: fault value at 60 s"
+    why = "0.35 on our map, on the slope beside the normal window; within 0.1 agrees."
+    return comparison.row("V.D, Fig. 5.16", quantity, "graded", *texts, agrees, why)
 
 
 def beta_row(comparison: Comparison, both: Responses) -> list[str]:
@@ -327,15 +262,13 @@ def beta_row(comparison: Comparison, both: Responses) -> list[str]:
         texts.append(f"down to {mean_and_std(low, '.2f')}, back to {mean_and_std(end, '.2f')}")
     falls = least[0].mean() < 0.97 * NOMINAL[BETA]
     returns = abs(last[0].mean() / NOMINAL[BETA] - 1) < 0.02
-    why = f"It stays inside the normal window, which begins at {BETA_WINDOW[0]}: the window is "
-    return comparison.row(
-        "V.D, Fig. 5.15",
-        "alpha +35 %: normalised beta (normal 0.9)",
-        "changes, and returns",
-        *texts,
-        bool(falls and returns),
-        why + "meant for this.",
+    why = (
+        f"It stays inside the normal window, which begins at {BETA_WINDOW[0]}: the window is "
+        "meant for this."
     )
+    quantity = "alpha +35 %: normalised beta (normal 0.9)"
+    thesis = "changes, and returns"
+    return comparison.row("V.D, Fig. 5.15", quantity, thesis, *texts, falls and returns, why)
 
 
 def loss_rows(comparison: Comparison, both: Responses) -> list[list[str]]:
@@ -344,35 +277,37 @@ def loss_rows(comparison: Comparison, both: Responses) -> list[list[str]]:
     at_end = [height[:, -1] for height in heights]
     risen = [_first_above_half(height) for height in heights]
     named = [ONSET + time_to_identification(r, "severe propulsion failure") for r in both]
+    end_why = (
+        "By construction the map is 1 at a whole propeller lost; the network and the filter "
+        "reproduce it."
+    )
+    named_why = (
+        "Before the speed change at 20 s alpha falls with beta, and the fault is named "
+        "decreased drag of the highest severity. With noise, beta at 0.45 is near the border "
+        "of severe failure (0.5) and crosses it at later changes; the severity stays high."
+    )
 
-    def row(quantity, thesis, texts, agrees, why):
-        return comparison.row("V.D, Fig. 5.20", quantity, thesis, *texts, bool(agrees), why)
+    def row(quantity, thesis, values, form, agrees, why):
+        texts = [mean_and_std(of_networks, *form) for of_networks in values]
+        quantity = f"one propeller lost: {quantity}"
+        return comparison.row("V.D, Fig. 5.20", quantity, thesis, *texts, agrees, why)
 
+    risen_in_time = 10.0 < risen[0].mean() < 20.0
+    risen_why = "Half of the thrust leaves at once, and the first readings show it."
+    time = (".1f", " s")
+    late = named[0].mean() > 10.0
+    named_from = "named severe propulsion failure to the end from"
     return [
         row(
-            "one propeller lost: fault value at 60 s (0 to 1)",
+            "fault value at 60 s (0 to 1)",
             "high",
-            [mean_and_std(values, ".2f") for values in at_end],
+            at_end,
+            (".2f",),
             at_end[0].mean() > 0.9,
-            "By construction the map is 1 at a whole propeller lost; the network and the filter "
-            "reproduce it.",
+            end_why,
         ),
-        row(
-            "one propeller lost: fault value above 0.5 first at",
-            "after 10 s",
-            [mean_and_std(times, ".1f", " s") for times in risen],
-            10.0 < risen[0].mean() < 20.0,
-            "Half of the thrust leaves at once, and the first readings show it.",
-        ),
-        row(
-            "one propeller lost: named severe propulsion failure to the end from",
-            "after 10 s",
-            [mean_and_std(times, ".1f", " s") for times in named],
-            named[0].mean() > 10.0,
-            "Before the speed change at 20 s alpha falls with beta, and the fault is named "
-            "decreased drag of the highest severity. With noise, beta at 0.45 is near the border "
-            "of severe failure (0.5) and crosses it at later changes; the severity stays high.",
-        ),
+        row("fault value above 0.5 first at", "after 10 s", risen, time, risen_in_time, risen_why),
+        row(named_from, "after 10 s", named, time, late, named_why),
     ]
 
 
@@ -384,24 +319,16 @@ def _first_above_half(height: np.ndarray) -> np.ndarray:
 
 def response_figure(both: Responses, name: str, caption: str) -> dict[str, Any]:
     """Outputs over time, without and with noise."""
-    clean, noisy = both
-    panels = {
-        "noise-free estimates": _lines(clean),
-        "estimates under default noise": _lines(noisy),
-    }
+    clean, noisy = map(_lines, both)
     note = "Mean ± standard deviation over networks; dotted: changes of the speed command."
-    return {
-        "plot": "network_response",
-        "name": name,
-        "caption": f"{caption} {note}",
-        "data": {
-            "time": (np.arange(clean.outputs.shape[1]) / SAMPLE_RATE).tolist(),
-            "modes": list(MODES_5_2),
-            "panels": panels,
-            "onset": ONSET,
-            "speed_changes": SPEED_CHANGES,
-        },
+    data = {
+        "time": (np.arange(both[0].outputs.shape[1]) / SAMPLE_RATE).tolist(),
+        "modes": list(MODES_5_2),
+        "panels": {"noise-free estimates": clean, "estimates under default noise": noisy},
+        "onset": ONSET,
+        "speed_changes": SPEED_CHANGES,
     }
+    return figure("network_response", name, f"{caption} {note}", data)
 
 
 def _lines(response: Response) -> dict[str, list[list[float]]]:
@@ -422,16 +349,10 @@ def trajectory_figure(runs: dict[str, Responses]) -> dict[str, Any]:
             "noisy": np.round(noisy.points[0, 50:], 4).tolist(),
             "marks": [round(time * SAMPLE_RATE) for time in INSTANTS],
         }
-    return {
-        "plot": "trajectories",
-        "name": "fig-5-17",
-        "caption": "Fig. 5.17: path of the estimates over the fault map, the fault beginning at "
-        "10 s; dashed: normal operation. The noisy run is shown from 5 s on.",
-        "data": {
-            "axis": MAP_AXIS,
-            "surface": _on_map(TRUE_SEVERITY),
-            "windows": WINDOWS,
-            "paths": paths,
-            "instants": list(INSTANTS),
-        },
-    }
+    caption = (
+        "Fig. 5.17: path of the estimates over the fault map, the fault beginning at 10 s; dashed: "
+        "normal operation. The noisy run is shown from 5 s on."
+    )
+    surface = _on_map(TRUE_SEVERITY)
+    data = {"axis": MAP_AXIS, "surface": surface, "windows": WINDOWS, "paths": paths}
+    return figure("trajectories", "fig-5-17", caption, data | {"instants": list(INSTANTS)})

@@ -5,12 +5,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_fault_env.parameters import FOOT, SAMPLE_RATE
+from training.report.sections import figure, table_section
 from training.thesis.appendix_a import appendix_section, constants_section
 from training.thesis.comparison import (
     ALPHA,
     ALPHA_FT,
     BETA,
     BETA_FT,
+    COLUMNS,
+    SPEED_CHANGES,
     TRUE_PARAMETERS,
     VEHICLE,
     Comparison,
@@ -18,18 +21,7 @@ from training.thesis.comparison import (
     estimate_texts,
 )
 
-COLUMNS = [
-    "where",
-    "quantity",
-    "thesis",
-    "ours, noise-free",
-    "ours, default noise",
-    "verdict (noise-free)",
-    "why",
-    "command",
-]
 END_IV_C = 50.0  # s: the speed command changes at 10, 20, 30 and 40 s
-SPEED_CHANGES = [10.0, 20.0, 30.0, 40.0, 50.0]
 LINES = " Lines: noise-free; bands: mean ± one standard deviation of the noisy runs."
 START_SAMPLES = 400  # of the runs from rest, as in Figs 5.3 to 5.6
 
@@ -57,14 +49,14 @@ def report_on_test_runs(comparison: Comparison) -> dict[str, Any]:
             response_section(comparison),
             transient_section(comparison),
             start_section(comparison),
-            appendix_section(COLUMNS, comparison.command),
+            appendix_section(comparison.command),
             constants_section(VEHICLE),
         ],
     }
 
 
 class Identification(NamedTuple):
-    """One parameter that the thesis identifies.
+    """One parameter that the thesis identifies; nominal value and estimate are in `unit`.
 
     Attributes
     ----------
@@ -72,16 +64,10 @@ class Identification(NamedTuple):
         The test run, and the index of the parameter.
     figure, change
         Number of the thesis' figure, and the change of the parameter as text.
-    thesis
-        The thesis' estimate, in its unit.
     limit
         The thesis' error at the end [%].
-    nominal
-        Nominal value in the thesis' unit.
     per_si
         One SI unit in the thesis' unit.
-    units
-        The thesis' unit and the SI unit.
     form
         Format of the numbers.
     """
@@ -93,36 +79,17 @@ class Identification(NamedTuple):
     thesis: float
     limit: float
     nominal: float
+    unit: str
     per_si: float
-    units: tuple[str, str]
+    si_unit: str
     form: str
 
 
+ALPHA_CASE = ("drag", ALPHA, "4.1", "alpha +35 %", -0.0332, 0.3)
+BETA_CASE = ("thrust", BETA, "4.2", "beta -35 %", 2.1945e-7, 0.2)
 IDENTIFICATIONS = (
-    Identification(
-        run="drag",
-        parameter=ALPHA,
-        figure="4.1",
-        change="alpha +35 %",
-        thesis=-0.0332,
-        limit=0.3,
-        nominal=ALPHA_FT,
-        per_si=FOOT,
-        units=("1/ft", "1/m"),
-        form=".4f",
-    ),
-    Identification(
-        run="thrust",
-        parameter=BETA,
-        figure="4.2",
-        change="beta -35 %",
-        thesis=2.1945e-7,
-        limit=0.2,
-        nominal=BETA_FT,
-        per_si=1 / FOOT,
-        units=("(ft/s²)/rpm²", "(m/s²)/rpm²"),
-        form=".4e",
-    ),
+    Identification(*ALPHA_CASE, ALPHA_FT, "1/ft", FOOT, "1/m", ".4f"),
+    Identification(*BETA_CASE, BETA_FT, "(ft/s²)/rpm²", 1 / FOOT, "(m/s²)/rpm²", ".4e"),
 )
 
 
@@ -139,71 +106,48 @@ def identification_section(comparison: Comparison) -> dict[str, Any]:
         "one column): we take its figures as noise-free. While the vehicle coasts with its shafts "
         "stopped, beta is not observable, and the filter's own variance of it grows."
     )
-    captions = {
-        "drag": "Fig. 4.1: response of the filter to a 35 % increase of alpha.",
-        "thrust": "Fig. 4.2: response of the filter to a 35 % decrease of beta.",
-    }
-    return {
-        "heading": "IV.C: parameter identification",
-        "text": [text],
-        "table": {"columns": COLUMNS, "rows": rows},
-        "figures": [
-            response_figure(comparison, "drag", "fig-4-1", captions["drag"]),
-            response_figure(comparison, "thrust", "fig-4-2", captions["thrust"]),
-        ],
-    }
+    drag = "Fig. 4.1: response of the filter to a 35 % increase of alpha."
+    thrust = "Fig. 4.2: response of the filter to a 35 % decrease of beta."
+    figures = [
+        response_figure(comparison, "drag", "fig-4-1", drag),
+        response_figure(comparison, "thrust", "fig-4-2", thrust),
+    ]
+    section = table_section("IV.C: parameter identification", COLUMNS, rows, text)
+    return section | {"figures": figures}
 
 
 def identification_rows(comparison: Comparison, case: Identification) -> list[list[str]]:
     """Estimate in both systems of units, and the error at the end and after two speed changes."""
-    run = case.run
-    parameter = case.parameter
-    where = f"IV.C, Fig. {case.figure}"
-    at_end = comparison.error(run, parameter, END_IV_C)
-    after_two = comparison.error(run, parameter, 30.0)
+    which = (case.run, case.parameter)
+    at_end = comparison.error(*which, END_IV_C)
+    after_two = comparison.error(*which, 30.0)
     times = np.arange(30.0, END_IV_C + 0.05, 0.1)
-    largest = max(abs(comparison.error(run, parameter, time)[0]) for time in times)
-    estimates = comparison.estimate(run, parameter, END_IV_C)
-    std_at_end = comparison.filter_std(run, parameter, END_IV_C)
-    std_after_two = comparison.filter_std(run, parameter, 30.0)
+    largest = max(abs(comparison.error(*which, time)[0]) for time in times)
+    estimates = comparison.estimate(*which, END_IV_C)
+    std = comparison.filter_std(*which, END_IV_C)
     is_met = abs(at_end[0]) < case.limit
-    unit, si_unit = case.units
-    thesis = f"{case.thesis:{case.form}} {unit}"
-    thesis_si = f"{case.thesis / case.per_si:{case.form}} {si_unit}"
+    thesis = f"{case.thesis:{case.form}} {case.unit}"
+    thesis_si = f"{case.thesis / case.per_si:{case.form}} {case.si_unit}"
     ours = estimate_texts(estimates, case.nominal, case.form)
     ours_si = estimate_texts(estimates, case.nominal / case.per_si, case.form)
+    why = f"Noise-free at most {largest:.2f} % from there on. {comparison.filter_std(*which, 30.0)}"
+    later = "error after two speed changes (30 s)"
 
     def row(quantity, thesis, texts, agrees, why):
+        where = f"IV.C, Fig. {case.figure}"
         return comparison.row(where, quantity, thesis, *texts, agrees, why)
 
     return [
-        row(f"{case.change}: estimate at 50 s", thesis, ours, is_met, std_at_end),
+        row(f"{case.change}: estimate at 50 s", thesis, ours, is_met, std),
         row("the same in SI units", thesis_si, ours_si, is_met, ""),
-        row(
-            f"{case.change}: error at 50 s",
-            f"{case.limit} %",
-            error_texts(*at_end),
-            is_met,
-            std_at_end,
-        ),
-        row(
-            f"{case.change}: error after two speed changes (30 s)",
-            "within 2 %",
-            error_texts(*after_two),
-            largest < 2.0,
-            f"Noise-free at most {largest:.2f} % from there on. {std_after_two}",
-        ),
+        row(f"{case.change}: error at 50 s", f"{case.limit} %", error_texts(*at_end), is_met, std),
+        row(f"{case.change}: {later}", "within 2 %", error_texts(*after_two), largest < 2.0, why),
     ]
 
 
 def response_section(comparison: Comparison) -> dict[str, Any]:
     """Figures 5.14, 5.15 and 5.19."""
-    rows = [
-        normal_row(comparison),
-        excursion_row(comparison),
-        return_row(comparison),
-        loss_row(comparison),
-    ]
+    rows = [normal_row(comparison), *drag_rows(comparison), loss_row(comparison)]
     captions = {
         "fig-5-14": "Fig. 5.14: response of the filter to a normal run, normalised as in V.B.",
         "fig-5-15": "Fig. 5.15: increased drag (+35 % at 10 s), normalised as in V.B.",
@@ -213,15 +157,12 @@ def response_section(comparison: Comparison) -> dict[str, Any]:
         "The same stimulus, sixty seconds. The text at Fig. 5.17 swaps the normalised values: "
         "normal is alpha 0.5 and beta 0.9 (V.B), as used here."
     )
-    return {
-        "heading": "V.D: responses of the parameter filter",
-        "text": [text],
-        "table": {"columns": COLUMNS, "rows": rows},
-        "figures": [
-            response_figure(comparison, run, name, captions[name])
-            for run, name in zip(("normal", "drag", "loss"), captions, strict=True)
-        ],
-    }
+    figures = [
+        response_figure(comparison, run, name, captions[name])
+        for run, name in zip(("normal", "drag", "loss"), captions, strict=True)
+    ]
+    section = table_section("V.D: responses of the parameter filter", COLUMNS, rows, text)
+    return section | {"figures": figures}
 
 
 def normal_row(comparison: Comparison) -> list[str]:
@@ -233,58 +174,42 @@ def normal_row(comparison: Comparison) -> list[str]:
     largest = max(errors)
     alpha = comparison.error("normal", ALPHA, 60.0)[1].std(ddof=1)
     beta = comparison.error("normal", BETA, 60.0)[1].std(ddof=1)
-    return comparison.row(
-        "V.D, Fig. 5.14",
-        "normal run: largest deviation",
-        "stays normal",
-        f"{largest:.2f} %",
-        f"at 60 s alpha ± {alpha:.1f} %, beta ± {beta:.1f} %",
-        largest < 2,
-        "The thesis' normal window is 20 % for alpha, 25 % for beta.",
-    )
+    texts = (f"{largest:.2f} %", f"at 60 s alpha ± {alpha:.1f} %, beta ± {beta:.1f} %")
+    quantity = "normal run: largest deviation"
+    why = "The thesis' normal window is 20 % for alpha, 25 % for beta."
+    return comparison.row("V.D, Fig. 5.14", quantity, "stays normal", *texts, largest < 2, why)
 
 
-def excursion_row(comparison: Comparison) -> list[str]:
-    """Figure 5.15: beta seems to change while only alpha has changed."""
+def drag_rows(comparison: Comparison) -> list[list[str]]:
+    """Figure 5.15: beta seems to change while only alpha has changed, and returns."""
+
+    def row(quantity, thesis, error, agrees, why):
+        quantity = f"alpha +35 %: {quantity}"
+        return comparison.row("V.D, Fig. 5.15", quantity, thesis, *error_texts(*error), agrees, why)
+
     errors = [comparison.error("drag", BETA, time) for time in np.arange(10, 60, 0.1)]
     largest = max(errors, key=lambda error: abs(error[0]))
-    return comparison.row(
-        "V.D, Fig. 5.15",
-        "alpha +35 %: largest excursion of beta",
-        "appears to change",
-        *error_texts(*largest),
-        abs(largest[0]) > 1,
-        "Until the speed has changed, nothing distinguishes more drag from less thrust.",
-    )
-
-
-def return_row(comparison: Comparison) -> list[str]:
-    """Figure 5.15: beta returns."""
-    error = comparison.error("drag", BETA, 60.0)
-    return comparison.row(
-        "V.D, Fig. 5.15",
-        "alpha +35 %: beta at 60 s",
-        "returns to normal",
-        *error_texts(*error),
-        abs(error[0]) < 2,
-        comparison.filter_std("drag", BETA, 60.0),
-    )
+    is_large = abs(largest[0]) > 1
+    why = "Until the speed has changed, nothing distinguishes more drag from less thrust."
+    last = comparison.error("drag", BETA, 60.0)
+    std = comparison.filter_std("drag", BETA, 60.0)
+    return [
+        row("largest excursion of beta", "appears to change", largest, is_large, why),
+        row("beta at 60 s", "returns to normal", last, abs(last[0]) < 2, std),
+    ]
 
 
 def loss_row(comparison: Comparison) -> list[str]:
     """Figure 5.19: half of the thrust is gone."""
     clean, noisy = comparison.estimate("loss", BETA, 60.0)
     change = 100 * (clean - 1)
-    noisy_change = 100 * (noisy - 1)
-    why = "The port shaft, unloaded, responds faster; the filter takes the mean of both shafts. "
-    return comparison.row(
-        "V.D, Fig. 5.19",
-        "one propeller lost: change of beta at 60 s",
-        "-50 %",
-        *error_texts(change, noisy_change),
-        abs(change + 50) < 1,
-        why + comparison.filter_std("loss", BETA, 60.0),
+    texts = error_texts(change, 100 * (noisy - 1))
+    quantity = "one propeller lost: change of beta at 60 s"
+    why = (
+        "The port shaft, unloaded, responds faster; the filter takes the mean of both shafts. "
+        f"{comparison.filter_std('loss', BETA, 60.0)}"
     )
+    return comparison.row("V.D, Fig. 5.19", quantity, "-50 %", *texts, abs(change + 50) < 1, why)
 
 
 def response_figure(comparison: Comparison, run: str, name: str, caption: str) -> dict[str, Any]:
@@ -306,12 +231,9 @@ def response_figure(comparison: Comparison, run: str, name: str, caption: str) -
         lines["clean"][parameter] = (clean[:, column] * scale).tolist()
         lines["noisy_mean"][parameter] = (noisy.mean(axis=1)[:, column] * scale).tolist()
         lines["noisy_std"][parameter] = (noisy.std(axis=1)[:, column] * abs(scale)).tolist()
-    return {
-        "plot": "filter_response",
-        "name": name,
-        "caption": caption + " Dotted: changes of the speed command.",
-        "data": {"time": time.tolist(), **lines, "units": units, "speed_changes": SPEED_CHANGES},
-    }
+    caption += " Dotted: changes of the speed command."
+    data = {"time": time.tolist(), **lines, "units": units, "speed_changes": SPEED_CHANGES}
+    return figure("filter_response", name, caption, data)
 
 
 PANELS = {
@@ -330,16 +252,12 @@ def transient_section(comparison: Comparison) -> dict[str, Any]:
     )
     normal = "Fig. 5.13: normal transient between 0.5 and 1.0 ft/s."
     loss = "Fig. 5.18: port propeller lost at 10 s."
-    rows = [slow_shaft_row(comparison), fast_shaft_row(comparison)]
-    return {
-        "heading": "V.D: transients of the propulsion model",
-        "text": [text],
-        "table": {"columns": COLUMNS, "rows": rows},
-        "figures": [
-            transient_figure(comparison, "normal", "fig-5-13", normal, onset=None),
-            transient_figure(comparison, "loss", "fig-5-18", loss, onset=10.0),
-        ],
-    }
+    figures = [
+        transient_figure(comparison, "normal", "fig-5-13", normal, onset=None),
+        transient_figure(comparison, "loss", "fig-5-18", loss, onset=10.0),
+    ]
+    heading = "V.D: transients of the propulsion model"
+    return table_section(heading, COLUMNS, shaft_rows(comparison), text) | {"figures": figures}
 
 
 def transient_figure(
@@ -353,29 +271,23 @@ def transient_figure(
         }
     time = (np.arange(len(comparison.clean.mean)) / SAMPLE_RATE).tolist()
     data = {"time": time, "panels": panels, "onset": onset}
-    return {"plot": "transients", "name": name, "caption": caption + LINES, "data": data}
+    return figure("transients", name, caption + LINES, data)
 
 
-def slow_shaft_row(comparison: Comparison) -> list[str]:
-    """Shaft speed at 0.5 ft/s, with which the run begins in steady motion."""
-    ours = comparison.reading("normal", "port_rpm")[0]
-    why = "Read in steady motion at the start of the run."
-    return _shaft_row(comparison, "0.5", "135", ours, why)
-
-
-def fast_shaft_row(comparison: Comparison) -> list[str]:
-    """Shaft speed at 1.0 ft/s, which the run does not reach in steady motion."""
-    ours = 1.0 / np.sqrt(BETA_FT / -ALPHA_FT)
-    why = "Ten seconds are too short for a steady state; computed."
-    return _shaft_row(comparison, "1", "271", ours, why)
-
-
-def _shaft_row(
-    comparison: Comparison, speed: str, implied: str, ours: float, why: str
-) -> list[str]:
-    quantity = f"shaft speed at {speed} ft/s [rpm]"
-    agrees = abs(ours - float(implied)) < 1
-    return comparison.row("IV.C, implied", quantity, implied, f"{ours:.1f}", "-", agrees, why)
+def shaft_rows(comparison: Comparison) -> list[list[str]]:
+    """Shaft speeds at 0.5 ft/s, with which the run begins, and at 1.0 ft/s."""
+    at_start = comparison.reading("normal", "port_rpm")[0]
+    at_1 = 1.0 / np.sqrt(BETA_FT / -ALPHA_FT)
+    cases = (
+        ("0.5", "135", at_start, "Read in steady motion at the start of the run."),
+        ("1", "271", at_1, "Ten seconds are too short for a steady state; computed."),
+    )
+    rows = []
+    for speed, implied, ours, why in cases:
+        quantity = f"shaft speed at {speed} ft/s [rpm]"
+        verdict = (f"{ours:.1f}", "-", abs(ours - float(implied)) < 1, why)
+        rows.append(comparison.row("IV.C, implied", quantity, implied, *verdict))
+    return rows
 
 
 def start_section(comparison: Comparison) -> dict[str, Any]:
@@ -410,19 +322,10 @@ def start_section(comparison: Comparison) -> dict[str, Any]:
         "less torque), drag +35 %."
     )
     caption = "Figs 5.3 to 5.6: acceleration from rest in the operating modes of Table 5.1."
-    time = (np.arange(START_SAMPLES) / SAMPLE_RATE).tolist()
-    figure = {
-        "plot": "transients",
-        "name": "fig-5-3-to-5-6",
-        "caption": caption + LINES,
-        "data": {"time": time, "panels": panels},
-    }
-    return {
-        "heading": "V.C: transients that trained the raw-data network",
-        "text": [text],
-        "table": {"columns": columns, "rows": rows},
-        "figures": [figure],
-    }
+    data = {"time": (np.arange(START_SAMPLES) / SAMPLE_RATE).tolist(), "panels": panels}
+    figures = [figure("transients", "fig-5-3-to-5-6", caption + LINES, data)]
+    heading = "V.C: transients that trained the raw-data network"
+    return table_section(heading, columns, rows, text) | {"figures": figures}
 
 
 def last_value(line: dict[str, list[float]]) -> str:

@@ -1,5 +1,6 @@
 """Sections of the report on V.C, the network on raw data: rows thesis | ours, and figures."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -8,8 +9,9 @@ from auv_fault_env.channels import CHANNELS
 from auv_fault_env.faults import labels
 from auv_fault_env.parameters import SAMPLE_RATE
 from diagnosers.networks.fault_map import MODES_5_1
+from training.report.sections import figure, table_section
 from training.thesis.backpropagation import INITIAL_RANGE, LEARNING_RATE, MOMENTUM
-from training.thesis.comparison import Comparison, mean_and_std, mean_and_std_percent
+from training.thesis.comparison import COLUMNS, Comparison, mean_and_std, mean_and_std_percent
 from training.thesis.raw_networks import (
     CHECKPOINTS,
     DRAG_SEVERITIES,
@@ -33,13 +35,13 @@ BEST = 2  # 90,000 presentations, in CHECKPOINTS
 AFTER = "after 24,000 / 60,000 / 90,000 / 150,000"
 
 
-def sections(comparison: Comparison, study: RawStudy, columns: list[str]) -> list[dict[str, Any]]:
+def sections(comparison: Comparison, study: RawStudy) -> list[dict[str, Any]]:
     """All sections of V.C that concern the network."""
     return [
-        output_section(comparison, study, columns),
+        output_section(comparison, study),
         table_5_1(comparison, study),
-        sizes_section(comparison, study, columns),
-        confusion_section(comparison, study, columns),
+        sizes_section(comparison, study),
+        confusion_section(comparison, study),
         settings_section(comparison, study),
     ]
 
@@ -49,13 +51,12 @@ def accuracy(outputs: np.ndarray) -> np.ndarray:
     return accuracy_by_mode(outputs).mean(axis=-1)
 
 
-def output_section(comparison: Comparison, study: RawStudy, columns: list[str]) -> dict[str, Any]:
+def output_section(comparison: Comparison, study: RawStudy) -> dict[str, Any]:
     """Figures 5.7 to 5.10."""
     n_networks = study.noisy.shape[1]
     scales = ", ".join(f"{scale:g} {CHANNELS[name].unit}" for name, scale in FULL_SCALE.items())
     rows = [
-        data_row(comparison),
-        friction_row(comparison, study),
+        *data_rows(comparison, study),
         *first_points_rows(comparison, study),
         settled_row(comparison, study),
         least_error_row(comparison, study),
@@ -71,59 +72,53 @@ def output_section(comparison: Comparison, study: RawStudy, columns: list[str]) 
         "the torque: now drag begins as degraded propeller, as in the thesis, and so does normal "
         "operation."
     )
-    return {
-        "heading": "V.C: the network on raw data",
-        "text": [
-            "Four inputs (port motor voltage, current, shaft speed; surge speed), six hidden "
-            f"nodes, four outputs; {n_networks} networks, mean ± standard deviation over them, "
-            "each with its own initial weights and its own random order of presentations. The "
-            "training set is that of Figs 5.3 to 5.6 above, one sample per presentation. As in the "
-            "thesis, the outputs are those for the training set itself: these figures show "
-            "learning, not generalisation. With default noise every network is trained and "
-            "evaluated on readings with noise of their own. A point is named after the largest "
-            "output.",
-            f"Readings are divided by fixed scales, {scales}. Learning rate {LEARNING_RATE}, "
-            f"momentum {MOMENTUM} and initial weights within ± {INITIAL_RANGE} are ours: none is "
-            "in the thesis (see the study of them below).",
-        ],
-        "table": {"columns": columns, "rows": rows},
-        "figures": [
-            output_figure(study.by_size[ENOUGH], "fig-5-7-to-5-10", clean_caption),
-            output_figure(
-                study.by_variant[THRUST_ALONE], "fig-5-7-to-5-10-thrust-alone", thrust_caption
-            ),
-        ],
-    }
+    name = "fig-5-7-to-5-10"
+    figures = [
+        output_figure(study.by_size[ENOUGH], name, clean_caption),
+        output_figure(study.by_variant[THRUST_ALONE], f"{name}-thrust-alone", thrust_caption),
+    ]
+    what = (
+        "Four inputs (port motor voltage, current, shaft speed; surge speed), six hidden "
+        f"nodes, four outputs; {n_networks} networks, mean ± standard deviation over them, "
+        "each with its own initial weights and its own random order of presentations. The "
+        "training set is that of Figs 5.3 to 5.6 above, one sample per presentation. As in the "
+        "thesis, the outputs are those for the training set itself: these figures show "
+        "learning, not generalisation. With default noise every network is trained and "
+        "evaluated on readings with noise of their own. A point is named after the largest "
+        "output."
+    )
+    settings = (
+        f"Readings are divided by fixed scales, {scales}. Learning rate {LEARNING_RATE}, "
+        f"momentum {MOMENTUM} and initial weights within ± {INITIAL_RANGE} are ours: none is "
+        "in the thesis (see the study of them below)."
+    )
+    section = table_section("V.C: the network on raw data", COLUMNS, rows, what, settings)
+    return section | {"figures": figures}
 
 
-def data_row(comparison: Comparison) -> list[str]:
-    """The size of the training set."""
+def both_texts(values: Iterable[np.ndarray], percent: bool = False) -> list[str]:
+    """Mean and standard deviation over the networks, without and with noise."""
+    form = mean_and_std_percent if percent else mean_and_std
+    return [form(of_networks) for of_networks in values]
+
+
+def data_rows(comparison: Comparison, study: RawStudy) -> list[list[str]]:
+    """The size of the training set; Figure 5.7: normal and friction."""
     seconds = (len(comparison.clean.mean) - 1) / SAMPLE_RATE
-    ours = f"{SAMPLE_RATE:g} Hz, {seconds:g} s, 4 × {POINTS} points"
-    return comparison.row(
-        "V.C",
-        "training sets",
-        "10 Hz, about 60 s, 4 × 400 points",
-        ours,
-        ours,
-        True,
-        "Of each run the first 400 points, as in the thesis' figures.",
+    size = f"{SAMPLE_RATE:g} Hz, {seconds:g} s, 4 × {POINTS} points"
+    thesis = "10 Hz, about 60 s, 4 × 400 points"
+    size_why = "Of each run the first 400 points, as in the thesis' figures."
+    accuracies = [friction_accuracy(outputs)[0] for outputs in (study.by_size[ENOUGH], study.noisy)]
+    texts = both_texts(accuracies, percent=True)
+    agrees = accuracies[0].mean() > 0.95
+    quantity = (
+        "normal and seal friction distinguished after 24,000: right one of their outputs larger"
     )
-
-
-def friction_row(comparison: Comparison, study: RawStudy) -> list[str]:
-    """Figure 5.7: normal and friction."""
-    clean = friction_accuracy(study.by_size[ENOUGH])[0]
-    noisy = friction_accuracy(study.noisy)[0]
-    return comparison.row(
-        "V.C, Fig. 5.7",
-        "normal and seal friction distinguished after 24,000: right one of their outputs larger",
-        "well distinguished",
-        mean_and_std_percent(clean),
-        mean_and_std_percent(noisy),
-        bool(clean.mean() > 0.95),
-        "Friction needs more current at any speed, from the first turn of the shaft.",
-    )
+    why = "Friction needs more current at any speed, from the first turn of the shaft."
+    return [
+        comparison.row("V.C", "training sets", thesis, size, size, True, size_why),
+        comparison.row("V.C, Fig. 5.7", quantity, "well distinguished", *texts, agrees, why),
+    ]
 
 
 def first_points_rows(comparison: Comparison, study: RawStudy) -> list[list[str]]:
@@ -133,18 +128,16 @@ def first_points_rows(comparison: Comparison, study: RawStudy) -> list[list[str]
     noisy = first_drag_points_named(study.noisy, "degraded propeller")
     normal = first_drag_points_named(outputs, "normal")
     rows = []
-    for k, (figure, count) in enumerate(zip(FIGURES, CHECKPOINTS, strict=True)):
-        row = comparison.row(
-            f"V.C, Fig. {figure}",
-            f"of drag's first 100 points, named degraded propeller after {count:,}",
-            "all",
-            mean_and_std(clean[k]),
-            mean_and_std(noisy[k]),
-            bool(clean[k].mean() > 50),
+    for k, (number, count) in enumerate(zip(FIGURES, CHECKPOINTS, strict=True)):
+        where = f"V.C, Fig. {number}"
+        quantity = f"of drag's first 100 points, named degraded propeller after {count:,}"
+        texts = both_texts((clean[k], noisy[k]))
+        why = (
             f"Ours: {mean_and_std(normal[k])} named normal, the others drag. See "
-            "'when drag is confused with the propeller' below.",
+            "'when drag is confused with the propeller' below."
         )
-        rows.append(row)
+        agrees = clean[k].mean() > 50
+        rows.append(comparison.row(where, quantity, "all", *texts, agrees, why))
     return rows
 
 
@@ -157,15 +150,10 @@ def settled_row(comparison: Comparison, study: RawStudy) -> list[str]:
         "normal and drag have nearly the same readings, and a network names both normal or both "
         "drag, depending on its seed. With noise single late points still change."
     )
-    return comparison.row(
-        "V.C, Figs 5.7-5.10",
-        f"points until drag's output stays the largest, after {CHECKPOINTS[BEST]:,}",
-        "100",
-        mean_and_std(clean),
-        mean_and_std(noisy),
-        bool(is_in_time(clean).mean() > 0.5),
-        why,
-    )
+    quantity = f"points until drag's output stays the largest, after {CHECKPOINTS[BEST]:,}"
+    texts = both_texts((clean, noisy))
+    agrees = is_in_time(clean).mean() > 0.5
+    return comparison.row("V.C, Figs 5.7-5.10", quantity, "100", *texts, agrees, why)
 
 
 def is_in_time(points: np.ndarray) -> np.ndarray:
@@ -182,14 +170,10 @@ def least_error_row(comparison: Comparison, study: RawStudy) -> list[str]:
         means = " / ".join(f"{mean:.3f}" for mean in errors.mean(axis=1))
         texts.append(f"{means} (± {errors[-1].std(ddof=1):.3f})")
     n_least = int((clean.argmin(axis=0) == len(CHECKPOINTS) - 1).sum())
-    return comparison.row(
-        "V.C, Fig. 5.10",
-        f"rms output error {AFTER}",
-        "least at 150,000",
-        *texts,
-        bool(clean.mean(axis=1).argmin() == 3),
-        f"Noise-free least at 150,000 in {n_least} of {clean.shape[1]} networks.",
-    )
+    quantity = f"rms output error {AFTER}"
+    agrees = clean.mean(axis=1).argmin() == 3
+    why = f"Noise-free least at 150,000 in {n_least} of {clean.shape[1]} networks."
+    return comparison.row("V.C, Fig. 5.10", quantity, "least at 150,000", *texts, agrees, why)
 
 
 def response_row(comparison: Comparison, study: RawStudy) -> list[str]:
@@ -208,30 +192,23 @@ def response_row(comparison: Comparison, study: RawStudy) -> list[str]:
         f"{error:.2f} % (standard error) more points than 150,000; only more than twice the error "
         "counts as better."
     )
-    return comparison.row(
-        "V.C, Figs 5.8, 5.9",
-        f"points named correctly {AFTER}",
-        "60,000 or 90,000 better than 150,000",
-        *texts,
-        bool(best.mean() > 2 * error),
-        why,
-    )
+    quantity = f"points named correctly {AFTER}"
+    thesis = "60,000 or 90,000 better than 150,000"
+    agrees = best.mean() > 2 * error
+    return comparison.row("V.C, Figs 5.8, 5.9", quantity, thesis, *texts, agrees, why)
 
 
 def steady_row(comparison: Comparison, study: RawStudy) -> list[str]:
     """VI.A: steady values suffice."""
-    clean = accuracy_by_mode(study.by_size[ENOUGH], late=True)[BEST].min(axis=-1)
-    noisy = accuracy_by_mode(study.noisy, late=True)[BEST].min(axis=-1)
-    count = f"{CHECKPOINTS[BEST]:,}"
-    return comparison.row(
-        "VI.A",
-        f"second half of each transient, worst mode: named correctly after {count}",
-        "steady values suffice",
-        mean_and_std_percent(clean),
-        mean_and_std_percent(noisy),
-        bool(clean.mean() > 0.9),
-        "Once the transient has settled, the steady values distinguish all four modes.",
-    )
+    shares = []
+    for outputs in (study.by_size[ENOUGH], study.noisy):
+        shares.append(accuracy_by_mode(outputs, late=True)[BEST].min(axis=-1))
+    texts = both_texts(shares, percent=True)
+    after = f"after {CHECKPOINTS[BEST]:,}"
+    quantity = f"second half of each transient, worst mode: named correctly {after}"
+    agrees = shares[0].mean() > 0.9
+    why = "Once the transient has settled, the steady values distinguish all four modes."
+    return comparison.row("VI.A", quantity, "steady values suffice", *texts, agrees, why)
 
 
 def output_figure(outputs: np.ndarray, name: str, caption: str) -> dict[str, Any]:
@@ -242,18 +219,15 @@ def output_figure(outputs: np.ndarray, name: str, caption: str) -> dict[str, Any
     thinned = outputs[:, :, ::EVERY]
     mean = thinned.mean(axis=1).swapaxes(1, 2).astype(float)
     std = thinned.std(axis=1, ddof=1).swapaxes(1, 2).astype(float)
-    return {
-        "plot": "network_outputs",
-        "name": name,
-        "caption": f"{caption} Mean ± standard deviation over {outputs.shape[1]} networks.",
-        "data": {
-            "point": list(range(0, len(MODES_5_1) * POINTS, EVERY)),
-            "modes": list(MODES_5_1),
-            "presentations": list(CHECKPOINTS),
-            "mean": np.round(mean, 3).tolist(),
-            "std": np.round(std, 3).tolist(),
-        },
+    caption += f" Mean ± standard deviation over {outputs.shape[1]} networks."
+    data = {
+        "point": list(range(0, len(MODES_5_1) * POINTS, EVERY)),
+        "modes": list(MODES_5_1),
+        "presentations": list(CHECKPOINTS),
+        "mean": np.round(mean, 3).tolist(),
+        "std": np.round(std, 3).tolist(),
     }
+    return figure("network_outputs", name, caption, data)
 
 
 def table_5_1(comparison: Comparison, study: RawStudy) -> dict[str, Any]:
@@ -282,11 +256,8 @@ def table_5_1(comparison: Comparison, study: RawStudy) -> dict[str, Any]:
         f"{CHECKPOINTS[BEST]:,} presentations. The thesis has no such figures. The errors of "
         "normal and drag lie in the first half, where both have the same readings."
     )
-    return {
-        "heading": "Table 5.1: operating modes of the raw-data network",
-        "text": [text],
-        "table": {"columns": columns, "rows": rows},
-    }
+    heading = "Table 5.1: operating modes of the raw-data network"
+    return table_section(heading, columns, rows, text)
 
 
 def is_separated(outputs: np.ndarray) -> np.ndarray:
@@ -297,7 +268,7 @@ def is_separated(outputs: np.ndarray) -> np.ndarray:
     return (accuracy_by_mode(outputs, late=True) > 0.5).all(axis=-1)
 
 
-def sizes_section(comparison: Comparison, study: RawStudy, columns: list[str]) -> dict[str, Any]:
+def sizes_section(comparison: Comparison, study: RawStudy) -> dict[str, Any]:
     """How many hidden nodes: 4-8-4, six suffice, fewer do not."""
     n_networks = study.noisy.shape[1]
     sufficient = []
@@ -305,24 +276,21 @@ def sizes_section(comparison: Comparison, study: RawStudy, columns: list[str]) -
         if is_separated(study.by_size[size])[-1].sum() > n_networks / 2:
             sufficient.append(size)
     fewest = min(sufficient, default=None)
-    return {
-        "heading": "V.C: how many hidden nodes?",
-        "text": [
-            "A network distinguishes the four modes if, in the second half of every transient, "
-            "most points are named correctly. The thesis began with 4-8-4, found six nodes to "
-            "suffice and fewer to fail. Networks of one seed see the same presentations, whatever "
-            "their size.",
-            "Ours: six do as well as eight, as in the thesis; but the fewest that suffice are "
-            f"{fewest}. Each hidden node puts one plane through the readings, and the four modes "
-            "lie on few curves, so few planes can separate them. Fewer nodes learn more slowly: "
-            "see the counts after 24,000. The thesis may have stopped earlier, or had a poor "
-            "start: it seems to report one network of each size.",
-        ],
-        "table": {
-            "columns": columns,
-            "rows": [size_row(comparison, study, size) for size in SIZES],
-        },
-    }
+    rows = [size_row(comparison, study, size) for size in SIZES]
+    thesis = (
+        "A network distinguishes the four modes if, in the second half of every transient, "
+        "most points are named correctly. The thesis began with 4-8-4, found six nodes to "
+        "suffice and fewer to fail. Networks of one seed see the same presentations, whatever "
+        "their size."
+    )
+    ours = (
+        "Ours: six do as well as eight, as in the thesis; but the fewest that suffice are "
+        f"{fewest}. Each hidden node puts one plane through the readings, and the four modes "
+        "lie on few curves, so few planes can separate them. Fewer nodes learn more slowly: "
+        "see the counts after 24,000. The thesis may have stopped earlier, or had a poor "
+        "start: it seems to report one network of each size."
+    )
+    return table_section("V.C: how many hidden nodes?", COLUMNS, rows, thesis, ours)
 
 
 def size_row(comparison: Comparison, study: RawStudy, size: int) -> list[str]:
@@ -334,20 +302,15 @@ def size_row(comparison: Comparison, study: RawStudy, size: int) -> list[str]:
     rms = mean_and_std(rms_errors(outputs)[-1], ".3f")
     share = mean_and_std_percent(accuracy(outputs)[-1])
     suffices = size >= ENOUGH
-    return comparison.row(
-        "V.C.1",
-        f"4-{size}-4: four modes after 150,000",
-        "distinguished" if suffices else "not distinguished",
-        f"{n_separated} of {n_networks} networks; rms {rms}",
-        "-",
-        (n_separated > n_networks / 2) == suffices,
-        f"Named correctly {share}; after 24,000: {n_early} of {n_networks}.",
-    )
+    quantity = f"4-{size}-4: four modes after 150,000"
+    thesis = "distinguished" if suffices else "not distinguished"
+    ours = f"{n_separated} of {n_networks} networks; rms {rms}"
+    agrees = (n_separated > n_networks / 2) == suffices
+    why = f"Named correctly {share}; after 24,000: {n_early} of {n_networks}."
+    return comparison.row("V.C.1", quantity, thesis, ours, "-", agrees, why)
 
 
-def confusion_section(
-    comparison: Comparison, study: RawStudy, columns: list[str]
-) -> dict[str, Any]:
+def confusion_section(comparison: Comparison, study: RawStudy) -> dict[str, Any]:
     """Which sizes of the faults make drag look like a degraded propeller."""
     text = (
         "The thesis does not say how large its faults were. With ours hardly a point of drag is "
@@ -361,12 +324,9 @@ def confusion_section(
         "depends on the sizes of both. Normal operation shares that part and is then misnamed as "
         "well, which the thesis does not report."
     )
-    return {
-        "heading": "V.C: when drag is confused with the propeller",
-        "text": [text],
-        "table": {"columns": columns, "rows": thrust_alone_rows(comparison, study)},
-        "figures": [confusion_figure(study)],
-    }
+    heading = "V.C: when drag is confused with the propeller"
+    section = table_section(heading, COLUMNS, thrust_alone_rows(comparison, study), text)
+    return section | {"figures": [confusion_figure(study)]}
 
 
 def thrust_alone_rows(comparison: Comparison, study: RawStudy) -> list[list[str]]:
@@ -375,31 +335,28 @@ def thrust_alone_rows(comparison: Comparison, study: RawStudy) -> list[list[str]
     named = first_drag_points_named(outputs, "degraded propeller")
     settled = points_until_drag(outputs)[BEST]
     normal = mean_and_std_percent(accuracy_by_mode(outputs)[BEST][:, 0])
-    case = "beta -35 %, torque as before, drag +35 %:"
-    where = "V.C, Figs 5.7-5.10"
-    count = f"{CHECKPOINTS[BEST]:,}"
     counts = " / ".join(mean_and_std(counts) for counts in named)
+    many = named[BEST].mean() > 50
+    in_time = is_in_time(settled)
     why = (
-        f"Between 50 and 150 in {is_in_time(settled).sum()} of {len(settled)} networks. Of the "
-        f"normal run {normal} is named correctly."
+        f"Between 50 and 150 in {in_time.sum()} of {len(settled)} networks. Of the normal run "
+        f"{normal} is named correctly."
     )
+
+    def row(quantity, thesis, values, agrees, why):
+        case = "beta -35 %, torque as before, drag +35 %:"
+        quantity = f"{case} {quantity} after {CHECKPOINTS[BEST]:,}"
+        ours = mean_and_std(values)
+        return comparison.row("V.C, Figs 5.7-5.10", quantity, thesis, ours, "-", agrees, why)
+
+    first = "of the first 100 points, named degraded propeller"
     return [
-        comparison.row(
-            where,
-            f"{case} of the first 100 points, named degraded propeller after {count}",
-            "all",
-            mean_and_std(named[BEST]),
-            "-",
-            bool(named[BEST].mean() > 50),
-            f"{counts} {AFTER}.",
-        ),
-        comparison.row(
-            where,
-            f"{case} points until drag's output stays the largest, after {count}",
+        row(first, "all", named[BEST], many, f"{counts} {AFTER}."),
+        row(
+            "points until drag's output stays the largest,",
             "100",
-            mean_and_std(settled),
-            "-",
-            bool(is_in_time(settled).mean() > 0.5),
+            settled,
+            in_time.mean() > 0.5,
             why,
         ),
     ]
@@ -426,17 +383,9 @@ def confusion_figure(study: RawStudy) -> dict[str, Any]:
         f"100). Noise-free, after {CHECKPOINTS[BEST]:,} presentations, mean ± standard deviation "
         "over networks."
     )
-    return {
-        "plot": "confusion_by_size",
-        "name": "drag-and-propeller",
-        "caption": caption,
-        "data": {
-            "drags": [f"+{100 * drag:.0f} %" for drag in DRAG_SEVERITIES],
-            "propellers": list(PROPELLER_FAULTS),
-            "count": counts,
-            "text": texts,
-        },
-    }
+    drags = [f"+{100 * drag:.0f} %" for drag in DRAG_SEVERITIES]
+    data = {"drags": drags, "propellers": list(PROPELLER_FAULTS), "count": counts, "text": texts}
+    return figure("confusion_by_size", "drag-and-propeller", caption, data)
 
 
 def settings_section(comparison: Comparison, study: RawStudy) -> dict[str, Any]:
@@ -451,8 +400,5 @@ def settings_section(comparison: Comparison, study: RawStudy) -> dict[str, Any]:
         f"quantity was compared. {LEARNING_RATE} and {MOMENTUM} lie in the flat middle; with "
         "momentum 0.9 training is unstable from 0.3 on."
     )
-    return {
-        "heading": "V.C: learning rate and momentum",
-        "text": [text],
-        "table": {"columns": ["learning rate", "momentum", *errors, "command"], "rows": rows},
-    }
+    columns = ["learning rate", "momentum", *errors, "command"]
+    return table_section("V.C: learning rate and momentum", columns, rows, text)

@@ -10,25 +10,22 @@ from training.benchmark.assessment import DECISION_TIME, Assessment
 from training.benchmark.differences import difference
 from training.metrics.plain import rounded
 from training.metrics.records import HORIZON
-from training.thesis.comparison import Comparison
+from training.report.sections import figure, table_section
+from training.thesis.comparison import COLUMNS, Comparison
 from training.thesis.recommendation import compare
 
 NAMES = ("raw_network", "kalman_network", "parallel", "integrated")
-PAIRS = (
-    ("parallel", "raw_network"),
-    ("parallel", "kalman_network"),
-    ("integrated", "parallel"),
-)
+PAIRS = [("parallel", "raw_network"), ("parallel", "kalman_network"), ("integrated", "parallel")]
 THESIS = {"parallel": "would certainly be capable", "integrated": "another approach"}
 LANES = 400  # faulty vehicles
 HOURS = 8.0  # healthy operation, twice
 SEED = 0  # first seed within those of validation
 
 
-def section(comparison: Comparison, columns: list[str]) -> dict[str, Any]:
+def section(comparison: Comparison) -> dict[str, Any]:
     """Run the four diagnosers over a small part of the validation suite, and compare them."""
     results = compare(NAMES, LANES, HOURS, SEED)
-    return section_of_assessments(comparison, *results, columns)
+    return section_of_assessments(comparison, *results)
 
 
 def section_of_assessments(
@@ -36,7 +33,6 @@ def section_of_assessments(
     assessments: Mapping[str, Assessment],
     scores: Mapping[str, Mapping[str, Any]],
     failures: Mapping[str, str],
-    columns: list[str],
 ) -> dict[str, Any]:
     """The section as plain data; `failures` are the reasons of diagnosers that could not run."""
     text = (
@@ -54,12 +50,8 @@ def section_of_assessments(
     rows = [score_row(comparison, name, scores.get(name)) for name in NAMES]
     rows += [difference_row(comparison, assessments, *pair) for pair in PAIRS]
     figures = [isolation_figure(assessments)] if assessments else []
-    return {
-        "heading": "VI.B: the recommendation followed",
-        "text": [text, *absences],
-        "table": {"columns": columns, "rows": rows},
-        "figures": figures,
-    }
+    heading = "VI.B: the recommendation followed"
+    return table_section(heading, COLUMNS, rows, text, *absences) | {"figures": figures}
 
 
 def isolation_figure(assessments: Mapping[str, Assessment]) -> dict[str, Any]:
@@ -76,12 +68,8 @@ def isolation_figure(assessments: Mapping[str, Assessment]) -> dict[str, Any]:
         "Share of the faults isolated for good by a time since onset; the area above a line is "
         "its restricted mean."
     )
-    return {
-        "plot": "isolation_curves",
-        "name": "isolation",
-        "caption": caption,
-        "data": {"time": rounded(time, 1), "shares": shares, "references": references},
-    }
+    data = {"time": rounded(time, 1), "shares": shares, "references": references}
+    return figure("isolation_curves", "isolation", caption, data)
 
 
 def score_row(comparison: Comparison, name: str, score: Mapping[str, Any] | None) -> list[str]:
@@ -89,14 +77,11 @@ def score_row(comparison: Comparison, name: str, score: Mapping[str, Any] | None
     quantity = (
         f"{name}: restricted mean isolation time; share isolated; macro-F1 at {DECISION_TIME:g} s"
     )
-    if score is None:
-        ours = "-"
-        verdict = "not judged"
-        why = "It could not take part."
-    else:
-        verdict = "-"
+    texts = ["-", "not judged", "It could not take part."]
+    if score is not None:
         ours, why = _score_texts(score)
-    return ["VI.B", quantity, "-", "-", ours, verdict, why, comparison.command]
+        texts = [ours, "-", why]
+    return ["VI.B", quantity, "-", "-", *texts, comparison.command]
 
 
 def _score_texts(score: Mapping[str, Any]) -> tuple[str, str]:

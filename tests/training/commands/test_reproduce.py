@@ -9,7 +9,7 @@ from auv_fault_env.parameters import FOOT, PRESETS
 from training import cli
 from training.report.page import print_tables
 from training.thesis import kalman_networks, raw_networks, recommendation_page
-from training.thesis.page import COLUMNS
+from training.thesis.comparison import COLUMNS
 from training.thesis.runs import STEPS, TEST_RUNS, record
 
 ALPHA = 0

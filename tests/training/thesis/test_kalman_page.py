@@ -96,7 +96,7 @@ def test_networks_follow_the_test_runs(comparison, trained):
 
 
 def test_the_page_names_every_figure(comparison, trained):
-    sections = page.sections(comparison, trained, ["columns"])
+    sections = page.sections(comparison, trained)
     where = " ".join(row[0] for part in sections for row in part["table"]["rows"])
     for figure in ("5.1", "5.12", "5.14", "5.15", "5.16", "5.17", "5.20"):
         assert f"Fig. {figure}" in where

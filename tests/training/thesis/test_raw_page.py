@@ -89,14 +89,14 @@ def test_measures_by_hand():
 
 
 def test_the_thesis_findings_are_found_where_they_are(comparison):
-    section = page.output_section(comparison, studied(outputs((800, 900, PROPELLER))), ["columns"])
+    section = page.output_section(comparison, studied(outputs((800, 900, PROPELLER))))
     assert verdicts(section, "named degraded propeller") == {"agrees"}
     assert verdicts(section, "stays the largest") == {"agrees"}
     assert verdicts(section, "distinguished after 24,000") == {"agrees"}
 
 
 def test_and_not_where_they_are_not(comparison):
-    section = page.output_section(comparison, studied(outputs((0, 400, FRICTION))), ["columns"])
+    section = page.output_section(comparison, studied(outputs((0, 400, FRICTION))))
     assert verdicts(section, "named degraded propeller") == {"differs"}
     assert verdicts(section, "stays the largest") == {"differs"}
     assert verdicts(section, "distinguished after 24,000") == {"differs"}
@@ -121,7 +121,7 @@ def test_fewer_nodes_that_suffice_differ_from_the_thesis(comparison):
     blind = outputs((0, 400, DRAG))
     seeing = outputs()
     sizes = {size: blind if size < 4 else seeing for size in study.SIZES}
-    section = page.sizes_section(comparison, studied(seeing)._replace(by_size=sizes), ["columns"])
+    section = page.sizes_section(comparison, studied(seeing)._replace(by_size=sizes))
     by_size = {row[1][:5]: row[VERDICT] for row in section["table"]["rows"]}
     assert by_size == {
         f"4-{size}-4": "differs" if size in (4, 5) else "agrees" for size in study.SIZES

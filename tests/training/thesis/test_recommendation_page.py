@@ -42,7 +42,7 @@ def score(one):
 
 def rows_of(found, failures):
     scores = {name: score(one) for name, one in found.items()}
-    return page.section_of_assessments(comparison(), found, scores, failures, ["columns"])
+    return page.section_of_assessments(comparison(), found, scores, failures)
 
 
 def test_the_better_one_is_named():
@@ -77,6 +77,6 @@ def test_a_small_comparison_runs(monkeypatch):
     monkeypatch.setattr(page, "NAMES", ("null", "random"))
     monkeypatch.setattr(page, "LANES", 4)
     monkeypatch.setattr(page, "HOURS", 0.05)
-    section = page.section(comparison(), ["columns"])
+    section = page.section(comparison())
     assert section["table"]["rows"][0][1].startswith("null:")
     assert "could not take part" not in " ".join(section["text"])
