@@ -28,8 +28,9 @@ from training.stimuli.base import within_channel
 SEVERITY = 0.6
 # s
 ONSET = 3.0
-# s, the time over which rates are measured
+# s, the time over which rates are measured, and the times of its samples
 WINDOW = HORIZON / 2.0
+TIMES = np.arange(round(WINDOW * SAMPLE_RATE)) * SAMPLE_TIME
 # range of each field of a profile
 LIMITS = ((0.51, 15.49), (0.15, 0.85), (0.0, 1.0))
 # search for a periodic profile: profiles per field of a profile, and generations
@@ -77,13 +78,13 @@ class Profile(NamedTuple):
     roundness: float
 
 
-def profile_offsets(profiles: np.ndarray, time: float, budget: float) -> np.ndarray:
-    """Speed offsets [m/s], (n_profiles,), of profiles (n_profiles, 3) at a time [s].
+def profile_offsets(profiles: np.ndarray, times: np.ndarray, budget: float) -> np.ndarray:
+    """Speed offsets [m/s], (n_profiles, n_times), of profiles (n_profiles, 3) at times [s].
 
     Over `WINDOW` their mean is zero and their root mean square is the budget.
     """
-    cycles, duty, roundness = np.asarray(profiles, float).T
-    phase = (np.round(cycles) * time / WINDOW) % 1.0
+    cycles, duty, roundness = np.asarray(profiles, float).T[..., None]
+    phase = (np.round(cycles) * times / WINDOW) % 1.0
     is_positive = phase < duty
     positive_level = np.sqrt((1.0 - duty) / duty)
     negative_level = -np.sqrt(duty / (1.0 - duty))
@@ -93,6 +94,11 @@ def profile_offsets(profiles: np.ndarray, time: float, budget: float) -> np.ndar
     mean_square = flat * flat + flat * roundness * 4.0 / np.pi + roundness * roundness / 2.0
     shape = flat + roundness * np.sin(np.pi * phase_of_part)
     return budget * level * shape / np.sqrt(mean_square)
+
+
+def level_offsets(levels: np.ndarray) -> np.ndarray:
+    """The same, at `TIMES`, of levels (n_profiles, LEVELS) [m/s] of one second each."""
+    return np.repeat(levels, round(SAMPLE_RATE), axis=1)
 
 
 def scale_to_budget(levels: np.ndarray, budget: float) -> np.ndarray:
@@ -165,29 +171,11 @@ def least_rates(fault: str, stimulus: Stimulus, lane_seeds: Sequence[int]) -> np
     return rates
 
 
-def rates_of(
-    fault: str, profiles: np.ndarray, lane_seeds: Sequence[int], budget: float = BUDGET
-) -> np.ndarray:
-    """Rate against the most dangerous rival of profiles (n_profiles, 3), (n_profiles,) [nat/s].
+def rates_of(fault: str, offsets: np.ndarray, lane_seeds: Sequence[int]) -> np.ndarray:
+    """Rates [nat/s] against the most dangerous rival under offsets (n_profiles, n_samples) [m/s].
 
-    Every profile is tried on the same vehicles.
+    Every profile is tried on the same vehicles; the result is (n_profiles,).
     """
-    times = np.arange(round(WINDOW * SAMPLE_RATE)) * SAMPLE_TIME
-    return _rates_of_offsets(fault, _offset_table(profiles, times, budget), lane_seeds)
-
-
-def free_rates_of(fault: str, levels: np.ndarray, lane_seeds: Sequence[int]) -> np.ndarray:
-    """The same as `rates_of` for levels (n_profiles, LEVELS) [m/s]."""
-    offsets = np.repeat(levels, round(SAMPLE_RATE), axis=1)
-    return _rates_of_offsets(fault, offsets, lane_seeds)
-
-
-def _offset_table(profiles: np.ndarray, times: np.ndarray, budget: float) -> np.ndarray:
-    """Offsets (n_profiles, n_times) of profiles (n_profiles, 3)."""
-    return np.stack([profile_offsets(profiles, time, budget) for time in times], axis=1)
-
-
-def _rates_of_offsets(fault: str, offsets: np.ndarray, lane_seeds: Sequence[int]) -> np.ndarray:
     n_profiles = len(offsets)
     n_vehicles = len(lane_seeds)
     stimulus = RepeatedOffsets(profiles=np.repeat(offsets, n_vehicles, axis=0))
@@ -209,8 +197,13 @@ def periodic_ceiling(fault: str, seed: int, budget: float = BUDGET) -> dict[str,
         budget [m/s], profile, active (D*), passive (D) [nat/s], passive_rival, speed_up.
     """
     search_seeds, final_seeds = _vehicle_seeds(seed)
-    profile = best_profile(lambda tried: rates_of(fault, tried, search_seeds, budget), seed)
-    active = float(rates_of(fault, np.array([profile]), final_seeds, budget)[0])
+
+    def rate(profiles: np.ndarray) -> np.ndarray:
+        return rates_of(fault, profile_offsets(profiles, TIMES, budget), search_seeds)
+
+    profile = best_profile(rate, seed)
+    best_offsets = profile_offsets(np.array([profile]), TIMES, budget)
+    active = float(rates_of(fault, best_offsets, final_seeds)[0])
     passive_rates = least_rates(fault, Cruise(), final_seeds).mean(axis=0)
     passive = float(passive_rates.min())
     return {
@@ -240,10 +233,14 @@ def free_ceiling(fault: str, seed: int, budget: float) -> dict[str, Any]:
     cycles, duty, roundness = ceiling["profile"].values()
     # with one level per second, faster profiles appear constant
     profile = np.array([[min(cycles, LEVELS // 2), duty, roundness]])
-    sampled = _offset_table(profile, np.arange(LEVELS) + 0.5, budget)
+    sampled = profile_offsets(profile, np.arange(LEVELS) + 0.5, budget)
     start = scale_to_budget(sampled, budget)[0]
-    levels = best_free_levels(lambda tried: free_rates_of(fault, tried, search_seeds), start, seed)
-    free = float(free_rates_of(fault, levels[None], final_seeds)[0])
+
+    def rate(levels: np.ndarray) -> np.ndarray:
+        return rates_of(fault, level_offsets(levels), search_seeds)
+
+    levels = best_free_levels(rate, start, seed)
+    free = float(rates_of(fault, level_offsets(levels[None]), final_seeds)[0])
     thesis_rates = least_rates(fault, Thesis(budget), final_seeds).mean(axis=0)
     thesis = float(thesis_rates.min())
     best = max(free, ceiling["active"])

@@ -6,13 +6,14 @@ from training.bounds import active_ceiling
 from training.bounds.active_ceiling import (
     LEVELS,
     LIMITS,
+    TIMES,
     WINDOW,
     RepeatedOffsets,
     best_free_levels,
     best_profile,
     free_ceiling,
-    free_rates_of,
     least_rates,
+    level_offsets,
     profile_offsets,
     rates_of,
     scale_to_budget,
@@ -27,12 +28,7 @@ BUDGET = 0.0762
     "profile", [(1, 0.5, 0.0), (4, 0.2, 0.0), (2.7, 0.5, 1.0), (LIMITS[0][1], 0.8, 0.4)]
 )
 def test_profiles_keep_the_budget_and_the_mean(profile):
-    values = np.array(
-        [
-            profile_offsets(np.array([profile]), time, BUDGET)[0]
-            for time in np.arange(6000) * WINDOW / 6000
-        ]
-    )
+    values = profile_offsets(np.array([profile]), np.arange(6000) * WINDOW / 6000, BUDGET)
     assert values.mean() == pytest.approx(0.0, abs=3e-4)
     assert np.sqrt(np.square(values).mean()) == pytest.approx(BUDGET, rel=5e-3)
 
@@ -49,8 +45,9 @@ def test_the_best_stimulus_of_a_lag_is_the_slowest_sine():
         x = np.zeros(len(profiles))
         total = np.zeros(len(profiles))
         decay = np.exp(-a * WINDOW / n)
+        offsets = profile_offsets(profiles, np.arange(n) * WINDOW / n, 1.0)
         for k in range(2 * n):
-            x = decay * x + (1.0 - decay) * profile_offsets(profiles, (k % n) * WINDOW / n, 1.0)
+            x = decay * x + (1.0 - decay) * offsets[:, k % n]
             total += (k >= n) * x * x / n
         return total
 
@@ -64,7 +61,8 @@ def test_the_best_stimulus_of_a_lag_is_the_slowest_sine():
 def test_a_square_wave_tells_drag_from_its_rivals_sooner_than_cruise():
     judged = seeds("test", 8, 700_000_100)
     passive = least_rates("increased_drag", Cruise(), judged).mean(axis=0).min()
-    active = rates_of("increased_drag", np.array([[1.0, 0.5, 0.0], [1.0, 0.5, 0.0]]), judged)
+    offsets = profile_offsets(np.array([[1.0, 0.5, 0.0]] * 2), TIMES, BUDGET)
+    active = rates_of("increased_drag", offsets, judged)
     assert active[0] == active[1] > passive > 0.0
 
 
@@ -105,10 +103,9 @@ def test_a_square_wave_is_as_good_as_levels_as_it_is_as_a_profile():
     square = BUDGET * np.repeat([1.0, -1.0], [8, 7])
     square = scale_to_budget(square[None], BUDGET)
     profile = np.array([[1.0, 8.0025 / WINDOW, 0.0]])
-    as_profile = rates_of("increased_drag", profile, judged, BUDGET)
-    assert free_rates_of("increased_drag", square, judged)[0] == pytest.approx(
-        as_profile[0], rel=0.05
-    )
+    offsets = np.vstack([profile_offsets(profile, TIMES, BUDGET), level_offsets(square)])
+    as_profile, as_levels = rates_of("increased_drag", offsets, judged)
+    assert as_levels == pytest.approx(as_profile, rel=0.05)
 
 
 def test_the_free_ceiling_is_no_lower_than_either_profile_and_stands_beside_the_thesis(monkeypatch):
