@@ -87,11 +87,7 @@ def threshold_of(healthy_logs: Sequence[Log], name: str, vehicle: VehicleFile) -
 
 
 def write_verdicts(
-    folder: Path,
-    arguments: Diagnose,
-    vehicle: VehicleFile,
-    threshold: float,
-    limits: Limits,
+    folder: Path, arguments: Diagnose, vehicle: VehicleFile, threshold: float, limits: Limits
 ) -> list[Verdict]:
     """Diagnose every log and write results and report; refused if none is usable."""
     verdicts: list[Verdict] = []
@@ -125,10 +121,7 @@ def command_of(arguments: Diagnose) -> str:
 
 
 def diagnosed(
-    arguments: Diagnose,
-    vehicle: VehicleFile,
-    threshold: float,
-    limits: Limits,
+    arguments: Diagnose, vehicle: VehicleFile, threshold: float, limits: Limits
 ) -> Iterator[DiagnosedLog]:
     """Every log with its verdict."""
     for path in arguments.logs:

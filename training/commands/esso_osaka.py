@@ -58,10 +58,7 @@ def main(arguments: EssoOsaka) -> None:
 def study(whole: Sequence[ShipRun], seed: int) -> dict[str, Any]:
     """All results of the page, from the runs with their ends."""
     runs = [free_running(run) for run in whole]
-    fits = {
-        "without wind": fit_runs(runs, TURNING, seed),
-        "model": fit_runs(runs, MODEL, seed),
-    }
+    fits = {"without wind": fit_runs(runs, TURNING, seed), "model": fit_runs(runs, MODEL, seed)}
     pooled = np.array(fits["model"]["pooled"]["coefficients"])
     return {
         "model": MODEL,
@@ -104,9 +101,7 @@ def fit(runs: Sequence[ShipRun], form: Sequence[str]) -> tuple[np.ndarray, np.nd
 
 
 def error(
-    form: Sequence[str],
-    coefficients: Sequence[np.ndarray],
-    runs: Sequence[ShipRun],
+    form: Sequence[str], coefficients: Sequence[np.ndarray], runs: Sequence[ShipRun]
 ) -> float:
     """Prediction error over all starts of all runs, each with its coefficients [m/s rms]."""
     errors = [
@@ -116,11 +111,7 @@ def error(
     return rms(np.concatenate(errors))
 
 
-def fit_runs(
-    runs: Sequence[ShipRun],
-    form: Sequence[str],
-    seed: int,
-) -> dict[str, Any]:
+def fit_runs(runs: Sequence[ShipRun], form: Sequence[str], seed: int) -> dict[str, Any]:
     """A form fitted to all runs and to each run alone.
 
     The intervals are from resampled runs, and from resampled minutes of a run.

@@ -163,11 +163,7 @@ def _first_vehicle(table: pa.Table, n_steps: int) -> dict[str, np.ndarray]:
 
 
 def _chunks(
-    arguments: Simulate,
-    n_steps: int,
-    schedule: Schedule | None,
-    mission: Mission | None,
-    bar: tqdm,
+    arguments: Simulate, n_steps: int, schedule: Schedule | None, mission: Mission | None, bar: tqdm
 ) -> Iterator[Chunk]:
     n_lanes = max(1, ROWS_AT_ONCE // n_steps)
     for first in range(0, arguments.vehicles, n_lanes):

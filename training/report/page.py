@@ -9,7 +9,7 @@ from typing import Any
 
 from jinja2 import Template
 
-from training.report.figures.registry import PLOTS
+from training.report.figures.registry import draw
 
 N_PRINTED_COLUMNS = 6
 
@@ -38,7 +38,7 @@ def write_report(results: dict[str, Any], folder: Path) -> None:
 
 def _write_figure(figure: dict[str, Any], folder: Path) -> str:
     """Write the figure as PNG; returns it as SVG in base64."""
-    plot = PLOTS[figure["plot"]](**figure["data"])
+    plot = draw(figure["plot"], figure["data"])
     plot.savefig(folder / f"{figure['name']}.png", dpi=110)
     buffer = io.BytesIO()
     plot.savefig(buffer, format="svg")

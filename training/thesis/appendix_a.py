@@ -34,6 +34,7 @@ def derived(data: MotorData) -> dict[str, float]:
     inertia = data.armature_inertia * OUNCE_INCH
     coupling = torque_constant * data.back_emf_constant
     time_constant = 1e-3 * data.mechanical_time_constant  # s
+    needed_resistance = time_constant * torque_constant * data.back_emf_constant / inertia
     return {
         "mechanical_time_constant": 1e3 * inertia * data.resistance / coupling,  # ms
         "motor_constant": data.torque_constant / math.sqrt(data.resistance),  # oz-in/sqrt(W)
@@ -42,10 +43,7 @@ def derived(data: MotorData) -> dict[str, float]:
         # V s/rad: equal to K_T in SI by conservation of energy
         "back_emf_constant": torque_constant,
         "inductance": data.electrical_time_constant * data.resistance,  # mH
-        "resistance_for_time_constant": time_constant
-        * torque_constant
-        * data.back_emf_constant
-        / inertia,
+        "resistance_for_time_constant": needed_resistance,
         "resistance_for_motor_constant": (data.torque_constant / data.motor_constant) ** 2,
     }
 

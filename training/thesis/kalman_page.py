@@ -292,20 +292,14 @@ def loss_rows(comparison: Comparison, both: Responses) -> list[list[str]]:
         quantity = f"one propeller lost: {quantity}"
         return comparison.row("V.D, Fig. 5.20", quantity, thesis, *texts, agrees, why)
 
+    is_high = at_end[0].mean() > 0.9
     risen_in_time = 10.0 < risen[0].mean() < 20.0
     risen_why = "Half of the thrust leaves at once, and the first readings show it."
     time = (".1f", " s")
     late = named[0].mean() > 10.0
     named_from = "named severe propulsion failure to the end from"
     return [
-        row(
-            "fault value at 60 s (0 to 1)",
-            "high",
-            at_end,
-            (".2f",),
-            at_end[0].mean() > 0.9,
-            end_why,
-        ),
+        row("fault value at 60 s (0 to 1)", "high", at_end, [".2f"], is_high, end_why),
         row("fault value above 0.5 first at", "after 10 s", risen, time, risen_in_time, risen_why),
         row(named_from, "after 10 s", named, time, late, named_why),
     ]

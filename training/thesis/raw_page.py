@@ -349,16 +349,11 @@ def thrust_alone_rows(comparison: Comparison, study: RawStudy) -> list[list[str]
         ours = mean_and_std(values)
         return comparison.row("V.C, Figs 5.7-5.10", quantity, thesis, ours, "-", agrees, why)
 
+    until = "points until drag's output stays the largest,"
     first = "of the first 100 points, named degraded propeller"
     return [
         row(first, "all", named[BEST], many, f"{counts} {AFTER}."),
-        row(
-            "points until drag's output stays the largest,",
-            "100",
-            settled,
-            in_time.mean() > 0.5,
-            why,
-        ),
+        row(until, "100", settled, in_time.mean() > 0.5, why),
     ]
 
 

@@ -362,7 +362,7 @@ def test_any_set_of_diagnosers_makes_a_page(names):
     found = benchmark_page.page(made_up(stimuli=("thesis",), names=names))
     for section in found["sections"]:
         for figure in section.get("figures", ()):
-            registry.PLOTS[figure["plot"]](**figure["data"])
+            registry.draw(figure["plot"], figure["data"])
 
 
 def test_a_score_that_is_none_is_written(page):

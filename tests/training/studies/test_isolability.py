@@ -4,7 +4,7 @@ import pytest
 from auv_fault_env.faults import classes
 from auv_fault_env.missions import MISSIONS, mission_of
 from training.bounds.information import log_likelihoods_unknown_severity
-from training.report.figures.registry import PLOTS
+from training.report.figures.registry import draw
 from training.studies import isolability
 from training.studies.isolability_page import least_rival, page
 
@@ -88,7 +88,7 @@ def test_the_page_draws_every_figure_from_results_alone(structure):
     sections = page(results(structure))["sections"]
     for section in sections:
         for figure in section.get("figures", ()):
-            assert PLOTS[figure["plot"]](**figure["data"]).axes
+            assert draw(figure["plot"], figure["data"]).axes
         for row in section.get("table", {}).get("rows", ()):
             assert len(row) == len(section["table"]["columns"])
             assert all(isinstance(cell, str) for cell in row)

@@ -9,7 +9,7 @@ import pytest
 from auv_fault_env.errors import InputError
 from auv_fault_env.faults import classes
 from training.bounds import active_ceiling
-from training.report.figures.registry import PLOTS
+from training.report.figures.registry import draw
 from training.studies import run, stimuli, stimulus_behaviour
 from training.studies.stimuli import (
     DIAGNOSER,
@@ -376,7 +376,7 @@ def test_the_page_draws_every_figure_and_fills_every_table_from_results_alone(st
     sections = page(json.loads(json.dumps(results(stimuli))))["sections"]
     for section in sections:
         for figure in section.get("figures", ()):
-            assert PLOTS[figure["plot"]](**figure["data"]).axes
+            assert draw(figure["plot"], figure["data"]).axes
         for row in section.get("table", {}).get("rows", ()):
             assert len(row) == len(section["table"]["columns"])
             assert all(isinstance(cell, str) for cell in row)

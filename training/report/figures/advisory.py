@@ -2,13 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from training.report.colours import COMMAND, PORT, SPEED, STARBOARD
-from training.report.figures.style import STYLE, legend_above, new_figure
+from training.report.figures.style import legend_above, new_figure
 
 OUTCOME_COLOURS = (STARBOARD, SPEED, COMMAND, PORT)
 LEAST_WRITTEN = 4.0  # %, the least share whose number has room in its bar
@@ -27,14 +26,13 @@ def outcome_shares(
         The outcomes, from left to right.
     """
     n_bars = sum(map(len, panels.values()))
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(1.0 + 0.5 * n_bars)
-        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
-        for axis, (title, bars) in zip(axes, panels.items(), strict=True):
-            _stacked_bars(axis, bars, names)
-            axis.set(title=title, xlim=(0, 100))
-        axes[-1].set_xlabel("missions [%]")
-        legend_above(figure, axes)
+    figure = new_figure(1.0 + 0.5 * n_bars)
+    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for axis, (title, bars) in zip(axes, panels.items(), strict=True):
+        _stacked_bars(axis, bars, names)
+        axis.set(title=title, xlim=(0, 100))
+    axes[-1].set_xlabel("missions [%]")
+    legend_above(figure, axes)
     return figure
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,7 +10,7 @@ from matplotlib.patches import Patch
 
 from training.report.colours import COMMAND, MARKERS, PORT, SPEED, STARBOARD, TRUTH
 from training.report.figures.scores import Series, heat_map, line_styles
-from training.report.figures.style import STYLE, legend_above, marker_legend, new_figure, panel_grid
+from training.report.figures.style import legend_above, marker_legend, new_figure, panel_grid
 
 LOWEST = -1000.0  # ln p(normal) that is shown
 # colour by whether the most probable fault is the right one, and whether the alarm stands
@@ -57,24 +56,23 @@ def curves(
     bound_style = {"color": TRUTH, "lw": 2.2, "ls": (0, (1, 1)), "label": "bound"}
     n_columns = min(2, len(panels))
     n_rows = -(-len(panels) // n_columns)
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(0.7 + 3.5 * n_rows)
-        axes = panel_grid(figure, len(panels), n_columns, sharex=True, sharey=True)
-        for axis, (title, lines) in zip(axes, panels.items(), strict=True):
-            for name, style in styles.items():
-                if name in lines:
-                    axis.plot(lines[name]["x"], lines[name]["y"], label=name, **style)
-            if bounds and title in bounds:
-                axis.plot(bounds[title]["x"], bounds[title]["y"], **bound_style)
-            for mark in marks:
-                axis.axvline(mark, color=COMMAND, lw=0.8, ls=":")
-            axis.set(title=title, xlabel=labels[0], ylim=(-0.02 * top, 1.02 * top))
-            if logarithmic:
-                axis.set_xscale("log")
-                axis.xaxis.set_major_formatter("{x:g}")
-        for axis in axes[::n_columns]:
-            axis.set_ylabel(labels[1])
-        legend_above(figure, axes, columns=6)
+    figure = new_figure(0.7 + 3.5 * n_rows)
+    axes = panel_grid(figure, len(panels), n_columns, sharex=True, sharey=True)
+    for axis, (title, lines) in zip(axes, panels.items(), strict=True):
+        for name, style in styles.items():
+            if name in lines:
+                axis.plot(lines[name]["x"], lines[name]["y"], label=name, **style)
+        if bounds and title in bounds:
+            axis.plot(bounds[title]["x"], bounds[title]["y"], **bound_style)
+        for mark in marks:
+            axis.axvline(mark, color=COMMAND, lw=0.8, ls=":")
+        axis.set(title=title, xlabel=labels[0], ylim=(-0.02 * top, 1.02 * top))
+        if logarithmic:
+            axis.set_xscale("log")
+            axis.xaxis.set_major_formatter("{x:g}")
+    for axis in axes[::n_columns]:
+        axis.set_ylabel(labels[1])
+    legend_above(figure, axes, columns=6)
     return figure
 
 
@@ -96,21 +94,20 @@ def cost_delay(
     """
     stimuli = dict.fromkeys(stimulus for by_stimulus in points.values() for stimulus in by_stimulus)
     markers = dict(zip(stimuli, MARKERS * len(stimuli), strict=False))
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(4.6)
-        axes = figure.subplots(1, len(costs), sharey=True, squeeze=False)[0]
-        for axis, (cost, label) in zip(axes, costs.items(), strict=True):
-            for name, style in line_styles(points, references).items():
-                places = [(point[cost], point["delay"]) for point in points[name].values()]
-                axis.plot(*np.transpose(places), label=name, **(style | {"lw": 0.8}))
-                for stimulus, place in zip(points[name], places, strict=True):
-                    axis.plot(*place, markers[stimulus], color=style["color"], ms=6)
-            axis.set(xlabel=label)
-            axis.margins(0.08)
-            axis.locator_params(axis="x", nbins=6)
-        axes[0].set_ylabel("isolation, restricted mean [s]")
-        marker_legend(figure, markers, "stimulus")
-        legend_above(figure, axes, columns=6)
+    figure = new_figure(4.6)
+    axes = figure.subplots(1, len(costs), sharey=True, squeeze=False)[0]
+    for axis, (cost, label) in zip(axes, costs.items(), strict=True):
+        for name, style in line_styles(points, references).items():
+            places = [(point[cost], point["delay"]) for point in points[name].values()]
+            axis.plot(*np.transpose(places), label=name, **(style | {"lw": 0.8}))
+            for stimulus, place in zip(points[name], places, strict=True):
+                axis.plot(*place, markers[stimulus], color=style["color"], ms=6)
+        axis.set(xlabel=label)
+        axis.margins(0.08)
+        axis.locator_params(axis="x", nbins=6)
+    axes[0].set_ylabel("isolation, restricted mean [s]")
+    marker_legend(figure, markers, "stimulus")
+    legend_above(figure, axes, columns=6)
     return figure
 
 
@@ -134,24 +131,23 @@ def episodes(drawn: Sequence[Mapping[str, Any]]) -> Figure:
         (bools) and right (whether the most probable fault is the true one, bools).
     """
     options = {"sharex": "col", "sharey": "row", "height_ratios": [1.0, 1.0, 1.0, 1.2, 0.18]}
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(6.6)
-        grid = figure.subplots(5, len(drawn), squeeze=False, **options)
-        for axes, episode in zip(grid.T, drawn, strict=True):
-            _readings(axes[:3], episode)
-            _belief(axes[3], episode)
-            _verdict_strip(axes[4], episode)
-            axes[0].set_title(episode["title"], fontsize=8)
-            axes[4].set(xlabel="time [s]", xlim=(0, episode["time"][-1]))
-            for axis in axes:
-                axis.axvline(episode["onset"], color=TRUTH, lw=1.0, ls=":", label="onset")
-        first_column = grid[:4, 0]
-        for axis, label in zip(first_column, EPISODE_LABELS, strict=True):
-            axis.set_ylabel(label)
-        figure.align_ylabels(first_column)
-        bands = [Patch(color=colour, label=label) for label, colour in BANDS.items()]
-        figure.legend(handles=bands, loc="outside lower center", ncols=4, frameon=False)
-        legend_above(figure, first_column)
+    figure = new_figure(6.6)
+    grid = figure.subplots(5, len(drawn), squeeze=False, **options)
+    for axes, episode in zip(grid.T, drawn, strict=True):
+        _readings(axes[:3], episode)
+        _belief(axes[3], episode)
+        _verdict_strip(axes[4], episode)
+        axes[0].set_title(episode["title"], fontsize=8)
+        axes[4].set(xlabel="time [s]", xlim=(0, episode["time"][-1]))
+        for axis in axes:
+            axis.axvline(episode["onset"], color=TRUTH, lw=1.0, ls=":", label="onset")
+    first_column = grid[:4, 0]
+    for axis, label in zip(first_column, EPISODE_LABELS, strict=True):
+        axis.set_ylabel(label)
+    figure.align_ylabels(first_column)
+    bands = [Patch(color=colour, label=label) for label, colour in BANDS.items()]
+    figure.legend(handles=bands, loc="outside lower center", ncols=4, frameon=False)
+    legend_above(figure, first_column)
     return figure
 
 

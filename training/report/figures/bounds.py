@@ -2,18 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 
-import matplotlib
 import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from training.report.colours import COMMAND, PORT, SPEED, TRUTH
 from training.report.figures.style import (
-    MAP_STYLE,
-    STYLE,
     legend_above,
     new_figure,
     panel_grid,
+    show_map,
     slanted_names,
     write_cell,
 )
@@ -31,19 +29,18 @@ def isolability_maps(classes: Sequence[str], rates: Mapping[str, Matrix]) -> Fig
     n_columns = 2
     n_rows = -(-len(rates) // n_columns)
     same_class = np.eye(len(classes), dtype=bool)
-    with matplotlib.rc_context(MAP_STYLE):
-        figure = new_figure(3.5 * n_rows + 1.8)
-        axes = panel_grid(figure, len(rates), n_columns, sharex=True, sharey=True)
-        for k, (axis, (name, matrix)) in enumerate(zip(axes, rates.items(), strict=True)):
-            shown = np.ma.masked_array(np.maximum(matrix, LEAST), same_class)
-            image = axis.imshow(shown, cmap="viridis", norm=LogNorm(LEAST, MOST), aspect="auto")
-            axis.set_title(name)
-            slanted_names(axis, classes, 60, fontsize=7)
-            axis.set_yticks(range(len(classes)), classes, fontsize=7)
-            axis.tick_params(labelbottom=k >= len(rates) - n_columns)
-        place = {"location": "bottom", "shrink": 0.6, "aspect": 40, "extend": "both"}
-        bar = figure.colorbar(image, ax=figure.axes, **place)
-        bar.set_label("evidence for the row's class against the column's [nat/s]")
+    figure = new_figure(3.5 * n_rows + 1.8)
+    axes = panel_grid(figure, len(rates), n_columns, sharex=True, sharey=True)
+    for k, (axis, (name, matrix)) in enumerate(zip(axes, rates.items(), strict=True)):
+        shown = np.ma.masked_array(np.maximum(matrix, LEAST), same_class)
+        image = show_map(axis, shown, cmap="viridis", norm=LogNorm(LEAST, MOST))
+        axis.set_title(name)
+        slanted_names(axis, classes, 60, fontsize=7)
+        axis.set_yticks(range(len(classes)), classes, fontsize=7)
+        axis.tick_params(labelbottom=k >= len(rates) - n_columns)
+    place = {"location": "bottom", "shrink": 0.6, "aspect": 40, "extend": "both"}
+    bar = figure.colorbar(image, ax=figure.axes, **place)
+    bar.set_label("evidence for the row's class against the column's [nat/s]")
     return figure
 
 
@@ -53,31 +50,29 @@ def sensor_removal(classes: Sequence[str], channels: Sequence[str], shares: Matr
     The evidence is that against the rival hardest to distinguish from the class.
     """
     percent = 100.0 * np.array(shares, float)
-    with matplotlib.rc_context(MAP_STYLE):
-        figure = new_figure(6.4)
-        axis = figure.subplots()
-        image = axis.imshow(percent, cmap="viridis", vmin=0, vmax=100, aspect="auto")
-        for (row, column), value in np.ndenumerate(percent):
-            if np.isfinite(value):
-                colour = TRUTH if value > 55 else "white"
-                write_cell(axis, row, column, f"{value:.0f}", colour)
-        slanted_names(axis, channels, 40)
-        axis.set_yticks(range(len(classes)), classes)
-        axis.set(xlabel="sensor that is missing", ylabel="class")
-        figure.colorbar(image, ax=axis, label="evidence left [%]", pad=0.01)
+    figure = new_figure(6.4)
+    axis = figure.subplots()
+    image = show_map(axis, percent, cmap="viridis", vmin=0, vmax=100)
+    for (row, column), value in np.ndenumerate(percent):
+        if np.isfinite(value):
+            colour = TRUTH if value > 55 else "white"
+            write_cell(axis, row, column, f"{value:.0f}", colour)
+    slanted_names(axis, channels, 40)
+    axis.set_yticks(range(len(classes)), classes)
+    axis.set(xlabel="sensor that is missing", ylabel="class")
+    figure.colorbar(image, ax=axis, label="evidence left [%]", pad=0.01)
     return figure
 
 
 def cramer_rao(time: Series, lines: Mapping[str, Mapping[str, Series]]) -> Figure:
     """Root mean square errors of drag and thrust over time, by estimator, beside their bound."""
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(3.6)
-        axes = figure.subplots(1, 2)
-        for axis, parameter in zip(axes, ("alpha", "beta"), strict=True):
-            for (name, errors), colour in zip(lines.items(), LINE_COLOURS, strict=False):
-                dash = "--" if name.startswith("bound") else "-"
-                axis.plot(time, errors[parameter], color=colour, ls=dash, lw=1.3, label=name)
-            axis.set(xlabel="time [s]", ylabel=f"error of {parameter} [%]")
-            axis.set(xlim=(0, time[-1]), ylim=(0, None))
-        legend_above(figure, axes)
+    figure = new_figure(3.6)
+    axes = figure.subplots(1, 2)
+    for axis, parameter in zip(axes, ("alpha", "beta"), strict=True):
+        for (name, errors), colour in zip(lines.items(), LINE_COLOURS, strict=False):
+            dash = "--" if name.startswith("bound") else "-"
+            axis.plot(time, errors[parameter], color=colour, ls=dash, lw=1.3, label=name)
+        axis.set(xlabel="time [s]", ylabel=f"error of {parameter} [%]")
+        axis.set(xlim=(0, time[-1]), ylim=(0, None))
+    legend_above(figure, axes)
     return figure

@@ -3,17 +3,15 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from training.report.colours import COMMAND, PORT, SPEED, STARBOARD, TRUTH
 from training.report.figures.style import (
-    MAP_STYLE,
-    STYLE,
     legend_above,
     new_figure,
+    show_map,
     slanted_names,
     write_cell,
 )
@@ -36,19 +34,18 @@ def confusion_grid(
     """
     n_rows = len(shares)
     n_columns = max(map(len, shares.values()))
-    with matplotlib.rc_context(MAP_STYLE):
-        figure = new_figure(0.8 + 2.3 * n_rows)
-        grid = figure.subplots(n_rows, n_columns, sharex=True, sharey=True, squeeze=False)
-        for axes, (protocol, panels) in zip(grid, shares.items(), strict=True):
-            for axis, (title, matrix) in zip(axes, panels.items(), strict=True):
-                _confusion(axis, classes, np.array(matrix))
-                axis.set_title(title, fontsize=9)
-            axes[0].set_ylabel(protocol, fontweight="bold")
+    figure = new_figure(0.8 + 2.3 * n_rows)
+    grid = figure.subplots(n_rows, n_columns, sharex=True, sharey=True, squeeze=False)
+    for axes, (protocol, panels) in zip(grid, shares.items(), strict=True):
+        for axis, (title, matrix) in zip(axes, panels.items(), strict=True):
+            _confusion(axis, classes, np.array(matrix))
+            axis.set_title(title, fontsize=9)
+        axes[0].set_ylabel(protocol, fontweight="bold")
     return figure
 
 
 def _confusion(axis: Axes, classes: Sequence[str], matrix: np.ndarray) -> None:
-    axis.imshow(matrix, cmap="Blues", vmin=0, vmax=1)
+    show_map(axis, matrix, cmap="Blues", vmin=0, vmax=1, aspect="equal")
     for (row, column), share in np.ndenumerate(matrix):
         colour = "white" if share > 0.55 else TRUTH
         write_cell(axis, row, column, f"{100 * share:.0f}", colour, size=7)
@@ -67,18 +64,17 @@ def healthy_band(runs: Sequence[str], panels: Mapping[str, Mapping[str, Any]]) -
         By parameter: `series` by name, of values (n_runs,) and intervals (n_runs, 2), and the ends
         of `band` and `window`.
     """
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(1.2 + 0.4 * len(runs))
-        axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
-        for axis, (parameter, panel) in zip(axes, panels.items(), strict=True):
-            axis.axvspan(*panel["band"], color=STARBOARD, alpha=0.18, lw=0, label=BAND_LABEL)
-            for edge in panel["window"]:
-                axis.axvline(edge, color=COMMAND, lw=1, ls="--", label="thesis' window")
-            _run_intervals(axis, panel["series"])
-            axis.set_xlabel(f"{parameter} relative to all runs")
-            axis.set_yticks(np.arange(len(runs)), runs)
-        axes[0].invert_yaxis()
-        legend_above(figure, axes)
+    figure = new_figure(1.2 + 0.4 * len(runs))
+    axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+    for axis, (parameter, panel) in zip(axes, panels.items(), strict=True):
+        axis.axvspan(*panel["band"], color=STARBOARD, alpha=0.18, lw=0, label=BAND_LABEL)
+        for edge in panel["window"]:
+            axis.axvline(edge, color=COMMAND, lw=1, ls="--", label="thesis' window")
+        _run_intervals(axis, panel["series"])
+        axis.set_xlabel(f"{parameter} relative to all runs")
+        axis.set_yticks(np.arange(len(runs)), runs)
+    axes[0].invert_yaxis()
+    legend_above(figure, axes)
     return figure
 
 

@@ -2,13 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from training.report.colours import COLOURS, COMMAND, PORT, SPEED, STARBOARD, TRUTH
-from training.report.figures.style import STYLE, fill_band, legend_above, new_figure, panel_grid
+from training.report.figures.style import fill_band, legend_above, new_figure, panel_grid
 
 Series = Sequence[float | None]
 LINE_COLOURS = {
@@ -25,20 +24,19 @@ SPARSE = 100  # points; fewer are marked one by one
 
 def measured_and_simulated(time: Series, panels: Mapping[str, Mapping[str, Series]]) -> Figure:
     """Readings and their simulation, a row per channel, and beside it their difference."""
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(1.9 * len(panels) + 0.7)
-        axes = figure.subplots(len(panels), 2, sharex=True, squeeze=False, width_ratios=(3, 2))
-        for (left, right), (label, lines) in zip(axes, panels.items(), strict=True):
-            measured = np.array(lines["measured"], float)
-            simulated = np.array(lines["simulated"], float)
-            residual = measured - simulated
-            left.plot(time, measured, ".", ms=2, color=COMMAND, label="measured")
-            left.plot(time, simulated, color=SPEED, lw=1.2, label="simulated")
-            right.plot(time, residual, ".", ms=2, color=PORT, label="measured − simulated")
-            left.set(ylabel=label, xlim=(time[0], time[-1]))
-        for axis in axes[-1]:
-            axis.set_xlabel("time [s]")
-        legend_above(figure, axes.flat)
+    figure = new_figure(1.9 * len(panels) + 0.7)
+    axes = figure.subplots(len(panels), 2, sharex=True, squeeze=False, width_ratios=(3, 2))
+    for (left, right), (label, lines) in zip(axes, panels.items(), strict=True):
+        measured = np.array(lines["measured"], float)
+        simulated = np.array(lines["simulated"], float)
+        residual = measured - simulated
+        left.plot(time, measured, ".", ms=2, color=COMMAND, label="measured")
+        left.plot(time, simulated, color=SPEED, lw=1.2, label="simulated")
+        right.plot(time, residual, ".", ms=2, color=PORT, label="measured − simulated")
+        left.set(ylabel=label, xlim=(time[0], time[-1]))
+    for axis in axes[-1]:
+        axis.set_xlabel("time [s]")
+    legend_above(figure, axes.flat)
     return figure
 
 
@@ -53,20 +51,19 @@ def mission_estimates(panels: Mapping[str, Mapping]) -> Figure:
     """
     n_columns = 2
     n_rows = -(-len(panels) // n_columns)
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(2.1 * n_rows + 0.5)
-        axes = panel_grid(figure, len(panels), n_columns)
-        for axis, (name, panel) in zip(axes, panels.items(), strict=True):
-            band = 100.0 * panel["band"]
-            axis.axhspan(-band, band, color=STARBOARD, alpha=0.12, lw=0, label="healthy band")
-            axis.axhline(0.0, color=TRUTH, lw=0.8)
-            for k, (side, estimates) in enumerate(panel["sides"].items()):
-                _error_bars(axis, side, estimates, shift=0.16 * k)
-            axis.set_title(name, loc="left", fontsize=9)
-            axis.set_ylabel("from common [%]")
-            axis.xaxis.get_major_locator().set_params(integer=True)
-            axis.set_xlabel("mission")
-        legend_above(figure, axes, columns=4)
+    figure = new_figure(2.1 * n_rows + 0.5)
+    axes = panel_grid(figure, len(panels), n_columns)
+    for axis, (name, panel) in zip(axes, panels.items(), strict=True):
+        band = 100.0 * panel["band"]
+        axis.axhspan(-band, band, color=STARBOARD, alpha=0.12, lw=0, label="healthy band")
+        axis.axhline(0.0, color=TRUTH, lw=0.8)
+        for k, (side, estimates) in enumerate(panel["sides"].items()):
+            _error_bars(axis, side, estimates, shift=0.16 * k)
+        axis.set_title(name, loc="left", fontsize=9)
+        axis.set_ylabel("from common [%]")
+        axis.xaxis.get_major_locator().set_params(integer=True)
+        axis.set_xlabel("mission")
+    legend_above(figure, axes, columns=4)
     return figure
 
 
@@ -92,18 +89,17 @@ def diagnosed_log(
     alarms
         Begin and end [s], (n_alarms, 2).
     """
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(1.45 * len(panels) + 0.5)
-        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
-        for axis, (label, lines) in zip(axes, panels.items(), strict=True):
-            for k, (name, line) in enumerate(lines.items()):
-                _log_line(axis, name, line, COLOURS[k % len(COLOURS)])
-            for begin, end in alarms:
-                axis.axvspan(begin, max(end, begin + 0.1), color=PORT, alpha=0.10, lw=0)
-            axis.set_ylabel(label)
-            if lines:
-                axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
-        axes[-1].set_xlabel("time [s]; shaded: alarm")
+    figure = new_figure(1.45 * len(panels) + 0.5)
+    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for axis, (label, lines) in zip(axes, panels.items(), strict=True):
+        for k, (name, line) in enumerate(lines.items()):
+            _log_line(axis, name, line, COLOURS[k % len(COLOURS)])
+        for begin, end in alarms:
+            axis.axvspan(begin, max(end, begin + 0.1), color=PORT, alpha=0.10, lw=0)
+        axis.set_ylabel(label)
+        if lines:
+            axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
+    axes[-1].set_xlabel("time [s]; shaded: alarm")
     return figure
 
 

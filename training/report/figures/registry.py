@@ -1,7 +1,9 @@
 """All figures of the reports by name."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
+import matplotlib
 from matplotlib.figure import Figure
 
 from training.report.figures import (
@@ -16,6 +18,7 @@ from training.report.figures import (
     stimuli,
     thesis,
 )
+from training.report.figures.style import STYLE
 
 PLOTS: dict[str, Callable[..., Figure]] = {
     "filter_response": runs.filter_response,
@@ -49,3 +52,9 @@ PLOTS: dict[str, Callable[..., Figure]] = {
     "measured_and_simulated": field.measured_and_simulated,
     "mission_estimates": field.mission_estimates,
 }
+
+
+def draw(plot: str, data: Mapping[str, Any]) -> Figure:
+    """The figure of a name in `PLOTS`, in the common style."""
+    with matplotlib.rc_context(STYLE):
+        return PLOTS[plot](**data)

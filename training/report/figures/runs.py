@@ -2,13 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from training.report.colours import COMMAND, PORT, SPEED, STARBOARD, TRUTH
-from training.report.figures.style import STYLE, fill_band, legend_above, new_figure
+from training.report.figures.style import fill_band, legend_above, new_figure
 
 Series = Sequence[float]
 Lines = Mapping[str, Series]  # clean, mean and std over time
@@ -31,21 +30,20 @@ def filter_response(
     The band is the standard deviation of the noisy runs; dotted lines are changes of the speed
     command.
     """
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(3.6)
-        axes = figure.subplots(1, len(truth))
-        for axis, name in zip(axes, truth, strict=True):
-            mean = np.array(noisy_mean[name])
-            std = np.array(noisy_std[name])
-            band = {"color": SPEED, "alpha": 0.18, "lw": 0, "label": NOISY_BAND}
-            axis.fill_between(time, mean - std, mean + std, **band)
-            axis.plot(time, mean, color=SPEED, lw=1, label="noisy, mean")
-            axis.plot(time, clean[name], color=PORT, lw=1.4, label="noise-free")
-            axis.plot(time, truth[name], color=TRUTH, lw=1, ls="--", label="true")
-            for change in speed_changes:
-                axis.axvline(change, color=COMMAND, lw=0.6, ls=":")
-            axis.set(xlabel="time [s]", ylabel=f"{name} [{units[name]}]", xlim=(time[0], time[-1]))
-        legend_above(figure, axes.flat)
+    figure = new_figure(3.6)
+    axes = figure.subplots(1, len(truth))
+    for axis, name in zip(axes, truth, strict=True):
+        mean = np.array(noisy_mean[name])
+        std = np.array(noisy_std[name])
+        band = {"color": SPEED, "alpha": 0.18, "lw": 0, "label": NOISY_BAND}
+        axis.fill_between(time, mean - std, mean + std, **band)
+        axis.plot(time, mean, color=SPEED, lw=1, label="noisy, mean")
+        axis.plot(time, clean[name], color=PORT, lw=1.4, label="noise-free")
+        axis.plot(time, truth[name], color=TRUTH, lw=1, ls="--", label="true")
+        for change in speed_changes:
+            axis.axvline(change, color=COMMAND, lw=0.6, ls=":")
+        axis.set(xlabel="time [s]", ylabel=f"{name} [{units[name]}]", xlim=(time[0], time[-1]))
+    legend_above(figure, axes.flat)
     return figure
 
 
@@ -63,17 +61,16 @@ def transients(
     onset
         Onset of the fault [s].
     """
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(5.0)
-        axes = figure.subplots(2, 2, sharex=True)
-        for axis, (label, lines) in zip(axes.flat, panels.items(), strict=True):
-            _reading_lines(axis, time, lines)
-            if onset is not None:
-                axis.axvline(onset, color=TRUTH, lw=0.8, ls=":", label="onset of the fault")
-            axis.set(ylabel=label, xlim=(time[0], time[-1]))
-        for axis in axes[1]:
-            axis.set_xlabel("time [s]")
-        legend_above(figure, axes.flat)
+    figure = new_figure(5.0)
+    axes = figure.subplots(2, 2, sharex=True)
+    for axis, (label, lines) in zip(axes.flat, panels.items(), strict=True):
+        _reading_lines(axis, time, lines)
+        if onset is not None:
+            axis.axvline(onset, color=TRUTH, lw=0.8, ls=":", label="onset of the fault")
+        axis.set(ylabel=label, xlim=(time[0], time[-1]))
+    for axis in axes[1]:
+        axis.set_xlabel("time [s]")
+    legend_above(figure, axes.flat)
     return figure
 
 
@@ -88,16 +85,15 @@ def _reading_lines(axis: Axes, time: Series, lines: Mapping[str, Lines]) -> None
 
 def consistency(time: Series, summaries: Sequence[Mapping]) -> Figure:
     """NEES and NIS over time, a row per filter, with the 95 % band of one instant."""
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(4.6)
-        grid = figure.subplots(len(summaries), 2, sharex=True, squeeze=False)
-        for axes, summary in zip(grid, summaries, strict=True):
-            for axis, key in zip(axes, ("NEES", "NIS"), strict=True):
-                _statistic(axis, time, summary[key])
-                axis.set_ylabel(f"{key}, {summary['name']}")
-        for axis in grid[-1]:
-            axis.set_xlabel("time [s]")
-        legend_above(figure, grid.flat)
+    figure = new_figure(4.6)
+    grid = figure.subplots(len(summaries), 2, sharex=True, squeeze=False)
+    for axes, summary in zip(grid, summaries, strict=True):
+        for axis, key in zip(axes, ("NEES", "NIS"), strict=True):
+            _statistic(axis, time, summary[key])
+            axis.set_ylabel(f"{key}, {summary['name']}")
+    for axis in grid[-1]:
+        axis.set_xlabel("time [s]")
+    legend_above(figure, grid.flat)
     return figure
 
 

@@ -3,17 +3,15 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
 from training.report.colours import COLOURS, COMMAND, SPEED, TRUTH
 from training.report.figures.style import (
-    MAP_STYLE,
-    STYLE,
     legend_above,
     new_figure,
     panel_grid,
+    show_map,
     slanted_names,
     write_cell,
 )
@@ -40,14 +38,13 @@ def isolation_curves(
     time: Series, shares: Mapping[str, Series], references: Sequence[str]
 ) -> Figure:
     """Share of the faults isolated by a time since onset, a line per name."""
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(4.8)
-        axis = figure.subplots()
-        for name, style in line_styles(shares, references).items():
-            axis.plot(time, shares[name], label=name, **style)
-        axis.set(xlabel="time since onset [s]", ylabel="share of the faults isolated")
-        axis.set(xlim=(0, time[-1]), ylim=(-0.02, 1.02))
-        legend_above(figure, [axis], columns=5)
+    figure = new_figure(4.8)
+    axis = figure.subplots()
+    for name, style in line_styles(shares, references).items():
+        axis.plot(time, shares[name], label=name, **style)
+    axis.set(xlabel="time since onset [s]", ylabel="share of the faults isolated")
+    axis.set(xlim=(0, time[-1]), ylim=(-0.02, 1.02))
+    legend_above(figure, [axis], columns=5)
     return figure
 
 
@@ -63,17 +60,16 @@ def heat_map(
 
     `labels` are those of the columns and of the rows.
     """
-    with matplotlib.rc_context(MAP_STYLE):
-        figure = new_figure(7.8)
-        axis = figure.subplots()
-        axis.imshow(values, cmap="Blues", vmin=0, vmax=top, aspect="auto")
-        for (row, column), value in np.ndenumerate(values):
-            if round(value, digits) > 0.0:
-                colour = "white" if value > 0.55 * top else TRUTH
-                write_cell(axis, row, column, f"{value:.{digits}f}", colour)
-        slanted_names(axis, columns, 50)
-        axis.set_yticks(np.arange(len(rows)), rows)
-        axis.set(xlabel=labels[0], ylabel=labels[1])
+    figure = new_figure(7.8)
+    axis = figure.subplots()
+    show_map(axis, values, cmap="Blues", vmin=0, vmax=top)
+    for (row, column), value in np.ndenumerate(values):
+        if round(value, digits) > 0.0:
+            colour = "white" if value > 0.55 * top else TRUTH
+            write_cell(axis, row, column, f"{value:.{digits}f}", colour)
+    slanted_names(axis, columns, 50)
+    axis.set_yticks(np.arange(len(rows)), rows)
+    axis.set(xlabel=labels[0], ylabel=labels[1])
     return figure
 
 
@@ -90,18 +86,17 @@ def reliability_diagrams(diagrams: Mapping[str, Mapping[str, Series]]) -> Figure
     """
     n_columns = 4
     n_rows = -(-len(diagrams) // n_columns)
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(2.5 * n_rows)
-        axes = panel_grid(figure, len(diagrams), n_columns, sharex=True, sharey=True)
-        for axis, (name, bins) in zip(axes, diagrams.items(), strict=True):
-            axis.plot([0, 1], [0, 1], color=COMMAND, lw=1, ls="--")
-            area = 8 + 300 * np.array(bins["share"])
-            style = {"color": SPEED, "alpha": 0.7, "clip_on": False}
-            axis.scatter(bins["confidence"], bins["accuracy"], area, **style)
-            axis.set(title=name, xlim=(-0.05, 1.05), ylim=(-0.05, 1.05), aspect="equal")
-            axis.tick_params(labelbottom=True)
-        figure.supxlabel("confidence in the most probable class", fontsize=9)
-        figure.supylabel("share that was right", fontsize=9)
+    figure = new_figure(2.5 * n_rows)
+    axes = panel_grid(figure, len(diagrams), n_columns, sharex=True, sharey=True)
+    for axis, (name, bins) in zip(axes, diagrams.items(), strict=True):
+        axis.plot([0, 1], [0, 1], color=COMMAND, lw=1, ls="--")
+        area = 8 + 300 * np.array(bins["share"])
+        style = {"color": SPEED, "alpha": 0.7, "clip_on": False}
+        axis.scatter(bins["confidence"], bins["accuracy"], area, **style)
+        axis.set(title=name, xlim=(-0.05, 1.05), ylim=(-0.05, 1.05), aspect="equal")
+        axis.tick_params(labelbottom=True)
+    figure.supxlabel("confidence in the most probable class", fontsize=9)
+    figure.supylabel("share that was right", fontsize=9)
     return figure
 
 
@@ -109,13 +104,12 @@ def severities(truth: Series, estimates: Mapping[str, Series]) -> Figure:
     """Estimated against true severity, a panel per name."""
     limits = (-0.02, 1.02)
     ticks = (0.0, 0.5, 1.0)
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(3.6)
-        axes = figure.subplots(1, len(estimates), sharex=True, sharey=True, squeeze=False)
-        for axis, (name, estimated) in zip(axes.flat, estimates.items(), strict=True):
-            axis.plot([0, 1], [0, 1], color=COMMAND, lw=1, ls="--")
-            axis.plot(truth, estimated, ".", color=SPEED, alpha=0.45, ms=4, mew=0)
-            axis.set(title=name, xlabel="true severity")
-            axis.set(xlim=limits, ylim=limits, aspect="equal", xticks=ticks, yticks=ticks)
-        axes[0, 0].set_ylabel("estimated severity, given the true class")
+    figure = new_figure(3.6)
+    axes = figure.subplots(1, len(estimates), sharex=True, sharey=True, squeeze=False)
+    for axis, (name, estimated) in zip(axes.flat, estimates.items(), strict=True):
+        axis.plot([0, 1], [0, 1], color=COMMAND, lw=1, ls="--")
+        axis.plot(truth, estimated, ".", color=SPEED, alpha=0.45, ms=4, mew=0)
+        axis.set(title=name, xlabel="true severity")
+        axis.set(xlim=limits, ylim=limits, aspect="equal", xticks=ticks, yticks=ticks)
+    axes[0, 0].set_ylabel("estimated severity, given the true class")
     return figure

@@ -3,14 +3,13 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from training.report.colours import COMMAND, MARKERS, PORT, SPEED, STARBOARD, TRUTH
 from training.report.figures.scores import Series
-from training.report.figures.style import STYLE, legend_above, marker_legend, new_figure, panel_grid
+from training.report.figures.style import legend_above, marker_legend, new_figure, panel_grid
 
 Colours = Mapping[str, str]
 ROW_SHARE = 0.7  # of the row of a class, over which its stimuli are placed
@@ -31,14 +30,13 @@ def speed_ups(
     colours
         By stimulus.
     """
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(1.2 + 0.5 * len(classes))
-        axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
-        for axis, (reference, stimuli) in zip(axes, panels.items(), strict=True):
-            _ratios(axis, len(classes), stimuli, colours)
-            axis.set(xlabel=f"times sooner than under {reference}", ylim=(len(classes) - 0.5, -0.5))
-        axes[0].set_yticks(range(len(classes)), classes)
-        legend_above(figure, axes, columns=5)
+    figure = new_figure(1.2 + 0.5 * len(classes))
+    axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+    for axis, (reference, stimuli) in zip(axes, panels.items(), strict=True):
+        _ratios(axis, len(classes), stimuli, colours)
+        axis.set(xlabel=f"times sooner than under {reference}", ylim=(len(classes) - 0.5, -0.5))
+    axes[0].set_yticks(range(len(classes)), classes)
+    legend_above(figure, axes, columns=5)
     return figure
 
 
@@ -82,22 +80,21 @@ def delay_cost_plane(
     budgets = dict.fromkeys(point["budget"] for point in points)
     markers = dict(zip(budgets, MARKERS * len(budgets), strict=False))
     front_style = {"color": TRUTH, "lw": 1.0, "ls": ":", "label": "best trade-offs", "zorder": 1}
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(5.0)
-        axes = figure.subplots(1, len(costs), sharey=True, squeeze=False)[0]
-        for axis, (cost, label) in zip(axes, costs.items(), strict=True):
-            axis.plot(*np.transpose(fronts[cost]), **front_style)
-            for point in points:
-                value, low, high = point["delay"]
-                stimulus = point["stimulus"]
-                style = {"color": colours[stimulus], "ms": 6, "label": stimulus}
-                axis.vlines(point[cost], low, high, color=colours[stimulus], lw=0.9, alpha=0.7)
-                axis.plot(point[cost], value, markers[point["budget"]], **style)
-            axis.set(xlabel=label)
-            axis.margins(0.08)
-        axes[0].set_ylabel("isolation, restricted mean [s]")
-        marker_legend(figure, markers, "budget")
-        legend_above(figure, axes, columns=5)
+    figure = new_figure(5.0)
+    axes = figure.subplots(1, len(costs), sharey=True, squeeze=False)[0]
+    for axis, (cost, label) in zip(axes, costs.items(), strict=True):
+        axis.plot(*np.transpose(fronts[cost]), **front_style)
+        for point in points:
+            value, low, high = point["delay"]
+            stimulus = point["stimulus"]
+            style = {"color": colours[stimulus], "ms": 6, "label": stimulus}
+            axis.vlines(point[cost], low, high, color=colours[stimulus], lw=0.9, alpha=0.7)
+            axis.plot(point[cost], value, markers[point["budget"]], **style)
+        axis.set(xlabel=label)
+        axis.margins(0.08)
+    axes[0].set_ylabel("isolation, restricted mean [s]")
+    marker_legend(figure, markers, "budget")
+    legend_above(figure, axes, columns=5)
     return figure
 
 
@@ -107,19 +104,18 @@ def around_onset(
     """Lines over the time since onset, a panel per class, a line per stimulus."""
     n_columns = 4
     n_rows = -(-len(panels) // n_columns)
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(0.8 + 1.75 * n_rows)
-        axes = panel_grid(figure, len(panels), n_columns, sharex=True, sharey=True)
-        for k, (axis, (title, lines)) in enumerate(zip(axes, panels.items(), strict=True)):
-            for name, line in lines.items():
-                axis.plot(time, line, color=colours[name], lw=1.1, label=name)
-            axis.axvline(0.0, color=TRUTH, lw=0.8, ls=":")
-            axis.set_title(title, fontsize=8)
-            axis.set_xlim(time[0], time[-1])
-            axis.tick_params(labelbottom=k >= len(panels) - n_columns)
-        figure.supxlabel("time since onset [s]", fontsize=9)
-        figure.supylabel(label, fontsize=9)
-        legend_above(figure, axes)
+    figure = new_figure(0.8 + 1.75 * n_rows)
+    axes = panel_grid(figure, len(panels), n_columns, sharex=True, sharey=True)
+    for k, (axis, (title, lines)) in enumerate(zip(axes, panels.items(), strict=True)):
+        for name, line in lines.items():
+            axis.plot(time, line, color=colours[name], lw=1.1, label=name)
+        axis.axvline(0.0, color=TRUTH, lw=0.8, ls=":")
+        axis.set_title(title, fontsize=8)
+        axis.set_xlim(time[0], time[-1])
+        axis.tick_params(labelbottom=k >= len(panels) - n_columns)
+    figure.supxlabel("time since onset [s]", fontsize=9)
+    figure.supylabel(label, fontsize=9)
+    legend_above(figure, axes)
     return figure
 
 
@@ -135,18 +131,17 @@ def active_episodes(drawn: Sequence[Mapping[str, Any]]) -> Figure:
     n_columns = 3
     n_rows = -(-len(drawn) // n_columns)
     options = {"sharex": True, "sharey": "row", "height_ratios": [1.3, 0.8, 1.0] * n_rows}
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(0.6 + 4.3 * n_rows)
-        grid = figure.subplots(3 * n_rows, n_columns, **options)
-        for k, episode in enumerate(drawn):
-            row, column = divmod(k, n_columns)
-            _episode(grid[3 * row : 3 * row + 3, column], episode)
-        for axis, label in zip(grid[:, 0], LABELS * n_rows, strict=True):
-            axis.set_ylabel(label)
-        for axis in grid[-1]:
-            axis.set_xlabel("time [s]")
-        figure.align_ylabels(grid[:, 0])
-        legend_above(figure, grid.flat, columns=5)
+    figure = new_figure(0.6 + 4.3 * n_rows)
+    grid = figure.subplots(3 * n_rows, n_columns, **options)
+    for k, episode in enumerate(drawn):
+        row, column = divmod(k, n_columns)
+        _episode(grid[3 * row : 3 * row + 3, column], episode)
+    for axis, label in zip(grid[:, 0], LABELS * n_rows, strict=True):
+        axis.set_ylabel(label)
+    for axis in grid[-1]:
+        axis.set_xlabel("time [s]")
+    figure.align_ylabels(grid[:, 0])
+    legend_above(figure, grid.flat, columns=5)
     return figure
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 
 from training.report.colours import TRUTH
@@ -20,7 +21,6 @@ STYLE = {
     "svg.fonttype": "path",
     "svg.hashsalt": "auv-fault",
 }
-MAP_STYLE = STYLE | {"axes.grid": False}
 
 
 def new_figure(height: float) -> Figure:
@@ -44,6 +44,12 @@ def fill_band(
     low = middle - half_width
     high = middle + half_width
     axis.fill_between(x, low, high, color=colour, alpha=0.18, lw=0)
+
+
+def show_map(axis: Axes, values: np.ndarray, **options: Any) -> AxesImage:
+    """The values as colours, without the grid."""
+    axis.grid(visible=False)
+    return axis.imshow(values, **({"aspect": "auto"} | options))
 
 
 def slanted_names(axis: Axes, names: Sequence[str], angle: float, **options: Any) -> None:

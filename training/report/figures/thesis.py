@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from textwrap import fill
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -13,14 +12,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 
 from training.report.colours import COMMAND, PORT, SPEED, STARBOARD, TRUTH
-from training.report.figures.style import (
-    MAP_STYLE,
-    STYLE,
-    fill_band,
-    legend_above,
-    new_figure,
-    write_cell,
-)
+from training.report.figures.style import fill_band, legend_above, new_figure, show_map, write_cell
 
 Series = Sequence[float]
 Rows = Sequence[Series]
@@ -42,21 +34,20 @@ def network_outputs(
     """
     n_points = len(point) * (point[1] - point[0])
     length = n_points / len(modes)
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(7.6)
-        axes = figure.subplots(len(presentations), 1, sharex=True)
-        for axis, count, means, stds in zip(axes, presentations, mean, std, strict=True):
-            _outputs(axis, point, modes, means, stds)
-            for k in range(1, len(modes)):
-                axis.axvline(k * length, color=TRUTH, lw=0.8, ls=":")
-            axis.set(ylabel="output", xlim=(0, n_points), ylim=(-0.05, 1.1))
-            axis.set_title(f"after {count:,} presentations", loc="left", fontsize=9)
-        for k, (mode, colour) in enumerate(zip(modes, MODE_COLOURS, strict=False)):
-            style = {"ha": "center", "fontsize": 8, "color": colour}
-            axes[0].text((k + 0.5) * length, 1.14, f"true: {mode}", **style)
-        axes[0].set_title(f"after {presentations[0]:,} presentations\n", loc="left", fontsize=9)
-        axes[-1].set_xlabel("point of the training set")
-        legend_above(figure, axes)
+    figure = new_figure(7.6)
+    axes = figure.subplots(len(presentations), 1, sharex=True)
+    for axis, count, means, stds in zip(axes, presentations, mean, std, strict=True):
+        _outputs(axis, point, modes, means, stds)
+        for k in range(1, len(modes)):
+            axis.axvline(k * length, color=TRUTH, lw=0.8, ls=":")
+        axis.set(ylabel="output", xlim=(0, n_points), ylim=(-0.05, 1.1))
+        axis.set_title(f"after {count:,} presentations", loc="left", fontsize=9)
+    for k, (mode, colour) in enumerate(zip(modes, MODE_COLOURS, strict=False)):
+        style = {"ha": "center", "fontsize": 8, "color": colour}
+        axes[0].text((k + 0.5) * length, 1.14, f"true: {mode}", **style)
+    axes[0].set_title(f"after {presentations[0]:,} presentations\n", loc="left", fontsize=9)
+    axes[-1].set_xlabel("point of the training set")
+    legend_above(figure, axes)
     return figure
 
 
@@ -73,16 +64,15 @@ def confusion_by_size(
     """How many of 100 points are confused, by drag fault (rows) and propeller fault (columns)."""
     counts = np.array(count)
     scale = {"cmap": "YlOrRd", "vmin": 0.0, "vmax": 100.0}
-    with matplotlib.rc_context(MAP_STYLE):
-        figure = new_figure(3.6)
-        axis = figure.subplots()
-        image = axis.imshow(counts, aspect="auto", origin="lower", **scale)
-        for (row, column), value in np.ndenumerate(counts):
-            write_cell(axis, row, column, text[row][column], "w" if value > 60 else TRUTH)
-        axis.set_xticks(range(len(propellers)), [fill(name, 16) for name in propellers], fontsize=8)
-        axis.set_yticks(range(len(drags)), drags)
-        axis.set(xlabel="propeller fault", ylabel="drag fault")
-        figure.colorbar(image, ax=axis, label="points of 100")
+    figure = new_figure(3.6)
+    axis = figure.subplots()
+    image = show_map(axis, counts, origin="lower", **scale)
+    for (row, column), value in np.ndenumerate(counts):
+        write_cell(axis, row, column, text[row][column], "w" if value > 60 else TRUTH)
+    axis.set_xticks(range(len(propellers)), [fill(name, 16) for name in propellers], fontsize=8)
+    axis.set_yticks(range(len(drags)), drags)
+    axis.set(xlabel="propeller fault", ylabel="drag fault")
+    figure.colorbar(image, ax=axis, label="points of 100")
     return figure
 
 
@@ -90,14 +80,13 @@ def decision_surfaces(
     axis: Series, surfaces: Mapping[str, Rows], windows: Mapping[str, Series]
 ) -> Figure:
     """Heights over the map, (n_alpha, n_beta), a panel each; the normal window as a box."""
-    with matplotlib.rc_context(MAP_STYLE):
-        figure = new_figure(3.5)
-        panels = figure.subplots(1, len(surfaces), sharex=True, sharey=True)
-        for panel, (title, surface) in zip(panels, surfaces.items(), strict=True):
-            image = _surface(panel, axis, surface, windows)
-            panel.set(title=title, xlabel="alpha, normalised", xticks=(0.0, 0.2, 0.4, 0.6, 0.8))
-        panels[0].set_ylabel("beta, normalised")
-        figure.colorbar(image, ax=panels, label="height: severity")
+    figure = new_figure(3.5)
+    panels = figure.subplots(1, len(surfaces), sharex=True, sharey=True)
+    for panel, (title, surface) in zip(panels, surfaces.items(), strict=True):
+        image = _surface(panel, axis, surface, windows)
+        panel.set(title=title, xlabel="alpha, normalised", xticks=(0.0, 0.2, 0.4, 0.6, 0.8))
+    panels[0].set_ylabel("beta, normalised")
+    figure.colorbar(image, ax=panels, label="height: severity")
     return figure
 
 
@@ -105,7 +94,7 @@ def _surface(panel: Axes, axis: Series, surface: Rows, windows: Mapping[str, Ser
     half_step = 0.5 * (axis[1] - axis[0])
     extent = (axis[0] - half_step, axis[-1] + half_step) * 2
     heights = np.array(surface).T
-    image = panel.imshow(heights, origin="lower", extent=extent, aspect="auto", **HEIGHT)
+    image = show_map(panel, heights, origin="lower", extent=extent, **HEIGHT)
     left, right = windows["alpha"]
     low, high = windows["beta"]
     style = {"fill": False, "ec": TRUTH, "lw": 1.0, "ls": "--"}
@@ -124,19 +113,18 @@ def network_response(
 
     Each panel has mean and std over networks, (n_modes + 1, n_samples), the severity last.
     """
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(5.0)
-        axes = figure.subplots(len(panels), 1, sharex=True)
-        for axis, (title, lines) in zip(axes, panels.items(), strict=True):
-            _outputs(axis, time, modes, lines["mean"], lines["std"])
-            axis.plot(time, lines["mean"][-1], color=TRUTH, lw=1.2, ls="--", label="severity")
-            axis.axvline(onset, color=TRUTH, lw=0.9, label="fault begins")
-            for change in speed_changes:
-                axis.axvline(change, color=COMMAND, lw=0.6, ls=":")
-            axis.set(ylabel="output", xlim=(time[0], time[-1]), ylim=(-0.05, 1.15))
-            axis.set_title(title, loc="left", fontsize=9)
-        axes[-1].set_xlabel("time [s]")
-        legend_above(figure, axes, columns=4)
+    figure = new_figure(5.0)
+    axes = figure.subplots(len(panels), 1, sharex=True)
+    for axis, (title, lines) in zip(axes, panels.items(), strict=True):
+        _outputs(axis, time, modes, lines["mean"], lines["std"])
+        axis.plot(time, lines["mean"][-1], color=TRUTH, lw=1.2, ls="--", label="severity")
+        axis.axvline(onset, color=TRUTH, lw=0.9, label="fault begins")
+        for change in speed_changes:
+            axis.axvline(change, color=COMMAND, lw=0.6, ls=":")
+        axis.set(ylabel="output", xlim=(time[0], time[-1]), ylim=(-0.05, 1.15))
+        axis.set_title(title, loc="left", fontsize=9)
+    axes[-1].set_xlabel("time [s]")
+    legend_above(figure, axes, columns=4)
     return figure
 
 
@@ -152,16 +140,15 @@ def trajectories(
     Each path has the estimates without noise (`clean`), those of one noisy run (`noisy`), and the
     samples of `clean` at the `instants` (`marks`).
     """
-    with matplotlib.rc_context(MAP_STYLE):
-        figure = new_figure(4.4)
-        panels = figure.subplots(1, len(paths), sharex=True, sharey=True)
-        for panel, (title, path) in zip(panels, paths.items(), strict=True):
-            image = _surface(panel, axis, surface, windows)
-            _path(panel, path, instants)
-            panel.set(title=title, xlabel="alpha, normalised", xlim=(0, 1), ylim=(0, 1))
-        panels[0].set_ylabel("beta, normalised")
-        figure.colorbar(image, ax=panels, label="severity of the map")
-        legend_above(figure, panels)
+    figure = new_figure(4.4)
+    panels = figure.subplots(1, len(paths), sharex=True, sharey=True)
+    for panel, (title, path) in zip(panels, paths.items(), strict=True):
+        image = _surface(panel, axis, surface, windows)
+        _path(panel, path, instants)
+        panel.set(title=title, xlabel="alpha, normalised", xlim=(0, 1), ylim=(0, 1))
+    panels[0].set_ylabel("beta, normalised")
+    figure.colorbar(image, ax=panels, label="severity of the map")
+    legend_above(figure, panels)
     return figure
 
 
