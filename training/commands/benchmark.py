@@ -52,12 +52,8 @@ class Run(NamedTuple):
     ----------
     name, arguments, command
         Subcommand and arguments for the manifest; the command line for the results.
-    output
-        Folder of the report and the trials.
     suite_identity
         Entries of the manifest by which a run is known whose trials can be taken over.
-    plan, entrants
-        What is run.
     seed
         Of the bootstrap.
     workers, backend
@@ -79,7 +75,8 @@ class Run(NamedTuple):
 def main(arguments: Benchmark) -> None:
     """Run what has not been run yet, score it, and write report, figures and results."""
     plan = _plan(arguments)
-    entrants = _entrants(arguments)
+    third_parties = load_third_parties(arguments.diagnoser)
+    entrants = named_entrants(arguments.diagnosers or NAMES, third_parties)
     workers = ALL_CORES if arguments.workers is None else whole_number("workers", arguments.workers)
     check_backend(arguments.backend)
     run = Run(
@@ -135,7 +132,7 @@ def _results(run: Run, folder: Path) -> dict[str, Any]:
     results = header(run.command, plan, run.seed, working, failures) | scores
     # bounds are those of the suite's faults, for any diagnoser
     if plan.suite == load(STANDARD) and plan.every == 1:
-        open_loop = [one for one in plan.stimuli if not isinstance(one, ClosedLoop)]
+        open_loop = [s for s in plan.stimuli if not isinstance(s, ClosedLoop)]
         results["bounds"] = bounds_by_stimulus(open_loop, run.seed, run.workers, run.backend)
     return results
 
@@ -156,12 +153,6 @@ def _plan(arguments: Benchmark) -> BenchmarkPlan:
     plan = BenchmarkPlan(suite, load(STANDARD).conditions, stimuli, hours, every)
     plan.check_seeds()
     return plan
-
-
-def _entrants(arguments: Benchmark) -> dict[str, Entrant]:
-    """The diagnosers asked for, and all third parties."""
-    third_parties = load_third_parties(arguments.diagnoser)
-    return named_entrants(arguments.diagnosers or NAMES, third_parties)
 
 
 def named_entrants(names: Iterable[str], third_parties: Mapping[str, Any]) -> dict[str, Entrant]:

@@ -34,17 +34,7 @@ from training.report.run_folder import run_folder, write_json
 
 EXIT_CODES = {HEALTHY: 0, UNUSABLE: 2, FAULT: 3}
 MOST_FIGURES = {FAULT: 12, HEALTHY: 2}  # of logs, by verdict
-CELLS = (
-    "log",
-    "verdict",
-    "alarm_time",
-    "fault",
-    "side",
-    "severity",
-    "severity_low",
-    "severity_high",
-    "duration",
-)
+CELLS = "log verdict alarm_time fault side severity severity_low severity_high duration".split()
 
 
 class DiagnosedLog(NamedTuple):

@@ -24,12 +24,7 @@ OFFICIAL = "official test split"
 class Decisions(NamedTuple):
     """Decisions of a forest on the runs that a protocol holds out.
 
-    Attributes
-    ----------
-    protocol, inputs
-        Names of the protocol, and of the inputs of the forest.
-    label, decision
-        True and decided class, (n_runs,).
+    `protocol` and `inputs` are names; `label` and `decision` true and decided class, (n_runs,).
     """
 
     protocol: str

@@ -31,16 +31,9 @@ WRITERS = {"csv": pyarrow.csv.CSVWriter, "parquet": pyarrow.parquet.ParquetWrite
 
 
 class Chunk(NamedTuple):
-    """Episodes of some vehicles.
+    """Episodes of some vehicles: numbers and seeds (n_lanes,), schedules by number.
 
-    Attributes
-    ----------
-    vehicles, seeds
-        Numbers of the vehicles and their seeds, (n_lanes,).
-    schedules
-        By number of the vehicle.
-    columns
-        Channels and truth, (n_steps + 1, n_lanes) each, the first at the start.
+    `columns` are channels and truth, (n_steps + 1, n_lanes) each, the first sample at the start.
     """
 
     vehicles: np.ndarray

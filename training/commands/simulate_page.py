@@ -7,6 +7,7 @@ import numpy as np
 
 from auv_fault_env.schedules import Schedule
 from training.report.lines import line_without_band
+from training.report.sections import figure_section, table_section
 
 N_SHOWN = 100  # vehicles in the table of the page; all are in schedules.json
 PANELS = {
@@ -26,18 +27,8 @@ def report(
 ) -> dict[str, Any]:
     """The report as plain data.
 
-    Parameters
-    ----------
-    command
-        The command that simulated.
-    names
-        Columns of the tables.
-    schedules
-        By number of the vehicle.
-    seed
-        Of the first vehicle.
-    first_vehicle
-        Its time and channels, (n_samples,) each.
+    `names` are the columns of the tables, `schedules` by number of the vehicle, `seed` that of the
+    first vehicle, and `first_vehicle` its time and channels, (n_samples,) each.
     """
     intro = (
         f"{len(schedules)} vehicles, one row per vehicle and sample of 0.1 s, in the order of the "
@@ -47,26 +38,19 @@ def report(
     rows = []
     for vehicle, schedule in list(schedules.items())[:N_SHOWN]:
         rows.append([str(vehicle), str(seed + vehicle), schedule_text(schedule)])
+    faults = f"The first {len(rows)} vehicles; every schedule is in schedules.json."
     return {
         "title": "Simulated episodes",
         "command": command,
         "intro": [intro, f"Columns: {', '.join(names)}."],
         "sections": [
-            {
-                "heading": "The first vehicle",
-                "text": [],
-                "figures": [reading_figure(schedules[0], first_vehicle)],
-            },
-            {
-                "heading": "Faults",
-                "text": [f"The first {len(rows)} vehicles; every schedule is in schedules.json."],
-                "table": {"columns": ["vehicle", "seed", "faults"], "rows": rows},
-            },
+            first_vehicle_section(schedules[0], first_vehicle),
+            table_section("Faults", ["vehicle", "seed", "faults"], rows, faults),
         ],
     }
 
 
-def reading_figure(schedule: Schedule, columns: Mapping[str, np.ndarray]) -> dict[str, Any]:
+def first_vehicle_section(schedule: Schedule, columns: Mapping[str, np.ndarray]) -> dict[str, Any]:
     """Readings of the first vehicle."""
     panels = {}
     for label, channels in PANELS.items():
@@ -74,12 +58,9 @@ def reading_figure(schedule: Schedule, columns: Mapping[str, np.ndarray]) -> dic
             name: line_without_band(columns[channel]) for name, channel in channels.items()
         }
     onset = min((event.onset for event in schedule), default=None)
-    return {
-        "plot": "transients",
-        "name": "first-vehicle",
-        "caption": f"Readings of vehicle 0: {schedule_text(schedule)}.",
-        "data": {"time": columns["time"].tolist(), "panels": panels, "onset": onset},
-    }
+    caption = f"Readings of vehicle 0: {schedule_text(schedule)}."
+    data = {"time": columns["time"].tolist(), "panels": panels, "onset": onset}
+    return figure_section("The first vehicle", "transients", "first-vehicle", caption, data)
 
 
 def schedule_text(schedule: Schedule) -> str:

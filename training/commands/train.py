@@ -59,12 +59,7 @@ def main(arguments: Train) -> None:
 def is_finished(output: Path, name: str, arguments: Any, settings: Sequence[str]) -> bool:
     """Whether the output is that of this training; another training is refused, for its hours.
 
-    Parameters
-    ----------
-    name
-        Of the command.
-    settings
-        Names of the arguments in which two trainings must agree.
+    `name` is that of the command, `settings` the arguments in which two trainings must agree.
     """
     manifest = read_manifest(output)
     if manifest is None or manifest["command"] != f"auv-fault {name}":

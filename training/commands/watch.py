@@ -37,13 +37,7 @@ def main(arguments: Watch) -> None:
 
 
 def free_port(port: int) -> int:
-    """The port, or any free one for 0.
-
-    Raises
-    ------
-    InputError
-        If the port is taken.
-    """
+    """The port, or any free one for 0; a taken one is refused."""
     finite_in_range("port", port, 0, 65535)
     with socket.socket() as probe:
         # as the server will do, for a port whose last server has just ended

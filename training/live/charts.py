@@ -46,19 +46,16 @@ def speed(history: History, show_truth: bool) -> Options:
     return _over_time("speed [m/s]", history, lines)
 
 
-def rpm(history: History, show_truth: bool) -> Options:
-    """Speeds of both shafts."""
-    return _over_time("shaft speed [rpm]", history, _sides(history, "rpm"))
+def of_both_sides(title: str, quantity: str) -> Callable[[History, bool], Options]:
+    """A chart of the same reading on both sides."""
 
+    def chart(history: History, show_truth: bool) -> Options:
+        lines = {}
+        for side, colour in zip(SIDES, (PORT, STARBOARD), strict=True):
+            lines[side] = _line(_channel(history, f"{side}_{quantity}"), colour)
+        return _over_time(title, history, lines)
 
-def current(history: History, show_truth: bool) -> Options:
-    """Currents of both motors."""
-    return _over_time("motor current [A]", history, _sides(history, "current"))
-
-
-def voltage(history: History, show_truth: bool) -> Options:
-    """Voltages of both motors."""
-    return _over_time("motor voltage [V]", history, _sides(history, "voltage"))
+    return chart
 
 
 def belief(history: History, show_truth: bool) -> Options:
@@ -68,7 +65,7 @@ def belief(history: History, show_truth: bool) -> Options:
     likeliest = 1 + np.argsort(-highest, kind="stable")[:N_FAULTS]
     lines = {}
     for k in (0, *sorted(likeliest.tolist())):
-        lines[classes()[k]] = _line(probability[:, k], **_class_style(k))
+        lines[classes()[k]] = _line(probability[:, k], **_class_style(k), width=2)
     title = "belief: probability of normal and of the likeliest faults"
     options = _over_time(title, history, lines, top=1.0)
     options["grid"]["top"] = 66  # below two rows of names
@@ -120,19 +117,14 @@ CHARTS: dict[str, Callable[[History, bool], Options]] = {
     "belief": belief,
     "severity": severity,
     "speed": speed,
-    "rpm": rpm,
-    "current": current,
-    "voltage": voltage,
+    "rpm": of_both_sides("shaft speed [rpm]", "rpm"),
+    "current": of_both_sides("motor current [A]", "current"),
+    "voltage": of_both_sides("motor voltage [V]", "voltage"),
 }
 
 
 def _channel(history: History, name: str) -> np.ndarray:
     return history.observation[:, INDEX[name]]
-
-
-def _sides(history: History, quantity: str) -> dict[str, Options]:
-    colours = dict(zip(SIDES, (PORT, STARBOARD), strict=True))
-    return {side: _line(_channel(history, f"{side}_{quantity}"), colours[side]) for side in SIDES}
 
 
 def _class_style(index: int) -> dict[str, str]:

@@ -11,29 +11,16 @@ WINDOW = 60.0  # s, length of the history
 
 
 class Mark(NamedTuple):
-    """Something that a person did to the vehicle: time [s], and `fault` or `repair`."""
+    """What a person did to the vehicle: time [s], and `fault` or `repair`."""
 
     time: float
     action: str
 
 
 class History(NamedTuple):
-    """The last samples, oldest first.
+    """The last samples, oldest first: arrays with n_samples rows, and the marks of that time.
 
-    Attributes
-    ----------
-    time
-        Since the start [s], (n_samples,).
-    observation
-        (n_samples, n_channels), channels as in `CHANNELS`.
-    belief
-        Of the diagnoser, (n_samples, n_classes) each.
-    alarm
-        Whether the alarm stands, (n_samples,).
-    true_speed
-        (n_samples,) [m/s].
-    marks
-        What a person did to the vehicle in that time.
+    `time` is since the start [s], `true_speed` in m/s, `alarm` whether the alarm stands.
     """
 
     time: np.ndarray

@@ -89,19 +89,18 @@ class Page:
             with ui.row().classes("gap-2"):
                 _button("inject", self._and_update(inject)).props("color=negative")
                 _button("repair", self._and_update(self.session.repair)).props("outline")
-            random = _button("random", self._and_update(self.session.inject_random_fault))
-            random.props("flat dense").tooltip("inject a random fault, which stays hidden")
+            random = _button("random fault", self._and_update(self.session.inject_random_fault))
+            random.props("flat dense").tooltip("its kind, place and severity stay hidden")
 
     def _control_diagnosis(self) -> None:
         with _card("diagnosis"):
-            self.diagnoser = _select("diagnoser", DIAGNOSERS, self.session.diagnoser.name)
+            session = self.session
+            self.diagnoser = _select("diagnoser", DIAGNOSERS, session.diagnoser.name)
             self.diagnoser.on_value_change(
-                lambda event: self._choose(self.session.choose_diagnoser, event.value)
+                lambda e: self._choose(session.choose_diagnoser, e.value)
             )
-            self.stimulus = _select("stimulus", STIMULI, self.session.stimulus.name)
-            self.stimulus.on_value_change(
-                lambda event: self._choose(self.session.choose_stimulus, event.value)
-            )
+            self.stimulus = _select("stimulus", STIMULI, session.stimulus.name)
+            self.stimulus.on_value_change(lambda e: self._choose(session.choose_stimulus, e.value))
             self.shows_truth = ui.switch("show the truth", on_change=self.update).mark("show-truth")
 
     def _show_verdict(self) -> None:
@@ -123,6 +122,9 @@ class Page:
             self.update()
 
         return act
+
+    def _on_choice(self, select: ui.select, choose: Callable[[str], None]) -> None:
+        select.on_value_change(lambda event: self._choose(choose, event.value))
 
     async def _choose(self, choose: Callable[[str], None], name: str) -> None:
         """Choose in a thread, because that may load a network or compute a wave."""

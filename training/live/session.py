@@ -36,19 +36,7 @@ ANY_FAULT = ScheduleSampler(
 
 
 class Sample(NamedTuple):
-    """One sample.
-
-    Attributes
-    ----------
-    time
-        Since the start [s].
-    observation
-        (1, n_channels).
-    belief
-        Of the diagnoser after the observation, (1, n_classes) each.
-    true_speed
-        [m/s].
-    """
+    """Time since the start [s], observation (1, n_channels), belief after it, true speed [m/s]."""
 
     time: float
     observation: np.ndarray
@@ -57,16 +45,9 @@ class Sample(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """The truth about the vehicle now.
+    """The truth about the vehicle now: class of the worst fault, and what the faults have changed.
 
-    Attributes
-    ----------
-    label
-        Class of the worst fault, `normal` without one.
-    severity
-        By class, of the faults that are present.
-    parameters
-        Healthy and faulty value by name, of the parameters that the faults have changed.
+    `severity` is by class; `parameters` are healthy and faulty values by name.
     """
 
     label: str
@@ -157,16 +138,9 @@ class Session:
         return float(self._fleet.time[0])
 
     def inject(self, fault: str, severity: float = 1.0, ramp: float = 0.0) -> None:
-        """Begin a fault now.
+        """Begin a fault of the catalogue now, growing to its severity (0 to 1) in `ramp` [s].
 
-        Parameters
-        ----------
-        fault
-            Name in the catalogue; the same fault again replaces the first.
-        severity
-            0 to 1.
-        ramp
-            Time to full severity [s].
+        The same fault again replaces the first.
         """
         self._add_fault(FaultEvent(fault, self.time, severity, ramp))
 

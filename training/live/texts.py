@@ -33,8 +33,8 @@ def advice_text(advice: Advice) -> str:
     lines = advice.reason[0].split("; ")
     lines += [
         f"reachable speed: {_quantiles_text(advice.reachable_speed, 'm/s', 2)}",
-        f"energy at the mission's speed: {_quantiles_text(advice.energy_per_metre, 'J/m', 1)}",
-        f"range at the mission's speed: {_quantiles_text(advice.range, 'm', 0)}",
+        f"energy at the mission speed: {_quantiles_text(advice.energy_per_metre, 'J/m', 1)}",
+        f"range at the mission speed: {_quantiles_text(advice.range, 'm', 0)}",
         f"range home: {_quantiles_text(advice.range_home, 'm', 0)}",
     ]
     return "\n".join(lines)

@@ -17,16 +17,7 @@ from typing import Any, NamedTuple
 from auv_fault_env.errors import refusal
 
 PACKAGES = (
-    "auv-fault",
-    "gymnasium",
-    "joblib",
-    "matplotlib",
-    "numba",
-    "numpy",
-    "pyarrow",
-    "safetensors",
-    "scipy",
-    "torch",
+    "auv-fault gymnasium joblib matplotlib numba numpy pyarrow safetensors scipy torch".split()
 )
 MANIFEST = "manifest.json"
 # what comes before the name in the commands that write run folders
@@ -35,14 +26,9 @@ STUDY = "python -m training.studies."
 
 
 class UnfinishedRun(NamedTuple):
-    """What a run in progress has created.
+    """What a run in progress has created: the hidden folder that it writes into, if it exists yet.
 
-    Attributes
-    ----------
-    folder
-        The hidden folder that it writes into; empty until that exists.
-    parents
-        Parents of the output that did not exist before, innermost first.
+    `parents` are those parents of the output that did not exist before, innermost first.
     """
 
     folder: list[Path]

@@ -37,14 +37,8 @@ class NetworkSettings(NamedTuple):
 class Networks(NamedTuple):
     """Weights of many networks, padded to the widest; the last column of a layer is the bias.
 
-    Attributes
-    ----------
-    hidden
-        (n_networks, widest, n_inputs + 1), zero where a smaller network has no node.
-    output
-        (n_networks, n_outputs, widest + 1), zero where a smaller network has no node.
-    n_hidden
-        Number of hidden nodes, (n_networks,).
+    `hidden` is (n_networks, widest, n_inputs + 1), `output` (n_networks, n_outputs, widest + 1);
+    both are zero where a smaller network has no node.
     """
 
     hidden: np.ndarray
@@ -219,12 +213,7 @@ def _learn(hidden, output, size, sample, activity, error, hidden_step, output_st
 def evaluate(networks: Networks, inputs: np.ndarray) -> np.ndarray:
     """Outputs of the networks, (..., n_networks, n_points, n_outputs).
 
-    Parameters
-    ----------
-    networks
-        Their weights may have further axes in front.
-    inputs
-        (n_points, n_inputs) for all networks, or (n_networks, n_points, n_inputs).
+    Inputs are (n_points, n_inputs) for all networks, or (n_networks, n_points, n_inputs).
     """
     activity = _layer(networks.hidden, inputs)
     return _layer(networks.output, activity)

@@ -17,6 +17,7 @@ from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.truth import FleetTruth
 from diagnosers.consistency import consistency_band, nees, nis
 from diagnosers.kalman import PARAMETERS, ParameterFilter, SurgeFilter
+from training.report.sections import figure, table_section
 
 SETTLED = 50  # samples before the first test: the speed is known by then
 PRIOR = (0.1, 0.1, 0.1)  # relative, so that no vehicle is absurd
@@ -29,10 +30,7 @@ PLANT_ROWS = {"alpha": ("alpha",), "beta": ("port_beta", "starboard_beta"), "gam
 class WalkingTruth:
     """Relative (alpha, beta, gamma) of every lane, which walk at random below the filter's ceiling.
 
-    Attributes
-    ----------
-    relative
-        The parameters now, (n_lanes, 3).
+    `relative` are the parameters now, (n_lanes, 3).
     """
 
     def __init__(self, kalman: ParameterFilter | SurgeFilter, n_lanes: int, seed: int):
@@ -60,21 +58,9 @@ class WalkingTruth:
 def run(
     name: str, seeds: int = 200, seed: int = 0, steps: int = 600
 ) -> tuple[np.ndarray, np.ndarray]:
-    """NEES and NIS of a filter on the thesis' mission with swinging rudders.
+    """NEES and NIS (steps, seeds) of one of `FILTERS` on the thesis' mission with swinging rudders.
 
-    Parameters
-    ----------
-    name
-        One of `FILTERS`.
-    seeds, seed
-        Number of seeds, and the first of them.
-    steps
-        Length of the runs in samples.
-
-    Returns
-    -------
-    nees, nis
-        (steps, seeds) each.
+    `seeds` is the number of seeds, `seed` the first of them.
     """
     make_filter, disturbance = FILTERS[name]
     kalman = make_filter(disturbance=disturbance, prior_std=PRIOR)
@@ -149,19 +135,12 @@ def section(seeds: int, seed: int) -> dict[str, Any]:
         "scatters more widely about 95 % than independent ones would. Means and shares leave out "
         "the first five seconds."
     )
-    figure = {
-        "plot": "consistency",
-        "name": "consistency",
-        "caption": "NEES and NIS of both filters over time, with their 95 % bands.",
-        "data": {"time": time, "summaries": summaries},
-    }
+    caption = "NEES and NIS of both filters over time, with their 95 % bands."
+    data = {"time": time, "summaries": summaries}
+    figures = [figure("consistency", "consistency", caption, data)]
     columns = ["filter", "quantity", "expected", "mean", "95 % band", "instants inside"]
-    return {
-        "heading": "Do the filters know their own errors?",
-        "text": [text],
-        "table": {"columns": columns, "rows": rows},
-        "figures": [figure],
-    }
+    heading = "Do the filters know their own errors?"
+    return table_section(heading, columns, rows, text) | {"figures": figures}
 
 
 def _row(name: str, key: str, statistic: dict[str, Any]) -> list[str]:

@@ -23,14 +23,9 @@ TRUE_SEVERITY = severity(TARGETS)
 
 
 class Response(NamedTuple):
-    """The networks' response to a test run.
+    """Estimates of a test run as points of the map, and the outputs of the networks.
 
-    Attributes
-    ----------
-    points
-        Estimates as points of the map, (n_networks, n_samples, 2).
-    outputs
-        (n_networks, n_samples, n_modes).
+    (n_networks, n_samples, 2) and (n_networks, n_samples, n_modes).
     """
 
     points: np.ndarray
@@ -38,10 +33,7 @@ class Response(NamedTuple):
 
 
 class KalmanStudy(NamedTuple):
-    """Networks by number of hidden nodes, and their outputs over the map.
-
-    Each of the outputs is (n_networks, n_points, n_modes).
-    """
+    """Networks by number of hidden nodes, and their outputs (n_networks, n_points, n_modes)."""
 
     networks: dict[int, Networks]
     outputs: dict[int, np.ndarray]

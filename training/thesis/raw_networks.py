@@ -67,16 +67,9 @@ THRUST_ALONE = (0.35, "beta −35 %, torque as before")  # with the sizes of IV.
 class RawStudy(NamedTuple):
     """Outputs of the networks, each (n_checkpoints, n_networks, n_points, n_modes).
 
-    Attributes
-    ----------
-    by_size
-        By number of hidden nodes, without noise.
-    noisy
-        Six hidden nodes, the readings of every network with noise of their own.
-    by_settings
-        By (learning rate, momentum), without noise.
-    by_variant
-        By (severity of the drag fault, kind of propeller fault), without noise.
+    `noisy` networks have six hidden nodes and readings with noise of their own; all others are
+    without noise: by number of hidden nodes, by (learning rate, momentum), and by (severity of the
+    drag fault, kind of propeller fault).
     """
 
     by_size: dict[int, np.ndarray]
@@ -121,15 +114,7 @@ def _groups(seeds: Sequence[int], n_noisy: int) -> dict[tuple, list[NetworkSetti
 
 
 def training_sets(readings: np.ndarray, runs: Sequence[str]) -> np.ndarray:
-    """Training sets (n_seeds, n_points, n_inputs) from the recorded test runs.
-
-    Parameters
-    ----------
-    readings
-        (n_samples, n_runs, n_seeds, n_channels).
-    runs
-        Names of the runs.
-    """
+    """Training sets (n_seeds, n_points, n_inputs) from the readings of the test runs."""
     rows = [runs.index(run) for run in RUNS]
     recorded = readings[:POINTS, rows][..., COLUMNS]
     return _network_inputs(recorded.transpose(2, 1, 0, 3))

@@ -45,16 +45,10 @@ TEST_RUNS: dict[str, TestRun] = {
 
 
 class Recording(NamedTuple):
-    """Readings and estimates of all test runs.
+    """Readings and estimates of all test runs, (STEPS + 1, n_runs, n_seeds, ...) each.
 
-    Attributes
-    ----------
-    readings
-        (STEPS + 1, n_runs, n_seeds, n_channels).
-    mean, std
-        Estimates of alpha, beta and gamma relative to nominal, (STEPS + 1, n_runs, n_seeds, 3).
-    nis
-        Normalised innovation squared of the filter, (STEPS + 1, n_runs, n_seeds).
+    `mean` and `std` are of alpha, beta and gamma relative to nominal; `nis` is the normalised
+    innovation squared of the filter.
     """
 
     readings: np.ndarray

@@ -72,7 +72,7 @@ def test_controls_reach_the_vehicle():
         assert not place.visible
         user.find("inject").click()
         assert list(page.session.faults) == ["sensor_bias:port_rpm", "increased_drag"]
-        user.find("random").click()
+        user.find("random fault").click()
         assert len(page.session.faults) == 3
 
     visit(act)
