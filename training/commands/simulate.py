@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +15,7 @@ from tqdm import tqdm
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import finite_in_range, refusal
 from auv_fault_env.fleet import Fleet
-from auv_fault_env.missions import MISSIONS, Mission, mission_of
+from auv_fault_env.missions import Mission, mission_of
 from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.schedules import Events, Schedule, load_schedule, schedules_of, to_json
 from auv_fault_env.truth import FleetTruth
@@ -89,17 +89,10 @@ def _checked_schedule(arguments: Simulate) -> Schedule:
 
 def _mission(text: str) -> Mission:
     """The mission of that name, or at that speed."""
-    if text not in MISSIONS and _is_number(text):
-        return mission_of(float(text))
-    return mission_of(text)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    name_or_speed: str | float = text
+    with suppress(ValueError):
+        name_or_speed = float(text)
+    return mission_of(name_or_speed)
 
 
 class TableFiles:

@@ -10,8 +10,9 @@ up in another order.
 import os
 import shutil
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -42,18 +43,33 @@ def main(arguments: Train) -> None:
     trainer = make_trainer(arguments.name, arguments.seed)
     if arguments.epochs is not None and whole_number("epochs", arguments.epochs) > trainer.epochs:
         raise refusal("epochs", arguments.epochs, f"1 to {trainer.epochs}", "leave it out for all")
-    output = checked_output(arguments.output or Path("runs") / f"train-{arguments.name}")
+    run_training("train", arguments, SETTINGS, arguments.name, partial(_run, arguments, trainer))
+
+
+def run_training(
+    command: str,
+    arguments: Any,
+    settings: Sequence[str],
+    name: str,
+    run: Callable[[Path, Path], None],
+) -> None:
+    """Train or continue, unless the output is finished; install the weights if that is asked for.
+
+    `name` is that of the weights; `run` trains in the second folder and writes the first.
+    """
+    output = checked_output(arguments.output or Path("runs") / f"train-{name}")
     unfinished = unfinished_folder(output)
     if arguments.restart:
         shutil.rmtree(unfinished, ignore_errors=True)
     must_train = arguments.restart or unfinished.exists()
-    if must_train or not is_finished(output, "train", arguments, SETTINGS):
-        _run(arguments, trainer, output, unfinished)
+    if must_train or not is_finished(output, command, arguments, settings):
+        run(output, unfinished)
+        shutil.rmtree(unfinished, ignore_errors=True)
         print(f"report: {output / 'index.html'}")
     else:
         print(f"already trained: {output}; --restart trains anew")
     if arguments.install:
-        install(output, arguments.name)
+        install(output, name)
 
 
 def is_finished(output: Path, name: str, arguments: Any, settings: Sequence[str]) -> bool:
@@ -97,7 +113,6 @@ def _run(arguments: Train, trainer: Trainer, output: Path, unfinished: Path) -> 
             shutil.copytree(unfinished / LOG, folder / LOG)
             training_card = card(arguments, trainer.data, progress, figures, seconds)
             write_run(folder, diagnoser, training_card)
-    shutil.rmtree(unfinished, ignore_errors=True)
 
 
 def card(

@@ -7,6 +7,7 @@ up to whole epochs.
 """
 
 import shutil
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,13 @@ from auv_fault_env.channels import MAXIMUM_COMMAND
 from auv_fault_env.errors import finite_in_range, known_name, whole_number
 from diagnosers.registry import ranked
 from training.arguments import TrainStimulus
-from training.commands.train import explain_interruption, install, is_finished
-from training.learning.checkpoint import LOG, Progress, unfinished_folder
+from training.commands.train import explain_interruption, run_training
+from training.learning.checkpoint import LOG, Progress
 from training.learning.loop import train
 from training.learning.page import page
 from training.learning.stimulus import StimulusTrainer
 from training.report.page import write_report
-from training.report.run_folder import checked_output, provenance, run_folder, write_json
+from training.report.run_folder import provenance, run_folder, write_json
 from training.stimuli.policy import LearnedPolicy, policy_name
 
 SETTINGS = ("diagnoser", "budget", "seed", "steps")
@@ -29,22 +30,9 @@ SETTINGS = ("diagnoser", "budget", "seed", "steps")
 
 def main(arguments: TrainStimulus) -> None:
     """Train, or continue an interrupted training; a finished one stays as it is."""
-    trainer = make_trainer(arguments)
     name = policy_name(arguments.diagnoser, arguments.seed)
-    output = checked_output(arguments.output or Path("runs") / f"train-{name}")
-    unfinished = unfinished_folder(output)
-    if arguments.restart:
-        shutil.rmtree(unfinished, ignore_errors=True)
-    must_train = arguments.restart or unfinished.exists()
-    if must_train or not is_finished(output, "train-stimulus", arguments, SETTINGS):
-        figures = _run(arguments, trainer, output, unfinished)["figures"]
-        rate = f"{figures['decisions_per_second']:.0f} decisions per second"
-        print(f"{rate}, 10 samples of 0.1 s each")
-        print(f"report: {output / 'index.html'}")
-    else:
-        print(f"already trained: {output}; --restart trains anew")
-    if arguments.install:
-        install(output, name)
+    run = partial(_run, arguments, make_trainer(arguments), name)
+    run_training("train-stimulus", arguments, SETTINGS, name, run)
 
 
 def make_trainer(arguments: TrainStimulus) -> StimulusTrainer:
@@ -57,10 +45,12 @@ def make_trainer(arguments: TrainStimulus) -> StimulusTrainer:
 
 
 def _run(
-    arguments: TrainStimulus, trainer: StimulusTrainer, output: Path, unfinished: Path
-) -> dict[str, Any]:
-    """Train and write the run folder; the card."""
-    name = policy_name(arguments.diagnoser, arguments.seed)
+    arguments: TrainStimulus,
+    trainer: StimulusTrainer,
+    name: str,
+    output: Path,
+    unfinished: Path,
+) -> None:
     with explain_interruption(output, arguments.restart):
         progress = train(trainer, name, arguments.seed, unfinished)
         policy, figures = trainer.finish()
@@ -68,8 +58,8 @@ def _run(
         with run_folder(output, "train-stimulus", arguments) as folder:
             shutil.copytree(unfinished / LOG, folder / LOG)
             write_run(folder, name, policy, training_card)
-    shutil.rmtree(unfinished, ignore_errors=True)
-    return training_card
+    rate = training_card["figures"]["decisions_per_second"]
+    print(f"{rate:.0f} decisions per second, 10 samples of 0.1 s each")
 
 
 def card(

@@ -71,14 +71,8 @@ def episodes(
 ) -> Iterator[Any]:
     """A `minari.data_collector.EpisodeBuffer` per lane.
 
-    Parameters
-    ----------
-    columns
-        Channels and truth, (n_steps + 1, n_lanes) each, the first at the start.
-    seeds, schedules
-        One per lane.
-    mission
-        That of all lanes; None if each has sampled its own.
+    `columns` are channels and truth, (n_steps + 1, n_lanes) each, the first sample at the start;
+    `mission` is None if each lane has sampled its own.
     """
     buffer = import_from_extra("minari.data_collector.episode_buffer", "formats").EpisodeBuffer
     observations = np.stack([columns[name] for name in CHANNELS], axis=-1)

@@ -96,11 +96,9 @@ class Page:
         with _card("diagnosis"):
             session = self.session
             self.diagnoser = _select("diagnoser", DIAGNOSERS, session.diagnoser.name)
-            self.diagnoser.on_value_change(
-                lambda e: self._choose(session.choose_diagnoser, e.value)
-            )
             self.stimulus = _select("stimulus", STIMULI, session.stimulus.name)
-            self.stimulus.on_value_change(lambda e: self._choose(session.choose_stimulus, e.value))
+            self._on_choice(self.diagnoser, session.choose_diagnoser)
+            self._on_choice(self.stimulus, session.choose_stimulus)
             self.shows_truth = ui.switch("show the truth", on_change=self.update).mark("show-truth")
 
     def _show_verdict(self) -> None:

@@ -70,25 +70,16 @@ def train(
     checkpoints: Sequence[int],
     bar: tqdm,
 ) -> dict[Hashable, Networks]:
-    """Train the networks of all groups together.
+    """Train the networks of all groups together; the first axis of the weights is the checkpoint.
 
     Parameters
     ----------
-    groups
-        Settings of the networks, by name of the group.
     inputs
         (n_sets, n_points, n_inputs), scaled to about [0, 1].
     targets
         (n_points, n_outputs), in [0, 1].
     checkpoints
         Ascending numbers of presentations after which the weights are recorded.
-    bar
-        Progress, by presentations of all networks at once.
-
-    Returns
-    -------
-    networks
-        By group; the first axis of the weights is that of the checkpoints.
     """
     settings = [network for group in groups.values() for network in group]
     networks = initial_networks(settings, inputs.shape[-1], targets.shape[-1])

@@ -27,14 +27,10 @@ class RecommendationResults(NamedTuple):
 
 
 def compare(names: Iterable[str], n_faulty: int, hours: float, seed: int) -> RecommendationResults:
-    """Run these diagnosers on the same episodes.
+    """Run these diagnosers on the same episodes: faulty lanes, and twice `hours` of healthy ones.
 
-    Parameters
-    ----------
-    n_faulty, hours
-        Faulty lanes; healthy operation to set the thresholds on, and as much again to count alarms.
-    seed
-        Offset within the seeds of validation, and seed of the bootstrap.
+    One half of the healthy operation sets the thresholds, the other counts alarms. `seed` is the
+    offset within the seeds of validation, and the seed of the bootstrap.
     """
     n_healthy = math.ceil(hours * 3600.0 / (N_SAMPLES * SAMPLE_TIME))
     counts = {"faulty": n_faulty, "threshold": n_healthy, "counting": n_healthy}

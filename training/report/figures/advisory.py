@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from training.report.colours import COMMAND, PORT, SPEED, STARBOARD
-from training.report.figures.style import legend_above, new_figure
+from training.report.figures.style import legend_above, new_panels
 
 OUTCOME_COLOURS = (STARBOARD, SPEED, COMMAND, PORT)
 LEAST_WRITTEN = 4.0  # %, the least share whose number has room in its bar
@@ -16,18 +16,13 @@ LEAST_WRITTEN = 4.0  # %, the least share whose number has room in its bar
 def outcome_shares(
     panels: Mapping[str, Mapping[str, Mapping[str, float]]], names: Sequence[str]
 ) -> Figure:
-    """Shares of the outcomes as stacked bars.
+    """Shares of the outcomes, `names` from left to right, as stacked bars.
 
-    Parameters
-    ----------
-    panels
-        Shares, 0 to 1, by kind of vehicle (a panel), way to act (a bar) and outcome.
-    names
-        The outcomes, from left to right.
+    `panels` are shares, 0 to 1, by kind of vehicle (a panel), way to act (a bar) and outcome.
     """
     n_bars = sum(map(len, panels.values()))
-    figure = new_figure(1.0 + 0.5 * n_bars)
-    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    figure, axes = new_panels(1.0 + 0.5 * n_bars, len(panels), 1, sharex=True, squeeze=False)
+    axes = axes[:, 0]
     for axis, (title, bars) in zip(axes, panels.items(), strict=True):
         _stacked_bars(axis, bars, names)
         axis.set(title=title, xlim=(0, 100))

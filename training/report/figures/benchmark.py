@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 
 from training.report.colours import COMMAND, MARKERS, PORT, SPEED, STARBOARD, TRUTH
 from training.report.figures.scores import Series, heat_map, line_styles
-from training.report.figures.style import legend_above, marker_legend, new_figure, panel_grid
+from training.report.figures.style import legend_above, marker_legend, new_panels, panel_grid
 
 LOWEST = -1000.0  # ln p(normal) that is shown
 # colour by whether the most probable fault is the right one, and whether the alarm stands
@@ -34,30 +34,15 @@ def curves(
 ) -> Figure:
     """Lines by name in one or several panels.
 
-    Parameters
-    ----------
-    panels
-        Lines {x, y} by title of the panel and name.
-    references
-        Names that do not compete.
-    labels
-        Of x and y.
-    top
-        End of the y axis, which begins at 0.
-    logarithmic
-        Whether x is.
-    marks
-        Values of x with a vertical line.
-    bounds
-        By panel, a line {x, y} that no other should cross.
+    `panels` are lines {x, y} by title of the panel and name, `labels` those of x and y. The y axis
+    ends at `top`, x may be logarithmic, and `marks` are values of x with a vertical line. `bounds`
+    are lines by panel that no other should cross; `references` are names that do not compete.
     """
     names = dict.fromkeys(name for lines in panels.values() for name in lines)
     styles = line_styles(names, references)
     bound_style = {"color": TRUTH, "lw": 2.2, "ls": (0, (1, 1)), "label": "bound"}
     n_columns = min(2, len(panels))
-    n_rows = -(-len(panels) // n_columns)
-    figure = new_figure(0.7 + 3.5 * n_rows)
-    axes = panel_grid(figure, len(panels), n_columns, sharex=True, sharey=True)
+    figure, axes = panel_grid(len(panels), n_columns, 0.7, 3.5, sharex=True, sharey=True)
     for axis, (title, lines) in zip(axes, panels.items(), strict=True):
         for name, style in styles.items():
             if name in lines:
@@ -83,19 +68,13 @@ def cost_delay(
 ) -> Figure:
     """Isolation time against the cost of the stimulus, a panel per cost.
 
-    Parameters
-    ----------
-    points
-        By diagnoser (a colour and a line) and stimulus (a marker): the costs, and `delay` [s].
-    references
-        Diagnosers that do not compete.
-    costs
-        Label of the axis by name of the cost.
+    `points` are by diagnoser (a colour and a line) and stimulus (a marker): the costs, and `delay`
+    [s]. `costs` are labels of the axes; `references` are diagnosers that do not compete.
     """
     stimuli = dict.fromkeys(stimulus for by_stimulus in points.values() for stimulus in by_stimulus)
     markers = dict(zip(stimuli, MARKERS * len(stimuli), strict=False))
-    figure = new_figure(4.6)
-    axes = figure.subplots(1, len(costs), sharey=True, squeeze=False)[0]
+    figure, axes = new_panels(4.6, 1, len(costs), sharey=True, squeeze=False)
+    axes = axes[0]
     for axis, (cost, label) in zip(axes, costs.items(), strict=True):
         for name, style in line_styles(points, references).items():
             places = [(point[cost], point["delay"]) for point in points[name].values()]
@@ -124,15 +103,11 @@ def class_delays(classes: Sequence[str], delays: Mapping[str, Series], horizon: 
 def episodes(drawn: Sequence[Mapping[str, Any]]) -> Figure:
     """Episodes side by side: readings, log p(normal) with its threshold, and the fault on top.
 
-    Parameters
-    ----------
-    drawn
-        Episodes with title, onset [s], time [s], readings by channel, log_normal, threshold, alarm
-        (bools) and right (whether the most probable fault is the true one, bools).
+    Each has title, onset [s], time [s], readings by channel, log_normal, threshold, alarm (bools)
+    and right (whether the most probable fault is the true one, bools).
     """
     options = {"sharex": "col", "sharey": "row", "height_ratios": [1.0, 1.0, 1.0, 1.2, 0.18]}
-    figure = new_figure(6.6)
-    grid = figure.subplots(5, len(drawn), squeeze=False, **options)
+    figure, grid = new_panels(6.6, 5, len(drawn), squeeze=False, **options)
     for axes, episode in zip(grid.T, drawn, strict=True):
         _readings(axes[:3], episode)
         _belief(axes[3], episode)

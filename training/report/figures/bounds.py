@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from training.report.colours import COMMAND, PORT, SPEED, TRUTH
 from training.report.figures.style import (
     legend_above,
-    new_figure,
+    new_panels,
     panel_grid,
     show_map,
     slanted_names,
@@ -27,10 +27,8 @@ LINE_COLOURS = (COMMAND, TRUTH, SPEED, PORT)
 def isolability_maps(classes: Sequence[str], rates: Mapping[str, Matrix]) -> Figure:
     """Rate of evidence for each class (row) against each other (column), a map per condition."""
     n_columns = 2
-    n_rows = -(-len(rates) // n_columns)
     same_class = np.eye(len(classes), dtype=bool)
-    figure = new_figure(3.5 * n_rows + 1.8)
-    axes = panel_grid(figure, len(rates), n_columns, sharex=True, sharey=True)
+    figure, axes = panel_grid(len(rates), n_columns, 1.8, 3.5, sharex=True, sharey=True)
     for k, (axis, (name, matrix)) in enumerate(zip(axes, rates.items(), strict=True)):
         shown = np.ma.masked_array(np.maximum(matrix, LEAST), same_class)
         image = show_map(axis, shown, cmap="viridis", norm=LogNorm(LEAST, MOST))
@@ -50,8 +48,7 @@ def sensor_removal(classes: Sequence[str], channels: Sequence[str], shares: Matr
     The evidence is that against the rival hardest to distinguish from the class.
     """
     percent = 100.0 * np.array(shares, float)
-    figure = new_figure(6.4)
-    axis = figure.subplots()
+    figure, axis = new_panels(6.4)
     image = show_map(axis, percent, cmap="viridis", vmin=0, vmax=100)
     for (row, column), value in np.ndenumerate(percent):
         if np.isfinite(value):
@@ -66,8 +63,7 @@ def sensor_removal(classes: Sequence[str], channels: Sequence[str], shares: Matr
 
 def cramer_rao(time: Series, lines: Mapping[str, Mapping[str, Series]]) -> Figure:
     """Root mean square errors of drag and thrust over time, by estimator, beside their bound."""
-    figure = new_figure(3.6)
-    axes = figure.subplots(1, 2)
+    figure, axes = new_panels(3.6, 1, 2)
     for axis, parameter in zip(axes, ("alpha", "beta"), strict=True):
         for (name, errors), colour in zip(lines.items(), LINE_COLOURS, strict=False):
             dash = "--" if name.startswith("bound") else "-"

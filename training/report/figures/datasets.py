@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from training.report.colours import COMMAND, PORT, SPEED, STARBOARD, TRUTH
 from training.report.figures.style import (
     legend_above,
-    new_figure,
+    new_panels,
     show_map,
     slanted_names,
     write_cell,
@@ -25,17 +25,12 @@ def confusion_grid(
 ) -> Figure:
     """Confusion matrices in per cent, true classes in rows.
 
-    Parameters
-    ----------
-    classes
-        Names of the classes.
-    shares
-        Matrices, 0 to 1, by protocol (a row of panels) and title (a panel).
+    `shares` are matrices, 0 to 1, by protocol (a row of panels) and title (a panel).
     """
     n_rows = len(shares)
     n_columns = max(map(len, shares.values()))
-    figure = new_figure(0.8 + 2.3 * n_rows)
-    grid = figure.subplots(n_rows, n_columns, sharex=True, sharey=True, squeeze=False)
+    options = {"sharex": True, "sharey": True, "squeeze": False}
+    figure, grid = new_panels(0.8 + 2.3 * n_rows, n_rows, n_columns, **options)
     for axes, (protocol, panels) in zip(grid, shares.items(), strict=True):
         for axis, (title, matrix) in zip(axes, panels.items(), strict=True):
             _confusion(axis, classes, np.array(matrix))
@@ -56,16 +51,11 @@ def _confusion(axis: Axes, classes: Sequence[str], matrix: np.ndarray) -> None:
 def healthy_band(runs: Sequence[str], panels: Mapping[str, Mapping[str, Any]]) -> Figure:
     """Relative parameters of each run with intervals, over a band and a wider window.
 
-    Parameters
-    ----------
-    runs
-        Names of the runs.
-    panels
-        By parameter: `series` by name, of values (n_runs,) and intervals (n_runs, 2), and the ends
-        of `band` and `window`.
+    `panels` hold by parameter the ends of `band` and `window`, and `series` by name, of values
+    (n_runs,) and intervals (n_runs, 2).
     """
-    figure = new_figure(1.2 + 0.4 * len(runs))
-    axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+    figure, axes = new_panels(1.2 + 0.4 * len(runs), 1, len(panels), sharey=True, squeeze=False)
+    axes = axes[0]
     for axis, (parameter, panel) in zip(axes, panels.items(), strict=True):
         axis.axvspan(*panel["band"], color=STARBOARD, alpha=0.18, lw=0, label=BAND_LABEL)
         for edge in panel["window"]:

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from training.report.colours import COLOURS, COMMAND, PORT, SPEED, STARBOARD, TRUTH
-from training.report.figures.style import fill_band, legend_above, new_figure, panel_grid
+from training.report.figures.style import fill_band, legend_above, new_panels, panel_grid
 
 Series = Sequence[float | None]
 LINE_COLOURS = {
@@ -24,8 +24,9 @@ SPARSE = 100  # points; fewer are marked one by one
 
 def measured_and_simulated(time: Series, panels: Mapping[str, Mapping[str, Series]]) -> Figure:
     """Readings and their simulation, a row per channel, and beside it their difference."""
-    figure = new_figure(1.9 * len(panels) + 0.7)
-    axes = figure.subplots(len(panels), 2, sharex=True, squeeze=False, width_ratios=(3, 2))
+    height = 1.9 * len(panels) + 0.7
+    options = {"sharex": True, "squeeze": False, "width_ratios": (3, 2)}
+    figure, axes = new_panels(height, len(panels), 2, **options)
     for (left, right), (label, lines) in zip(axes, panels.items(), strict=True):
         measured = np.array(lines["measured"], float)
         simulated = np.array(lines["simulated"], float)
@@ -43,16 +44,10 @@ def measured_and_simulated(time: Series, panels: Mapping[str, Mapping[str, Serie
 def mission_estimates(panels: Mapping[str, Mapping]) -> Figure:
     """Estimates of each mission around the common one, relative, with the healthy band.
 
-    Parameters
-    ----------
-    panels
-        By parameter: `band`, its half-width, and `sides` with mission (number), value and std of
-        the estimates.
+    `panels` hold by parameter the half-width `band`, and `sides` with mission (number), value and
+    std of the estimates.
     """
-    n_columns = 2
-    n_rows = -(-len(panels) // n_columns)
-    figure = new_figure(2.1 * n_rows + 0.5)
-    axes = panel_grid(figure, len(panels), n_columns)
+    figure, axes = panel_grid(len(panels), 2, 0.5, 2.1)
     for axis, (name, panel) in zip(axes, panels.items(), strict=True):
         band = 100.0 * panel["band"]
         axis.axhspan(-band, band, color=STARBOARD, alpha=0.12, lw=0, label="healthy band")
@@ -81,16 +76,12 @@ def diagnosed_log(
 ) -> Figure:
     """Panels above one another on one time axis, the alarms shaded in all of them.
 
-    Parameters
-    ----------
-    panels
-        By label of the axis and name of the line: time [s], value, and a half-width if it has a
-        band. A name that ends in ", healthy" is the dotted companion of the line before.
-    alarms
-        Begin and end [s], (n_alarms, 2).
+    `panels` hold by label of the axis and name of the line time [s], value, and the half-width of a
+    band if it has one. A name that ends in ", healthy" is the dotted companion of the line before.
+    `alarms` are begins and ends [s], (n_alarms, 2).
     """
-    figure = new_figure(1.45 * len(panels) + 0.5)
-    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    figure, axes = new_panels(1.45 * len(panels) + 0.5, len(panels), 1, sharex=True, squeeze=False)
+    axes = axes[:, 0]
     for axis, (label, lines) in zip(axes, panels.items(), strict=True):
         for k, (name, line) in enumerate(lines.items()):
             _log_line(axis, name, line, COLOURS[k % len(COLOURS)])

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from training.report.colours import COMMAND, PORT, SPEED, STARBOARD, TRUTH
-from training.report.figures.style import fill_band, legend_above, new_figure
+from training.report.figures.style import fill_band, legend_above, new_panels
 
 Series = Sequence[float]
 Lines = Mapping[str, Series]  # clean, mean and std over time
@@ -30,8 +30,7 @@ def filter_response(
     The band is the standard deviation of the noisy runs; dotted lines are changes of the speed
     command.
     """
-    figure = new_figure(3.6)
-    axes = figure.subplots(1, len(truth))
+    figure, axes = new_panels(3.6, 1, len(truth))
     for axis, name in zip(axes, truth, strict=True):
         mean = np.array(noisy_mean[name])
         std = np.array(noisy_std[name])
@@ -50,19 +49,12 @@ def filter_response(
 def transients(
     time: Series, panels: Mapping[str, Mapping[str, Lines]], onset: float | None = None
 ) -> Figure:
-    """Readings over time.
+    """Readings over time, and the onset of the fault [s].
 
-    Parameters
-    ----------
-    time
-        [s].
-    panels
-        By label of the axis and name of the line: `clean`, and `mean` and `std` of the noisy runs.
-    onset
-        Onset of the fault [s].
+    `panels` hold by label of the axis and name of the line `clean`, and `mean` and `std` of the
+    noisy runs.
     """
-    figure = new_figure(5.0)
-    axes = figure.subplots(2, 2, sharex=True)
+    figure, axes = new_panels(5.0, 2, 2, sharex=True)
     for axis, (label, lines) in zip(axes.flat, panels.items(), strict=True):
         _reading_lines(axis, time, lines)
         if onset is not None:
@@ -85,8 +77,7 @@ def _reading_lines(axis: Axes, time: Series, lines: Mapping[str, Lines]) -> None
 
 def consistency(time: Series, summaries: Sequence[Mapping]) -> Figure:
     """NEES and NIS over time, a row per filter, with the 95 % band of one instant."""
-    figure = new_figure(4.6)
-    grid = figure.subplots(len(summaries), 2, sharex=True, squeeze=False)
+    figure, grid = new_panels(4.6, len(summaries), 2, sharex=True, squeeze=False)
     for axes, summary in zip(grid, summaries, strict=True):
         for axis, key in zip(axes, ("NEES", "NIS"), strict=True):
             _statistic(axis, time, summary[key])

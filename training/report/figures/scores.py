@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from training.report.colours import COLOURS, COMMAND, SPEED, TRUTH
 from training.report.figures.style import (
     legend_above,
-    new_figure,
+    new_panels,
     panel_grid,
     show_map,
     slanted_names,
@@ -38,8 +38,7 @@ def isolation_curves(
     time: Series, shares: Mapping[str, Series], references: Sequence[str]
 ) -> Figure:
     """Share of the faults isolated by a time since onset, a line per name."""
-    figure = new_figure(4.8)
-    axis = figure.subplots()
+    figure, axis = new_panels(4.8)
     for name, style in line_styles(shares, references).items():
         axis.plot(time, shares[name], label=name, **style)
     axis.set(xlabel="time since onset [s]", ylabel="share of the faults isolated")
@@ -60,8 +59,7 @@ def heat_map(
 
     `labels` are those of the columns and of the rows.
     """
-    figure = new_figure(7.8)
-    axis = figure.subplots()
+    figure, axis = new_panels(7.8)
     show_map(axis, values, cmap="Blues", vmin=0, vmax=top)
     for (row, column), value in np.ndenumerate(values):
         if round(value, digits) > 0.0:
@@ -84,10 +82,7 @@ def reliability_diagrams(diagrams: Mapping[str, Mapping[str, Series]]) -> Figure
 
     The area of a point is the share of the beliefs in its bin.
     """
-    n_columns = 4
-    n_rows = -(-len(diagrams) // n_columns)
-    figure = new_figure(2.5 * n_rows)
-    axes = panel_grid(figure, len(diagrams), n_columns, sharex=True, sharey=True)
+    figure, axes = panel_grid(len(diagrams), 4, 0.0, 2.5, sharex=True, sharey=True)
     for axis, (name, bins) in zip(axes, diagrams.items(), strict=True):
         axis.plot([0, 1], [0, 1], color=COMMAND, lw=1, ls="--")
         area = 8 + 300 * np.array(bins["share"])
@@ -104,8 +99,7 @@ def severities(truth: Series, estimates: Mapping[str, Series]) -> Figure:
     """Estimated against true severity, a panel per name."""
     limits = (-0.02, 1.02)
     ticks = (0.0, 0.5, 1.0)
-    figure = new_figure(3.6)
-    axes = figure.subplots(1, len(estimates), sharex=True, sharey=True, squeeze=False)
+    figure, axes = new_panels(3.6, 1, len(estimates), sharex=True, sharey=True, squeeze=False)
     for axis, (name, estimated) in zip(axes.flat, estimates.items(), strict=True):
         axis.plot([0, 1], [0, 1], color=COMMAND, lw=1, ls="--")
         axis.plot(truth, estimated, ".", color=SPEED, alpha=0.45, ms=4, mew=0)

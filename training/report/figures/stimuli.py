@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from training.report.colours import COMMAND, MARKERS, PORT, SPEED, STARBOARD, TRUTH
 from training.report.figures.scores import Series
-from training.report.figures.style import legend_above, marker_legend, new_figure, panel_grid
+from training.report.figures.style import legend_above, marker_legend, new_panels, panel_grid
 
 Colours = Mapping[str, str]
 ROW_SHARE = 0.7  # of the row of a class, over which its stimuli are placed
@@ -21,17 +21,10 @@ def speed_ups(
 ) -> Figure:
     """How many times sooner each class (row) is isolated than under a reference stimulus.
 
-    Parameters
-    ----------
-    classes
-        Names of the classes.
-    panels
-        By reference (a panel) and stimulus: (value, low, high) of each class.
-    colours
-        By stimulus.
+    `panels` hold by reference (a panel) and stimulus (value, low, high) of each class.
     """
-    figure = new_figure(1.2 + 0.5 * len(classes))
-    axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+    figure, axes = new_panels(1.2 + 0.5 * len(classes), 1, len(panels), sharey=True, squeeze=False)
+    axes = axes[0]
     for axis, (reference, stimuli) in zip(axes, panels.items(), strict=True):
         _ratios(axis, len(classes), stimuli, colours)
         axis.set(xlabel=f"times sooner than under {reference}", ylim=(len(classes) - 0.5, -0.5))
@@ -66,22 +59,15 @@ def delay_cost_plane(
 ) -> Figure:
     """Isolation time against cost, a panel per cost, with the best trade-offs.
 
-    Parameters
-    ----------
-    points
-        Each with stimulus (colour), budget (marker), delay (value, low, high) [s] and the costs.
-    fronts
-        By cost: the places (cost, delay) of those points that no other beats in both.
-    costs
-        Label of the axis by name of the cost.
-    colours
-        By stimulus.
+    Each point has stimulus (colour), budget (marker), delay (value, low, high) [s] and the costs,
+    whose labels are `costs`. `fronts` hold by cost the places (cost, delay) of those points that no
+    other beats in both.
     """
     budgets = dict.fromkeys(point["budget"] for point in points)
     markers = dict(zip(budgets, MARKERS * len(budgets), strict=False))
     front_style = {"color": TRUTH, "lw": 1.0, "ls": ":", "label": "best trade-offs", "zorder": 1}
-    figure = new_figure(5.0)
-    axes = figure.subplots(1, len(costs), sharey=True, squeeze=False)[0]
+    figure, axes = new_panels(5.0, 1, len(costs), sharey=True, squeeze=False)
+    axes = axes[0]
     for axis, (cost, label) in zip(axes, costs.items(), strict=True):
         axis.plot(*np.transpose(fronts[cost]), **front_style)
         for point in points:
@@ -103,9 +89,7 @@ def around_onset(
 ) -> Figure:
     """Lines over the time since onset, a panel per class, a line per stimulus."""
     n_columns = 4
-    n_rows = -(-len(panels) // n_columns)
-    figure = new_figure(0.8 + 1.75 * n_rows)
-    axes = panel_grid(figure, len(panels), n_columns, sharex=True, sharey=True)
+    figure, axes = panel_grid(len(panels), n_columns, 0.8, 1.75, sharex=True, sharey=True)
     for k, (axis, (title, lines)) in enumerate(zip(axes, panels.items(), strict=True)):
         for name, line in lines.items():
             axis.plot(time, line, color=colours[name], lw=1.1, label=name)
@@ -122,17 +106,13 @@ def around_onset(
 def active_episodes(drawn: Sequence[Mapping[str, Any]]) -> Figure:
     """Episodes three abreast: speeds, offset from the mission speed, and probabilities.
 
-    Parameters
-    ----------
-    drawn
-        Episodes with title, onset and isolation [s] (from the start, None if never), time [s],
-        mission, command, speed and offset [m/s], normal and true (probabilities).
+    Each has title, onset and isolation [s] (from the start, None if never), time [s], mission,
+    command, speed and offset [m/s], normal and true (probabilities).
     """
     n_columns = 3
     n_rows = -(-len(drawn) // n_columns)
     options = {"sharex": True, "sharey": "row", "height_ratios": [1.3, 0.8, 1.0] * n_rows}
-    figure = new_figure(0.6 + 4.3 * n_rows)
-    grid = figure.subplots(3 * n_rows, n_columns, **options)
+    figure, grid = new_panels(0.6 + 4.3 * n_rows, 3 * n_rows, n_columns, **options)
     for k, episode in enumerate(drawn):
         row, column = divmod(k, n_columns)
         _episode(grid[3 * row : 3 * row + 3, column], episode)

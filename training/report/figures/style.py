@@ -23,18 +23,22 @@ STYLE = {
 }
 
 
-def new_figure(height: float) -> Figure:
-    """An empty figure as wide as the page, its height in inches."""
-    return Figure(figsize=(9.6, height), layout="constrained")
+def new_panels(height: float, *shape: int, **options: Any) -> tuple[Figure, Any]:
+    """A figure as wide as the page, its height in inches, and its panels as of `subplots`."""
+    figure = Figure(figsize=(9.6, height), layout="constrained")
+    return figure, figure.subplots(*shape, **options)
 
 
-def panel_grid(figure: Figure, n_panels: int, n_columns: int, **options: Any) -> list[Axes]:
-    """So many panels, row by row in a grid of `n_columns`; the rest of the grid stays empty."""
+def panel_grid(
+    n_panels: int, n_columns: int, margin: float, row_height: float, **options: Any
+) -> tuple[Figure, list[Axes]]:
+    """A figure of so many panels, row by row; its height is `margin` and `row_height` per row."""
     n_rows = -(-n_panels // n_columns)
-    grid = figure.subplots(n_rows, n_columns, squeeze=False, **options)
+    height = margin + row_height * n_rows
+    figure, grid = new_panels(height, n_rows, n_columns, squeeze=False, **options)
     for axis in grid.flat[n_panels:]:
         axis.remove()
-    return list(grid.flat[:n_panels])
+    return figure, list(grid.flat[:n_panels])
 
 
 def fill_band(

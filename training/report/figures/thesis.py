@@ -12,7 +12,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 
 from training.report.colours import COMMAND, PORT, SPEED, STARBOARD, TRUTH
-from training.report.figures.style import fill_band, legend_above, new_figure, show_map, write_cell
+from training.report.figures.style import fill_band, legend_above, new_panels, show_map, write_cell
 
 Series = Sequence[float]
 Rows = Sequence[Series]
@@ -34,8 +34,7 @@ def network_outputs(
     """
     n_points = len(point) * (point[1] - point[0])
     length = n_points / len(modes)
-    figure = new_figure(7.6)
-    axes = figure.subplots(len(presentations), 1, sharex=True)
+    figure, axes = new_panels(7.6, len(presentations), 1, sharex=True)
     for axis, count, means, stds in zip(axes, presentations, mean, std, strict=True):
         _outputs(axis, point, modes, means, stds)
         for k in range(1, len(modes)):
@@ -64,8 +63,7 @@ def confusion_by_size(
     """How many of 100 points are confused, by drag fault (rows) and propeller fault (columns)."""
     counts = np.array(count)
     scale = {"cmap": "YlOrRd", "vmin": 0.0, "vmax": 100.0}
-    figure = new_figure(3.6)
-    axis = figure.subplots()
+    figure, axis = new_panels(3.6)
     image = show_map(axis, counts, origin="lower", **scale)
     for (row, column), value in np.ndenumerate(counts):
         write_cell(axis, row, column, text[row][column], "w" if value > 60 else TRUTH)
@@ -80,8 +78,7 @@ def decision_surfaces(
     axis: Series, surfaces: Mapping[str, Rows], windows: Mapping[str, Series]
 ) -> Figure:
     """Heights over the map, (n_alpha, n_beta), a panel each; the normal window as a box."""
-    figure = new_figure(3.5)
-    panels = figure.subplots(1, len(surfaces), sharex=True, sharey=True)
+    figure, panels = new_panels(3.5, 1, len(surfaces), sharex=True, sharey=True)
     for panel, (title, surface) in zip(panels, surfaces.items(), strict=True):
         image = _surface(panel, axis, surface, windows)
         panel.set(title=title, xlabel="alpha, normalised", xticks=(0.0, 0.2, 0.4, 0.6, 0.8))
@@ -113,8 +110,7 @@ def network_response(
 
     Each panel has mean and std over networks, (n_modes + 1, n_samples), the severity last.
     """
-    figure = new_figure(5.0)
-    axes = figure.subplots(len(panels), 1, sharex=True)
+    figure, axes = new_panels(5.0, len(panels), 1, sharex=True)
     for axis, (title, lines) in zip(axes, panels.items(), strict=True):
         _outputs(axis, time, modes, lines["mean"], lines["std"])
         axis.plot(time, lines["mean"][-1], color=TRUTH, lw=1.2, ls="--", label="severity")
@@ -140,8 +136,7 @@ def trajectories(
     Each path has the estimates without noise (`clean`), those of one noisy run (`noisy`), and the
     samples of `clean` at the `instants` (`marks`).
     """
-    figure = new_figure(4.4)
-    panels = figure.subplots(1, len(paths), sharex=True, sharey=True)
+    figure, panels = new_panels(4.4, 1, len(paths), sharex=True, sharey=True)
     for panel, (title, path) in zip(panels, paths.items(), strict=True):
         image = _surface(panel, axis, surface, windows)
         _path(panel, path, instants)
