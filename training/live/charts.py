@@ -20,17 +20,10 @@ N_BARS = 6  # classes in the bar chart
 LEAST_PROBABILITY = 0.05  # from which the severity of a class is shown
 TRUE_COLOUR = "#7d3c98"
 CLASS_COLOURS = (
-    "#c0392b",
-    "#2874a6",
-    "#b9770e",
-    "#117864",
-    "#7d3c98",
-    "#a04000",
-    "#5d6d7e",
-    "#d81b60",
-    "#1e8449",
-    "#00838f",
+    "#c0392b #2874a6 #b9770e #117864 #7d3c98 #a04000 #5d6d7e #d81b60 #1e8449 #00838f".split()
 )
+SMALL = {"fontSize": 11}
+LEGEND = {"top": 24, "itemWidth": 18, "itemHeight": 8, "itemGap": 8, "textStyle": SMALL}
 MARK_COLOURS = {"fault": "#111111", "repair": "#1e8449"}
 
 
@@ -85,7 +78,7 @@ def severity(history: History, show_truth: bool) -> Options:
         classes()[index]: _line(mean, colour, width=2),
     }
     options = _over_time("severity of the likeliest fault", history, lines, top=1.0)
-    options["legend"]["data"] = [name for name in lines if name != "low"]
+    options["legend"] = LEGEND | {"data": [name for name in lines if name != "low"]}
     return options
 
 
@@ -103,11 +96,7 @@ def ranking(history: History, show_truth: bool) -> Options:
         "title": _title("belief now [%]"),
         "grid": {"left": 8, "right": 48, "top": 34, "bottom": 8, "containLabel": True},
         "xAxis": {"type": "value", "min": 0, "max": 100},
-        "yAxis": {
-            "type": "category",
-            "data": [classes()[k] for k in order],
-            "axisLabel": {"fontSize": 11},
-        },
+        "yAxis": {"type": "category", "data": [classes()[k] for k in order], "axisLabel": SMALL},
         "series": [{"type": "bar", "data": bars, "label": label, "barCategoryGap": "35%"}],
     }
 
@@ -137,13 +126,8 @@ def _class_style(index: int) -> dict[str, str]:
 
 
 def _line(values: np.ndarray, colour: str, dash: str = "solid", width: int = 1) -> Options:
-    return {
-        "type": "line",
-        "data": values,
-        "symbol": "none",
-        "color": colour,
-        "lineStyle": {"width": width, "type": dash},
-    }
+    style = {"width": width, "type": dash}
+    return {"type": "line", "data": values, "symbol": "none", "color": colour, "lineStyle": style}
 
 
 def _over_time(
@@ -160,13 +144,7 @@ def _over_time(
     return {
         "animation": False,
         "title": _title(title),
-        "legend": {
-            "top": 24,
-            "itemWidth": 18,
-            "itemHeight": 8,
-            "itemGap": 8,
-            "textStyle": {"fontSize": 11},
-        },
+        "legend": LEGEND,
         "grid": {"left": 44, "right": 14, "top": 50, "bottom": 34},
         "tooltip": {"trigger": "axis"},
         "xAxis": {
@@ -208,9 +186,5 @@ def _marks(history: History) -> Options:
 
 
 def _title(text: str) -> Options:
-    return {
-        "text": text,
-        "left": 6,
-        "top": 4,
-        "textStyle": {"fontSize": 13, "fontWeight": "normal"},
-    }
+    style = {"fontSize": 13, "fontWeight": "normal"}
+    return {"text": text, "left": 6, "top": 4, "textStyle": style}

@@ -58,20 +58,8 @@ class Truth(NamedTuple):
 class Session:
     """A vehicle under way, which a person changes at any time.
 
-    Attributes
-    ----------
-    diagnoser, stimulus
-        Those in use now.
-    mission_speed
-        [m/s].
-    faults
-        The injected faults by name.
-    advice
-        The last advice; a new one comes every second.
-    travelled
-        Distance since the start [m].
-    energy_left
-        Energy left in the battery [J].
+    `faults` are the injected faults by name, `advice` the last advice (a new one comes every
+    second), `travelled` the distance since the start [m], `energy_left` that of the battery [J].
     """
 
     def __init__(self, seed: int = 0):

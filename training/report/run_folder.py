@@ -71,7 +71,7 @@ def run_folder(
         If `output` holds anything but an earlier run, or cannot be written.
     """
     output = checked_output(output)
-    run = UnfinishedRun([], _missing_parents(output))
+    run = UnfinishedRun([], [parent for parent in output.parents if not parent.exists()])
     unfinished_runs.append(run)
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
@@ -92,13 +92,7 @@ def run_folder(
 
 
 def checked_output(output: Path) -> Path:
-    """The resolved path, if a run may be written there.
-
-    Raises
-    ------
-    InputError
-        If there is anything but an empty folder or an earlier run.
-    """
+    """The resolved path; refused if anything but an empty folder or an earlier run is there."""
     output = Path(output).resolve()
     is_occupied = os.path.lexists(output) and not _is_empty_folder(output)
     if is_occupied and read_manifest(output) is None:
@@ -135,10 +129,6 @@ def write_json(path: Path, content: Any) -> None:
 
 def _is_empty_folder(path: Path) -> bool:
     return path.is_dir() and not any(path.iterdir())
-
-
-def _missing_parents(path: Path) -> list[Path]:
-    return [parent for parent in path.parents if not parent.exists()]
 
 
 def write_manifest(

@@ -212,10 +212,7 @@ def steady_row(comparison: Comparison, study: RawStudy) -> list[str]:
 
 
 def output_figure(outputs: np.ndarray, name: str, caption: str) -> dict[str, Any]:
-    """Mean and standard deviation of the outputs over the points of the training set.
-
-    `outputs` are (n_checkpoints, n_networks, n_points, n_modes).
-    """
+    """Outputs (n_checkpoints, n_networks, n_points, n_modes) over the points, mean and std."""
     thinned = outputs[:, :, ::EVERY]
     mean = thinned.mean(axis=1).swapaxes(1, 2).astype(float)
     std = thinned.std(axis=1, ddof=1).swapaxes(1, 2).astype(float)
@@ -261,10 +258,7 @@ def table_5_1(comparison: Comparison, study: RawStudy) -> dict[str, Any]:
 
 
 def is_separated(outputs: np.ndarray) -> np.ndarray:
-    """Whether each network names most settled points of every mode correctly.
-
-    (n_checkpoints, n_networks).
-    """
+    """Whether a network names most settled points of every mode, (n_checkpoints, n_networks)."""
     return (accuracy_by_mode(outputs, late=True) > 0.5).all(axis=-1)
 
 
