@@ -10,7 +10,9 @@ from diagnosers.networks.fault_map import ALPHA_WINDOW, BETA_WINDOW, NOMINAL
 from training.datasets.esso_osaka_runs import SOURCE
 from training.datasets.surge_fit import UNITS
 from training.report.lines import line_without_band
+from training.report.sections import Section, figure, figure_section, table_section
 
+Findings = Mapping[str, Any]  # plain data of the study
 TARGET = 0.011  # m/s rms over ten seconds
 PARAMETERS = ("alpha", "beta")
 LANES = ("thesis alone", "with turn and wind")
@@ -21,8 +23,8 @@ WINDOWS = {
 FORMS_TEXT = (
     "du/dt is a sum of coefficients times terms: alpha u|u|, beta n|n| and gamma u|u| delta² as "
     "in the thesis and the plant; turn v r, the surge that a turning ship loses, absent in a "
-    "vehicle on a straight course; astern n² where n < 0; advance u|n|; race n|n| delta²; drift v²; "
-    "centre r²; wind w|w| of the relative wind along the ship.",
+    "vehicle on a straight course; astern n² where n < 0; advance u|n|; race n|n| delta²; drift "
+    "v²; centre r²; wind w|w| of the relative wind along the ship.",
     "Error of the speed predicted ten seconds ahead, simulated from the measured start; rms over "
     "every start.",
     "The model leaves out the pond's current, waves, the propeller's other thrust when it turns "
@@ -41,7 +43,7 @@ BAND_TEXT = (
 )
 
 
-def page(command: str, findings: Mapping[str, Any]) -> dict[str, Any]:
+def page(command: str, findings: Findings) -> dict[str, Any]:
     """The report as plain data, from the results of the study."""
     n_whole, n_used = findings["samples"]
     model = findings["fits"]["model"]
@@ -51,6 +53,7 @@ def page(command: str, findings: Mapping[str, Any]) -> dict[str, Any]:
         f"and rudder; {(n_whole - n_used) * SAMPLE_TIME:.0f} s at the runs' ends are left out. "
         f"Data: {SOURCE}."
     )
+    names = findings["model"]
     return {
         "title": "Esso Osaka: the surge equation on a real, healthy ship",
         "command": command,
@@ -58,15 +61,15 @@ def page(command: str, findings: Mapping[str, Any]) -> dict[str, Any]:
         "findings": findings,
         "sections": [
             forms_section(findings["forms"]),
-            parameters_section(findings["model"], model),
-            band_section(findings["model"], findings["fits"]),
+            parameters_section(names, model),
+            band_section(names, findings["fits"]),
             prediction_section(findings["example"]),
-            filter_section(findings["model"], model, findings["tracks"]),
+            filter_section(names, model, findings["tracks"]),
         ],
     }
 
 
-def verdict(compared: Sequence[Mapping[str, Any]], headlines: Sequence[str]) -> str:
+def verdict(compared: Sequence[Findings], headlines: Sequence[str]) -> str:
     """Whether the forms of the headlines meet the target."""
     sentences = [f"Ten-second prediction error, target at most {1e3 * TARGET:g} mm/s rms."]
     for form in compared:
@@ -85,21 +88,17 @@ def target(value: float) -> str:
     return "met" if value <= TARGET else f"missed by {1e3 * (value - TARGET):.1f} mm/s"
 
 
-def forms_section(compared: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def forms_section(compared: Sequence[Findings]) -> Section:
     """Prediction errors by form."""
     rows = [
         [form["form"], f"{1e3 * form['fitted']:.2f}", f"{1e3 * form['left_out']:.2f}"]
         for form in compared
     ]
     columns = ["form", "fitted to all runs [mm/s]", "each run left out of its fit [mm/s]"]
-    return {
-        "heading": "Which form predicts",
-        "text": list(FORMS_TEXT),
-        "table": {"columns": columns, "rows": rows},
-    }
+    return table_section("Which form predicts", columns, rows, *FORMS_TEXT)
 
 
-def parameters_section(model: Sequence[str], fits: Mapping[str, Any]) -> dict[str, Any]:
+def parameters_section(model: Sequence[str], fits: Findings) -> Section:
     """The model's parameters by run, with intervals, and its errors."""
     rows = []
     for run in fits["runs"]:
@@ -113,24 +112,16 @@ def parameters_section(model: Sequence[str], fits: Mapping[str, Any]) -> dict[st
         "others; then least squares on ten-second increments, with 95 % intervals by resampling "
         "minutes within a run, and runs for all."
     )
-    return {
-        "heading": "Parameters by run",
-        "text": [text],
-        "table": {"columns": columns, "rows": rows},
-    }
+    return table_section("Parameters by run", columns, rows, text)
 
 
-def coefficient_cells(fit: Mapping[str, Any]) -> list[str]:
+def coefficient_cells(fit: Findings) -> list[str]:
     """Each coefficient with its interval, three digits."""
     pairs = zip(fit["coefficients"], fit["intervals"], strict=True)
     return [f"{value:.3g} ({low:.3g} to {high:.3g})" for value, (low, high) in pairs]
 
 
-def relative(
-    name: str,
-    model: Sequence[str],
-    fits: Mapping[str, Any],
-) -> tuple[np.ndarray, np.ndarray]:
+def relative(name: str, model: Sequence[str], fits: Findings) -> tuple[np.ndarray, np.ndarray]:
     """A parameter of each run over that of all runs, (n_runs,), and its interval (n_runs, 2)."""
     k = list(model).index(name)
     nominal = fits["pooled"]["coefficients"][k]
@@ -139,7 +130,7 @@ def relative(
     return values / nominal, np.sort(intervals / nominal, axis=1)
 
 
-def band_section(model: Sequence[str], fits: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+def band_section(model: Sequence[str], fits: Mapping[str, Findings]) -> Section:
     """The natural healthy band beside that of this project and the thesis' window."""
     panels = {}
     rows = []
@@ -157,38 +148,23 @@ def band_section(model: Sequence[str], fits: Mapping[str, Mapping[str, Any]]) ->
         "panel. Shaded: this project's default healthy band; dashed: the thesis' window of normal "
         "operation."
     )
-    figure = {
-        "plot": "healthy_band",
-        "name": "healthy-band",
-        "caption": caption,
-        "data": {"runs": [run["run"] for run in fits["model"]["runs"]], "panels": panels},
-    }
+    data = {"runs": [run["run"] for run in fits["model"]["runs"]], "panels": panels}
     columns = ["parameter", "form", "relative to all runs", "default band"]
-    return {
-        "heading": "The natural healthy band",
-        "text": [BAND_TEXT],
-        "table": {"columns": [*columns, "intervals wholly outside it"], "rows": rows},
-        "figures": [figure],
-    }
+    columns.append("intervals wholly outside it")
+    section = table_section("The natural healthy band", columns, rows, BAND_TEXT)
+    return section | {"figures": [figure("healthy_band", "healthy-band", caption, data)]}
 
 
-def range_cells(
-    values: np.ndarray,
-    intervals: np.ndarray,
-    default: float,
-) -> list[str]:
+def range_cells(values: np.ndarray, intervals: np.ndarray, default: float) -> list[str]:
     """Range of a parameter (n_runs,), and how many intervals (n_runs, 2) leave the default band."""
     is_above = intervals[:, 0] > 1 + default
     is_below = intervals[:, 1] < 1 - default
     n_outside = int(np.sum(is_above | is_below))
-    return [
-        f"{values.min():.2f} to {values.max():.2f}",
-        f"±{100 * default:g} %",
-        f"{n_outside} of {len(values)}",
-    ]
+    span = f"{values.min():.2f} to {values.max():.2f}"
+    return [span, f"±{100 * default:g} %", f"{n_outside} of {len(values)}"]
 
 
-def prediction_section(example: Mapping[str, Any]) -> dict[str, Any]:
+def prediction_section(example: Findings) -> Section:
     """One run with its predictions."""
     panels = {
         "surge speed [m/s]": {"speed": "speed", "predicted 10 s before": "predicted"},
@@ -201,23 +177,13 @@ def prediction_section(example: Mapping[str, Any]) -> dict[str, Any]:
         lines[label] = {
             name: line_without_band(np.array(example[key])) for name, key in keys.items()
         }
-    caption = (
-        f"Run {example['run']} from its tenth second, predicted with the parameters of all runs."
-    )
-    figure = {
-        "plot": "transients",
-        "name": "prediction",
-        "caption": caption,
-        "data": {"time": example["time"], "panels": lines},
-    }
-    return {"heading": "One run, predicted", "text": [], "figures": [figure]}
+    run = example["run"]
+    caption = f"Run {run} from its tenth second, predicted with the parameters of all runs."
+    data = {"time": example["time"], "panels": lines}
+    return figure_section("One run, predicted", "transients", "prediction", caption, data)
 
 
-def filter_section(
-    model: Sequence[str],
-    fits: Mapping[str, Any],
-    tracks: Mapping[str, Any],
-) -> dict[str, Any]:
+def filter_section(model: Sequence[str], fits: Findings, tracks: Findings) -> Section:
     """The filter's estimates along the runs, and their ends beside each run's own fit."""
     own = [relative(name, model, fits)[0] for name in PARAMETERS]
     rows = []
@@ -244,21 +210,12 @@ def filter_section(
         "labels": ["time in the run [s]", "relative to all runs"],
         "top": 2.0,
     }
-    figure = {
-        "plot": "curves",
-        "name": "filter",
-        "caption": "Estimates along the runs, in the order of the table, by the filter's terms.",
-        "data": data,
-    }
-    return {
-        "heading": "The filter on real readings",
-        "text": list(text),
-        "table": {"columns": columns, "rows": rows},
-        "figures": [figure],
-    }
+    caption = "Estimates along the runs, in the order of the table, by the filter's terms."
+    section = table_section("The filter on real readings", columns, rows, *text)
+    return section | {"figures": [figure("curves", "filter", caption, data)]}
 
 
-def estimate_cells(track: Mapping[str, Any]) -> list[str]:
+def estimate_cells(track: Findings) -> list[str]:
     """Last estimates of both lanes with their standard deviation, then the lanes' NIS."""
     cells = []
     for means, stds in zip(track["last"], track["last_std"], strict=True):
@@ -267,7 +224,7 @@ def estimate_cells(track: Mapping[str, Any]) -> list[str]:
 
 
 def estimate_lines(
-    tracks: Mapping[str, Mapping[str, Any]],
+    tracks: Mapping[str, Findings],
 ) -> dict[str, dict[str, dict[str, list[float]]]]:
     """Lines of the estimates along each run, a panel per parameter and lane."""
     panels = {}

@@ -33,27 +33,13 @@ JITTER = 1e-3  # s, largest departure of a time step from the sample time
 
 
 class Inputs(NamedTuple):
-    """The inputs of the surge speed, (n_samples,) each.
+    """The inputs of the surge speed, (n_samples,) each."""
 
-    Attributes
-    ----------
-    sway
-        Sway speed amidships [m/s], to starboard.
-    yaw_rate
-        [rad/s].
-    rpm
-        Of the one propeller, negative astern.
-    rudder
-        [rad].
-    wind
-        The relative wind along the ship [m/s].
-    """
-
-    sway: np.ndarray
-    yaw_rate: np.ndarray
-    rpm: np.ndarray
-    rudder: np.ndarray
-    wind: np.ndarray
+    sway: np.ndarray  # sway speed amidships [m/s], to starboard
+    yaw_rate: np.ndarray  # [rad/s]
+    rpm: np.ndarray  # of the one propeller, negative astern
+    rudder: np.ndarray  # [rad]
+    wind: np.ndarray  # the relative wind along the ship [m/s]
 
     def sample_means(self) -> "Inputs":
         """The means over each sample, (n_samples - 1,)."""

@@ -16,11 +16,7 @@ def forest(seed: int) -> Any:
     return ensemble.RandomForestClassifier(TREES, class_weight="balanced", random_state=seed)
 
 
-def shuffled_folds(
-    label: np.ndarray,
-    n_folds: int,
-    seed: int,
-) -> np.ndarray:
+def shuffled_folds(label: np.ndarray, n_folds: int, seed: int) -> np.ndarray:
     """A fold for each run (n_runs,), at random; every fold has its share of each label."""
     selection = import_from_extra("sklearn.model_selection", EXTRA)
     splitter = selection.StratifiedKFold(n_folds, shuffle=True, random_state=seed)
@@ -30,12 +26,7 @@ def shuffled_folds(
     return folds
 
 
-def cross_decide(
-    inputs: np.ndarray,
-    label: np.ndarray,
-    folds: np.ndarray,
-    seed: int,
-) -> np.ndarray:
+def cross_decide(inputs: np.ndarray, label: np.ndarray, folds: np.ndarray, seed: int) -> np.ndarray:
     """Decision on each run, (n_runs,), of a forest fitted to the other folds.
 
     `inputs` are (n_runs, n_inputs). Misleads where the folds share a cause that new data would not

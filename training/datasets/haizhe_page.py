@@ -6,6 +6,9 @@ from typing import Any
 from training.datasets.forests import TREES
 from training.datasets.haizhe_runs import CLASSES, SOURCE
 from training.report.cells import number, percent, with_interval
+from training.report.sections import Section, figure_section, table_section
+
+Scores = Sequence[Mapping[str, Any]]  # by protocol and input
 
 MEANING = (
     "The whole run: ten figures of each reading over the run (level, variation, trend, roughness, "
@@ -39,22 +42,10 @@ PUBLISHED = (
 def page(
     command: str,
     counts: Mapping[str, Sequence[int]],
-    scores: Sequence[Mapping[str, Any]],
+    scores: Scores,
     sessions: Mapping[str, Mapping[str, Any]],
 ) -> dict[str, Any]:
-    """The report as plain data.
-
-    Parameters
-    ----------
-    command
-        The command line.
-    counts
-        Runs by split and class.
-    scores
-        By protocol and input.
-    sessions
-        By class, how well the sessions can be distinguished at rest.
-    """
+    """The report as plain data: runs by split and class, scores, and the sessions by class."""
     runs = "; ".join(_runs_of_split(split, counts[split]) for split in counts)
     return {
         "title": "Haizhe: faults of a real vehicle, and the influence of the session",
@@ -75,7 +66,7 @@ def _runs_of_split(split: str, counts: Sequence[int]) -> str:
     return f"{sum(counts)} in {split} ({', '.join(by_class)})"
 
 
-def accuracy_section(scores: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def accuracy_section(scores: Scores) -> Section:
     """Accuracy and macro-F1 by protocol and input, and their meaning."""
     rows = []
     for score in scores:
@@ -84,27 +75,20 @@ def accuracy_section(scores: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         macro_f1 = with_interval(score["macro_f1"], score["f1_interval"], 3)
         rows.append([score["protocol"], score["inputs"], accuracy, macro_f1])
     columns = ["held out", "input", "accuracy [%] (95 %)", "macro-F1 (95 %)"]
-    return {
-        "heading": "Accuracy and controls",
-        "text": list(MEANING),
-        "table": {"columns": columns, "rows": rows},
-    }
+    return table_section("Accuracy and controls", columns, rows, *MEANING)
 
 
-def class_section(scores: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def class_section(scores: Scores) -> Section:
     """Share of each class that was classified correctly."""
     rows = []
     for score in scores:
         shares = [percent(row[k]) for k, row in enumerate(score["confusion"])]
         rows.append([score["protocol"], score["inputs"], *shares])
-    return {
-        "heading": "Recognised, by class",
-        "text": ["Chance is about 20 %."],
-        "table": {"columns": ["held out", "input", *CLASSES], "rows": rows},
-    }
+    columns = ["held out", "input", *CLASSES]
+    return table_section("Recognised, by class", columns, rows, "Chance is about 20 %.")
 
 
-def confusion_section(scores: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def confusion_section(scores: Scores) -> Section:
     """Confusion matrices, a row per protocol."""
     shares: dict[str, dict[str, Any]] = {}
     for score in scores:
@@ -113,16 +97,11 @@ def confusion_section(scores: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "Per cent of each true class (row) that were decided as each class (column); a panel per "
         "protocol and input."
     )
-    figure = {
-        "plot": "confusion_grid",
-        "name": "confusion",
-        "caption": caption,
-        "data": {"classes": list(CLASSES), "shares": shares},
-    }
-    return {"heading": "Confusion", "text": [], "figures": [figure]}
+    data = {"classes": list(CLASSES), "shares": shares}
+    return figure_section("Confusion", "confusion_grid", "confusion", caption, data)
 
 
-def sessions_section(sessions: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+def sessions_section(sessions: Mapping[str, Mapping[str, Any]]) -> Section:
     """How well the sample at rest distinguishes the sessions of one class."""
     rows = []
     for name, session in sessions.items():
@@ -134,8 +113,4 @@ def sessions_section(sessions: Mapping[str, Mapping[str, Any]]) -> dict[str, Any
         "rest; 0.5 is chance."
     )
     columns = ["class", "runs before 18:00", "from 18:00", "balanced accuracy"]
-    return {
-        "heading": "Sessions distinguished at rest",
-        "text": [text],
-        "table": {"columns": columns, "rows": rows},
-    }
+    return table_section("Sessions distinguished at rest", columns, rows, text)

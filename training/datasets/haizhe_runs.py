@@ -26,20 +26,7 @@ CLASSES = (
     "PropellerDamage_slight",
     "PropellerDamage_bad",
 )
-READINGS = (
-    "depth",
-    "press",
-    "voltage",
-    "roll",
-    "pitch",
-    "yaw",
-    "a_x",
-    "a_y",
-    "a_z",
-    "w_row",
-    "w_pitch",
-    "w_yaw",
-)
+READINGS = tuple("depth press voltage roll pitch yaw a_x a_y a_z w_row w_pitch w_yaw".split())
 YAW = READINGS.index("yaw")
 RATE = 19.7  # Hz
 BANDS = (0.0, 0.5, 2.0, 5.0, 10.0)  # Hz, edges
@@ -48,24 +35,12 @@ EVENING = 18 * 3600.0  # s; in the training split nothing was recorded from 17:0
 
 
 class Run(NamedTuple):
-    """One run.
+    """One run."""
 
-    Attributes
-    ----------
-    label
-        Index of its class in `CLASSES`.
-    time
-        Of the day, at which it began [s]; the data give no date.
-    command
-        The thrusters' pulse width [µs], (n_rows,), the same for all four.
-    readings
-        Those of `READINGS`, (n_rows, n_readings): m, the sensor's count, V, deg, m/s^2, deg/s; yaw
-        is unwrapped.
-    """
-
-    label: int
-    time: float
-    command: np.ndarray
+    label: int  # index of its class in `CLASSES`
+    time: float  # of the day, at which it began [s]; the data give no date
+    command: np.ndarray  # the thrusters' pulse width [µs], (n_rows,), the same for all four
+    # (n_rows, n_readings): m, the sensor's count, V, deg, m/s^2, deg/s; yaw is unwrapped
     readings: np.ndarray
 
 

@@ -19,11 +19,7 @@ def data_files(folder: Path, pattern: str, source: str) -> list[Path]:
     return files
 
 
-def read_columns(
-    path: Path,
-    names: Sequence[str],
-    least: int,
-) -> np.ndarray:
+def read_columns(path: Path, names: Sequence[str], least: int) -> np.ndarray:
     """The named columns of a CSV file, (n_rows, n_names), by their header.
 
     Raises `InputError` unless all columns are there, every cell is a finite number and there are at

@@ -1,11 +1,9 @@
 """The surge equation fitted to free running: coefficients, intervals, ten-second prediction.
 
-The equation of the plant, ``du/dt = sum of coefficient times term``, integrated over ten seconds is
-linear in the coefficients: ``u(t + 10 s) - u(t) = sum of coefficient times integral of term``, with
-the terms at the measured speed. So the fit is linear least squares on increments over ten seconds,
-which neither differentiates a reading nor needs a first guess. Its normal equations add up over
-blocks of time, so that leaving a run out or resampling blocks is arithmetic on small matrices.
-`predict` tests a fit: it simulates from the measured start.
+``du/dt = sum of coefficient times term``, integrated over ten seconds at the measured speed, is
+linear in the coefficients: linear least squares that differentiates no reading and needs no first
+guess. The normal equations add up over blocks of time, so that leaving a run out or resampling
+blocks is arithmetic on small matrices. `predict` tests a fit: it simulates from the measured start.
 """
 
 from collections.abc import Callable, Sequence
@@ -44,24 +42,14 @@ TERMS: dict[str, Callable[[np.ndarray, Inputs], np.ndarray]] = {
 
 
 class Normal(NamedTuple):
-    """Normal equations of blocks of increments.
+    """Normal equations of blocks of increments."""
 
-    Attributes
-    ----------
-    gram
-        (n_blocks, n_terms, n_terms).
-    moment
-        (n_blocks, n_terms).
-    """
-
-    gram: np.ndarray
-    moment: np.ndarray
+    gram: np.ndarray  # (n_blocks, n_terms, n_terms)
+    moment: np.ndarray  # (n_blocks, n_terms)
 
 
 def increments(
-    run: ShipRun,
-    form: Sequence[str],
-    ahead: int = AHEAD,
+    run: ShipRun, form: Sequence[str], ahead: int = AHEAD
 ) -> tuple[np.ndarray, np.ndarray]:
     """Integrals of the terms over `ahead` samples, and the change of the speed.
 
@@ -77,11 +65,7 @@ def increments(
     return integral[ahead:] - integral[:-ahead], change
 
 
-def normal_equations(
-    run: ShipRun,
-    form: Sequence[str],
-    block: int = BLOCK,
-) -> Normal:
+def normal_equations(run: ShipRun, form: Sequence[str], block: int = BLOCK) -> Normal:
     """The run's normal equations, a block of starts at a time."""
     terms, change = increments(run, form)
     edges = range(block, len(change) - block // 2, block)  # the rest joins the last block
@@ -109,11 +93,7 @@ def solve(normal: Normal, weights: np.ndarray | None = None) -> np.ndarray:
     return np.linalg.solve(scaled, (moment / size)[..., None])[..., 0] / size
 
 
-def intervals(
-    normal: Normal,
-    seed: int,
-    n: int = RESAMPLES,
-) -> np.ndarray:
+def intervals(normal: Normal, seed: int, n: int = RESAMPLES) -> np.ndarray:
     """95 % intervals of the coefficients, (n_terms, 2), by resampling blocks.
 
     Misleads: the intervals are too narrow with few blocks, and they ignore conditions that were the
@@ -127,21 +107,14 @@ def intervals(
 
 
 def acceleration(
-    form: Sequence[str],
-    coefficients: np.ndarray,
-    speed: np.ndarray,
-    inputs: Inputs,
+    form: Sequence[str], coefficients: np.ndarray, speed: np.ndarray, inputs: Inputs
 ) -> np.ndarray:
     """du/dt [m/s^2] of the form."""
     terms = zip(form, coefficients, strict=True)
     return sum(coefficient * TERMS[name](speed, inputs) for name, coefficient in terms)
 
 
-def predict(
-    form: Sequence[str],
-    coefficients: np.ndarray,
-    run: ShipRun,
-) -> np.ndarray:
+def predict(form: Sequence[str], coefficients: np.ndarray, run: ShipRun) -> np.ndarray:
     """Speed [m/s] ten seconds after every sample, (n_samples - AHEAD,), simulated from there.
 
     Propeller, rudder, sway, yaw rate and wind are those measured in the ten seconds; only the speed
@@ -156,11 +129,7 @@ def predict(
     return speed
 
 
-def prediction_error(
-    form: Sequence[str],
-    coefficients: np.ndarray,
-    run: ShipRun,
-) -> np.ndarray:
+def prediction_error(form: Sequence[str], coefficients: np.ndarray, run: ShipRun) -> np.ndarray:
     """Measured less predicted speed ten seconds after every sample, (n_samples - AHEAD,) [m/s]."""
     return run.speed[AHEAD:] - predict(form, coefficients, run)
 

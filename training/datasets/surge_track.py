@@ -22,44 +22,23 @@ WALK_STD = (0.003,) * 3
 
 
 class Track(NamedTuple):
-    """The filter's estimates along a run, in two lanes.
+    """Estimates along a run, by the thesis' terms alone and with turn and wind as well (lanes)."""
 
-    The first lane has the thesis' terms alone, the second the known acceleration by turn and wind
-    as well.
-
-    Attributes
-    ----------
-    relative, std
-        (n_samples, 2, 2): by sample and lane, of alpha and beta relative to the nominal.
-    nis
-        (2,): mean squared innovation over its variance; 1 for a consistent filter, below 1 if the
-        ship is less noisy than the filter assumes.
-    """
-
+    # (n_samples, 2, 2): by sample and lane, of alpha and beta relative to the nominal
     relative: np.ndarray
     std: np.ndarray
+    # (2,): mean squared innovation over its variance; below 1 if the filter assumes too much noise
     nis: np.ndarray
 
 
-def ship(
-    form: Sequence[str],
-    coefficients: np.ndarray,
-    error: float,
-) -> Vehicle:
+def ship(form: Sequence[str], coefficients: np.ndarray, error: float) -> Vehicle:
     """The ship as a nominal vehicle: hull and thrust as fitted, and a disturbance.
 
-    The disturbance explains the prediction's error: it is the Ornstein-Uhlenbeck process, of the
-    preset's correlation time T, whose integral over t = 10 s has that size: ``error^2 = 2 std^2 T
-    (t - T (1 - exp(-t/T)))``. The ship's one propeller is divided among the two of a `Vehicle`,
-    half the thrust each. Its motor is unknown: those constants stay the preset's, and the filter
-    uses them only for the change of thrust within a sample.
-
-    Parameters
-    ----------
-    form, coefficients
-        Of the fitted surge equation.
-    error
-        Of the ten-second prediction [m/s rms].
+    The disturbance explains the error of the ten-second prediction [m/s rms]: it is the
+    Ornstein-Uhlenbeck process, of the preset's correlation time T, whose integral over t = 10 s has
+    that size: ``error^2 = 2 std^2 T (t - T (1 - exp(-t/T)))``. The ship's one propeller is divided
+    among the two of a `Vehicle`, half the thrust each. Its motor is unknown: those constants stay
+    the preset's, and the filter uses them only for the change of thrust within a sample.
     """
     preset = PRESETS["thesis1992"]
     fitted = dict(zip(form, coefficients.tolist(), strict=True))

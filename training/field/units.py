@@ -5,55 +5,41 @@ import math
 from auv_fault_env.errors import known_name
 from auv_fault_env.parameters import FOOT
 
-STANDARD_GRAVITY = 9.80665  # m/s^2
+GRAVITY = 9.80665  # m/s^2, standard
+KNOT = 1852 / 3600  # m/s
 
 # Factors to the unit of the channels, by that unit, which comes first.
 UNITS: dict[str, dict[str, float]] = {
-    "m/s": {
-        "m/s": 1.0,
-        "cm/s": 0.01,
-        "mm/s": 0.001,
-        "km/h": 1 / 3.6,
-        "kn": 1852 / 3600,
-        "ft/s": FOOT,
-    },
-    "m/s^2": {
-        "m/s^2": 1.0,
-        "cm/s^2": 0.01,
-        "ft/s^2": FOOT,
-        "g": STANDARD_GRAVITY,
-        "mg": 0.001 * STANDARD_GRAVITY,
-    },
+    "m/s": {"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3, "km/h": 1 / 3.6, "kn": KNOT, "ft/s": FOOT},
+    "m/s^2": {"m/s^2": 1.0, "cm/s^2": 0.01, "ft/s^2": FOOT, "g": GRAVITY, "mg": 0.001 * GRAVITY},
     "rad": {"rad": 1.0, "deg": math.pi / 180, "mrad": 0.001},
     "V": {"V": 1.0, "mV": 0.001},
     "A": {"A": 1.0, "mA": 0.001},
     "rpm": {"rpm": 1.0, "rev/s": 60.0, "rad/s": 30 / math.pi},
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
 }
-SPELLINGS: dict[str, str] = {
-    **dict.fromkeys(("mps", "m/sec", "ms-1", "meter/s", "metre/s"), "m/s"),
-    **dict.fromkeys(("kt", "kts", "knot", "knots"), "kn"),
-    **dict.fromkeys(("kmh", "kph", "km/hr"), "km/h"),
-    **dict.fromkeys(("fps", "ft/sec"), "ft/s"),
-    **dict.fromkeys(("mps2", "m/s/s", "ms-2", "m/sec2"), "m/s^2"),
-    **dict.fromkeys(("fps2", "ft/s/s"), "ft/s^2"),
-    **dict.fromkeys(("radian", "radians"), "rad"),
-    **dict.fromkeys(("°", "degs", "degree", "degrees"), "deg"),
-    **dict.fromkeys(("volt", "volts"), "V"),
-    **dict.fromkeys(("millivolt", "millivolts"), "mV"),
-    **dict.fromkeys(("amp", "amps", "ampere", "amperes"), "A"),
-    **dict.fromkeys(("milliamp", "milliamps", "milliampere"), "mA"),
-    **dict.fromkeys(("rev/min", "r/min", "1/min", "u/min", "min-1"), "rpm"),
-    **dict.fromkeys(("rps", "r/s", "rev/sec", "1/s", "hz", "s-1"), "rev/s"),
-    **dict.fromkeys(("rad/sec", "rads-1"), "rad/s"),
-    **dict.fromkeys(("sec", "secs", "second", "seconds"), "s"),
-    **dict.fromkeys(("msec", "millis", "millisecond", "milliseconds"), "ms"),
-    **dict.fromkeys(("usec", "µs", "μs", "microsecond", "microseconds"), "us"),  # micro sign; mu
-    **dict.fromkeys(("nsec", "nanosecond", "nanoseconds"), "ns"),
-    **dict.fromkeys(("minute", "minutes"), "min"),
+SPELLINGS = {
+    "m/s": "mps m/sec ms-1 meter/s metre/s",
+    "kn": "kt kts knot knots",
+    "km/h": "kmh kph km/hr",
+    "ft/s": "fps ft/sec",
+    "m/s^2": "mps2 m/s/s ms-2 m/sec2",
+    "ft/s^2": "fps2 ft/s/s",
+    "rad": "radian radians",
+    "deg": "° degs degree degrees",
+    "V": "volt volts",
+    "mV": "millivolt millivolts",
+    "A": "amp amps ampere amperes",
+    "mA": "milliamp milliamps milliampere",
+    "rpm": "rev/min r/min 1/min u/min min-1",
+    "rev/s": "rps r/s rev/sec 1/s hz s-1",
+    "rad/s": "rad/sec rads-1",
+    "s": "sec secs second seconds",
+    "ms": "msec millis millisecond milliseconds",
+    "us": "usec µs μs microsecond microseconds",  # micro sign; mu
+    "ns": "nsec nanosecond nanoseconds",
+    "min": "minute minutes",
 }
-
-
 EXPONENTS = {"²": "2", "⁻¹": "-1", "⁻²": "-2"}
 
 
@@ -66,7 +52,7 @@ def _plain(text: str) -> str:
 
 
 _KNOWN = {kind: {_plain(unit): unit for unit in units} for kind, units in UNITS.items()}
-_SPELT = {_plain(text): unit for text, unit in SPELLINGS.items()}
+_SPELT = {_plain(text): unit for unit, texts in SPELLINGS.items() for text in texts.split()}
 
 
 def spelt(text: str, kind: str) -> str | None:

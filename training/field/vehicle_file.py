@@ -1,7 +1,4 @@
-"""The vehicle file (TOML): the columns of a vehicle's logs, and the vehicle itself.
-
-The keys are described in docs/vehicle.md.
-"""
+"""The vehicle file (TOML, docs/vehicle.md): the columns of a vehicle's logs, and the vehicle."""
 
 import json
 import tomllib
@@ -46,10 +43,9 @@ class Column(NamedTuple):
 class VehicleFile:
     """The content of a vehicle file; an unknown or impossible value is an `InputError`.
 
-    A vehicle with one shaft has the channels of the port side only. It is simulated as a
-    vehicle with two equal shafts, each of half the thrust, of which only port is logged. In either
-    case ``vehicle.beta`` is the thrust of all shafts together, and hotel load and battery are the
-    whole vehicle's.
+    A vehicle with one shaft has the channels of port only. It is simulated as one with two equal
+    shafts, each of half the thrust, of which only port is logged. In either case ``vehicle.beta``
+    is the thrust of all shafts together, and hotel load and battery are the whole vehicle's.
 
     Attributes
     ----------
@@ -121,11 +117,7 @@ def _check_column(where: str, column: Column) -> None:
         raise refusal(f"{where}.scale", column.scale, "a number other than 0", remedy)
 
 
-def _check_numbers(
-    table: str,
-    numbers: Mapping[str, float],
-    highest: Mapping[str, float],
-) -> None:
+def _check_numbers(table: str, numbers: Mapping[str, float], highest: Mapping[str, float]) -> None:
     for name, value in numbers.items():
         key = known_name(f"key of [{table}]", name, highest)
         finite_in_range(f"{table}.{key}", value, 0.0, highest[name])
@@ -166,11 +158,7 @@ def _content(path: Path) -> dict[str, Any]:
     raise refusal("vehicle file", str(path), "a readable TOML file", remedy) from None
 
 
-def _table(
-    content: Mapping[str, Any],
-    name: str,
-    keys: Iterable[str],
-) -> dict[str, Any]:
+def _table(content: Mapping[str, Any], name: str, keys: Iterable[str]) -> dict[str, Any]:
     table = content.get(name, {})
     if not isinstance(table, dict):
         raise refusal(name, table, f"a table [{name}]", "give it keys of its own")
@@ -196,20 +184,11 @@ def _column(where: str, entry: Any, kind: str) -> Column:
 
 
 def write_vehicle(
-    path: Path,
-    vehicle: VehicleFile,
-    comments: Mapping[str, str] = MappingProxyType({}),
+    path: Path, vehicle: VehicleFile, comments: Mapping[str, str] = MappingProxyType({})
 ) -> None:
-    """Write the file; `read_vehicle` returns an equal vehicle.
+    """Write the file, which `read_vehicle` reads as an equal vehicle; one that exists is replaced.
 
-    Parameters
-    ----------
-    path
-        Replaced if it exists.
-    vehicle
-        What to write.
-    comments
-        At the end of a line, by table and key: ``{"vehicle.sample_rate": "median of 500 rows"}``.
+    A comment at the end of a line is found by table and key: ``{"channels.speed.column": "why"}``.
     """
     try:
         Path(path).write_text(as_toml(vehicle, comments), encoding="utf-8")
@@ -259,11 +238,7 @@ def _entry(column: Column, kind: str) -> dict[str, str | float]:
     return entry
 
 
-def _text(
-    name: str,
-    table: Mapping[str, Any],
-    comments: Mapping[str, str],
-) -> str:
+def _text(name: str, table: Mapping[str, Any], comments: Mapping[str, str]) -> str:
     lines = [f"[{name}]"]
     for key, value in table.items():
         notes = "; ".join(filter(None, (_about(name, key), comments.get(f"{name}.{key}"))))

@@ -3,10 +3,12 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+Section = dict[str, Any]
+
 
 def table_section(
     heading: str, columns: Iterable[str], rows: Sequence[Sequence[str]], *text: str
-) -> dict[str, Any]:
+) -> Section:
     """A section of paragraphs and a table."""
     table = {"columns": list(columns), "rows": rows}
     return {"heading": heading, "text": list(text), "table": table}
@@ -14,7 +16,7 @@ def table_section(
 
 def figure_section(
     heading: str, plot: str, name: str, caption: str, data: Mapping[str, Any]
-) -> dict[str, Any]:
+) -> Section:
     """A section of one figure."""
     return {"heading": heading, "text": [], "figures": [figure(plot, name, caption, data)]}
 

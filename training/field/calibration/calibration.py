@@ -24,51 +24,27 @@ FILE_PARAMETERS = {"propeller_torque": ("c1", "c2")}
 
 
 class ParameterFit(NamedTuple):
-    """The calibration of one parameter, in its unit; `propeller_torque` is a factor on C1 and C2.
-
-    Attributes
-    ----------
-    name, unit
-        Of the parameter.
-    before, value
-        In the vehicle file before and after.
-    std, low, high
-        Standard deviation and 95 % interval, with the fixed parameters as in the file; NaN for a
-        parameter that was not fitted.
-    band
-        Relative half-width of the healthy band.
-    why, remedy
-        Why the parameter keeps the file's value, and what would help; empty for a fitted one.
-    """
+    """The fit of one parameter, in its unit; `propeller_torque` is a factor on C1 and C2."""
 
     name: str
     unit: str
-    before: float
-    value: float
+    before: float  # in the vehicle file
+    value: float  # in the calibrated one
+    # with the fixed parameters as in the file; NaN for a parameter that was not fitted
     std: float
-    low: float
+    low: float  # of the 95 % interval
     high: float
-    band: float
-    why: str = ""
-    remedy: str = ""
+    band: float  # relative half-width of the healthy band
+    why: str = ""  # it keeps the file's value; empty for a fitted parameter
+    remedy: str = ""  # what would help
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """A calibrated vehicle.
+    """A calibrated vehicle."""
 
-    Attributes
-    ----------
-    vehicle
-        The vehicle file with the fitted parameters, the healthy band, and the sensors' noise.
-    before
-        The vehicle file as it was.
-    motor, surge
-        The fits.
-    """
-
-    vehicle: VehicleFile
-    before: VehicleFile
+    vehicle: VehicleFile  # with the fitted parameters, the healthy band, and the sensors' noise
+    before: VehicleFile  # as it was
     motor: ModelFit
     surge: ModelFit
 
@@ -120,8 +96,7 @@ def calibrate(logs: Sequence[Log], vehicle: VehicleFile) -> Calibration:
     their voltages can replace shaft speeds that are not logged.
 
     Misleads: a fault present in all of the logs counts as healthy from now on. Wrong constants that
-    are not fitted (rotor inertia, propeller diameter, a speed sensor's scale) distort those that
-    are.
+    are not fitted (rotor inertia, propeller diameter, a sensor's scale) distort those that are.
     """
     return calibrate_samples(samples_of(logs), vehicle)
 
@@ -152,11 +127,7 @@ def _channel_noise(samples: Samples, vehicle: VehicleFile) -> dict[str, float]:
     return noise
 
 
-def shaft_speeds(
-    samples: Samples,
-    vehicle: Vehicle,
-    motor: ModelFit,
-) -> list[np.ndarray]:
+def shaft_speeds(samples: Samples, vehicle: Vehicle, motor: ModelFit) -> list[np.ndarray]:
     """Shaft speeds [rad/s], (n_samples, 2) each: as read, else from the voltages, else none.
 
     Speeds from the voltages are followed by those with the motors' fit a standard deviation off, in
@@ -175,10 +146,7 @@ def shaft_speeds(
 
 
 def _motor_noise(
-    samples: Samples,
-    vehicle: Vehicle,
-    noise: Mapping[str, float],
-    motor: ModelFit,
+    samples: Samples, vehicle: Vehicle, noise: Mapping[str, float], motor: ModelFit
 ) -> dict[str, float]:
     levels = {}
     for side in SIDES if motor.fit.names else ():
@@ -206,10 +174,7 @@ def _bands(model: ModelFit, file_band: Mapping[str, float]) -> dict[str, float]:
 
 
 def side_differences(calibration: Calibration) -> dict[str, tuple[float, float]]:
-    """By motor parameter: port minus starboard, relative, and its standard deviation.
-
-    Empty with one shaft.
-    """
+    """Port minus starboard by motor parameter, relative, and its std; empty with one shaft."""
     fit = calibration.motor.fit
     sides = fit.units % len(SIDES)
     if np.unique(sides).size < len(SIDES):
@@ -221,9 +186,7 @@ def side_differences(calibration: Calibration) -> dict[str, tuple[float, float]]
 
 
 def _difference(
-    estimates: np.ndarray,
-    variances: np.ndarray,
-    sides: np.ndarray,
+    estimates: np.ndarray, variances: np.ndarray, sides: np.ndarray
 ) -> tuple[float, float]:
     weights = [np.where(sides == side, 1.0 / variances, 0.0) for side in range(len(SIDES))]
     port, starboard = (np.sum(weight * estimates) / weight.sum() for weight in weights)

@@ -23,23 +23,12 @@ KINDS = {
 
 
 class LeftOut(NamedTuple):
-    """One mission against the fit to the others.
+    """One mission against the fit to the others."""
 
-    Attributes
-    ----------
-    mission
-        Index of its log.
-    error, error_without
-        Root mean square by kind of `KINDS`, of the fit to all missions and of the fit without this
-        one.
-    changes
-        By parameter, its change without the mission, relative.
-    """
-
-    mission: int
-    error: dict[str, float]
-    error_without: dict[str, float]
-    changes: dict[str, float]
+    mission: int  # index of its log
+    error: dict[str, float]  # root mean square by kind of `KINDS`, of the fit to all missions
+    error_without: dict[str, float]  # the same of the fit without this mission
+    changes: dict[str, float]  # by parameter, its change without the mission, relative
 
 
 def simulated_readings(samples: Samples, vehicle: VehicleFile) -> dict[str, np.ndarray]:
@@ -75,10 +64,7 @@ def _is_start(samples: Samples) -> np.ndarray:
 
 
 def prediction_errors(samples: Samples, vehicle: VehicleFile) -> dict[str, np.ndarray]:
-    """Reading minus `simulated_readings`, by channel, (n_samples,).
-
-    NaN without a reading and in the first `START_TIME` of a segment.
-    """
+    """Reading minus `simulated_readings`, by channel, (n_samples,); NaN up to `START_TIME`."""
     is_start = _is_start(samples)
     return {
         name: np.where(is_start, np.nan, samples.channel(name) - predicted)
@@ -99,14 +85,9 @@ def rms_errors(samples: Samples, vehicle: VehicleFile) -> dict[str, float]:
 
 
 def leave_one_out(
-    samples: Samples,
-    calibration: Calibration,
-    names: Sequence[str],
+    samples: Samples, calibration: Calibration, names: Sequence[str]
 ) -> list[LeftOut]:
-    """Predict each mission from a fit to the others; empty with one mission.
-
-    `names` of the missions are shown with the progress bar.
-    """
+    """Predict each mission from a fit to the others; empty with one. The bar shows the names."""
     missions = range(len(names)) if len(names) > 1 else ()
     rows = []
     bar = tqdm(missions, desc="leaving one out", unit="mission", leave=False)

@@ -8,10 +8,7 @@ WIDEST = 0.9  # of a band, relative
 
 
 def healthy_band(
-    estimates: np.ndarray,
-    variances: np.ndarray,
-    std: float,
-    file_band: float,
+    estimates: np.ndarray, variances: np.ndarray, std: float, file_band: float
 ) -> float:
     """Half-width of the healthy band of one parameter, relative, as of a uniform distribution.
 
@@ -21,16 +18,8 @@ def healthy_band(
     estimate is added, because a diagnoser has to reckon with it.
 
     Misleads: variation by causes that the logs do not contain (fouling, cold water, a full battery)
-    is not in it.
-
-    Parameters
-    ----------
-    estimates, variances
-        (n_units,) of each mission or shaft, relative to the common estimate.
-    std
-        Standard deviation of the common estimate, relative.
-    file_band
-        Half-width in the vehicle file, relative.
+    is not in it. Estimates and variances are of each mission or shaft, (n_units,), and relative, as
+    are the standard deviation of the common estimate and the half-width in the vehicle file.
     """
     weights = 1.0 / variances
     n_units = weights.sum() ** 2 / np.sum(weights**2)  # effective

@@ -14,28 +14,15 @@ LEAST_FACTOR = 1e-3  # on a parameter, so that its sign stays
 
 
 class ModelFit(NamedTuple):
-    """The fit of the motors or of surge.
+    """The fit of the motors or of surge."""
 
-    Attributes
-    ----------
-    fit
-        In the parameters of the fit, which are relative.
-    scale
-        Physical value of each parameter by its value in the fit.
-    why
-        By parameter that keeps the file's value: the reason, and the manoeuvre that would help.
-    """
-
-    fit: Fit
-    scale: Mapping[str, float]
+    fit: Fit  # in the parameters of the fit, which are relative
+    scale: Mapping[str, float]  # physical value of each parameter by its value in the fit
+    # by parameter that keeps the file's value: the reason, and a manoeuvre that would help
     why: Mapping[str, tuple[str, str]]
 
 
-def no_model_fit(
-    names: tuple[str, ...],
-    why: str,
-    remedy: str,
-) -> ModelFit:
+def no_model_fit(names: tuple[str, ...], why: str, remedy: str) -> ModelFit:
     """A model of which no parameter could be fitted."""
     return ModelFit(NO_FIT, {}, dict.fromkeys(names, (why, remedy)))
 

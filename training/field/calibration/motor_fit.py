@@ -47,11 +47,7 @@ class ShaftLog(NamedTuple):
     noise: np.ndarray
 
 
-def motor_fit(
-    samples: Samples,
-    vehicle: Vehicle,
-    noise: Mapping[str, float],
-) -> ModelFit:
+def motor_fit(samples: Samples, vehicle: Vehicle, noise: Mapping[str, float]) -> ModelFit:
     """Fit what the readings identify of the motors; `noise` by reading, as in a vehicle file."""
     sides = [side for side in SIDES if samples.has(f"{side}_current")]
     if not sides:
@@ -71,10 +67,7 @@ def motor_fit(
 
 
 def motor_problem(
-    samples: Samples,
-    vehicle: Vehicle,
-    noise: Mapping[str, float],
-    sides: Sequence[str],
+    samples: Samples, vehicle: Vehicle, noise: Mapping[str, float], sides: Sequence[str]
 ) -> Problem:
     """Whitened residuals of rpm and current of all sides, by factors on `PARAMETERS`."""
     logs = {side: shaft_log(samples, side, noise) for side in sides}
@@ -123,10 +116,7 @@ def motor_problem(
 
 
 def electric_damping(vehicle: Vehicle) -> float:
-    """The motor's own damping K^2/R [N m s/rad], by which the fit scales viscous friction.
-
-    Viscous friction may be zero, so that a factor on it would not do.
-    """
+    """The motor's damping K^2/R [N m s/rad], scale of the viscous friction, which may be zero."""
     return vehicle.torque_constant**2 / vehicle.resistance
 
 
@@ -148,11 +138,7 @@ def vehicle_constants(vehicle: Vehicle, values: Mapping[str, float]) -> dict[str
     return constants | {"c1": vehicle.c1 * torque, "c2": vehicle.c2 * torque}
 
 
-def shaft_log(
-    samples: Samples,
-    side: str,
-    noise: Mapping[str, float],
-) -> ShaftLog:
+def shaft_log(samples: Samples, side: str, noise: Mapping[str, float]) -> ShaftLog:
     """One shaft's log, read where all of its channels were and the surge speed is known."""
     speed = samples.smoothed_speed
     names = [f"{side}_{kind}" for kind in INPUTS]
@@ -164,9 +150,7 @@ def shaft_log(
 
 
 def predict_shaft(
-    log: ShaftLog,
-    vehicle: Vehicle,
-    values: Mapping[str, float],
+    log: ShaftLog, vehicle: Vehicle, values: Mapping[str, float]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Residuals and predictions of `shaft_residuals`, (n_samples, 2) each, at values of the fit."""
     residual = np.empty((len(log.is_read), 2))
@@ -179,9 +163,7 @@ def predict_shaft(
 
 
 def simulated_shaft_speeds(
-    samples: Samples,
-    vehicle: Vehicle,
-    values: Mapping[str, float],
+    samples: Samples, vehicle: Vehicle, values: Mapping[str, float]
 ) -> np.ndarray | None:
     """Shaft speeds [rad/s], (n_samples, 2), from the voltages; None without any."""
     speeds = []

@@ -17,11 +17,7 @@ VOLTAGE_STEP = 0.01  # V, for the slope of the shaft speed
 TAIL = 4.0  # standard deviations, beyond which a change or an error is an outlier
 
 
-def motor_noise(
-    log: ShaftLog,
-    vehicle: Vehicle,
-    values: Mapping[str, float],
-) -> dict[str, float]:
+def motor_noise(log: ShaftLog, vehicle: Vehicle, values: Mapping[str, float]) -> dict[str, float]:
     """Standard deviations of the noise of voltage, current and rpm at these values of the fit.
 
     The voltage is an input: its noise enters the error of the predicted rpm negatively, times the
@@ -44,15 +40,11 @@ def motor_noise(
     return {kind: float(np.sqrt(value)) for kind, value in variances.items() if value > 0.0}
 
 
-def noise_covariance(
-    reading: np.ndarray,
-    error: np.ndarray,
-    log: ShaftLog,
-) -> float:
+def noise_covariance(reading: np.ndarray, error: np.ndarray, log: ShaftLog) -> float:
     """Covariance of the noise of a reading and of its prediction error, (n_samples,) each.
 
-    The error does not depend on the reading before, so that a difference of readings removes the signal.
-    Outliers and changes of speed are left out.
+    The error does not depend on the reading before, so that a difference of readings removes the
+    signal. Outliers and changes of speed are left out.
     """
     segment = np.cumsum(log.starts)[log.is_read]
     is_same_segment = segment[1:] == segment[:-1]

@@ -1,6 +1,6 @@
 """The page of `auv-fault calibrate`: parameters, why some are not identified, and errors."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,16 +14,13 @@ from training.field.calibration.calibration import (
     ParameterFit,
     side_differences,
 )
-from training.field.calibration.checks import (
-    KINDS,
-    LeftOut,
-    prediction_errors,
-    simulated_readings,
-)
+from training.field.calibration.checks import KINDS, LeftOut, prediction_errors, simulated_readings
 from training.field.calibration.healthy_band import PRIOR_UNITS
 from training.field.calibration.robust_fit import LARGEST_STD
 from training.field.calibration.samples import BLOCK, Samples
 from training.field.logs.log import Log
+from training.report.lines import rounded
+from training.report.sections import Section, figure_section, table_section
 
 POINTS = 1500  # of a figure's line
 REPAIRS = "Repairs"
@@ -33,10 +30,7 @@ LARGEST_MISSION_STD = 0.5
 
 
 def page(
-    logs: Sequence[Log],
-    samples: Samples,
-    calibration: Calibration,
-    left_out: Sequence[LeftOut],
+    logs: Sequence[Log], samples: Samples, calibration: Calibration, left_out: Sequence[LeftOut]
 ) -> dict[str, Any]:
     """The report as plain data."""
     parameters = [calibration.parameter(name) for name in NAMES]
@@ -44,7 +38,7 @@ def page(
         fitted_section([parameter for parameter in parameters if np.isfinite(parameter.std)]),
         unidentified_section([parameter for parameter in parameters if parameter.why]),
         left_out_section(logs, left_out),
-        readings_section(logs, samples, calibration),
+        readings_section(logs[0].name, samples, calibration),
         missions_section(calibration),
         sides_section(calibration),
         noise_section(samples, calibration),
@@ -64,9 +58,10 @@ def page(
     }
 
 
-def fitted_section(parameters: Sequence[ParameterFit]) -> dict[str, Any]:
+def fitted_section(parameters: Sequence[ParameterFit]) -> Section:
     """The fitted parameters with their intervals."""
     columns = ["parameter", "value", "95 % interval", "half-width", "in the file"]
+    columns += ["healthy band", "unit"]
     text = (
         "Intervals hold with the other parameters as in the file. The healthy band says how far a "
         "healthy mission may be from the value: the variation between missions beyond the errors "
@@ -74,11 +69,8 @@ def fitted_section(parameters: Sequence[ParameterFit]) -> dict[str, Any]:
         "missions, and the error of the value itself. propeller_torque is a factor on C1 and C2; "
         "beta is that of all shafts together."
     )
-    table = {
-        "columns": [*columns, "healthy band", "unit"],
-        "rows": [_fitted_row(parameter) for parameter in parameters],
-    }
-    return {"heading": "Fitted parameters", "text": [text], "table": table}
+    rows = [_fitted_row(parameter) for parameter in parameters]
+    return table_section("Fitted parameters", columns, rows, text)
 
 
 def _fitted_row(parameter: ParameterFit) -> list[str]:
@@ -94,25 +86,21 @@ def _fitted_row(parameter: ParameterFit) -> list[str]:
     ]
 
 
-def unidentified_section(parameters: Sequence[ParameterFit]) -> dict[str, Any] | None:
+def unidentified_section(parameters: Sequence[ParameterFit]) -> Section | None:
     """The parameters that the logs do not identify, with reasons."""
     if not parameters:
         return None
-    rows = [
-        [parameter.name, f"{parameter.value:.4g}", parameter.why, parameter.remedy]
-        for parameter in parameters
-    ]
     text = (
         "These keep the file's value: fitted with the others, their standard deviation would be "
         f"above {100 * LARGEST_STD:.0f} %, or the readings for it were not logged. The fitted "
         "parameters depend on them."
     )
     columns = ["parameter", "file's value", "why", "what would help"]
-    table = {"columns": columns, "rows": rows}
-    return {"heading": "Not identified", "text": [text], "table": table}
+    rows = [[fit.name, f"{fit.value:.4g}", fit.why, fit.remedy] for fit in parameters]
+    return table_section("Not identified", columns, rows, text)
 
 
-def left_out_section(logs: Sequence[Log], left_out: Sequence[LeftOut]) -> dict[str, Any]:
+def left_out_section(logs: Sequence[Log], left_out: Sequence[LeftOut]) -> Section:
     """Each mission predicted by the fit to the others."""
     kinds = [kind for kind in KINDS if any(kind in row.error for row in left_out)]
     text = (
@@ -125,18 +113,11 @@ def left_out_section(logs: Sequence[Log], left_out: Sequence[LeftOut]) -> dict[s
         text = "There is one mission only, so that none can be left out: name more logs."
     units = [f"{kind} [{UNITS[kind]}]" for kind in kinds]
     rows = [_left_out_row(logs[row.mission].name, row, kinds) for row in left_out]
-    return {
-        "heading": "Leaving one mission out",
-        "text": [text],
-        "table": {"columns": ["mission", *units, "largest change"], "rows": rows},
-    }
+    columns = ["mission", *units, "largest change"]
+    return table_section("Leaving one mission out", columns, rows, text)
 
 
-def _left_out_row(
-    mission: str,
-    row: LeftOut,
-    kinds: Sequence[str],
-) -> list[str]:
+def _left_out_row(mission: str, row: LeftOut, kinds: Sequence[str]) -> list[str]:
     name, change = max(row.changes.items(), key=lambda item: abs(item[1]))
     errors = [
         f"{row.error[kind]:.4g} / {row.error_without[kind]:.4g}" if kind in row.error else ""
@@ -145,12 +126,8 @@ def _left_out_row(
     return [mission, *errors, f"{name} {100 * change:+.1f} %"]
 
 
-def readings_section(
-    logs: Sequence[Log],
-    samples: Samples,
-    calibration: Calibration,
-) -> dict[str, Any] | None:
-    """Measured and simulated readings of the first mission."""
+def readings_section(log: str, samples: Samples, calibration: Calibration) -> Section | None:
+    """Measured and simulated readings of the first mission, whose log has this name."""
     mission = samples.where(samples.mission == 0)
     simulated = simulated_readings(mission, calibration.vehicle)
     if not simulated:
@@ -160,14 +137,10 @@ def readings_section(
     for name, values in simulated.items():
         label = f"{name.replace('_', ' ')} [{CHANNELS[name].unit}]"
         measured = mission.channel(name)
-        panels[label] = {"measured": _series(measured[shown]), "simulated": _series(values[shown])}
-    figure = {
-        "plot": "measured_and_simulated",
-        "name": "fit",
-        "caption": f"{logs[0].name}: readings, the calibrated model, and the difference.",
-        "data": {"time": _series(SAMPLE_TIME * shown), "panels": panels},
-    }
-    return {"heading": "Fit", "text": [], "figures": [figure]}
+        panels[label] = {"measured": rounded(measured[shown]), "simulated": rounded(values[shown])}
+    caption = f"{log}: readings, the calibrated model, and the difference."
+    data = {"time": rounded(SAMPLE_TIME * shown), "panels": panels}
+    return figure_section("Fit", "measured_and_simulated", "fit", caption, data)
 
 
 def _shown_samples(mission: Samples) -> np.ndarray:
@@ -181,11 +154,7 @@ def _shown_samples(mission: Samples) -> np.ndarray:
     return np.flatnonzero(np.isfinite(readings).any(axis=1))[:POINTS]
 
 
-def _series(values: np.ndarray) -> list[float | None]:
-    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in values]
-
-
-def missions_section(calibration: Calibration) -> dict[str, Any] | None:
+def missions_section(calibration: Calibration) -> Section | None:
     """Estimates by mission."""
     panels = {}
     for name in NAMES:
@@ -194,14 +163,11 @@ def missions_section(calibration: Calibration) -> dict[str, Any] | None:
             panels[name] = {"band": band, "sides": _estimates_by_side(calibration, name)}
     if not panels:
         return None
-    figure = {
-        "plot": "mission_estimates",
-        "name": "missions",
-        "caption": "Each mission's own estimate against the common one, and the healthy band.",
-        "data": {"panels": panels},
-    }
+    heading = "How much the missions differ"
+    caption = "Each mission's own estimate against the common one, and the healthy band."
+    section = figure_section(heading, "mission_estimates", "missions", caption, {"panels": panels})
     text = "Missions whose readings do not identify a parameter are left out."
-    return {"heading": "How much the missions differ", "text": [text], "figures": [figure]}
+    return section | {"text": [text]}
 
 
 def _estimates_by_side(calibration: Calibration, name: str) -> dict[str, dict[str, list]]:
@@ -221,13 +187,13 @@ def _estimates_by_side(calibration: Calibration, name: str) -> dict[str, dict[st
         if is_shown.any():
             by_side[side] = {
                 "mission": (mission[is_shown] + 1).tolist(),
-                "value": _series(value[is_shown]),
-                "std": _series(std[is_shown]),
+                "value": rounded(value[is_shown]),
+                "std": rounded(std[is_shown]),
             }
     return by_side
 
 
-def sides_section(calibration: Calibration) -> dict[str, Any] | None:
+def sides_section(calibration: Calibration) -> Section | None:
     """Port against starboard."""
     differences = side_differences(calibration)
     if not differences:
@@ -238,14 +204,10 @@ def sides_section(calibration: Calibration) -> dict[str, Any] | None:
     ]
     columns = ["parameter", "port minus starboard", "standard deviation"]
     text = "Both shafts are fitted as one; their difference is part of the healthy band."
-    return {
-        "heading": "Port against starboard",
-        "text": [text],
-        "table": {"columns": columns, "rows": rows},
-    }
+    return table_section("Port against starboard", columns, rows, text)
 
 
-def noise_section(samples: Samples, calibration: Calibration) -> dict[str, Any]:
+def noise_section(samples: Samples, calibration: Calibration) -> Section:
     """Noise of the sensors, and residuals by channel."""
     errors = prediction_errors(samples, calibration.vehicle)
     rows = []
@@ -260,38 +222,29 @@ def noise_section(samples: Samples, calibration: Calibration) -> dict[str, Any]:
         "the missions."
     )
     columns = ["reading", "noise", "in the file", "residual", "means by mission", "unit"]
-    table = {"columns": columns, "rows": rows}
-    return {"heading": "Noise and residuals", "text": [text], "table": table}
+    return table_section("Noise and residuals", columns, rows, text)
 
 
 def _residual_cells(errors: np.ndarray | None, mission: np.ndarray) -> list[str]:
     if errors is None or not np.isfinite(errors).any():
         return ["", ""]
     is_known = np.isfinite(errors)
-    means = [
-        errors[is_known & (mission == number)].mean() for number in np.unique(mission[is_known])
-    ]
-    rms = np.sqrt(np.mean(errors[is_known] ** 2))
-    return [f"{rms:.3g}", f"{min(means):+.2g} to {max(means):+.2g}"]
+    known = errors[is_known]
+    mission = mission[is_known]
+    means = [known[mission == number].mean() for number in np.unique(mission)]
+    return [f"{np.sqrt(np.mean(known**2)):.3g}", f"{min(means):+.2g} to {max(means):+.2g}"]
 
 
-def remarks_section(logs: Sequence[Log]) -> dict[str, Any] | None:
+def remarks_section(logs: Sequence[Log]) -> Section | None:
     """What was repaired in the logs."""
     rows = [[log.name, remark] for log in logs for remark in log.remarks]
-    if not rows:
-        return None
-    return {
-        "heading": REPAIRS,
-        "text": ["What was repaired in the logs before the fit."],
-        "table": {"columns": ["log", "repair"], "rows": rows},
-    }
+    text = "What was repaired in the logs before the fit."
+    return table_section(REPAIRS, ["log", "repair"], rows, text) if rows else None
 
 
 def plain(
-    calibration: Calibration,
-    left_out: Sequence[LeftOut],
-    logs: Sequence[Log],
-) -> Mapping[str, Any]:
+    calibration: Calibration, left_out: Sequence[LeftOut], logs: Sequence[Log]
+) -> dict[str, Any]:
     """All results by name, for results.json; None for unknown numbers."""
     estimates = {}
     for name in NAMES:

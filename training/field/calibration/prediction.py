@@ -29,10 +29,7 @@ SETTLING = 10  # samples in which a shaft reaches the speed of its first voltage
 
 @scalar
 def mean_acceleration(speed, before, now, drag, disturbance, side, opening):
-    """Mean acceleration over a sample at constant surge speed.
-
-    The shafts go from `before` to `now`, (2,) [rad/s] each.
-    """
+    """Mean acceleration over a sample at constant speed, shafts `before`, `now`, (2,) [rad/s]."""
     first = surge_acceleration(speed, before[0], before[1], drag, disturbance, side, side)
     last = surge_acceleration(speed, now[0], now[1], drag, disturbance, side, side)
     return opening * first + (1.0 - opening) * last
@@ -69,15 +66,12 @@ def speed_innovations(
 
     Parameters
     ----------
-    starts
-        (n_samples,) whether a segment begins with this sample: its speed is unknown.
+    starts, deflection
+        (n_samples,) whether a segment begins; squared and summed deflections [rad^2].
     reading
-        (n_samples,) speed [m/s]; NaN without a reading: then the innovation is NaN and the filter
-        only predicts.
+        (n_samples,) speed [m/s]; NaN without a reading: then the filter only predicts.
     shaft_speeds
-        (n_samples, 2) shaft speeds [rad/s].
-    deflection
-        (n_samples,) squared and summed deflections [rad^2].
+        (n_samples, 2) [rad/s].
     shaft
         Both shafts; only their beta matters.
     opening
@@ -169,22 +163,17 @@ def whitened(inputs, ahead, by_voltage, shaft, noise):
 def shaft_residuals(starts, inputs, is_read, speed, shaft, constants, noise, residual, predicted):
     """Fill residuals of rpm and current, of unit variance, and predictions, (n_samples, 2) each.
 
-    The voltage sets the shaft speed by the closed form of `physics.shaft_speed_after`, and both set the current.
-    Errors in the voltage count as errors of an input: otherwise they would bias the torque constant
-    upwards. Residuals are zero without a reading, where the shaft hardly turns, and at the start of
-    a segment.
+    The voltage sets the shaft speed, and both set the current. Errors in the voltage count as
+    errors of an input: otherwise they would bias the torque constant upwards. Residuals are zero
+    without a reading, where the shaft hardly turns, and at the start of a segment.
 
     Parameters
     ----------
-    starts
-        (n_samples,) whether a segment begins with this sample.
+    starts, is_read, speed
+        (n_samples,) whether a segment begins; whether all inputs were read; surge speed [m/s].
     inputs
         (n_samples, 3): voltage, current and rpm, interpolated between readings; NaN for a missing
         channel. A missing voltage is computed from current and rpm, a missing rpm from the voltage.
-    is_read
-        (n_samples,) whether all inputs were read at this sample.
-    speed
-        (n_samples,) surge speed [m/s].
     noise
         (3,) standard deviations of the inputs.
     """

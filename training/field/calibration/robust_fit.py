@@ -25,71 +25,39 @@ STEP = 1e-6  # of forward differences
 # of the largest information: makes a matrix invertible that lacks information on a parameter
 RIDGE = 1e-12
 
-Residuals = Callable[[Mapping[str, float]], np.ndarray]
+Values = Mapping[str, float]  # of the parameters of a fit, by name
+Bounds = tuple[float, float]
+Residuals = Callable[[Values], np.ndarray]
 PointResiduals = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A least-squares problem.
+    """A least-squares problem."""
 
-    Attributes
-    ----------
-    residuals
-        Residuals (n_residuals,) of unit variance, from all parameters by name.
-    start, bounds
-        By parameter: first value, and least and largest value.
-    order
-        The parameters to fit, first those to be fixed when not all are identified.
-    nuisance
-        Parameters that are fitted in any case.
-    block, unit
-        (n_residuals,) the block of time of each residual, and its unit (mission, shaft), which has
-        its own estimate.
-    variants
-        The same residuals under other assumptions, each a standard deviation off: the changes of
-        the estimates widen the intervals.
-    """
-
-    residuals: Residuals
-    start: Mapping[str, float]
-    bounds: Mapping[str, tuple[float, float]]
-    order: Sequence[str]
-    nuisance: Sequence[str]
-    block: np.ndarray
-    unit: np.ndarray
+    residuals: Residuals  # (n_residuals,) of unit variance, from all parameters by name
+    start: Values  # first value by parameter
+    bounds: Mapping[str, Bounds]  # least and largest value by parameter
+    order: Sequence[str]  # parameters to fit, first those to be fixed when not all are identified
+    nuisance: Sequence[str]  # parameters that are fitted in any case
+    block: np.ndarray  # block of time of each residual, (n_residuals,)
+    unit: np.ndarray  # its unit (mission, shaft), which has its own estimate, (n_residuals,)
+    # residuals under other assumptions, each a standard deviation off, which widen the intervals
     variants: Sequence[Residuals] = ()
 
 
 class Fit(NamedTuple):
-    """Estimates of the parameters `names`.
-
-    Attributes
-    ----------
-    names
-        The fitted parameters.
-    estimate, covariance
-        (n_fitted,) and (n_fitted, n_fitted).
-    quantile
-        Half the width of a 95 % interval by the standard deviation.
-    units
-        The units with residuals, (n_units,).
-    unit_estimates, unit_variances
-        (n_units, n_fitted) each unit's own estimate and its variance, both to first order; the
-        variance is huge where the unit lacks information.
-    unidentified
-        By parameter that was not identified, the largest relative standard deviation in the last
-        fit with it.
-    """
+    """Estimates of the parameters `names`."""
 
     names: tuple[str, ...]
-    estimate: np.ndarray
-    covariance: np.ndarray
-    quantile: float
-    units: np.ndarray
-    unit_estimates: np.ndarray
-    unit_variances: np.ndarray
-    unidentified: Mapping[str, float]
+    estimate: np.ndarray  # (n_fitted,)
+    covariance: np.ndarray  # (n_fitted, n_fitted)
+    quantile: float  # half the width of a 95 % interval by the standard deviation
+    units: np.ndarray  # the units with residuals, (n_units,)
+    unit_estimates: np.ndarray  # each unit's own estimate, to first order, (n_units, n_fitted)
+    unit_variances: np.ndarray  # their variances; huge where the unit lacks information
+    # of parameters that were not identified: largest relative std of the last fit with each
+    unidentified: Values
 
     @property
     def values(self) -> dict[str, float]:
@@ -178,9 +146,7 @@ def fit_parameters(problem: Problem, names: Sequence[str]) -> Fit:
 
 
 def _robust_optimum(
-    residuals: PointResiduals,
-    start: list[float],
-    bounds: list[tuple[float, float]],
+    residuals: PointResiduals, start: list[float], bounds: list[tuple[float, float]]
 ) -> tuple[OptimizeResult, float]:
     """The robust optimum, and the size from which a residual is large.
 
@@ -198,9 +164,7 @@ def _robust_optimum(
 
 
 def _group_sums(
-    jacobian: np.ndarray,
-    score: np.ndarray,
-    group: np.ndarray,
+    jacobian: np.ndarray, score: np.ndarray, group: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Information (n_groups, n_fitted, n_fitted) and gradient (n_groups, n_fitted)."""
     order = np.argsort(group, kind="stable")
@@ -212,9 +176,7 @@ def _group_sums(
 
 
 def _jackknife(
-    jacobian: np.ndarray,
-    score: np.ndarray,
-    block: np.ndarray,
+    jacobian: np.ndarray, score: np.ndarray, block: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """Covariance (n_fitted, n_fitted), and the quantile of a 95 % interval."""
     information, gradient = _group_sums(jacobian, score, block)
@@ -229,10 +191,7 @@ def _jackknife(
 
 
 def _newton_step(
-    residuals: PointResiduals,
-    point: np.ndarray,
-    jacobian: np.ndarray,
-    scale: float,
+    residuals: PointResiduals, point: np.ndarray, jacobian: np.ndarray, scale: float
 ) -> np.ndarray:
     """Newton step (n_fitted,) to the optimum of other residuals than those of the jacobian."""
     values = residuals(point)

@@ -21,27 +21,13 @@ LEAST_READINGS = 20  # for an estimate of a channel's noise
 
 
 class Samples(NamedTuple):
-    """All missions on the 10 Hz grid, one after the other.
+    """All missions on the 10 Hz grid, one after the other."""
 
-    Attributes
-    ----------
-    starts
-        Whether a segment begins with the sample, (n_samples,).
-    mission
-        Index of the log, (n_samples,).
-    block
-        Number of the `BLOCK` of time, (n_samples,).
-    reading
-        (n_samples, n_channels), NaN where no reading arrived.
-    interpolated
-        As `reading`, interpolated between the readings of a segment; NaN only for a channel without
-        readings.
-    """
-
-    starts: np.ndarray
-    mission: np.ndarray
-    block: np.ndarray
-    reading: np.ndarray
+    starts: np.ndarray  # whether a segment begins with the sample, (n_samples,)
+    mission: np.ndarray  # index of the log, (n_samples,)
+    block: np.ndarray  # number of the `BLOCK` of time, (n_samples,)
+    reading: np.ndarray  # (n_samples, n_channels), NaN where no reading arrived
+    # between the readings of a segment; NaN only for a channel without readings
     interpolated: np.ndarray
 
     def channel(self, name: str) -> np.ndarray:
@@ -86,10 +72,7 @@ class Samples(NamedTuple):
 
     @property
     def measured_shaft_speeds(self) -> np.ndarray | None:
-        """Shaft speeds [rad/s], (n_samples, 2), as read; None without any.
-
-        A shaft without a counter is taken to turn as the other one.
-        """
+        """Shaft speeds [rad/s], (n_samples, 2), a missing one as the other; None without any."""
         names = [f"{side}_rpm" for side in SIDES]
         speeds = [self.interpolated_channel(name) / RPM for name in names if self.has(name)]
         return np.column_stack([speeds[0], speeds[-1]]) if speeds else None

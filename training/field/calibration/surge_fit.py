@@ -37,22 +37,12 @@ REMEDIES = {
 
 
 def surge_fit(
-    samples: Samples,
-    vehicle: Vehicle,
-    noise: float,
-    shaft_speeds: Sequence[np.ndarray],
+    samples: Samples, vehicle: Vehicle, noise: float, shaft_speeds: Sequence[np.ndarray]
 ) -> ModelFit:
     """Fit what the readings identify of the hull and the thrust.
 
-    Parameters
-    ----------
-    samples, vehicle
-        The logs, and the vehicle to start from.
-    noise
-        Standard deviation of a speed reading [m/s].
-    shaft_speeds
-        [rad/s], (n_samples, 2) each: the best estimate first, then estimates that are each a
-        standard deviation off.
+    `noise` is the standard deviation of a speed reading [m/s]. Shaft speeds [rad/s] are
+    (n_samples, 2) each: the best estimate first, then some that are each a standard deviation off.
     """
     if not samples.has("speed"):
         why = "there is no speed reading"
@@ -70,10 +60,7 @@ def surge_fit(
 
 
 def surge_problem(
-    samples: Samples,
-    vehicle: Vehicle,
-    noise: float,
-    shaft_speeds: Sequence[np.ndarray],
+    samples: Samples, vehicle: Vehicle, noise: float, shaft_speeds: Sequence[np.ndarray]
 ) -> Problem:
     """Whitened prediction errors of the speed as a function of factors on `PARAMETERS`.
 

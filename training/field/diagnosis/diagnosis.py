@@ -17,7 +17,7 @@ from diagnosers.registry import class_of
 from training.benchmark.thresholds import ONE_PER_10_HOURS
 from training.field.diagnosis.estimates import excess_loads
 from training.field.logs.log import Log
-from training.field.logs.resolution import is_coarse, noise_with_rounding, resolutions
+from training.field.logs.resolution import COARSE, ROUNDING, resolutions
 from training.field.vehicle_file import VehicleFile
 from training.metrics import alarms
 from training.metrics.records import PERSISTENCE
@@ -36,43 +36,20 @@ LEAST_RATE = 0.95 * SAMPLE_RATE
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on a log.
+    """The verdict on a log; `fault` to `top` hold for the last sample of the last alarm."""
 
-    Attributes
-    ----------
-    log
-        Its path.
-    verdict
-        `HEALTHY`, `FAULT` or `UNUSABLE`.
-    duration
-        Length [s].
-    alarms
-        Begin and end of every alarm [s from the log's start]; the attributes below hold for the
-        last sample of the last one.
-    fault, side
-        Most probable class, and its side if it has one.
-    severity, severity_low, severity_high
-        Of that class, 0 to 1, with a 95 % interval.
-    top
-        The most probable faults with their probabilities; of a healthy log at its end.
-    load
-        Load of each shaft relative to a healthy one during the alarms, less one.
-    remarks
-        What was repaired in the log, or why it is unusable.
-    """
-
-    log: str
-    verdict: str
-    duration: float | None = None
-    alarms: tuple[tuple[float, float], ...] = ()
-    fault: str | None = None
-    side: str | None = None
-    severity: float | None = None
-    severity_low: float | None = None
+    log: str  # its path
+    verdict: str  # `HEALTHY`, `FAULT` or `UNUSABLE`
+    duration: float | None = None  # length [s]
+    alarms: tuple[tuple[float, float], ...] = ()  # begin and end [s from the log's start]
+    fault: str | None = None  # most probable class
+    side: str | None = None  # of that class, if it has one
+    severity: float | None = None  # of that class, 0 to 1
+    severity_low: float | None = None  # of the 95 % interval
     severity_high: float | None = None
-    top: tuple[tuple[str, float], ...] = ()
-    load: Mapping[str, float] | None = None
-    remarks: tuple[str, ...] = ()
+    top: tuple[tuple[str, float], ...] = ()  # probabilities of the most probable faults
+    load: Mapping[str, float] | None = None  # relative to a healthy shaft in the alarms, less one
+    remarks: tuple[str, ...] = ()  # what was repaired in the log, or why it is unusable
 
     @property
     def alarm_time(self) -> float | None:
@@ -80,11 +57,7 @@ class Verdict:
         return self.alarms[0][0] if self.alarms else None
 
 
-def diagnoser_for(
-    name: str,
-    vehicle: VehicleFile,
-    resolution: Mapping[str, float],
-) -> Diagnoser:
+def diagnoser_for(name: str, vehicle: VehicleFile, resolution: Mapping[str, float]) -> Diagnoser:
     """The diagnoser with this vehicle's parameters; resolution by reading, in the channel's unit.
 
     Only the filter bank accepts missing channels and logs slower than 10 Hz. The other diagnosers
@@ -97,37 +70,30 @@ def diagnoser_for(
         allowed = f"filter_bank for a vehicle without {lacking}"
         raise refusal("diagnoser", name, allowed, "leave --diagnoser out")
     sides = logged_sides(vehicle)
-    noise = {
-        reading: max(std, NOISE_FLOOR * CHANNELS[reading].noise)
-        for reading, std in vehicle.noise.items()
-    }
-    coarse = [reading for reading, step in resolution.items() if is_coarse(step, noise[reading])]
     absent_sides = [side for side in SIDES if side not in sides]
     unobservable = [f"{prefix}_" for prefix in (*absent, *absent_sides)]
-    unobservable += [f"{reading}_{loss}" for reading in coarse for loss in ("stuck", "dropout")]
+    noise = {}
+    for reading, std in vehicle.noise.items():
+        sensor_std = max(std, NOISE_FLOOR * CHANNELS[reading].noise)
+        step = resolution.get(reading, 0.0)
+        noise[reading] = max(sensor_std, ROUNDING * step)
+        if step > COARSE * sensor_std:
+            unobservable += [f"{reading}_stuck", f"{reading}_dropout"]
+    prefixes = tuple(unobservable)
+    faults = [fault for fault in CATALOGUE.values() if not changes_parameter(fault, prefixes)]
     choices = dict(
         vehicle=vehicle.vehicle,
         band=dict(vehicle.band),
-        noise={
-            reading: noise_with_rounding(std, resolution.get(reading, 0.0))
-            for reading, std in noise.items()
-        },
+        noise=noise,
         resolution=dict(resolution),
         shafts=len(sides),
-        faults=tuple(
-            fault.name
-            for fault in CATALOGUE.values()
-            if not changes_parameter(fault, tuple(unobservable))
-        ),
+        faults=tuple(fault.name for fault in faults),
     )
     return make(name, **{key: choice for key, choice in choices.items() if key in settings})
 
 
 def logged_sides(vehicle: VehicleFile) -> tuple[str, ...]:
-    """Sides with a voltage or a shaft speed in the log.
-
-    A starboard shaft that is not logged is taken to turn as the port one.
-    """
+    """Sides with a voltage or a shaft speed; starboard without either turns as port."""
     sides = tuple(
         side for side in SIDES if {f"{side}_voltage", f"{side}_rpm"} & vehicle.columns.keys()
     )
@@ -148,10 +114,7 @@ def persistence(vehicle: VehicleFile) -> int:
 
 
 def beliefs(log: Log, name: str, vehicle: VehicleFile) -> Belief:
-    """Beliefs of a diagnoser along a log, (n_samples, n_classes) float32 each.
-
-    The diagnoser starts anew with every segment.
-    """
+    """Beliefs of a diagnoser, started anew with every segment, (n_samples, n_classes) float32."""
     diagnoser = diagnoser_for(name, vehicle, resolutions(log, vehicle))
     shape = len(log.time), len(diagnoser.classes)
     along = Belief(*(np.zeros(shape, np.float32) for _ in Belief._fields))
@@ -166,16 +129,8 @@ def beliefs(log: Log, name: str, vehicle: VehicleFile) -> Belief:
     return along
 
 
-def is_alarmed(
-    log: Log,
-    belief: Belief,
-    threshold: float,
-    samples: int,
-) -> np.ndarray:
-    """Whether an alarm stands, (n_samples,).
-
-    It stands where log p(normal) has been below the threshold for `samples` samples of a segment.
-    """
+def is_alarmed(log: Log, belief: Belief, threshold: float, samples: int) -> np.ndarray:
+    """Where log p(normal) is below the threshold for `samples` samples or more, (n_samples,)."""
     alarmed = np.zeros(len(log.time), bool)
     for segment in log.segments:
         log_normal = belief.log_probability[segment, :1]
@@ -184,11 +139,7 @@ def is_alarmed(
 
 
 def verdict(
-    path: str,
-    log: Log,
-    belief: Belief,
-    alarmed: np.ndarray,
-    vehicle: VehicleFile,
+    path: str, log: Log, belief: Belief, alarmed: np.ndarray, vehicle: VehicleFile
 ) -> Verdict:
     """The verdict from the beliefs and alarms along a log."""
     names = classes()

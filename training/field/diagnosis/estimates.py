@@ -1,7 +1,5 @@
 """Estimates along a log: drag and thrust by a Kalman filter, and each shaft's load."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from auv_fault_env.channels import CHANNELS, INDEX
@@ -16,48 +14,33 @@ from training.field.vehicle_file import VehicleFile
 STATES = {"drag": 1 + PARAMETERS.index("alpha"), "thrust": 1 + PARAMETERS.index("beta")}
 
 
-class ParameterHistory(NamedTuple):
-    """A parameter along a log, relative to the vehicle's own (1 = healthy); (n_samples,) each."""
+def hull_history(log: Log, vehicle: VehicleFile) -> dict[str, np.ndarray]:
+    """Drag and thrust relative to the vehicle's own (1 = healthy): mean and std, (2, n_samples).
 
-    mean: np.ndarray
-    std: np.ndarray
-
-
-def hull_history(log: Log, vehicle: VehicleFile) -> dict[str, ParameterHistory]:
-    """Drag and thrust along a log by the thesis' parameter filter.
-
-    Without an accelerometer a filter without it takes over. Empty where speed or a shaft's speed is
-    not logged. A missing reading is the last one. Misleads at constant speed, where drag and thrust
-    cannot be distinguished and only their ratio is estimated.
+    By the thesis' parameter filter, or one without acceleration where that is not logged. Empty
+    where speed or a shaft's speed is not logged. A missing reading is the last one. Misleads at
+    constant speed, where drag and thrust cannot be distinguished and only their ratio is estimated.
     """
     shafts = [f"{side}_rpm" for side in SIDES[: vehicle.shafts]]
     if not {"speed", *shafts} <= vehicle.columns.keys():
         return {}
     filter_class = ParameterFilter if "acceleration" in vehicle.columns else SurgeFilter
     parameter_filter = filter_class(vehicle.vehicle)
-    n_samples = len(log.time)
-    histories = {name: ParameterHistory(np.ones(n_samples), np.zeros(n_samples)) for name in STATES}
+    histories = {name: np.zeros((2, len(log.time))) for name in STATES}
+    for history in histories.values():
+        history[0] = 1.0
     for segment in log.segments:
         estimate = parameter_filter.initial(1)
         readings = np.zeros((1, len(CHANNELS)))
         for k in range(segment.start, segment.stop):
             readings = fill_missing(log.observation[k : k + 1], readings)
-            estimate = parameter_filter.update(estimate, on_both_shafts(readings, vehicle))
+            if vehicle.shafts == 1:  # its beta is the thrust of both shafts
+                readings[:, INDEX["starboard_rpm"]] = readings[:, INDEX["port_rpm"]]
+            estimate = parameter_filter.update(estimate, readings)
             for name, state in STATES.items():
-                histories[name].mean[k] = estimate.mean[0, state]
-                histories[name].std[k] = estimate.covariance[0, state, state] ** 0.5
+                std = estimate.covariance[0, state, state] ** 0.5
+                histories[name][:, k] = estimate.mean[0, state], std
     return histories
-
-
-def on_both_shafts(observation: np.ndarray, vehicle: VehicleFile) -> np.ndarray:
-    """The observation (1, n_channels), a single shaft's speed copied to both sides.
-
-    The thrust in the vehicle file is that of all shafts.
-    """
-    if vehicle.shafts == 1:
-        observation = observation.copy()
-        observation[:, INDEX["starboard_rpm"]] = observation[:, INDEX["port_rpm"]]
-    return observation
 
 
 def healthy_currents(log: Log, vehicle: VehicleFile) -> dict[str, np.ndarray]:
@@ -76,11 +59,7 @@ def healthy_currents(log: Log, vehicle: VehicleFile) -> dict[str, np.ndarray]:
     return currents
 
 
-def excess_loads(
-    log: Log,
-    chosen: np.ndarray,
-    vehicle: VehicleFile,
-) -> dict[str, float]:
+def excess_loads(log: Log, chosen: np.ndarray, vehicle: VehicleFile) -> dict[str, float]:
     """Excess load of each shaft over the chosen samples (n_samples,), where it is known.
 
     It is the current against that of a healthy motor at the same voltage and speed, so a wrong

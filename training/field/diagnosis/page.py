@@ -14,6 +14,8 @@ from training.field.diagnosis.diagnosis import FAULT, TOP, Verdict
 from training.field.diagnosis.estimates import healthy_currents, hull_history
 from training.field.logs.log import Log
 from training.field.vehicle_file import VehicleFile
+from training.report.lines import rounded
+from training.report.sections import Section, figure, table_section
 
 POINTS = 1500  # of a line in a figure
 PANELS = {
@@ -23,16 +25,11 @@ PANELS = {
 }
 LOWEST = -30.0  # decimal logarithm of p(normal) at which the figure ends
 LEAST_PROBABILITY = 1e-3  # of a class in the table
-COLUMNS = [
-    "log",
-    "verdict",
-    "alarm at [s]",
-    "fault",
-    "severity (95 %)",
-    "load of the shaft",
-    "duration [s]",
-    "most probable faults",
-]
+COLUMNS = (
+    "log, verdict, alarm at [s], fault, severity (95 %), load of the shaft, duration [s], "
+    "most probable faults"
+).split(", ")
+Line = dict[str, list[float | None]]
 
 
 def page(
@@ -53,18 +50,15 @@ def page(
         "load of the shafts says more than the class: it does not depend on the catalogue."
     )
     verdict_text = "Times are from the log's start; the rest is from the last moment of an alarm."
+    rows = [verdict_row(verdict) for verdict in verdicts]
     figure_text = "Faulty logs first. Dotted: currents of healthy motors. Estimates: ±1 std."
-    table = {"columns": COLUMNS, "rows": [verdict_row(verdict) for verdict in verdicts]}
-    return {
-        "title": "Diagnosis",
-        "command": command,
-        "intro": [summary, warning],
-        "sections": [
-            {"heading": "Verdicts", "text": [verdict_text], "table": table},
-            {"heading": "Logs in detail", "text": [figure_text], "figures": list(figures)},
-            remarks_section(verdicts),
-        ],
-    }
+    sections = [
+        table_section("Verdicts", COLUMNS, rows, verdict_text),
+        {"heading": "Logs in detail", "text": [figure_text], "figures": list(figures)},
+        remarks_section(verdicts),
+    ]
+    intro = [summary, warning]
+    return {"title": "Diagnosis", "command": command, "intro": intro, "sections": sections}
 
 
 def verdict_row(verdict: Verdict) -> list[str]:
@@ -87,32 +81,23 @@ def verdict_row(verdict: Verdict) -> list[str]:
     ]
 
 
-def remarks_section(verdicts: Sequence[Verdict]) -> dict[str, Any]:
+def remarks_section(verdicts: Sequence[Verdict]) -> Section:
     """What was repaired in the logs, and why some are unusable."""
     rows = [[verdict.log, remark] for verdict in verdicts for remark in verdict.remarks]
     if not rows:
         return {"heading": "Repairs", "text": ["No log had to be repaired."]}
-    return {
-        "heading": "Repairs",
-        "text": ["What was repaired in a log, or why it is unusable."],
-        "table": {"columns": ["log", "remark"], "rows": rows},
-    }
+    text = "What was repaired in a log, or why it is unusable."
+    return table_section("Repairs", ["log", "remark"], rows, text)
 
 
 def log_figure(
-    number: int,
-    verdict: Verdict,
-    log: Log,
-    belief: Belief,
-    threshold: float,
-    vehicle: VehicleFile,
+    number: int, verdict: Verdict, log: Log, belief: Belief, threshold: float, vehicle: VehicleFile
 ) -> dict[str, Any]:
     """The figure of a log as plain data for `write_report`."""
     panels = {label: measured_lines(log, channels) for label, channels in PANELS.items()}
     panels["current [A]"] = current_lines(log, vehicle)
     panels["estimate"] = {
-        name: line(log.time, history.mean, history.std)
-        for name, history in hull_history(log, vehicle).items()
+        name: line(log.time, *history) for name, history in hull_history(log, vehicle).items()
     }
     log_probability = belief.log_probability.astype(np.float64)
     log10_normal = np.maximum(log_probability[:, 0] / math.log(10.0), LOWEST)
@@ -128,15 +113,12 @@ def log_figure(
     }
     panels = {label: lines for label, lines in panels.items() if lines}
     fault = f", {verdict.fault} from {verdict.alarm_time:.1f} s" if verdict.alarms else ""
-    return {
-        "plot": "diagnosed_log",
-        "name": f"log-{number}",
-        "caption": f"{verdict.log}: {verdict.verdict}{fault}.",
-        "data": {"panels": panels, "alarms": [list(alarm) for alarm in verdict.alarms]},
-    }
+    caption = f"{verdict.log}: {verdict.verdict}{fault}."
+    data = {"panels": panels, "alarms": [list(alarm) for alarm in verdict.alarms]}
+    return figure("diagnosed_log", f"log-{number}", caption, data)
 
 
-def measured_lines(log: Log, channels: dict[str, str]) -> dict[str, Any]:
+def measured_lines(log: Log, channels: dict[str, str]) -> dict[str, Line]:
     """Lines of the channels with readings, by their name in the panel."""
     lines = {}
     for name, channel in channels.items():
@@ -146,7 +128,7 @@ def measured_lines(log: Log, channels: dict[str, str]) -> dict[str, Any]:
     return lines
 
 
-def current_lines(log: Log, vehicle: VehicleFile) -> dict[str, Any]:
+def current_lines(log: Log, vehicle: VehicleFile) -> dict[str, Line]:
     """Measured currents, and those of healthy motors."""
     lines = measured_lines(log, {side: f"{side}_current" for side in SIDES})
     for side, current in healthy_currents(log, vehicle).items():
@@ -155,18 +137,9 @@ def current_lines(log: Log, vehicle: VehicleFile) -> dict[str, Any]:
     return lines
 
 
-def line(
-    time: np.ndarray,
-    value: np.ndarray,
-    width: np.ndarray | None = None,
-) -> dict[str, list[float]]:
+def line(time: np.ndarray, value: np.ndarray, width: np.ndarray | None = None) -> Line:
     """A line for the figure, of at most `POINTS` points, without missing values."""
     available = np.flatnonzero(~np.isnan(value))
     shown = available[:: -(-available.size // POINTS) or 1]
-    columns = {"time": time, "value": value}
-    if width is not None:
-        columns["width"] = width
-    return {
-        name: [float(f"{number:.6g}") for number in column[shown]]
-        for name, column in columns.items()
-    }
+    columns = {"time": time, "value": value, "width": width}
+    return {name: rounded(column[shown]) for name, column in columns.items() if column is not None}

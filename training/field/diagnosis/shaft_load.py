@@ -28,22 +28,12 @@ def _fill_currents(voltage, speed, shaft, plant, current):
         current[k] = armature_current(shaft, shaft_speed, last_voltage)
 
 
-def healthy_current(
-    voltage: np.ndarray,
-    speed: np.ndarray,
-    vehicle: Vehicle,
-) -> np.ndarray:
+def healthy_current(voltage: np.ndarray, speed: np.ndarray, vehicle: Vehicle) -> np.ndarray:
     """Current [A] of a nominal motor at every sample, (n_samples,), 0.1 s apart, from rest.
 
-    Misleads in the first sample of a log that begins under way, and where the voltage moves between
-    readings that are far apart.
-
-    Parameters
-    ----------
-    voltage, speed
-        [V] and surge speed [m/s], (n_samples,); NaN without a reading: then the last one counts.
-    vehicle
-        The nominal vehicle.
+    Voltage [V] and surge speed [m/s] are (n_samples,), NaN without a reading: then the last one
+    counts. Misleads in the first sample of a log that begins under way, and where the voltage moves
+    between readings that are far apart.
     """
     current = np.empty(len(voltage))
     plant, shaft = plant_of(vehicle)

@@ -36,7 +36,7 @@ from training.field.logs.cells import (
 from training.field.logs.clock import GAP
 from training.field.logs.log import observations_of
 from training.field.logs.plausible import IMPOSSIBLE, largest_magnitudes
-from training.field.logs.resolution import noise_of, printed_resolution
+from training.field.logs.resolution import printed_resolution
 from training.field.logs.table import unique_labels
 from training.field.vehicle_file import Column, VehicleFile
 
@@ -63,23 +63,10 @@ def follow(
     line that comes sooner repeats the last one. Between lines further apart the vehicle is
     predicted; after more than 5 s the diagnoser starts anew.
 
-    Parameters
-    ----------
-    source
-        CSV below a header, or JSON objects, with columns as in the vehicle file.
-    sink, errors
-        Receive the answers, and a remark on each line or cell that cannot be read.
-    vehicle, name, threshold
-        The vehicle file, the diagnoser, and its threshold of log p(normal).
-
-    Returns
-    -------
-    Whether there was an alarm.
-
-    Raises
-    ------
-    InputError
-        If the header lacks a column, or if no line can be read.
+    The source is CSV below a header, or JSON objects, with columns as in the vehicle file; `name`
+    is the diagnoser's, and the threshold that of log p(normal). `errors` receives a remark on each
+    line or cell that cannot be read. Returns whether there was an alarm. `InputError` if the header
+    lacks a column, or if no line can be read.
     """
     stream = None
     with suppress(BrokenPipeError, KeyboardInterrupt):
@@ -101,11 +88,7 @@ def follow(
     return stream.was_alarmed
 
 
-def rows(
-    source: BinaryIO,
-    vehicle: VehicleFile,
-    errors: TextIO,
-) -> Iterator[tuple[int, Row]]:
+def rows(source: BinaryIO, vehicle: VehicleFile, errors: TextIO) -> Iterator[tuple[int, Row]]:
     """Line number and cells of every line that can be read."""
     is_json = None
     csv_rows = None
@@ -148,7 +131,7 @@ class CsvRows:
         header = header.lstrip(COMMENT_MARKS)
         self._separator = separator_of([header])
         self._names = cells_of(header, self._separator)
-        for column in columns_of(vehicle).values():
+        for column in filter(None, (*vehicle.columns.values(), vehicle.time)):
             known_name("column of the vehicle file", column.name, self._names)
         self._labels: list[str] | None = None
         self._decimal_mark: str | None = None
@@ -170,11 +153,6 @@ class CsvRows:
         if self._decimal_mark == ",":
             cells = map(with_decimal_point, cells)
         return dict(zip(self._labels, cells, strict=True))
-
-
-def columns_of(vehicle: VehicleFile) -> dict[str, Column]:
-    """All columns of the vehicle file by channel, and that of the time if there is one."""
-    return dict(vehicle.columns) | ({"time": vehicle.time} if vehicle.time else {})
 
 
 def json_row(text: str) -> Row:
@@ -215,22 +193,12 @@ def printed_resolutions(row: Row, vehicle: VehicleFile) -> dict[str, float]:
         column = vehicle.columns.get(name)
         if column and not math.isnan(value_of(row.get(column.name), column)):
             text = str(row[column.name])
-            steps[name] = printed_resolution(text, column.scale, noise_of(name, vehicle))
+            steps[name] = printed_resolution(text, column.scale, vehicle.noise[name])
     return steps
 
 
 class Stream:
-    """The diagnosis of a stream after its last line.
-
-    Attributes
-    ----------
-    time
-        Of the last line [s]; None before the first.
-    was_alarmed
-        Whether there ever was an alarm.
-    remarks
-        Which cells of the last line are taken as missing, and why.
-    """
+    """The diagnosis of a stream after its last line."""
 
     def __init__(self, vehicle: VehicleFile, diagnoser: Diagnoser, threshold: float):
         self._vehicle = vehicle
@@ -242,9 +210,9 @@ class Stream:
         self._n_low = 0  # samples in a row with p(normal) below the threshold
         magnitudes = largest_magnitudes(vehicle.vehicle)
         self._limits = {name: IMPOSSIBLE * magnitude for name, magnitude in magnitudes.items()}
-        self.time: float | None = None
-        self.was_alarmed = False
-        self.remarks: list[str] = []
+        self.time: float | None = None  # of the last line [s]
+        self.was_alarmed = False  # ever
+        self.remarks: list[str] = []  # cells of the last line taken as missing, and why
 
     def answer(self, row: Row) -> dict[str, Any]:
         """The answer to a line; `BadLine` if it has no reading or no time."""

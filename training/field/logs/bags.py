@@ -23,10 +23,7 @@ HEADER = "header"
 
 
 class BagRows:
-    """The rows of a table while a bag is read.
-
-    A new row begins with the second message of a topic, and after a pause.
-    """
+    """Rows while a bag is read; one begins with a topic's second message, and after a pause."""
 
     def __init__(self):
         self.times = array("q")  # ns, of the first message of each row
@@ -35,12 +32,7 @@ class BagRows:
         self._values: dict[str, array] = defaultdict(lambda: array("d"))
         self._topics: set[str] = set()  # of the last row
 
-    def add(
-        self,
-        topic: str,
-        time: int,
-        numbers: Iterable[tuple[str, float]],
-    ) -> None:
+    def add(self, topic: str, time: int, numbers: Iterable[tuple[str, float]]) -> None:
         """Add the numbers of a message."""
         if not self.times or topic in self._topics or abs(time - self.times[-1]) > ROW_DURATION:
             self.times.append(time)
@@ -74,9 +66,8 @@ def read_bag(path: Path) -> Table:
     of each topic. ``time`` [s] counts from the first row, by the recorder's clock. A message that
     cannot be decoded is left out and counted in the remarks.
 
-    Raises `InputError` for what is no bag, a damaged one, and one without numbers. Misleads where
-    messages were delayed on their way: the recorder's clock says when they came, not when they were
-    measured.
+    `InputError` for what is no bag, a damaged one, and one without numbers. Misleads where messages
+    were delayed: the recorder's clock says when they came, not when they were measured.
     """
     rows = _read_rows(Path(path))
     if not rows.has_numbers:

@@ -13,23 +13,7 @@ from training.field.units import is_unit
 SEPARATORS = ("\t", ";", "|", ",", " ")  # the last: any number of blanks
 COMMENT_MARKS = "#%/"
 LONGEST_LINE = 100_000  # characters
-MISSING = (
-    "",
-    "-",
-    "--",
-    "---",
-    "?",
-    "*",
-    "nan",
-    "null",
-    "none",
-    "nil",
-    "na",
-    "n/a",
-    "#n/a",
-    "nat",
-    "missing",
-)
+MISSING = ("", *"- -- --- ? * nan null none nil na n/a #n/a nat missing".split())
 WORDS = dict.fromkeys(MISSING, float("nan")) | {"true": 1.0, "false": 0.0}
 TIME_STAMP = re.compile(r"\d[\d.:/ TZ+-]*:\d\d[\d.,:Z+-]*")
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(e[+-]?\d+)?", re.IGNORECASE)
@@ -40,8 +24,7 @@ DAY_FIRST = re.compile(r"(\d\d)\.(\d\d)\.(\d{4})")
 def cells_of(line: str, separator: str) -> list[str]:
     """The cells of a line, without the blanks and quotation marks around them.
 
-    Where blanks separate, a unit in brackets stays with its name. Raises `csv.Error` for a line
-    that is none.
+    Where blanks separate, a unit in brackets stays with its name. `csv.Error` if it is no line.
 
     >>> cells_of('1.5, "2", east', ",")
     ['1.5', '2', 'east']
@@ -109,9 +92,7 @@ def is_unit_row(row: Sequence[str]) -> bool:
 
 
 def matching_names(
-    names: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    separator: str,
+    names: Sequence[str], rows: Sequence[Sequence[str]], separator: str
 ) -> Sequence[str]:
     """The names of a header, one per cell of the rows below it where that is possible.
 

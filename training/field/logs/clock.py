@@ -16,21 +16,11 @@ MOST_TICKS = 1.4
 
 
 class TimeAxis(NamedTuple):
-    """The rows of a table in the order of time.
+    """The rows of a table in the order of time."""
 
-    Attributes
-    ----------
-    rows
-        Their numbers in the table, (n,).
-    time
-        Seconds from the first of them, (n,); it only grows.
-    starts
-        Where segments without a gap begin, as indices of `rows`.
-    """
-
-    rows: np.ndarray
-    time: np.ndarray
-    starts: np.ndarray
+    rows: np.ndarray  # their numbers in the table, (n,)
+    time: np.ndarray  # seconds from the first of them, (n,); it only grows
+    starts: np.ndarray  # where segments without a gap begin, as indices of `rows`
 
     @property
     def ends(self) -> np.ndarray:
@@ -38,26 +28,11 @@ class TimeAxis(NamedTuple):
         return np.append(self.starts[1:], self.time.size)
 
 
-def time_axis(
-    stamps: np.ndarray,
-    sample_rate: float,
-    remarks: list[str],
-) -> TimeAxis:
+def time_axis(stamps: np.ndarray, sample_rate: float, remarks: list[str]) -> TimeAxis:
     """Put the rows of a log into the order of time.
 
-    Parameters
-    ----------
-    stamps
-        Seconds, (n_rows,), as in the log; NaN where they are missing.
-    sample_rate
-        Of the log [Hz], from the vehicle file.
-    remarks
-        Receives a line for each kind of repair.
-
-    Raises
-    ------
-    InputError
-        If there are no stamps, or if they are in another unit than the vehicle file says.
+    Stamps are seconds, (n_rows,), NaN where missing; the sample rate [Hz] is that of the vehicle
+    file. `InputError` if there are no stamps, or if they are in another unit than that file says.
     """
     rows = _stamped_rows(stamps, remarks)
     rows = _in_rough_order(rows, stamps, remarks)
@@ -94,11 +69,7 @@ def _stamped_rows(stamps: np.ndarray, remarks: list[str]) -> np.ndarray:
     return rows
 
 
-def _in_rough_order(
-    rows: np.ndarray,
-    stamps: np.ndarray,
-    remarks: list[str],
-) -> np.ndarray:
+def _in_rough_order(rows: np.ndarray, stamps: np.ndarray, remarks: list[str]) -> np.ndarray:
     """The rows, sorted if most of their order is lost."""
     steps = np.diff(stamps[rows], prepend=stamps[rows[0]])
     if np.mean(steps < 0) <= UNORDERED:
@@ -118,11 +89,7 @@ def _is_isolated(time: np.ndarray) -> np.ndarray:
     return isolated
 
 
-def _between_coarse_ticks(
-    time: np.ndarray,
-    sample_rate: float,
-    remarks: list[str],
-) -> np.ndarray:
+def _between_coarse_ticks(time: np.ndarray, sample_rate: float, remarks: list[str]) -> np.ndarray:
     """The time; rows with the same stamp of a coarse clock are evenly apart until the next."""
     ticks = np.flatnonzero(np.diff(time, prepend=-np.inf))
     count = np.diff(ticks, append=time.size)
@@ -147,11 +114,7 @@ def _restarts_before(time: np.ndarray, remarks: list[str]) -> np.ndarray:
     return np.searchsorted(restarts, np.arange(time.size), side="left")
 
 
-def _check_rate(
-    time: np.ndarray,
-    sample_rate: float,
-    remarks: list[str],
-) -> None:
+def _check_rate(time: np.ndarray, sample_rate: float, remarks: list[str]) -> None:
     steps = np.diff(time)
     positive = steps[steps > 0]
     step = float(np.median(positive)) if positive.size else 1.0 / sample_rate

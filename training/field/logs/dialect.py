@@ -23,38 +23,18 @@ CHARACTERS = 1_000_000  # of a file, by which its layout is found
 
 
 class Dialect(NamedTuple):
-    """Layout of a text table.
+    """Layout of a text table."""
 
-    Attributes
-    ----------
-    separator
-        One of `SEPARATORS`.
-    decimal_comma
-        Whether numbers have a comma for the decimal point.
-    names, units
-        By column; units are empty without a row of units.
-    first_row
-        Number of the line with the first row of numbers.
-    lines_before
-        How many lines with text stand before the header.
-    """
-
-    separator: str
-    decimal_comma: bool
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    first_row: int
-    lines_before: int
+    separator: str  # one of `SEPARATORS`
+    decimal_comma: bool  # whether numbers have a comma for the decimal point
+    names: tuple[str, ...]  # by column
+    units: tuple[str, ...]  # by column; empty without a row of units
+    first_row: int  # number of the line with the first row of numbers
+    lines_before: int  # how many lines with text stand before the header
 
 
 def dialect_of(lines: Sequence[str], log: str) -> Dialect:
-    """The layout of a file, from its first lines.
-
-    Raises
-    ------
-    InputError
-        If the lines hold no header with rows of numbers below, or are too long.
-    """
+    """The layout of a file, from its first lines; `InputError` without a header above numbers."""
     lines = [line.lstrip(COMMENT_MARKS) for line in _enough_lines(lines, log)]
     separator = separator_of(lines[-LAST_LINES:])
     rows = [cells_of(line, separator) for line in lines]

@@ -20,30 +20,16 @@ LONGEST = 5_000_000  # samples, 139 h
 
 
 class Log(NamedTuple):
-    """The recording of one mission.
+    """The recording of one mission."""
 
-    Attributes
-    ----------
-    name
-        Of the file.
-    time
-        Seconds from the log's first sample, (n_samples,). After the clock was set it goes on one
-        sample later.
-    observation
-        Channels in the order of `CHANNELS`, (n_samples, n_channels), every `SAMPLE_TIME` within a
-        segment. A reading is NaN where none arrived: a log of 1 Hz has nine such rows between two
-        readings. A command stays until the next one.
-    segments
-        The unbroken parts of at least 10 s.
-    remarks
-        What was repaired, one line each.
-    """
-
-    name: str
+    name: str  # of the file
+    # (n_samples,) [s] from the first sample; after the clock was set it goes on one sample later
     time: np.ndarray
+    # (n_samples, n_channels), every `SAMPLE_TIME` within a segment. A reading is NaN where none
+    # arrived: a log of 1 Hz has nine such rows between two. A command stays until the next one.
     observation: np.ndarray
-    segments: tuple[slice, ...]
-    remarks: tuple[str, ...]
+    segments: tuple[slice, ...]  # the unbroken parts of at least 10 s
+    remarks: tuple[str, ...]  # what was repaired, one line each
 
 
 def read_log(path: Path, vehicle: VehicleFile) -> Log:
@@ -51,12 +37,8 @@ def read_log(path: Path, vehicle: VehicleFile) -> Log:
 
     A sample is the row nearest to it within half a `SAMPLE_TIME`: a faster log is thinned, a slower
     one has gaps, and no reading is interpolated. A log whose readings are wrong but possible is
-    accepted, because a fault may have made them wrong.
-
-    Raises
-    ------
-    InputError
-        If a column is missing, if a unit cannot be right, or if less than 10 s are left.
+    accepted, because a fault may have made them wrong. `InputError` if a column is missing, a unit
+    cannot be right, or less than 10 s are left.
     """
     path = Path(path)
     table = read_table(path)
@@ -117,11 +99,7 @@ def _stamps(table: Table, vehicle: VehicleFile) -> np.ndarray:
     return _scaled_column(table, "time", vehicle.time)
 
 
-def _long_segments(
-    axis: TimeAxis,
-    log: str,
-    remarks: list[str],
-) -> list[slice]:
+def _long_segments(axis: TimeAxis, log: str, remarks: list[str]) -> list[slice]:
     length = axis.time[axis.ends - 1] - axis.time[axis.starts] + SAMPLE_TIME
     long_ones = np.flatnonzero(length > SHORTEST - 0.5 * SAMPLE_TIME)
     if not long_ones.size:

@@ -9,7 +9,7 @@ from auv_fault_env.channels import CHANNELS, READINGS
 from auv_fault_env.errors import refusal
 from auv_fault_env.parameters import SIDES, Vehicle
 from auv_fault_env.physics import RPM
-from training.field.units import STANDARD_GRAVITY, UNITS
+from training.field.units import GRAVITY, UNITS
 from training.field.vehicle_file import VehicleFile
 
 IMPOSSIBLE = 2.0  # times the largest value that sensor or vehicle can reach
@@ -28,7 +28,7 @@ def largest_magnitudes(vehicle: Vehicle) -> dict[str, float]:
     rpm = vehicle.maximum_voltage / vehicle.torque_constant * RPM
     reach = {
         "m/s": rpm * _speed_per_rpm(vehicle),
-        "m/s^2": STANDARD_GRAVITY,
+        "m/s^2": GRAVITY,
         "rad": math.pi / 2,
         "rpm": rpm,
         "V": vehicle.maximum_voltage,
@@ -46,16 +46,11 @@ def _speed_per_rpm(vehicle: Vehicle) -> float:
 
 
 def plausible_values(
-    values: Mapping[str, np.ndarray],
-    vehicle: VehicleFile,
-    remarks: list[str],
+    values: Mapping[str, np.ndarray], vehicle: VehicleFile, remarks: list[str]
 ) -> dict[str, np.ndarray]:
     """The values by channel (n_rows,), NaN for values that no sensor can have reported.
 
-    Raises
-    ------
-    InputError
-        If a channel is in another unit than the vehicle file says, or if no reading is left.
+    `InputError` if a channel is in another unit than the file says, or if no reading is left.
     """
     limits = largest_magnitudes(vehicle.vehicle)
     values = {
@@ -73,10 +68,7 @@ def plausible_values(
 
 
 def _possible_values(
-    channel: str,
-    column: np.ndarray,
-    limit: float,
-    remarks: list[str],
+    channel: str, column: np.ndarray, limit: float, remarks: list[str]
 ) -> np.ndarray:
     unit = CHANNELS[channel].unit
     size = abs(column)
@@ -96,12 +88,7 @@ def _possible_values(
     return np.where(is_infinite | is_impossible, np.nan, column)
 
 
-def _check_unit(
-    channel: str,
-    column: np.ndarray,
-    is_impossible: np.ndarray,
-    limit: float,
-) -> None:
+def _check_unit(channel: str, column: np.ndarray, is_impossible: np.ndarray, limit: float) -> None:
     """Refuse many impossible values, unless all are one number, which then means missing."""
     n_known = np.isfinite(column).sum()
     impossible = column[is_impossible]
@@ -120,11 +107,7 @@ def _check_unit(
     )
 
 
-def _remark_missing_or_constant(
-    channel: str,
-    column: np.ndarray,
-    remarks: list[str],
-) -> None:
+def _remark_missing_or_constant(channel: str, column: np.ndarray, remarks: list[str]) -> None:
     known = column[np.isfinite(column)]
     n_missing = column.size - known.size
     if known.size == 0:
@@ -137,9 +120,7 @@ def _remark_missing_or_constant(
 
 
 def _remark_disagreement(
-    values: Mapping[str, np.ndarray],
-    vehicle: Vehicle,
-    remarks: list[str],
+    values: Mapping[str, np.ndarray], vehicle: Vehicle, remarks: list[str]
 ) -> None:
     """Remark where speed or voltage disagree with the shaft speed by a factor as of a unit."""
     for side in SIDES:
@@ -155,11 +136,7 @@ def _remark_disagreement(
                 remarks.append(f"{remark}{_explanation(ratio, channel)}; are the units right?")
 
 
-def _typical_ratio(
-    column: np.ndarray | None,
-    rpm: np.ndarray | None,
-    scale: float,
-) -> float | None:
+def _typical_ratio(column: np.ndarray | None, rpm: np.ndarray | None, scale: float) -> float | None:
     """Median ratio of a reading to the one that the shaft speed implies, while the shaft turns."""
     if column is None or rpm is None or not scale:
         return None

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS, READINGS
+from auv_fault_env.channels import INDEX, READINGS
 from training.field.logs.log import Log
 from training.field.vehicle_file import VehicleFile
 
@@ -19,27 +19,11 @@ GRID_TOLERANCE = 0.01  # of a step, how far values may be from a common grid
 
 def resolutions(log: Log, vehicle: VehicleFile) -> dict[str, float]:
     """Step between neighbouring values of every reading [channel's unit]; 0 without a grid."""
-    channels = list(CHANNELS)
     return {
-        name: resolution(log.observation[:, channels.index(name)], noise_of(name, vehicle))
+        name: resolution(log.observation[:, INDEX[name]], vehicle.noise[name])
         for name in READINGS
         if name in vehicle.columns
     }
-
-
-def noise_of(reading: str, vehicle: VehicleFile) -> float:
-    """Standard deviation of a reading of this vehicle."""
-    return vehicle.noise.get(reading, CHANNELS[reading].noise)
-
-
-def is_coarse(step: float, noise: float) -> bool:
-    """Whether a healthy sensor with this step repeats itself as often as a stuck one."""
-    return step > COARSE * noise
-
-
-def noise_with_rounding(noise: float, step: float) -> float:
-    """Standard deviation of a reading, its rounding included."""
-    return max(noise, ROUNDING * step)
 
 
 def sensor_step(step: float, noise: float) -> float:

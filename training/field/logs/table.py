@@ -12,29 +12,16 @@ WIDEST = 4096  # columns
 
 
 class Table(NamedTuple):
-    """Columns of numbers by name.
+    """Columns of numbers by name."""
 
-    Attributes
-    ----------
-    columns
-        (n_rows,) each, NaN where a cell holds no number; a column of text is NaN throughout. Time
-        stamps are seconds since 1970, or since midnight where they have no date.
-    remarks
-        What was repaired, one line each.
-    units
-        By column, where a row under the header names them.
-    """
-
+    # (n_rows,) each, NaN where a cell holds no number. Time stamps are seconds since 1970, or since
+    # midnight where they have no date.
     columns: dict[str, np.ndarray]
-    remarks: tuple[str, ...]
-    units: Mapping[str, str] = MappingProxyType({})
+    remarks: tuple[str, ...]  # what was repaired, one line each
+    units: Mapping[str, str] = MappingProxyType({})  # from a row under the header
 
 
-def unique_labels(
-    names: Sequence[str],
-    log: str,
-    remarks: list[str],
-) -> list[str]:
+def unique_labels(names: Sequence[str], log: str, remarks: list[str]) -> list[str]:
     """A label of its own for each column; a column without a name gets a blank and its number."""
     if len(names) > WIDEST:
         raise refusal("log", f"{log}: {len(names)} columns", f"at most {WIDEST}", "export fewer")

@@ -59,10 +59,7 @@ def _without_stray_quotes(lines: Sequence[str], remarks: list[str]) -> list[str]
 
 
 def _cells_by_column(
-    lines: Sequence[str],
-    dialect: Dialect,
-    log: str,
-    remarks: list[str],
+    lines: Sequence[str], dialect: Dialect, log: str, remarks: list[str]
 ) -> list[pa.ChunkedArray]:
     """The cells of the rows as text; rows with more or fewer cells than the header are left out."""
     skipped: list[str] = []
@@ -72,8 +69,7 @@ def _cells_by_column(
         lines = ["\t".join(line.split()) for line in lines]
     labels = [str(k) for k in range(len(dialect.names))]
     parse_options = pyarrow.csv.ParseOptions(
-        delimiter=separator,
-        invalid_row_handler=lambda row: skipped.append(row.text) or "skip",
+        delimiter=separator, invalid_row_handler=lambda row: skipped.append(row.text) or "skip"
     )
     try:
         table = pyarrow.csv.read_csv(

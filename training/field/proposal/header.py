@@ -6,19 +6,16 @@ from typing import NamedTuple
 from training.field.units import is_unit, spelt
 
 # By quantity: the kind of its unit (the unit of the channel), and words that name it.
-QUANTITIES: dict[str, tuple[str, frozenset[str]]] = {
-    "time": (
-        "s",
-        frozenset("time t timestamp stamp datetime date clock epoch utc sec secs seconds".split()),
-    ),
-    "speed": ("m/s", frozenset("speed velocity velo vel u surge spd stw".split())),
-    "acceleration": ("m/s^2", frozenset("acceleration accel acc ax udot".split())),
-    "voltage": ("V", frozenset("voltage volt volts v".split())),
-    "current": ("A", frozenset("current curr amp amps ampere i".split())),
-    "rpm": ("rpm", frozenset("rpm rps n rev revs revolutions".split())),
-    "rudder": ("rad", frozenset("rudder rud".split())),
-    "stern_plane": ("rad", frozenset("stern plane planes sternplane elevator".split())),
-    "motor_command": ("", frozenset("pwm throttle duty".split())),
+QUANTITIES = {
+    "time": ("s", "time t timestamp stamp datetime date clock epoch utc sec secs seconds"),
+    "speed": ("m/s", "speed velocity velo vel u surge spd stw"),
+    "acceleration": ("m/s^2", "acceleration accel acc ax udot"),
+    "voltage": ("V", "voltage volt volts v"),
+    "current": ("A", "current curr amp amps ampere i"),
+    "rpm": ("rpm", "rpm rps n rev revs revolutions"),
+    "rudder": ("rad", "rudder rud"),
+    "stern_plane": ("rad", "stern plane planes sternplane elevator"),
+    "motor_command": ("", "pwm throttle duty"),
 }
 COMMANDED = frozenset(
     "cmd command commanded setpoint set sp desired des ref reference demand target goal".split()
@@ -39,35 +36,16 @@ FOREIGN = frozenset(
 
 
 class Meaning(NamedTuple):
-    """A possible meaning of a column.
+    """A possible meaning of a column."""
 
-    Attributes
-    ----------
-    quantity
-        One of `QUANTITIES`, or a command.
-    side
-        Port if the name has none.
-    unit
-        None if the name has none.
-    score
-        The higher, the more certain.
-    """
-
-    quantity: str
-    side: str
-    unit: str | None
-    score: int
+    quantity: str  # one of `QUANTITIES`, or a command
+    side: str  # port if the name has none
+    unit: str | None  # None if the name has none
+    score: int  # the higher, the more certain
 
 
 def meaning(name: str, unit: str = "") -> Meaning | None:
-    """The most certain meaning of a column; None if it is no channel.
-
-    Parameters
-    ----------
-    name
-        In the header.
-    unit
-        In the row of units below the header.
+    """The most certain meaning of a column with this name and unit; None if it is no channel.
 
     >>> meaning("thruster2_current_A")
     Meaning(quantity='current', side='starboard', unit='A', score=2)
@@ -96,18 +74,15 @@ def _words(name: str) -> list[str]:
     return [word.lower() for word in words]
 
 
-def _meaning_as(
-    quantity: str,
-    words: list[str],
-    unit: str,
-) -> Meaning | None:
+def _meaning_as(quantity: str, words: list[str], unit: str) -> Meaning | None:
     """The column as this quantity, if a word names it and a separate unit is of its kind."""
-    kind, names = QUANTITIES[quantity]
+    kind, quantity_names = QUANTITIES[quantity]
+    names = set(quantity_names.split())
     names_shaft = bool(SHAFT.intersection(words))
     if quantity == "rpm" and names_shaft:
-        names = names | {"speed", "velocity"}
+        names |= {"speed", "velocity"}
     if quantity in ("speed", "voltage") and COMMANDED.intersection(words):
-        names = names ^ {"v"}  # v_set is a speed, while v_port is a voltage
+        names ^= {"v"}  # v_set is a speed, while v_port is a voltage
     score = len(names.intersection(words))
     score += "".join(words) in names and len(words) > 1
     known_unit = spelt(unit, kind) if unit and kind else _unit_in_name(words, kind)

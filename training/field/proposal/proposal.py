@@ -38,24 +38,12 @@ COMMENTS = {
 
 
 class Proposal(NamedTuple):
-    """A proposed vehicle file.
-
-    Attributes
-    ----------
-    vehicle
-        The file.
-    comments
-        The reason of each guess, by table and key.
-    missing
-        Channels without a column.
-    left_out
-        Columns that could be a channel but were left out, and why.
-    """
+    """A proposed vehicle file."""
 
     vehicle: VehicleFile
-    comments: dict[str, str]
-    missing: tuple[str, ...]
-    left_out: tuple[str, ...]
+    comments: dict[str, str]  # the reason of each guess, by table and key
+    missing: tuple[str, ...]  # channels without a column
+    left_out: tuple[str, ...]  # columns that could be a channel but were left out, and why
 
 
 class Guess(NamedTuple):
@@ -70,12 +58,8 @@ def propose(table: Table, name: str) -> Proposal:
 
     Names decide first, then numbers: the unit by their size where none is named, the sign by that
     of the speed. A log does not contain the vehicle's constants, hotel load and battery: the
-    constants stay those of the preset, the others unknown.
-
-    Raises
-    ------
-    InputError
-        If no column looks like a reading of a vehicle.
+    constants stay those of the preset, the others unknown. `InputError` if no column looks like a
+    reading of a vehicle.
     """
     meanings = {}
     for label in table.columns:
@@ -103,11 +87,7 @@ def propose(table: Table, name: str) -> Proposal:
     return Proposal(vehicle, comments, missing, tuple(left_out))
 
 
-def _missing(
-    guesses: Mapping[str, Guess],
-    time: Guess | None,
-    shafts: int,
-) -> Iterable[str]:
+def _missing(guesses: Mapping[str, Guess], time: Guess | None, shafts: int) -> Iterable[str]:
     if time is None:
         step = f"{1 / SAMPLE_RATE:g} s"
         yield f"time: no column whose numbers grow; rows are taken to be {step} apart"
@@ -149,10 +129,7 @@ def _varies(values: np.ndarray) -> bool:
 
 
 def _guesses(
-    table: Table,
-    meanings: Mapping[str, Meaning],
-    labels: Mapping[str, str],
-    vehicle: Vehicle,
+    table: Table, meanings: Mapping[str, Meaning], labels: Mapping[str, str], vehicle: Vehicle
 ) -> dict[str, Guess]:
     """Columns with unit and sign.
 
@@ -178,11 +155,7 @@ def _guesses(
 
 
 def _with_unit(
-    channel: str,
-    label: str,
-    values: np.ndarray,
-    named_unit: str | None,
-    limit: float,
+    channel: str, label: str, values: np.ndarray, named_unit: str | None, limit: float
 ) -> Guess:
     kind = CHANNELS[channel].unit
     if named_unit:
