@@ -28,7 +28,7 @@ def read(tmp_path, text):
     return read_vehicle(path)
 
 
-def test_least_file_has_the_preset_and_its_defaults(tmp_path):
+def test_smallest_file_has_the_preset_and_its_defaults(tmp_path):
     vehicle = read(tmp_path, MINIMAL)
     assert vehicle.vehicle == PRESETS["thesis1992"]
     assert vehicle.columns == {"speed": Column("u", 1.0, 0.0)}
@@ -185,7 +185,7 @@ def test_unreadable_file_is_refused(tmp_path, name):
         read_vehicle(tmp_path / name)
 
 
-def test_place_that_cannot_be_written_is_refused(tmp_path):
+def test_path_that_cannot_be_written_is_refused(tmp_path):
     with pytest.raises(InputError, match="a place that can be written"):
         write_vehicle(tmp_path / "none" / "vehicle.toml", some_vehicle())
 

@@ -108,7 +108,7 @@ def test_motors_without_their_readings_keep_the_file(logs, channels, why):
     assert found.vehicle.vehicle.resistance == PRESET.resistance
 
 
-def test_without_speed_nothing_of_the_hull_is_invented(logs):
+def test_without_speed_no_hull_parameter_is_fitted(logs):
     found = calibrate(kept(logs, ("port_voltage", "port_current", "port_rpm")), FILE)
     assert all(not was_fitted(found, name) for name in SURGE)
     assert "no speed reading" in found.parameter("alpha").why
@@ -150,7 +150,7 @@ def test_band_is_the_files_after_one_mission_and_that_of_the_missions_after_many
     assert few.vehicle.band["c1"] == few.vehicle.band["c2"]
 
 
-def test_sides_that_are_alike_differ_by_no_more_than_their_errors(calibration):
+def test_equal_sides_differ_by_no_more_than_their_errors(calibration):
     for name, (difference, std) in side_differences(calibration).items():
         assert abs(difference) < 4 * std, name
 
@@ -164,7 +164,7 @@ def test_a_difference_of_the_sides_is_reported():
     assert difference > 4 * std
 
 
-def test_mission_unlike_the_others_is_seen_by_the_fit_without_it():
+def test_a_different_mission_changes_the_fit_without_it():
     logs = [
         *healthy_logs(n=4),
         *healthy_logs(replace(OFF, alpha=1.5 * OFF.alpha), n=2, seed=50)[1:],

@@ -59,7 +59,7 @@ def test_linear_problem_has_the_estimates_and_errors_of_ordinary_least_squares()
     assert fit.quantile == pytest.approx(2.0227, abs=1e-3)  # Student's t, 39 degrees of freedom
 
 
-def test_errors_that_go_together_within_a_block_widen_the_interval():
+def test_correlated_errors_within_a_block_widen_the_interval():
     shared = np.repeat(RANDOM.standard_normal(BLOCKS), N // BLOCKS)
     alone = fit_parameters(problem(RANDOM.standard_normal(N)), ("slope",))
     together = fit_parameters(problem(shared), ("slope",))
@@ -146,7 +146,7 @@ def test_shaft_without_a_counter_turns_as_the_other():
 
 
 @pytest.mark.parametrize("every", [1, 10])
-def test_noise_is_told_from_signal(every):
+def test_noise_is_distinguished_from_signal(every):
     time = 0.1 * np.arange(6000)
     observation = np.full((time.size, 12), np.nan)
     observation[::every, 4] = (

@@ -80,7 +80,7 @@ def test_a_fault_is_named_with_side_severity_and_sign_of_the_load(fault, name, s
     assert all(abs(load) < 0.1 for load in loads.values())
 
 
-def test_every_diagnoser_on_offer_reads_a_log():
+def test_every_diagnoser_diagnoses_a_log():
     log = log_of(episode("propeller_loss:port", n_samples=100))
     for name in THRESHOLDS:
         belief = beliefs(log, name, VEHICLE)
@@ -112,7 +112,7 @@ def test_an_alarm_does_not_reach_from_one_segment_into_the_next():
     ]
 
 
-def test_the_own_parameters_count():
+def test_the_parameters_of_the_vehicle_file_are_used():
     """What is healthy for one vehicle is a fault of another, whose seals bind less."""
     friction = VEHICLE.vehicle.coulomb_friction / 2.5
     one = judged(
@@ -134,7 +134,7 @@ def test_one_shaft_at_one_hertz_without_rpm():
     assert one.load["port"] > 0.1 and set(one.load) == {"port"}
 
 
-def test_what_does_not_exist_cannot_fail():
+def test_faults_of_absent_channels_are_no_hypotheses():
     belief = beliefs(log_of(of_vehicle(episode(), ONE_SHAFT)), "filter_bank", ONE_SHAFT)
     absent = [name for name in READINGS if name not in ONE_SHAFT.columns]
     impossible = [
@@ -147,12 +147,12 @@ def test_what_does_not_exist_cannot_fail():
 @pytest.mark.parametrize(
     "vehicle", [ONE_SHAFT, replace(VEHICLE, sample_rate=5.0)], ids=["channels", "rate"]
 )
-def test_the_others_refuse_a_silence_that_they_would_take_for_a_fault(vehicle):
+def test_other_diagnosers_refuse_missing_readings(vehicle):
     with pytest.raises(InputError, match="filter_bank for a vehicle without"):
         diagnoser_for("limits", vehicle, {})
 
 
-def test_a_shaft_of_which_nothing_is_logged_is_refused():
+def test_a_log_without_a_shaft_is_refused():
     columns = {
         name: column for name, column in VEHICLE.columns.items() if not name.startswith("port")
     }

@@ -15,7 +15,7 @@ HEALTHY = [log_of(episode(n_samples=400, seed=seed)) for seed in (21, 22, 23)]
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
-def test_more_and_less_load_are_beyond_the_limits_and_health_is_not(factor):
+def test_more_and_less_load_exceed_the_limits_a_healthy_one_does_not(factor):
     limits = load_limits(HEALTHY, VEHICLE)
     observations = episode(n_samples=400, seed=24).copy()
     observations[:, NAMES.index("port_current")] *= factor

@@ -41,7 +41,7 @@ def test_the_sign_says_whether_the_load_is_more_or_less(fault, low, high):
     assert low < excess_load(current, healthy_current(voltage, speed, VEHICLE)) < high
 
 
-def test_readings_are_held_while_there_are_none():
+def test_the_last_reading_replaces_a_missing_one():
     voltage, _, speed = readings()
     sparse = [np.where(np.arange(300) % 10 == 0, values, np.nan) for values in (voltage, speed)]
     held = [values[np.arange(300) // 10 * 10] for values in (voltage, speed)]

@@ -117,7 +117,7 @@ def test_units_are_those_of_the_vehicle_file(faulty):
     np.testing.assert_allclose(got, [row["p_normal"] for row in faulty[0][:SHORT]], rtol=1e-6)
 
 
-def test_slow_lines_are_diagnosed_as_a_log_with_silences():
+def test_slow_lines_are_diagnosed_as_a_log_with_missing_readings():
     slow = replace(VEHICLE, sample_rate=2.0)
     log = np.full((196, len(NAMES)), np.nan)
     log[::5] = episode(FAULT)[:196:5]
@@ -165,7 +165,7 @@ class Broken(io.StringIO):
 
 
 @pytest.mark.parametrize("reason", [BrokenPipeError(), KeyboardInterrupt()])
-def test_it_ends_quietly_when_the_reader_leaves_or_a_person_stops_it(reason):
+def test_it_ends_without_an_error_when_the_reader_closes_or_at_ctrl_c(reason):
     sink = Broken()
     sink.reason = reason
     assert (
@@ -293,7 +293,7 @@ def test_memory_does_not_grow_with_the_stream():
     assert sink.used[1] - sink.used[0] < 300_000
 
 
-def test_the_command_follows_a_pipe_until_the_reader_leaves(tmp_path):
+def test_the_command_follows_a_pipe_until_the_reader_closes_it(tmp_path):
     write_vehicle(tmp_path / "v.toml", VEHICLE)
     command = [
         sys.executable,

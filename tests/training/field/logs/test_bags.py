@@ -99,7 +99,7 @@ def test_topics_become_columns_on_one_axis(tmp_path, place):
         np.testing.assert_allclose(table.columns[name], values, atol=1e-12)
 
 
-def test_what_is_heard_together_shares_a_row_each_topic_once(tmp_path):
+def test_simultaneous_messages_share_a_row_each_topic_once(tmp_path):
     messages = [
         number(0.0, "/a", 1.0),
         number(0.019, "/b", 2.0),
@@ -130,7 +130,7 @@ def test_a_bag_is_read_as_a_log(tmp_path, apart, rate):
     np.testing.assert_array_equal(log.observation[:: round(10 / rate)], samples)
 
 
-def test_an_array_that_grows_fills_its_columns_when_it_can(tmp_path):
+def test_an_array_of_variable_length_fills_its_columns(tmp_path):
     messages = [motor(0.0, (1.0, 2.0), ()), motor(1.0, (1.0, 2.0), (5.0, 6.0))]
     columns = read_bag(write(tmp_path / "bag", messages)).columns
     np.testing.assert_array_equal(columns["/motor/temperatures/1"], [np.nan, 6.0])
@@ -191,7 +191,7 @@ def nowhere(folder):
 @pytest.mark.parametrize(
     "spoil", [cut, garbage, empty, no_metadata, broken_metadata, text, nowhere]
 )
-def test_what_is_no_whole_bag_is_refused_in_one_line(tmp_path, spoil):
+def test_a_damaged_bag_is_refused_in_one_line(tmp_path, spoil):
     path = spoil(write(tmp_path / "bag", [number(0.0, "/speed", 1.0)]))
     with pytest.raises(
         InputError, match=r"^bag: got .*allowed is a whole MCAP file or rosbag2 folder"

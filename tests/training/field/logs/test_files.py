@@ -122,13 +122,13 @@ def test_words_for_missing_true_and_infinite(tmp_path):
     assert table.remarks == ("u: cells without a number, such as 'bad', taken as missing (1)",)
 
 
-def test_header_in_the_midst(tmp_path):
+def test_repeated_header_is_left_out(tmp_path):
     table = read_table(write(tmp_path, PLAIN + PLAIN))
     np.testing.assert_equal(table.columns["t"], [0, 0.5, 1, np.nan, 0, 0.5, 1])
     assert table.remarks[0] == "t: cells without a number, such as 't', taken as missing (1)"
 
 
-def test_names_that_come_twice(tmp_path):
+def test_repeated_names_get_numbers(tmp_path):
     table = read_table(write(tmp_path, "t,u,u\n0,1,2\n1,3,4\n"))
     assert_is(table, {"t": [0, 1], "u": [1, 3], "u (2)": [2, 4]})
     assert table.remarks == ("header: 'u' occurs more than once; one is called 'u (2)'",)
@@ -153,7 +153,7 @@ def test_time_stamps_are_seconds(tmp_path, stamps, first):
     np.testing.assert_allclose(table.columns["t"], [first, np.nan, first + 0.5], rtol=0, atol=1e-6)
 
 
-def test_gzip_whole_and_broken_off(tmp_path):
+def test_gzip_whole_and_cut_off(tmp_path):
     packed = gzip.compress(PLAIN.encode()) + gzip.compress(b"1.5,3\n")
     table = read_table(write(tmp_path, packed, "log.csv.gz"))
     assert_is(table, {"t": [0, 0.5, 1, 1.5]})
@@ -190,7 +190,7 @@ def test_parquet_of_any_type(tmp_path):
 
 
 @pytest.mark.parametrize("start", [b"\x89MCAP0\r\n", b"SQLite format 3\0"])
-def test_bags_are_left_to_their_reader(tmp_path, start):
+def test_bags_are_read_by_the_bag_reader(tmp_path, start):
     with pytest.raises(InputError, match="bag: got"):
         read_table(write(tmp_path, start + b"broken"))
 

@@ -38,7 +38,7 @@ def channel(log, name):
     return log.observation[:, INDEX[name]]
 
 
-def test_log_of_the_vehicles_own_rate_is_taken_as_it_is(tmp_path):
+def test_log_at_the_sample_rate_is_unchanged(tmp_path):
     log = read(tmp_path, 0.1 * np.arange(150) + 1e5)
     assert log.name == "log.csv"
     assert log.remarks == ()
@@ -69,13 +69,13 @@ def test_units_scale_and_offset(tmp_path):
 
 
 @pytest.mark.parametrize("one", ["mission_speed", "speed_command"])
-def test_one_setpoint_stands_for_both(one):
+def test_one_speed_command_replaces_the_other(one):
     rows = observations_of({one: np.array([0.3, 0.4]), "speed": np.array([0.1, 0.2])})
     np.testing.assert_array_equal(rows[:, INDEX["mission_speed"]], [0.3, 0.4])
     np.testing.assert_array_equal(rows[:, INDEX["speed_command"]], [0.3, 0.4])
 
 
-def test_slow_log_has_gaps_in_readings_and_holds_commands(tmp_path):
+def test_slow_log_has_gaps_in_readings_and_constant_commands(tmp_path):
     settings = vehicle(1.0, rudder=Column("r"))
     rudder = np.linspace(0.1, 0.2, 20)
     log = read(tmp_path, np.arange(20), settings, r=rudder)
@@ -94,7 +94,7 @@ def test_fast_log_keeps_the_nearest_row(tmp_path):
     assert log.remarks == ("time: rows come every 0.01 s; the nearest to each 0.1 s is kept",)
 
 
-def test_jitter_neither_invents_nor_shifts_readings(tmp_path):
+def test_jitter_neither_adds_nor_shifts_readings(tmp_path):
     time = np.append(
         0.0, 0.1 * np.arange(1, 300) + np.random.default_rng(1).uniform(-0.04, 0.04, 299)
     )
@@ -115,7 +115,7 @@ def test_channels_that_come_at_different_times(tmp_path):
     np.testing.assert_array_equal(channel(log, "port_rpm"), n[1::2])
 
 
-def test_rows_of_other_instruments_are_passed_over(tmp_path):
+def test_rows_of_other_instruments_are_left_out(tmp_path):
     time = 0.001 * np.arange(15_000)
     u = np.full(15_000, np.nan)
     n = np.full(15_000, np.nan)
@@ -145,7 +145,7 @@ def test_log_without_time_counts_rows(tmp_path):
     np.testing.assert_allclose(log.time, 0.1 * np.arange(150))
 
 
-def test_gap_begins_a_segment_and_keeps_its_length(tmp_path):
+def test_gap_begins_a_segment_and_counts_as_time(tmp_path):
     time = np.concatenate([0.1 * np.arange(150), 100 + 0.1 * np.arange(120)])
     log = read(tmp_path, time)
     assert log.segments == (slice(0, 150), slice(150, 270))
@@ -153,7 +153,7 @@ def test_gap_begins_a_segment_and_keeps_its_length(tmp_path):
     assert log.remarks == ("time: gaps of more than 5 s, after which a new segment begins (1)",)
 
 
-def test_gap_of_less_stays_within_a_segment(tmp_path):
+def test_shorter_gap_stays_within_a_segment(tmp_path):
     time = np.concatenate([0.1 * np.arange(80), 12.0 + 0.1 * np.arange(80)])
     log = read(tmp_path, time)
     assert log.segments == (slice(0, 200),)
@@ -162,7 +162,7 @@ def test_gap_of_less_stays_within_a_segment(tmp_path):
 
 
 @pytest.mark.parametrize("restart", [0.0, 2e9], ids=["set back", "set to the date"])
-def test_clock_that_is_set_begins_a_segment_and_time_goes_on(tmp_path, restart):
+def test_clock_that_is_set_begins_a_segment(tmp_path, restart):
     time = np.concatenate([0.1 * np.arange(150), restart + 0.1 * np.arange(120)])
     log = read(tmp_path, time)
     assert log.segments == (slice(0, 150), slice(150, 270))
@@ -170,7 +170,7 @@ def test_clock_that_is_set_begins_a_segment_and_time_goes_on(tmp_path, restart):
     assert "a new segment begins (1)" in log.remarks[0]
 
 
-def test_short_stretch_is_left_out(tmp_path):
+def test_short_segment_is_left_out(tmp_path):
     time = np.concatenate([0.1 * np.arange(50), 100 + 0.1 * np.arange(120)])
     log = read(tmp_path, time)
     assert log.segments == (slice(0, 120),)
@@ -178,7 +178,7 @@ def test_short_stretch_is_left_out(tmp_path):
     assert log.remarks[-1] == "time: segments shorter than 10 s left out (1)"
 
 
-def test_coarse_clock_is_spread(tmp_path):
+def test_rows_between_coarse_ticks_are_distributed_evenly(tmp_path):
     log = read(tmp_path, np.repeat(np.arange(20), 10))
     assert len(log.time) == 200
     assert np.isfinite(channel(log, "speed")).all()
@@ -187,7 +187,7 @@ def test_coarse_clock_is_spread(tmp_path):
     )
 
 
-def test_rows_logged_twice_are_not_taken_for_a_coarse_clock(tmp_path):
+def test_repeated_rows_are_no_coarse_clock(tmp_path):
     time = np.repeat(0.1 * np.arange(150), 2)
     u = np.resize(SPEED, 300)
     log = read(tmp_path, time, u=u)
@@ -207,7 +207,7 @@ def test_rows_in_no_order_are_sorted(tmp_path, order):
     assert log.remarks == ("time: the rows are in no order; sorted by their stamps",)
 
 
-def test_readings_that_are_wrong_but_possible_pass(tmp_path):
+def test_wrong_but_possible_readings_are_accepted(tmp_path):
     u = np.resize(SPEED, 150).copy()
     u[75:] = 0.0
     log = read(tmp_path, 0.1 * np.arange(150), u=u)
@@ -233,7 +233,7 @@ def test_readings_that_are_wrong_but_possible_pass(tmp_path):
     ],
     ids=["rev/s", "km/h", "neither"],
 )
-def test_units_that_disagree_are_said_with_the_one_that_would_explain_it(tmp_path, columns, words):
+def test_disagreeing_units_are_reported_with_an_explanation(tmp_path, columns, words):
     log = read(
         tmp_path,
         0.1 * np.arange(150),
@@ -256,7 +256,7 @@ def test_missing_column_is_refused_with_the_nearest(tmp_path):
         read(tmp_path, 0.1 * np.arange(150), settings)
 
 
-def test_bag_whose_topics_speak_at_different_instants(tmp_path):
+def test_bag_with_topics_at_different_times(tmp_path):
     rosbag2 = pytest.importorskip("rosbags.rosbag2")
     typesys = pytest.importorskip("rosbags.typesys")
     types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)

@@ -258,7 +258,7 @@ def assert_sound(log: Log) -> None:
 
 
 @pytest.mark.parametrize(("content", "words"), REPAIRED.values(), ids=REPAIRED)
-def test_repaired_and_said(path, content, words):
+def test_repairs_are_reported(path, content, words):
     log = read(path, content)
     assert_sound(log)
     for word in words:
@@ -268,7 +268,7 @@ def test_repaired_and_said(path, content, words):
 
 
 @pytest.mark.parametrize("content", AS_IT_IS.values(), ids=AS_IT_IS)
-def test_variants_are_read_as_they_are(path, content):
+def test_variants_are_read_without_a_remark(path, content):
     log = read(path, content)
     assert log.remarks == ()
     np.testing.assert_array_equal(log.observation, read(path, text()).observation)
@@ -283,7 +283,7 @@ def test_refused_in_one_line(path, content, words):
 
 
 @pytest.mark.parametrize("name", ["nowhere.csv", ".", "pipe", "name\0.csv"])
-def test_what_is_no_file_is_refused(tmp_path, name):
+def test_a_path_without_a_file_is_refused(tmp_path, name):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(InputError, match=r"log: got '.*'; allowed is a (readable )?file"):
         read_log(tmp_path / name, VEHICLE)

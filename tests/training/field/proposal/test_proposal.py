@@ -63,7 +63,7 @@ def test_meaning_of_a_name(name, expected):
 
 
 @pytest.mark.parametrize("name", NONE)
-def test_names_of_other_things(name):
+def test_names_of_other_quantities(name):
     assert meaning(name) is None
 
 
@@ -77,7 +77,7 @@ def proposal(**columns):
     return propose(Table({"t": TIME, "u": SPEED} | columns, ()), "otter")
 
 
-def test_a_strangers_log():
+def test_a_log_of_an_unknown_vehicle():
     table = Table(
         {
             "Time [ms]": 1000 * TIME,
@@ -107,7 +107,7 @@ def test_a_strangers_log():
     assert not any("starboard_rpm" in line for line in missing)
 
 
-def test_proposal_survives_the_file_and_its_guesses_stand_in_it(tmp_path):
+def test_proposal_is_written_with_its_guesses_and_read_back_equal(tmp_path):
     vehicle, comments, _, _ = proposal(rpm=RPM)
     path = tmp_path / "vehicle.toml"
     write_vehicle(path, vehicle, comments)
@@ -148,7 +148,7 @@ def test_unit_of_time_and_sample_rate(stamps, scale, rate):
     assert vehicle.sample_rate == rate
 
 
-def test_log_without_time_says_so():
+def test_log_without_time_has_a_remark():
     vehicle, _, missing, _ = propose(Table({"u": SPEED, "time": np.zeros(300)}, ()), "otter")
     assert vehicle.time is None
     assert any(line.startswith("time: no column") for line in missing)
@@ -176,7 +176,7 @@ def test_signs_follow_the_speed():
     assert signs == {"speed": -1, "port_current": -1, "port_rpm": -1, "starboard_rpm": 1}
 
 
-def test_constant_and_second_columns_are_left_out_and_said():
+def test_constant_and_second_columns_are_left_out_with_a_remark():
     vehicle, _, _, left = proposal(rpm=RPM, n=RPM, V_port=np.full(300, 12.0))
     assert "port_voltage" not in vehicle.columns
     assert any("'V_port': it is constant" in line for line in left)
@@ -188,7 +188,7 @@ def test_setpoint_is_mission_speed_and_speed_command():
     assert found["mission_speed"] == found["speed_command"] == Column("speed_setpoint")
 
 
-def test_motor_command_stands_in_for_a_missing_shaft_speed_only():
+def test_motor_command_replaces_a_missing_shaft_speed_only():
     vehicle, comments, _, _ = proposal(throttle=100 * SPEED)
     assert vehicle.columns["port_rpm"] == Column(
         "throttle", pytest.approx(1500 / (100 * SPEED.max())), 0.0
@@ -199,13 +199,13 @@ def test_motor_command_stands_in_for_a_missing_shaft_speed_only():
     assert any("'throttle'" in line for line in left)
 
 
-def test_pulse_widths_are_at_rest_where_they_are_least():
+def test_the_shortest_pulse_is_rest():
     pwm = 1100 + 800 * PHASE / PHASE.max()
     column = proposal(pwm1=pwm).vehicle.columns["port_rpm"]
     np.testing.assert_allclose(column.scale * pwm[[0, -1]] + column.offset, [0, 1500], atol=1e-6)
 
 
-def test_log_of_something_else_is_refused():
+def test_log_without_channels_is_refused():
     with pytest.raises(
         InputError, match="got 't, depth'; allowed is one with a column for at least one of speed"
     ):
