@@ -1,7 +1,7 @@
 """Calibration: a vehicle file fitted to healthy logs, with an interval for every parameter."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from training.field.calibration import motor_fit, surge_fit
 from training.field.calibration.healthy_band import healthy_band
 from training.field.calibration.model_fit import ModelFit
 from training.field.calibration.motor_noise import motor_noise
+from training.field.calibration.robust_fit import Values
 from training.field.calibration.samples import Samples, noise_levels, samples_of
 from training.field.logs.log import Log
 from training.field.vehicle_file import BAND, NOISE, QUANTITIES, VehicleFile
@@ -146,7 +147,7 @@ def shaft_speeds(samples: Samples, vehicle: Vehicle, motor: ModelFit) -> list[np
 
 
 def _motor_noise(
-    samples: Samples, vehicle: Vehicle, noise: Mapping[str, float], motor: ModelFit
+    samples: Samples, vehicle: Vehicle, noise: Values, motor: ModelFit
 ) -> dict[str, float]:
     levels = {}
     for side in SIDES if motor.fit.names else ():
@@ -157,7 +158,7 @@ def _motor_noise(
     return levels
 
 
-def _bands(model: ModelFit, file_band: Mapping[str, float]) -> dict[str, float]:
+def _bands(model: ModelFit, file_band: Values) -> dict[str, float]:
     fit = model.fit
     bands = {}
     for k, name in enumerate(fit.names):

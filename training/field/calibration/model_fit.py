@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.parameters import Vehicle
-from training.field.calibration.robust_fit import LEAST_BLOCKS, NO_FIT, Fit
+from training.field.calibration.robust_fit import LEAST_BLOCKS, NO_FIT, Fit, Values
 from training.field.calibration.samples import BLOCK
 from training.field.vehicle_file import QUANTITIES
 
@@ -17,7 +17,7 @@ class ModelFit(NamedTuple):
     """The fit of the motors or of surge."""
 
     fit: Fit  # in the parameters of the fit, which are relative
-    scale: Mapping[str, float]  # physical value of each parameter by its value in the fit
+    scale: Values  # physical value of each parameter by its value in the fit
     # by parameter that keeps the file's value: the reason, and a manoeuvre that would help
     why: Mapping[str, tuple[str, str]]
 

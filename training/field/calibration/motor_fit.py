@@ -1,6 +1,6 @@
 """The fit of the motors, both sides as one: resistance, torque constant, friction, torque."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from training.field.calibration.model_fit import (
     reason_unidentified,
 )
 from training.field.calibration.prediction import shaft_residuals
-from training.field.calibration.robust_fit import Problem, fit_identifiable
+from training.field.calibration.robust_fit import Problem, Residuals, Values, fit_identifiable
 from training.field.calibration.samples import Samples
 from training.field.vehicle_file import NOISE
 
@@ -47,7 +47,7 @@ class ShaftLog(NamedTuple):
     noise: np.ndarray
 
 
-def motor_fit(samples: Samples, vehicle: Vehicle, noise: Mapping[str, float]) -> ModelFit:
+def motor_fit(samples: Samples, vehicle: Vehicle, noise: Values) -> ModelFit:
     """Fit what the readings identify of the motors; `noise` by reading, as in a vehicle file."""
     sides = [side for side in SIDES if samples.has(f"{side}_current")]
     if not sides:
@@ -67,7 +67,7 @@ def motor_fit(samples: Samples, vehicle: Vehicle, noise: Mapping[str, float]) ->
 
 
 def motor_problem(
-    samples: Samples, vehicle: Vehicle, noise: Mapping[str, float], sides: Sequence[str]
+    samples: Samples, vehicle: Vehicle, noise: Values, sides: Sequence[str]
 ) -> Problem:
     """Whitened residuals of rpm and current of all sides, by factors on `PARAMETERS`."""
     logs = {side: shaft_log(samples, side, noise) for side in sides}
@@ -75,8 +75,8 @@ def motor_problem(
         side: [samples.has(f"{side}_rpm"), samples.has(f"{side}_voltage")] for side in sides
     }
 
-    def residuals_of(logs: Mapping[str, ShaftLog]) -> Callable[[Mapping[str, float]], np.ndarray]:
-        def residuals(values: Mapping[str, float]) -> np.ndarray:
+    def residuals_of(logs: Mapping[str, ShaftLog]) -> Residuals:
+        def residuals(values: Values) -> np.ndarray:
             by_side = []
             for side, log in logs.items():
                 residual, _ = predict_shaft(log, vehicle, values)
@@ -128,7 +128,7 @@ def parameter_scales(vehicle: Vehicle) -> dict[str, float]:
     return scales
 
 
-def vehicle_constants(vehicle: Vehicle, values: Mapping[str, float]) -> dict[str, float]:
+def vehicle_constants(vehicle: Vehicle, values: Values) -> dict[str, float]:
     """Constants of the vehicle at these values of the fit."""
     scales = parameter_scales(vehicle)
     torque = values.get("propeller_torque", 1.0)
@@ -138,7 +138,7 @@ def vehicle_constants(vehicle: Vehicle, values: Mapping[str, float]) -> dict[str
     return constants | {"c1": vehicle.c1 * torque, "c2": vehicle.c2 * torque}
 
 
-def shaft_log(samples: Samples, side: str, noise: Mapping[str, float]) -> ShaftLog:
+def shaft_log(samples: Samples, side: str, noise: Values) -> ShaftLog:
     """One shaft's log, read where all of its channels were and the surge speed is known."""
     speed = samples.smoothed_speed
     names = [f"{side}_{kind}" for kind in INPUTS]
@@ -149,9 +149,7 @@ def shaft_log(samples: Samples, side: str, noise: Mapping[str, float]) -> ShaftL
     return ShaftLog(samples.starts, inputs, is_read, np.ascontiguousarray(speed), std)
 
 
-def predict_shaft(
-    log: ShaftLog, vehicle: Vehicle, values: Mapping[str, float]
-) -> tuple[np.ndarray, np.ndarray]:
+def predict_shaft(log: ShaftLog, vehicle: Vehicle, values: Values) -> tuple[np.ndarray, np.ndarray]:
     """Residuals and predictions of `shaft_residuals`, (n_samples, 2) each, at values of the fit."""
     residual = np.empty((len(log.is_read), 2))
     predicted = np.empty((len(log.is_read), 2))
@@ -162,9 +160,7 @@ def predict_shaft(
     return residual, predicted
 
 
-def simulated_shaft_speeds(
-    samples: Samples, vehicle: Vehicle, values: Mapping[str, float]
-) -> np.ndarray | None:
+def simulated_shaft_speeds(samples: Samples, vehicle: Vehicle, values: Values) -> np.ndarray | None:
     """Shaft speeds [rad/s], (n_samples, 2), from the voltages; None without any."""
     speeds = []
     for side in SIDES:

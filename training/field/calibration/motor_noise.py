@@ -5,19 +5,18 @@ second differences overstate the noise. The error of a prediction has nothing in
 reading but the reading's noise.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from auv_fault_env.parameters import Vehicle
 from training.field.calibration.motor_fit import ShaftLog, predict_shaft
+from training.field.calibration.robust_fit import Values
 from training.field.calibration.samples import NORMAL_MAD
 
 VOLTAGE_STEP = 0.01  # V, for the slope of the shaft speed
 TAIL = 4.0  # standard deviations, beyond which a change or an error is an outlier
 
 
-def motor_noise(log: ShaftLog, vehicle: Vehicle, values: Mapping[str, float]) -> dict[str, float]:
+def motor_noise(log: ShaftLog, vehicle: Vehicle, values: Values) -> dict[str, float]:
     """Standard deviations of the noise of voltage, current and rpm at these values of the fit.
 
     The voltage is an input: its noise enters the error of the predicted rpm negatively, times the

@@ -25,7 +25,7 @@ STEP = 1e-6  # of forward differences
 # of the largest information: makes a matrix invertible that lacks information on a parameter
 RIDGE = 1e-12
 
-Values = Mapping[str, float]  # of the parameters of a fit, by name
+Values = Mapping[str, float]  # by the name of the parameter or the reading
 Bounds = tuple[float, float]
 Residuals = Callable[[Values], np.ndarray]
 PointResiduals = Callable[[np.ndarray], np.ndarray]
@@ -146,7 +146,7 @@ def fit_parameters(problem: Problem, names: Sequence[str]) -> Fit:
 
 
 def _robust_optimum(
-    residuals: PointResiduals, start: list[float], bounds: list[tuple[float, float]]
+    residuals: PointResiduals, start: list[float], bounds: list[Bounds]
 ) -> tuple[OptimizeResult, float]:
     """The robust optimum, and the size from which a residual is large.
 

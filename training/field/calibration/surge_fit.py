@@ -7,7 +7,7 @@ fit does not (Ljung, "System Identification", 2nd ed. 1999, ch. 13).
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from training.field.calibration.model_fit import (
     reason_unidentified,
 )
 from training.field.calibration.prediction import speed_innovations
-from training.field.calibration.robust_fit import Problem, fit_identifiable
+from training.field.calibration.robust_fit import Problem, Residuals, Values, fit_identifiable
 from training.field.calibration.samples import Samples
 
 # in the order in which they are fixed if not all are identified
@@ -72,8 +72,8 @@ def surge_problem(
     is_known = np.isfinite(reading) & np.isfinite(shaft_speeds[0]).all(axis=1)
     is_used = is_known & ~samples.starts
 
-    def residuals_at(speeds: np.ndarray) -> Callable[[Mapping[str, float]], np.ndarray]:
-        def residuals(values: Mapping[str, float]) -> np.ndarray:
+    def residuals_at(speeds: np.ndarray) -> Residuals:
+        def residuals(values: Values) -> np.ndarray:
             innovation, std, _ = innovations(samples, vehicle, values, noise, speeds, reading)
             mean_std = np.exp(np.log(std[is_used] / noise).mean())
             return innovation[is_used] / std[is_used] * mean_std
@@ -101,7 +101,7 @@ def surge_problem(
     )
 
 
-def vehicle_constants(vehicle: Vehicle, values: Mapping[str, float]) -> dict[str, float]:
+def vehicle_constants(vehicle: Vehicle, values: Values) -> dict[str, float]:
     """Constants of the vehicle at these values of the fit."""
     constants = {
         name: getattr(vehicle, name) * values[name] for name in values if name in PARAMETERS
@@ -113,7 +113,7 @@ def vehicle_constants(vehicle: Vehicle, values: Mapping[str, float]) -> dict[str
 def innovations(
     samples: Samples,
     vehicle: Vehicle,
-    values: Mapping[str, float],
+    values: Values,
     noise: float,
     shaft_speeds: np.ndarray,
     reading: np.ndarray,
