@@ -1,142 +1,26 @@
-"""The thesis' second recommendation (VI.B): one network on readings and filter estimates.
-
-Evaluated in numpy: a vehicle's computer needs no PyTorch for it, and one sample takes a third of
-the time.
-"""
+"""The thesis' second recommendation (VI.B): one network on readings and filter estimates."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from itertools import pairwise
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import expit
 
 from auv_fault_env.parameters import Vehicle, vehicle_of
 from diagnosers import storage
 from diagnosers.diagnoser import Belief, Recursive
 from diagnosers.networks.class_list import SHIPPED_CLASSES, check_class_list, with_added_classes
-from diagnosers.networks.features import (
-    EVIDENCE,
-    Features,
-    FeatureState,
-    bank_odds_columns,
-    feature_names,
+from diagnosers.networks.features import Features, FeatureState
+from diagnosers.networks.numpy_network import (
+    N_MEMORY,
+    NumpyNetwork,
+    architecture,
+    n_outputs,
+    smooth_opinion,
 )
-from diagnosers.networks.modes import log_softmax
-from diagnosers.networks.smoothing import SmoothedBelief, initial_smoothing, update_share
-from diagnosers.storage import Shapes, Weights
+from diagnosers.networks.smoothing import SmoothedBelief, initial_smoothing
 
 PACKAGED = storage.WEIGHTS / "integrated.safetensors"
-Array = TypeVar("Array")
-WIDTHS = (256, 128)  # of the encoder's hidden layers
-N_MEMORY = 64  # units of the recurrent layer, and of the encoder's last
-OPINION_SMOOTHING = 0.5  # s, because the first opinion on a single sample is noisy
-LEAST_STD = 0.02  # of a severity: no diagnoser knows it better
-
-
-def n_outputs(n_classes: int) -> int:
-    """Outputs of the network: score, severity and scatter of the severity of every class."""
-    return 3 * n_classes
-
-
-def smooth_opinion(opinion: Array, previous: Array) -> Array:
-    """The running mean of the opinion (n_lanes, n_outputs), arrays of numpy or torch."""
-    return previous + (opinion - previous) * update_share(OPINION_SMOOTHING)
-
-
-def _linear(name: str, n_inputs: int, n_out: int) -> Shapes:
-    return {f"{name}.weight": (n_out, n_inputs), f"{name}.bias": (n_out,)}
-
-
-def architecture(trained_classes: Sequence[str]) -> Shapes:
-    """The tensors of `integrated_network.Network` with its gated recurrent unit, by name."""
-    n_classes = len(trained_classes)
-    widths = (len(feature_names(trained_classes)), *WIDTHS, N_MEMORY)
-    n_gates = 3 * N_MEMORY
-    shapes: Shapes = {}
-    for k, (n_inputs, n_out) in enumerate(pairwise(widths)):
-        shapes |= _linear(f"encoder.{2 * k}", n_inputs, n_out)
-    for name in ("opinion", "correction"):
-        shapes |= _linear(name, N_MEMORY, n_outputs(n_classes))
-    return shapes | {
-        "memory.weight_ih_l0": (n_gates, N_MEMORY + n_classes),
-        "memory.weight_hh_l0": (n_gates, N_MEMORY),
-        "memory.bias_ih_l0": (n_gates,),
-        "memory.bias_hh_l0": (n_gates,),
-        "trust": (n_classes - 1,),
-        "lean": (1,),
-        "sharpness": (1,),
-        "bias": (n_classes,),
-    }
-
-
-class Layer(NamedTuple):
-    """A linear layer: weight (n_inputs, n_outputs) and bias (n_outputs,)."""
-
-    weight: np.ndarray
-    bias: np.ndarray
-
-    def __call__(self, inputs: np.ndarray) -> np.ndarray:
-        """Outputs (n_lanes, n_outputs) of inputs (n_lanes, n_inputs)."""
-        return inputs @ self.weight + self.bias
-
-
-class NumpyNetwork:
-    """What `integrated_network.Network` computes, one sample at a time, float32 in numpy."""
-
-    def __init__(self, tensors: dict[str, np.ndarray]):
-        def layer(weight: str, bias: str) -> Layer:
-            return Layer(np.ascontiguousarray(tensors[weight].T), tensors[bias])
-
-        depth = len(WIDTHS) + 1
-        self.encoder = [
-            layer(f"encoder.{2 * k}.weight", f"encoder.{2 * k}.bias") for k in range(depth)
-        ]
-        self.opinion = layer("opinion.weight", "opinion.bias")
-        self.correction = layer("correction.weight", "correction.bias")
-        self.input_gates = layer("memory.weight_ih_l0", "memory.bias_ih_l0")
-        self.recurrent_gates = layer("memory.weight_hh_l0", "memory.bias_hh_l0")
-        self.bank_weight = tensors["trust"]
-        self.pool_weight = EVIDENCE * tensors["lean"]
-        self.sharpness = tensors["sharpness"]
-        self.bias = tensors["bias"]
-        self.n_classes = len(self.bias)
-        self.bank_odds = bank_odds_columns(self.n_classes)
-
-    def encode(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As `Network.encode`."""
-        encoded = features
-        for layer in self.encoder:
-            weighted = layer(encoded)
-            encoded = weighted * expit(weighted)
-        opinion = self.opinion(encoded)
-        opinion[:, 1 : self.n_classes] += self.bank_weight * features[:, self.bank_odds]
-        return encoded, opinion
-
-    def recur(
-        self, encoded: np.ndarray, opinion: np.ndarray, units: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """As `Network.recur`, of one sample."""
-        scores = opinion[:, : self.n_classes] / EVIDENCE
-        inputs = np.concatenate([encoded, scores], axis=1)
-        by_input = self.input_gates(inputs)
-        by_units = self.recurrent_gates(units)
-        n_gates = 2 * N_MEMORY
-        gates = expit(by_input[:, :n_gates] + by_units[:, :n_gates])
-        reset, update = np.split(gates, 2, axis=1)
-        candidate = np.tanh(by_input[:, n_gates:] + reset * by_units[:, n_gates:])
-        units = candidate + update * (units - candidate)
-        return opinion + self.correction(units), units
-
-    def decode(
-        self, outputs: np.ndarray, features: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As `Network.decode`, float64."""
-        scores, severity, scatter = np.split(outputs.astype(np.float64), 3, axis=1)
-        scores[:, 1:] += self.pool_weight * features[:, self.bank_odds]
-        log_probability = log_softmax(self.sharpness * scores + self.bias)
-        return log_probability, expit(severity), np.logaddexp(0.0, scatter) + LEAST_STD
 
 
 class IntegratedState(NamedTuple):
@@ -170,7 +54,7 @@ class Integrated(Recursive):
     Parameters
     ----------
     vehicle
-        The nominal vehicle of the filters, a preset's name or a `Vehicle`.
+        The nominal vehicle of the filters, or a preset's name.
     weights
         A safetensors file, or the tensors by name.
     trained_classes
@@ -183,7 +67,7 @@ class Integrated(Recursive):
     def __init__(
         self,
         vehicle: str | Vehicle = "thesis1992",
-        weights: Weights = PACKAGED,
+        weights: storage.Weights = PACKAGED,
         trained_classes: Sequence[str] | None = None,
     ):
         self.vehicle = vehicle_of(vehicle)
@@ -224,8 +108,7 @@ class Integrated(Recursive):
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Weights and calibration, by name."""
-        tensors = self._tensors.items()
-        return {name: tensor.copy() for name, tensor in tensors}
+        return {name: tensor.copy() for name, tensor in self._tensors.items()}
 
     def settings(self) -> dict[str, Any]:
         """The nominal vehicle and the classes of the training."""

@@ -119,12 +119,12 @@ def _predict_current(mean, shaft_speed, speed, change, shaft, plant, scratch):
     load_slope = 2.0 * side.load * shaft_speed - side.coupling * speed
     propeller_slope = shaft.inertia * load_slope / flux
     by_speed = -shaft.inertia * side.coupling * shaft_speed / flux
-    settling = shaft.inertia * plant.settling
+    inertia_rate = shaft.inertia * plant.shaft_speed_rate
     viscous = shaft.viscous_friction * shaft_speed
-    torque = mean[COULOMB_FRICTION] * shaft.coulomb_friction + (viscous + settling * change)
+    torque = mean[COULOMB_FRICTION] * shaft.coulomb_friction + (viscous + inertia_rate * change)
     relative = mean[PROPELLER_TORQUE]
     current = torque / flux + relative * propeller
-    slope = relative * propeller_slope + (shaft.viscous_friction + settling) / flux
+    slope = relative * propeller_slope + (shaft.viscous_friction + inertia_rate) / flux
     scratch[: BY_SPEED + 1] = 0.0
     scratch[GRADIENT, TORQUE_CONSTANT] = -current / mean[TORQUE_CONSTANT]
     scratch[GRADIENT, COULOMB_FRICTION] = shaft.coulomb_friction / flux
@@ -142,7 +142,7 @@ def _update_shaft(
 ):
     """Condition one moving shaft on its current and on its voltage."""
     shaft_speed = readings[RPM_READING] / RPM
-    shaft_speed_variance = noise * plant.spin_variance
+    shaft_speed_variance = noise * plant.shaft_speed_variance
     speed_variance = noise * plant.speed_variance
     current, current_slope, current_by_speed = _predict_current(
         mean, shaft_speed, speed, change, shaft, plant, scratch
@@ -204,7 +204,7 @@ def _update(
             e[:] = 0.0
             s[OF_CURRENT] = tuning.noise * plant.current_variance
             s[OF_VOLTAGE] = tuning.noise * plant.voltage_variance
-            if shaft_speed > STANDSTILL * plant.spin_variance**0.5:
+            if shaft_speed > STANDSTILL * plant.shaft_speed_variance**0.5:
                 noise = tuning.noise
                 _update_shaft(x, p, readings, speed, change, shaft, plant, noise, e, s, scratch)
 

@@ -1,4 +1,4 @@
-"""The integrated network in PyTorch, for its training; `diagnosers.integrated` uses numpy."""
+"""The integrated network in PyTorch, for its training; diagnosers use `numpy_network`."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -7,37 +7,28 @@ import numpy as np
 import torch
 from torch import nn
 
-from diagnosers.integrated import LEAST_STD, N_MEMORY, WIDTHS, n_outputs
 from diagnosers.networks.class_list import SHIPPED_CLASSES
-from diagnosers.networks.features import EVIDENCE, bank_odds_columns, feature_names
+from diagnosers.networks.features import EVIDENCE, bank_odds_columns
+from diagnosers.networks.numpy_network import LEAST_STD, N_MEMORY, encoder_widths, n_outputs
 
 
 class Network(nn.Module):
-    """Features to class scores and severities: an encoder with an opinion, a memory that corrects it.
+    """Features to class scores and severities: an encoder's opinion, corrected by a memory.
 
     The encoder sees one sample; its opinion is added to the log odds of the filter bank, which it
     so corrects. The recurrent layer sees the encoded samples and the averaged opinion, and adds to
     the opinion what follows from the past. Last, on lanes of its own, the network is calibrated:
     the weight `lean` of the bank in a logarithmic pool of both (the bank never forgets a fault, and
     so smooths the label), one sharpness, and a bias per class.
-
-    Parameters
-    ----------
-    memory
-        Kind of the recurrent layer.
-    classes
-        The classes that it learns.
+    `memory` is the kind of the recurrent layer.
     """
 
-    def __init__(
-        self, memory: type[nn.Module] = nn.GRU, classes: Sequence[str] = SHIPPED_CLASSES
-    ) -> None:
+    def __init__(self, memory: type[nn.Module] = nn.GRU, classes: Sequence[str] = SHIPPED_CLASSES):
         super().__init__()
         self.n_classes = len(classes)
         self.bank_odds = bank_odds_columns(self.n_classes)
-        widths = (len(feature_names(classes)), *WIDTHS, N_MEMORY)
         layers: list[nn.Module] = []
-        for n_inputs, n_out in pairwise(widths):
+        for n_inputs, n_out in pairwise(encoder_widths(classes)):
             layers += [nn.Linear(n_inputs, n_out), nn.SiLU()]
         self.encoder = nn.Sequential(*layers)
         self.opinion = nn.Linear(N_MEMORY, n_outputs(self.n_classes))
@@ -45,8 +36,7 @@ class Network(nn.Module):
         for layer in (self.opinion, self.correction):
             nn.init.zeros_(layer.weight)
             nn.init.zeros_(layer.bias)
-        n_faults = self.n_classes - 1
-        self.trust = nn.Parameter(torch.full((n_faults,), EVIDENCE))
+        self.trust = nn.Parameter(torch.full((self.n_classes - 1,), EVIDENCE))
         self.memory = memory(N_MEMORY + self.n_classes, N_MEMORY)
         self.register_buffer("lean", torch.zeros(1))
         self.register_buffer("sharpness", torch.ones(1))
@@ -62,21 +52,19 @@ class Network(nn.Module):
     def recur(
         self, encoded: torch.Tensor, opinion: torch.Tensor, units: torch.Tensor | None = None
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Outputs (n_samples, n_lanes, 3 n_classes) from encodings and mean opinions; and the units."""
+        """Outputs (n_samples, n_lanes, 3 n_classes), from encodings and mean opinions; and units."""
         scores = opinion[..., : self.n_classes] / EVIDENCE
         inputs = torch.cat([encoded, scores], dim=-1)
         remembered, units = self.memory(inputs, units)
         return opinion + self.correction(remembered), units
 
     def pool_scores(self, outputs: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
-        """Uncalibrated scores (..., n_classes): the network's, plus `lean` times the bank's log odds."""
+        """Uncalibrated scores (..., n_classes): the network's and `lean` times the bank's odds."""
         odds = EVIDENCE * features[..., self.bank_odds]
         bank = nn.functional.pad(odds, (1, 0))
         return outputs[..., : self.n_classes] + self.lean * bank
 
-    def decode(
-        self, outputs: torch.Tensor, features: torch.Tensor
-    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    def decode(self, outputs: torch.Tensor, features: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """Log probability, severity mean and standard deviation, each (..., n_classes)."""
         _, severity, scatter = outputs.split(self.n_classes, dim=-1)
         scores = self.sharpness * self.pool_scores(outputs, features) + self.bias
@@ -86,5 +74,5 @@ class Network(nn.Module):
 
     def tensors(self) -> dict[str, np.ndarray]:
         """A copy of weights and calibration, by name."""
-        tensors = self.state_dict().items()
-        return {name: tensor.detach().numpy().copy() for name, tensor in tensors}
+        state = self.state_dict()
+        return {name: tensor.detach().numpy().copy() for name, tensor in state.items()}

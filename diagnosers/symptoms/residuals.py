@@ -46,8 +46,8 @@ class Residuals(NamedTuple):
 class Plant(NamedTuple):
     """Constants of the nominal vehicle and its sensors for the kernel, in SI units.
 
-    ``settling`` [1/s]: rate of change of a shaft speed at the end of a sample by its change over
-    the sample.
+    shaft_speed_rate [1/s]: rate of change of a shaft speed at the end of a sample by its change
+    over the sample.
     """
 
     density: float
@@ -55,12 +55,15 @@ class Plant(NamedTuple):
     wake_fraction: float
     alpha: float
     gamma: float
-    settling: float
+    shaft_speed_rate: float
     speed_variance: float
     acceleration_variance: float
     voltage_variance: float
     current_variance: float
-    spin_variance: float
+    shaft_speed_variance: float
+
+
+_SENSORS = ("speed", "acceleration", "port_voltage", "port_current")
 
 
 @cache
@@ -71,19 +74,20 @@ def plant_of(vehicle: Vehicle) -> tuple[Plant, Shaft]:
     constant tau; its speed changes at the end by ``1/(tau (exp(T/tau) - 1))`` of the change over
     the sample: 0.3/s on the NPS AUV II, where the chord's 1/T would be 10/s.
     """
-    shaft = nominal_shaft(vehicle)
-    rate = (
-        vehicle.torque_constant**2 / vehicle.resistance + vehicle.viscous_friction
-    ) / vehicle.inertia
+    damping = vehicle.torque_constant**2 / vehicle.resistance + vehicle.viscous_friction
+    rate = damping / vehicle.inertia
     decay = exp(-rate * SAMPLE_TIME)
-    water = (vehicle.density, vehicle.diameter, vehicle.wake_fraction)
-    noise = [
-        CHANNELS[name].noise ** 2
-        for name in ("speed", "acceleration", "port_voltage", "port_current")
-    ]
-    spin_variance = (CHANNELS["port_rpm"].noise / RPM) ** 2
-    settling = rate * decay / (1.0 - decay)
-    return Plant(*water, vehicle.alpha, vehicle.gamma, settling, *noise, spin_variance), shaft
+    plant = Plant(
+        vehicle.density,
+        vehicle.diameter,
+        vehicle.wake_fraction,
+        vehicle.alpha,
+        vehicle.gamma,
+        rate * decay / (1.0 - decay),
+        *(CHANNELS[name].noise ** 2 for name in _SENSORS),
+        (CHANNELS["port_rpm"].noise / RPM) ** 2,
+    )
+    return plant, nominal_shaft(vehicle)
 
 
 @scalar
@@ -97,9 +101,11 @@ def _torque(current, shaft_speed, speed, change, side, shaft, plant):
     inertia = shaft.inertia
     drive = flux * current
     at_rest = drive - clipped(drive, -shaft.coulomb_friction, shaft.coulomb_friction)
-    is_standing = abs(shaft_speed) < STANDSTILL * plant.spin_variance**0.5
-    moving = inertia * (shaft_acceleration(shaft_speed, speed, side) - plant.settling * change)
-    by_previous = inertia * plant.settling
+    is_standing = abs(shaft_speed) < STANDSTILL * plant.shaft_speed_variance**0.5
+    moving = inertia * (
+        shaft_acceleration(shaft_speed, speed, side) - plant.shaft_speed_rate * change
+    )
+    by_previous = inertia * plant.shaft_speed_rate
     by_shaft_speed = (
         inertia * (side.damping - side.coupling * speed + 2.0 * side.load * shaft_speed)
         - flux * flux / shaft.resistance
@@ -107,7 +113,9 @@ def _torque(current, shaft_speed, speed, change, side, shaft, plant):
     by_shaft_speed += by_previous
     by_speed = inertia * side.coupling * shaft_speed
     variance = flux * flux * plant.current_variance + by_speed * by_speed * plant.speed_variance
-    variance += (by_shaft_speed * by_shaft_speed + by_previous * by_previous) * plant.spin_variance
+    variance += (
+        by_shaft_speed * by_shaft_speed + by_previous * by_previous
+    ) * plant.shaft_speed_variance
     return at_rest if is_standing else moving, variance
 
 
@@ -120,7 +128,7 @@ def _shaft(previous_row, row, first, speed, plant, shaft, values, std, k):
     side = motor(shaft, plant, shaft.resistance * current + shaft.torque_constant * shaft_speed)
     values[k] = shaft.resistance * (armature_current(shaft, shaft_speed, voltage) - current)
     variance = plant.voltage_variance + shaft.resistance**2 * plant.current_variance
-    std[k] = (variance + shaft.torque_constant**2 * plant.spin_variance) ** 0.5
+    std[k] = (variance + shaft.torque_constant**2 * plant.shaft_speed_variance) ** 0.5
     change = shaft_speed - previous_row[first + 2] / RPM
     values[k + 1], variance = _torque(current, shaft_speed, speed, change, side, shaft, plant)
     std[k + 1] = variance**0.5
@@ -149,12 +157,12 @@ def _residuals(previous, observation, plant, shaft, columns, values, std):
         by_port = 2.0 * port_motor.thrust * port_speed
         by_starboard = 2.0 * starboard_motor.thrust * starboard_speed
         variance = plant.acceleration_variance + (2.0 * drag * u) ** 2 * plant.speed_variance
-        variance += by_port**2 * plant.spin_variance
-        noise[4] = (variance + by_starboard**2 * plant.spin_variance) ** 0.5
+        variance += by_port**2 * plant.shaft_speed_variance
+        noise[4] = (variance + by_starboard**2 * plant.shaft_speed_variance) ** 0.5
 
 
 _INPUTS = ("rudder", "stern_plane", "speed", "acceleration", "port_voltage", "starboard_voltage")
-_COLUMNS = tuple(INDEX[name] for name in _INPUTS)
+_COLUMNS = tuple(map(INDEX.get, _INPUTS))
 
 
 def residuals(previous: np.ndarray, observation: np.ndarray, vehicle: Vehicle) -> Residuals:
@@ -170,34 +178,20 @@ def residuals(previous: np.ndarray, observation: np.ndarray, vehicle: Vehicle) -
 
     At standstill the torque residual is 0 as long as friction can hold the shaft, else the excess.
 
-    Parameters
-    ----------
-    previous
-        The observation (n_lanes, n_channels) one sample before; at the first sample the observation
-        itself.
-    observation
-        The observation (n_lanes, n_channels), channels as in `CHANNELS`, finite.
-    vehicle
-        The nominal vehicle.
+    `previous` is the observation (n_lanes, n_channels) one sample before, at the first sample the
+    observation itself; both finite. `vehicle` is the nominal one.
 
     Misleads: a repeated or dropped reading disturbs every residual that depends on it, and at rest
     the residuals do not depend on propeller and friction.
     """
-    previous, observation = (np.ascontiguousarray(x, np.float64) for x in (previous, observation))
-    if (
-        observation.ndim != 2
-        or observation.shape[1] != len(CHANNELS)
-        or previous.shape != observation.shape
-    ):
+    previous = np.ascontiguousarray(previous, np.float64)
+    observation = np.ascontiguousarray(observation, np.float64)
+    shape = (len(observation), len(CHANNELS))
+    if observation.shape != shape or previous.shape != shape:
         shapes = f"{previous.shape} and {observation.shape}"
-        raise refusal(
-            "shapes of observations",
-            shapes,
-            f"(n_lanes, {len(CHANNELS)}) twice",
-            "give one row per lane",
-        )
-    values = np.empty((len(observation), len(RESIDUALS)))
-    std = np.empty((len(observation), len(RESIDUALS)))
+        allowed = f"(n_lanes, {len(CHANNELS)}) twice"
+        raise refusal("shapes of observations", shapes, allowed, "give one row per lane")
+    values, std = np.empty((2, len(observation), len(RESIDUALS)))
     _residuals(previous, observation, *plant_of(vehicle), _COLUMNS, values, std)
     return Residuals(values, std)
 
@@ -207,11 +201,8 @@ def edge_vehicles(vehicle: Vehicle) -> tuple[Vehicle, ...]:
     """The vehicles at the edge of the healthy band, one for each parameter that varies."""
     bands = {spec.name: spec.metadata["band"] for spec in fields(Vehicle) if spec.metadata}
     edges = {name: getattr(vehicle, name) * (1.0 + band) for name, band in bands.items()}
-    return tuple(
-        replace(vehicle, **{name: edge})
-        for name, edge in edges.items()
-        if edge != getattr(vehicle, name)
-    )
+    changed = {name: edge for name, edge in edges.items() if edge != getattr(vehicle, name)}
+    return tuple(replace(vehicle, **{name: edge}) for name, edge in changed.items())
 
 
 def healthy_band(previous: np.ndarray, observation: np.ndarray, vehicle: Vehicle) -> np.ndarray:

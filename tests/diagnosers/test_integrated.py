@@ -9,17 +9,16 @@ from auv_fault_env.faults import CATALOGUE, Fault
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import UNKNOWN, decide, make, storage
-from diagnosers.integrated import (
+from diagnosers.integrated import PACKAGED, Integrated
+from diagnosers.networks.class_list import SHIPPED_CLASSES
+from diagnosers.networks.integrated_network import Network
+from diagnosers.networks.numpy_network import (
     N_MEMORY,
-    PACKAGED,
-    Integrated,
     NumpyNetwork,
     architecture,
     n_outputs,
     smooth_opinion,
 )
-from diagnosers.networks.class_list import SHIPPED_CLASSES
-from diagnosers.networks.integrated_network import Network
 from training.rollouts import manoeuvres, roll_out
 
 

@@ -20,13 +20,14 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import Belief, Diagnoser
 from diagnosers.diagnoser import same_severity
-from diagnosers.integrated import N_MEMORY, Integrated, n_outputs, smooth_opinion
+from diagnosers.integrated import Integrated
 from diagnosers.kalman import PARAMETERS
 from diagnosers.kalman_network import KalmanNetwork
 from diagnosers.networks.fault_map import NOMINAL, SEVERITY_WEIGHTS
 from diagnosers.networks.features import Features, feature_names
 from diagnosers.networks.integrated_network import Network
 from diagnosers.networks.modes import PRIOR_SEVERITY
+from diagnosers.networks.numpy_network import N_MEMORY, n_outputs, smooth_opinion
 from diagnosers.networks.smoothing import FAULT_SMOOTHING, ODDS_SMOOTHING, update_share
 from diagnosers.parallel import Parallel
 from diagnosers.raw_network import COLUMNS, PORT, SCALE, SPEED, STARBOARD, RawNetwork

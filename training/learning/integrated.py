@@ -11,8 +11,9 @@ import torch
 from torch import nn
 
 from auv_fault_env.faults import classes
-from diagnosers.integrated import Integrated, smooth_opinion
+from diagnosers.integrated import Integrated
 from diagnosers.networks.integrated_network import Network
+from diagnosers.networks.numpy_network import smooth_opinion
 from training.learning.adam import AdamTraining
 from training.learning.episode_sets import (
     LANES,

@@ -31,7 +31,9 @@ from tqdm import tqdm
 from tyro.conf import Positional, arg
 
 from auv_fault_env.errors import finite_in_range, known_name, refusal, whole_number
+from auv_fault_env.faults import CATALOGUE
 from training.benchmark.scores import RANKED_AT
+from training.benchmark.workers import with_catalogue
 from training.bounds import active_ceiling
 from training.report.run_folder import (
     STUDY,
@@ -211,7 +213,10 @@ def find_ceilings(
         for fault in active_ceiling.FAULTS
         if fault not in ceilings.get(f"{budget:g}", {})
     ]
-    calls = (delayed(active_ceiling.free_ceiling)(fault, seed, budget) for budget, fault in missing)
+    call = delayed(with_catalogue)
+    faults = dict(CATALOGUE)
+    search = active_ceiling.free_ceiling
+    calls = (call(faults, search, fault, seed, budget) for budget, fault in missing)
     searches = Parallel(n_jobs=workers, return_as="generator")(calls)
     progress = tqdm(searches, total=len(missing), desc="ceilings")
     for (budget, fault), ceiling in zip(missing, progress, strict=True):

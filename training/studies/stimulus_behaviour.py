@@ -12,13 +12,14 @@ import numpy as np
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
-from auv_fault_env.faults import NORMAL, classes
+from auv_fault_env.faults import CATALOGUE, NORMAL, classes
 from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import Belief, make
 from training import metrics
 from training.benchmark.suites import STANDARD, Conditions, Episode, load
 from training.benchmark.trials import lane_truth, run_closed_loop
+from training.benchmark.workers import with_catalogue
 from training.bounds.information import faults_by_class
 from training.metrics.intervals import central, resamples
 from training.metrics.plain import rounded
@@ -185,8 +186,10 @@ def behaviour(
         on_faulty[name] = FasterFromOnset(own_budget or budget, onset=truth.onset)
     jobs = [(stimulus, faulty) for stimulus in on_faulty.values()]
     jobs += [(STIMULI[name](budget), healthy) for name in healthy_stimuli]
+    call = delayed(with_catalogue)
+    faults = dict(CATALOGUE)
     calls = (
-        delayed(record_closed_loop)(stimulus, diagnoser, lanes, conditions)
+        call(faults, record_closed_loop, stimulus, diagnoser, lanes, conditions)
         for stimulus, lanes in jobs
     )
     results = Parallel(n_jobs=workers, return_as="generator")(calls)
