@@ -32,11 +32,9 @@ BATCH_TOLERANCE = 1e-4
 def check_diagnoser(diagnoser: Diagnoser, seed: int = 0) -> None:
     """Raise `InputError`, in one line, for the first rule of `Diagnoser` that the diagnoser breaks.
 
-    It makes about 2000 updates on six lanes, four of them with a fault, and resets the diagnoser.
-    The rules: valid classes and beliefs; causality; the same beliefs in a batch and on single
-    lanes, and after another reset; valid beliefs with missing and dropped channels; `ValueError`
-    for a wrong shape; the same beliefs after save and load, if it can be saved. Misleads: it does
-    not measure how good the diagnoser is, and misses a dependence on the future beyond 12 s.
+    It makes about 2000 updates on six lanes, four of them with a fault, and resets the diagnoser;
+    the rules are `CHECKS`. Misleads: it does not measure how good the diagnoser is, and misses a
+    dependence on the future beyond 12 s.
     """
     observations = _fleet_run(whole_number("seed", seed, 0))
     for check in CHECKS:
@@ -46,8 +44,7 @@ def check_diagnoser(diagnoser: Diagnoser, seed: int = 0) -> None:
 def _fleet_run(seed: int) -> np.ndarray:
     """Observations (n_samples, n_lanes, n_channels) of the small fleet."""
     fleet = Fleet(len(SCHEDULES))
-    observation = fleet.reset(range(seed, seed + len(SCHEDULES)), schedules=SCHEDULES)
-    run = [observation]
+    run = [fleet.reset(range(seed, seed + len(SCHEDULES)), schedules=SCHEDULES)]
     while len(run) < N_SAMPLES:
         run.append(fleet.step(follow_mission(run[-1])))
     return np.array(run, np.float64)
@@ -58,14 +55,18 @@ def _beliefs(diagnoser: Diagnoser, observations: np.ndarray, when: str = "") -> 
     try:
         return [diagnoser.update(observation) for observation in observations]
     except Exception as error:
-        raise refusal(
-            f"update{when}", error, "a belief", "take the last reading where one is missing"
-        ) from error
+        remedy = "take the last reading where one is missing"
+        raise refusal(f"update{when}", error, "a belief", remedy) from error
 
 
 def _stacked(beliefs: Iterable[Belief]) -> np.ndarray:
-    """Beliefs as one array (n_samples, 3, n_lanes, n_classes): probability, severity mean and std."""
+    """Probability, severity mean and std as one array (n_samples, 3, n_lanes, n_classes)."""
     return np.array([(np.exp(belief[0]), *belief[1:]) for belief in beliefs])
+
+
+def _run(diagnoser: Diagnoser, observations: np.ndarray) -> np.ndarray:
+    """The beliefs, as `_stacked`, after a reset."""
+    return _stacked(_beliefs(diagnoser, observations))
 
 
 def _require(is_met: bool, thing: str, got, allowed: str, remedy: str) -> None:
@@ -73,44 +74,31 @@ def _require(is_met: bool, thing: str, got, allowed: str, remedy: str) -> None:
         raise refusal(thing, got, allowed, remedy)
 
 
-def _require_belief(diagnoser: Diagnoser, belief: Belief, n_lanes: int, when: str) -> None:
+def _require_beliefs(diagnoser: Diagnoser, observations: np.ndarray, when: str = "") -> None:
     """Require arrays of the right shape, finite and in range, and probabilities that sum to 1."""
-    _require(isinstance(belief, Belief), f"belief{when}", belief, "a Belief", "return one")
-    shape = (n_lanes, len(diagnoser.classes))
-    for name, values in zip(Belief._fields, belief, strict=True):
-        got = getattr(values, "shape", None)
-        _require(
-            got == shape,
-            f"shape of {name}{when}",
-            got,
-            f"{shape}",
-            "give a row per lane, a column per class",
-        )
-        _require(
-            bool(np.isfinite(values).all()),
-            f"{name}{when}",
-            "NaN or infinity",
-            "finite numbers",
-            "limit it",
-        )
-    highest = float(belief[0].max())
-    total = np.exp(belief[0]).sum(axis=1)
-    worst = float(total[np.abs(total - 1).argmax()])
-    _require(highest <= ROUNDING, f"log_probability{when}", highest, "at most 0", "normalise it")
-    _require(
-        abs(worst - 1) <= ROUNDING, f"sum of probabilities{when}", worst, "1", "normalise them"
-    )
-    low = float(belief[1].min())
-    high = float(belief[1].max())
-    _require(
-        -ROUNDING <= low <= high <= 1 + ROUNDING,
-        f"severity_mean{when}",
-        (low, high),
-        "0 to 1",
-        "clip it",
-    )
-    low = float(belief[2].min())
-    _require(low >= 0, f"severity_std{when}", low, "from 0", "give a standard deviation")
+    shape = (observations.shape[1], len(diagnoser.classes))
+    for k, belief in enumerate(_beliefs(diagnoser, observations, when)):
+        at = when or f" after sample {k}"
+        _require(isinstance(belief, Belief), f"belief{at}", belief, "a Belief", "return one")
+        for name, values in zip(Belief._fields, belief, strict=True):
+            got = getattr(values, "shape", None)
+            remedy = "give a row per lane, a column per class"
+            _require(got == shape, f"shape of {name}{at}", got, f"{shape}", remedy)
+            is_finite = bool(np.isfinite(values).all())
+            _require(is_finite, f"{name}{at}", "NaN or infinity", "finite numbers", "limit it")
+        highest = float(belief.log_probability.max())
+        _require(highest <= ROUNDING, f"log_probability{at}", highest, "at most 0", "normalise it")
+        total = np.exp(belief.log_probability).sum(axis=1)
+        worst = float(total[np.abs(total - 1).argmax()])
+        is_one = abs(worst - 1) <= ROUNDING
+        _require(is_one, f"sum of probabilities{at}", worst, "1", "normalise them")
+        low = float(belief.severity_mean.min())
+        high = float(belief.severity_mean.max())
+        is_share = -ROUNDING <= low <= high <= 1 + ROUNDING
+        _require(is_share, f"severity_mean{at}", (low, high), "0 to 1", "clip it")
+        least = float(belief.severity_std.min())
+        remedy = "give a standard deviation"
+        _require(least >= 0, f"severity_std{at}", least, "from 0", remedy)
 
 
 def _require_equal(
@@ -121,28 +109,14 @@ def _require_equal(
 
 
 def _check_interface(diagnoser: Diagnoser, observations: np.ndarray) -> None:
-    _require(
-        isinstance(diagnoser, Diagnoser),
-        "diagnoser",
-        type(diagnoser),
-        "classes, reset and update",
-        "add them",
-    )
+    is_diagnoser = isinstance(diagnoser, Diagnoser)
+    needed = "classes, reset and update"
+    _require(is_diagnoser, "diagnoser", type(diagnoser), needed, "add them")
     names = diagnoser.classes
     is_list = isinstance(names, tuple) and names[:1] == (NORMAL,)
     is_valid = is_list and len(set(names)) == len(names) > 1
-    _require(
-        is_valid,
-        "classes",
-        names,
-        f"a tuple of different names, {NORMAL!r} first",
-        "see auv_fault_env.classes()",
-    )
-
-
-def _check_beliefs(diagnoser: Diagnoser, observations: np.ndarray) -> None:
-    for k, belief in enumerate(_beliefs(diagnoser, observations)):
-        _require_belief(diagnoser, belief, observations.shape[1], f" after sample {k}")
+    allowed = f"a tuple of different names, {NORMAL!r} first"
+    _require(is_valid, "classes", names, allowed, "see auv_fault_env.classes()")
 
 
 def _check_arrays(diagnoser: Diagnoser, observations: np.ndarray) -> None:
@@ -152,55 +126,42 @@ def _check_arrays(diagnoser: Diagnoser, observations: np.ndarray) -> None:
     copies = []
     diagnoser.reset(observations.shape[1])
     for observation in inputs:
-        belief = diagnoser.update(observation)
-        beliefs.append(belief)
-        copies.append(_stacked([belief]))
-    _require_equal(
-        inputs, observations, "observation after update", "an unchanged one", "work on a copy"
-    )
+        beliefs.append(diagnoser.update(observation))
+        copies.append(_stacked(beliefs[-1:]))
+    thing = "observation after update"
+    _require_equal(inputs, observations, thing, "an unchanged one", "work on a copy")
+    thing = "belief after later updates"
     allowed = "the belief as it was returned"
-    remedy = "return new arrays"
-    _require_equal(
-        _stacked(beliefs), np.concatenate(copies), "belief after later updates", allowed, remedy
-    )
+    later = _stacked(beliefs)
+    _require_equal(later, np.concatenate(copies), thing, allowed, "return new arrays")
 
 
 def _check_causality(diagnoser: Diagnoser, observations: np.ndarray) -> None:
-    half = N_SAMPLES // 2
-    other_future = np.concatenate([observations[:half], observations[:half][::-1]])
-    beliefs = _stacked(_beliefs(diagnoser, observations)[:half])
-    others = _stacked(_beliefs(diagnoser, other_future)[:half])
+    past = observations[: N_SAMPLES // 2]
+    beliefs = _run(diagnoser, observations)
+    others = _run(diagnoser, np.concatenate([past, past[::-1]]))
+    thing = "beliefs before another future"
+    before = slice(len(past))
     _require_equal(
-        beliefs, others, "beliefs before another future", "the same beliefs", "use no later sample"
+        beliefs[before], others[before], thing, "the same beliefs", "use no later sample"
     )
 
 
 def _check_reset(diagnoser: Diagnoser, observations: np.ndarray) -> None:
-    first = _stacked(_beliefs(diagnoser, observations))
-    second = _stacked(_beliefs(diagnoser, observations))
-    _require_equal(
-        second,
-        first,
-        "beliefs after a second reset",
-        "exactly those after the first",
-        "reset everything",
-    )
+    first = _run(diagnoser, observations)
+    second = _run(diagnoser, observations)
+    allowed = "exactly those after the first"
+    _require_equal(second, first, "beliefs after a second reset", allowed, "reset everything")
 
 
 def _check_lanes(diagnoser: Diagnoser, observations: np.ndarray) -> None:
-    batch = _stacked(_beliefs(diagnoser, observations))
+    batch = _run(diagnoser, observations)
+    allowed = f"equal beliefs within {BATCH_TOLERANCE:g}"
     for lane in range(observations.shape[1]):
-        single = _stacked(_beliefs(diagnoser, observations[:, lane : lane + 1]))
+        of_lane = batch[:, :, [lane]]
+        single = _run(diagnoser, observations[:, [lane]])
         thing = f"lane {lane} alone and in the batch"
-        allowed = f"equal beliefs within {BATCH_TOLERANCE:g}"
-        _require_equal(
-            batch[:, :, lane : lane + 1],
-            single,
-            thing,
-            allowed,
-            "keep lanes apart",
-            BATCH_TOLERANCE,
-        )
+        _require_equal(of_lane, single, thing, allowed, "keep lanes apart", BATCH_TOLERANCE)
 
 
 def _check_channels(diagnoser: Diagnoser, observations: np.ndarray) -> None:
@@ -210,20 +171,16 @@ def _check_channels(diagnoser: Diagnoser, observations: np.ndarray) -> None:
         for name in channels:
             run = observations[:N_SHORT].copy()
             run[:, :, names.index(name)] = value
-            _check_run(diagnoser, run, f" with {name} {state}")
+            _require_beliefs(diagnoser, run, f" with {name} {state}")
         run = observations[:N_SHORT].copy()
         run[::3] = value
-        _check_run(diagnoser, run, f" with all channels {state} every third sample")
-
-
-def _check_run(diagnoser: Diagnoser, run: np.ndarray, when: str) -> None:
-    for belief in _beliefs(diagnoser, run, when):
-        _require_belief(diagnoser, belief, run.shape[1], when)
+        _require_beliefs(diagnoser, run, f" with all channels {state} every third sample")
 
 
 def _check_shapes(diagnoser: Diagnoser, observations: np.ndarray) -> None:
+    n_lanes = observations.shape[1]
     for wrong in (observations[0, :-1], observations[0, :, :-1], observations[0, 0]):
-        diagnoser.reset(observations.shape[1])
+        diagnoser.reset(n_lanes)
         got = "a belief"
         try:
             diagnoser.update(wrong)
@@ -231,8 +188,7 @@ def _check_shapes(diagnoser: Diagnoser, observations: np.ndarray) -> None:
             continue
         except Exception as error:
             got = error
-        reset = f"reset({observations.shape[1]})"
-        thing = f"update with an observation of shape {wrong.shape} after {reset}"
+        thing = f"update with an observation of shape {wrong.shape} after reset({n_lanes})"
         raise refusal(thing, got, "a ValueError", "check the shape")
 
 
@@ -243,23 +199,17 @@ def _check_storage(diagnoser: Diagnoser, observations: np.ndarray) -> None:
         path = Path(folder) / "diagnoser.safetensors"
         diagnoser.save(path)
         loaded = load(path)
-        before = _stacked(_beliefs(diagnoser, observations[:N_SHORT]))
-        after = _stacked(_beliefs(loaded, observations[:N_SHORT]))
-    _require(
-        loaded.classes == diagnoser.classes,
-        "classes after load",
-        loaded.classes,
-        "those saved",
-        "save them",
-    )
-    _require_equal(
-        after, before, "beliefs after save and load", "equal beliefs", "save all that it has learnt"
-    )
+        before = _run(diagnoser, observations[:N_SHORT])
+        after = _run(loaded, observations[:N_SHORT])
+    is_same = loaded.classes == diagnoser.classes
+    _require(is_same, "classes after load", loaded.classes, "those saved", "save them")
+    thing = "beliefs after save and load"
+    _require_equal(after, before, thing, "equal beliefs", "save all that it has learnt")
 
 
 CHECKS: tuple[Callable[[Diagnoser, np.ndarray], None], ...] = (
     _check_interface,
-    _check_beliefs,
+    _require_beliefs,
     _check_arrays,
     _check_causality,
     _check_reset,

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -18,9 +18,9 @@ from auv_fault_env.errors import whole_number
 from auv_fault_env.faults import CATALOGUE, Fault
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import follow_mission
-from auv_fault_env.parameters import SAMPLE_RATE, Vehicle, vehicle_of
+from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.schedules import FaultEvent
-from diagnosers.diagnoser import Belief, Recursive
+from diagnosers.diagnoser import Belief, ModelBased
 from diagnosers.kalman import Estimate, SurgeFilter
 from diagnosers.symptoms.residuals import RESIDUALS, healthy_band, residuals
 
@@ -44,7 +44,7 @@ LIMITS = np.concatenate([MEAN, MEAN, SCATTER_UP, SCATTER_DOWN])
 GAIN = 4.0  # log odds of a fault per limit
 LARGEST_LOG_ODDS = 100.0  # of a fault
 # of the signatures: missions, names or speeds [m/s]; onset and ages of the faults [s]
-MISSIONS = ("thesis", 0.2, 0.45)
+MISSIONS = ("thesis", ((0.0, 0.2),), ((0.0, 0.45),))
 ONSET = 5.0
 AGES = (2.0, 6.0, 14.0, 24.0)
 SEVERITIES = (0.3, 0.6, 1.0)
@@ -83,7 +83,7 @@ class Signatures(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Cusum(Recursive):
+class Cusum(ModelBased):
     """Page's two-sided CUSUM on residuals, the speed innovation, and their squared differences.
 
     A statistic grows by the normalised signal less a drift term: the shift that the healthy band
@@ -97,28 +97,16 @@ class Cusum(Recursive):
 
     Misleads: statistics never forget, so after a repair the belief in a fault stays for as long as
     the fault lasted; a shift within the healthy band is never detected; at rest most signals are
-    zero.
-
-    Attributes
-    ----------
-    vehicle
-        Preset or nominal vehicle.
-    seed
-        Of the noise in the signatures.
+    zero. `seed` is that of the noise in the signatures.
     """
 
-    vehicle: str | Vehicle = "thesis1992"
     seed: int = 0
 
     name = "cusum"
 
     def __post_init__(self):
-        vehicle_of(self.vehicle)
+        super().__post_init__()
         whole_number("seed", self.seed, 0)
-
-    @cached_property
-    def _nominal(self) -> Vehicle:
-        return vehicle_of(self.vehicle)
 
     @cached_property
     def _filter(self) -> SurgeFilter:
@@ -137,9 +125,8 @@ class Cusum(Recursive):
     def step(self, state: CusumState, observation: np.ndarray) -> tuple[CusumState, Belief]:
         """The next state, and the belief by its statistics."""
         state = self._next_state(state, observation)
-        beliefs = []
-        for first in range(0, len(observation), LANES_IN_CACHE):
-            beliefs.append(self._belief(state.statistics[first : first + LANES_IN_CACHE]))
+        blocks = np.split(state.statistics, range(LANES_IN_CACHE, len(observation), LANES_IN_CACHE))
+        beliefs = map(self._belief, blocks)
         return state, Belief(*map(np.concatenate, zip(*beliefs, strict=True)))
 
     def _next_state(self, state: CusumState, observation: np.ndarray) -> CusumState:
@@ -174,12 +161,10 @@ class Cusum(Recursive):
         log_faults = log_density - log_density.max(axis=1, keepdims=True)
         total = np.exp(log_faults).sum(axis=1, keepdims=True)
         log_faults -= np.log(total) + np.logaddexp(0.0, -log_odds)
-        of_normal = np.zeros((len(statistics), 1))
-        return Belief(
-            np.hstack([-np.logaddexp(0.0, log_odds), log_faults]),
-            np.hstack([of_normal, np.minimum(mean, 1.0)]),
-            np.hstack([of_normal, std]),
-        )
+        log_probability = np.hstack([-np.logaddexp(0.0, log_odds), log_faults])
+        with_normal = ((0, 0), (1, 0))
+        severity = np.pad(np.minimum(mean, 1.0), with_normal)
+        return Belief(log_probability, severity, np.pad(std, with_normal))
 
     def _by_signatures(self, pattern: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Log density of patterns (n_lanes, 24) under each fault class, and severity mean and std.
@@ -207,28 +192,22 @@ class Cusum(Recursive):
         faults = [fault for fault in CATALOGUE.values() if fault.diagnosis in self.classes]
         cases = list(product(faults, SEVERITIES, MISSIONS))
         patterns = np.concatenate(self._patterns(cases))
-        labels = [self.classes.index(fault.diagnosis) for fault, _, _ in cases]
-        grades = [SEVERITIES.index(severity) for _, severity, _ in cases]
-        label = np.array(labels * len(AGES))
-        grade = np.array(grades * len(AGES))
-        order = np.lexsort((grade, label))
-        label = label[order]
-        grade = grade[order]
-        return Signatures(
-            patterns[order],
-            label,
-            -np.log(np.bincount(label)[label]),
-            np.unique(label, return_index=True)[1],
-            np.unique(label * len(SEVERITIES) + grade, return_index=True)[1],
-        )
+        groups = [
+            self.classes.index(fault.diagnosis) * len(SEVERITIES) + SEVERITIES.index(severity)
+            for fault, severity, _ in cases
+        ]
+        group = np.array(groups * len(AGES))
+        order = np.argsort(group, kind="stable")
+        label = group[order] // len(SEVERITIES)
+        log_weight = -np.log(np.bincount(label)[label])
+        starts = [np.unique(key, return_index=True)[1] for key in (label, group[order])]
+        return Signatures(patterns[order], label, log_weight, *starts)
 
-    def _patterns(self, cases: Sequence[tuple[Fault, float, str | float]]) -> list[np.ndarray]:
+    def _patterns(self, cases: Sequence[tuple[Fault, float, Any]]) -> list[np.ndarray]:
         """Patterns (n_cases, 24) of cases of fault, severity and mission, at each of the `AGES`."""
         fleet = Fleet(len(cases), self._nominal, healthy_band=0.0, parallel=False)
         schedules = [(FaultEvent(fault.name, ONSET, severity),) for fault, severity, _ in cases]
-        missions = [
-            mission if isinstance(mission, str) else [(0.0, mission)] for _, _, mission in cases
-        ]
+        missions = [mission for _, _, mission in cases]
         instants = [int(SAMPLE_RATE * (ONSET + age)) for age in AGES]
         seeds = [self.seed] * len(cases)
         observation = fleet.reset(seeds, schedules=schedules, missions=missions)

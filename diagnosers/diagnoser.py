@@ -6,7 +6,7 @@ are pure functions of a state; the state is arrays with the lane first.
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict, dataclass, is_dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
@@ -16,6 +16,7 @@ import numpy as np
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import refusal, whole_number
 from auv_fault_env.faults import classes
+from auv_fault_env.parameters import Vehicle, vehicle_of
 from diagnosers import storage
 
 UNKNOWN = "unknown"
@@ -39,31 +40,24 @@ class Belief(NamedTuple):
 class Diagnoser(Protocol):
     """From observations, one sample at a time, to beliefs; the same code on board and in a batch.
 
-    It is causal: a belief depends on the observations so far and on nothing else, never on the
-    truth. An alarm is a threshold on the probability of `normal`, so its author should calibrate
-    it.
+    A belief depends on the observations so far alone, never on the truth. An alarm is a threshold
+    on the probability of `normal`, so its author should calibrate it.
     """
 
     classes: tuple[str, ...]
 
     def reset(self, n_lanes: int) -> None:
         """Start an episode of n_lanes vehicles; nothing remains of the last one."""
-        ...
 
     def update(self, observation: np.ndarray) -> Belief:
-        """The belief after the next observation (n_lanes, n_channels), channels as in `CHANNELS`."""
-        ...
+        """The belief after the next observation (n_lanes, n_channels), in order of `CHANNELS`."""
 
 
 class RunningState:
     """What a diagnoser remembers between two updates: everything about it that changes.
 
-    Attributes
-    ----------
-    state
-        That of the recursion after the last sample.
-    observation
-        (n_lanes, n_channels), the last readings, missing ones filled; None before a `reset`.
+    state is that of the recursion after the last sample; observation (n_lanes, n_channels) the last
+    readings, missing ones filled, None before a `reset`.
     """
 
     def __init__(self) -> None:
@@ -117,12 +111,12 @@ class Recursive(ABC):
 
     def reset(self, n_lanes: int) -> None:
         """Start an episode of n_lanes vehicles; nothing remains of the last one."""
-        n_lanes = whole_number("number of lanes", n_lanes)
+        whole_number("number of lanes", n_lanes)
         self.running.state = self.initial(n_lanes)
         self.running.observation = np.zeros((n_lanes, len(CHANNELS)))
 
     def update(self, observation: np.ndarray) -> Belief:
-        """The belief after the next observation (n_lanes, n_channels), channels as in `CHANNELS`.
+        """The belief after the next observation (n_lanes, n_channels), in order of `CHANNELS`.
 
         Raises `ValueError` for another shape, for infinite readings, and before the first `reset`.
         """
@@ -146,6 +140,20 @@ class Recursive(ABC):
         storage.write(path, self.tensors(), {"diagnoser": self.name, "settings": self.settings()})
 
 
+@dataclass(frozen=True)
+class ModelBased(Recursive):
+    """A recursion with the equations of a nominal vehicle, a preset's name or a `Vehicle`."""
+
+    vehicle: str | Vehicle = "thesis1992"
+
+    def __post_init__(self):
+        vehicle_of(self.vehicle)
+
+    @cached_property
+    def _nominal(self) -> Vehicle:
+        return vehicle_of(self.vehicle)
+
+
 def same_severity(shape: tuple[int, int], mean: float, std: float) -> tuple[np.ndarray, np.ndarray]:
     """Means and standard deviations (n_lanes, n_classes), the same for every fault."""
     severities = np.full(shape, mean), np.full(shape, std)
@@ -161,25 +169,16 @@ def fill_missing(
     try:
         observation = np.array(observation, np.float64, order="C")
     except (TypeError, ValueError):
-        raise refusal(
-            "observation",
-            observation,
-            f"numbers of shape {previous.shape}",
-            "give one row per lane",
-        ) from None
+        allowed = f"numbers of shape {previous.shape}"
+        raise refusal("observation", observation, allowed, "give one row per lane") from None
     if observation.shape != previous.shape:
-        raise refusal(
-            "observation's shape",
-            observation.shape,
-            f"{previous.shape}",
-            "give one row per lane of the reset",
-        )
+        remedy = "give one row per lane of the reset"
+        raise refusal("observation's shape", observation.shape, f"{previous.shape}", remedy)
     missing = np.isnan(observation[:, channels])
     np.copyto(observation[:, channels], previous[:, channels], where=missing)
     if np.isinf(observation).any():
-        raise refusal(
-            "observation", "infinity", "finite readings, NaN for none", "correct the reading"
-        )
+        allowed = "finite readings, NaN for none"
+        raise refusal("observation", "infinity", allowed, "correct the reading")
     return observation
 
 
@@ -188,16 +187,8 @@ def decide(
 ) -> list[str]:
     """The decision on every lane: `normal`, a class, or `unknown`, a fault that is not isolated.
 
-    Parameters
-    ----------
-    belief
-        The belief.
-    classes
-        Its classes.
-    alarm
-        There is a fault where the probability of `normal` is below this.
-    name
-        It is that of a class with at least this share of the probability of all faults.
+    There is a fault where the probability of `normal` is below `alarm`; it is that of a class with
+    at least the share `name` of the probability of all faults.
     """
     probability = np.exp(belief.log_probability)
     faults = probability[:, 1:]

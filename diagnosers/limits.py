@@ -4,7 +4,7 @@ Sources: Himmelblau, "Fault Detection and Diagnosis in Chemical and Petrochemica
 Elsevier 1978; Pau, "Failure Diagnosis and Performance Monitoring", Dekker 1981.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from math import exp
 from typing import NamedTuple
@@ -12,19 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.channels import CHANNELS, INDEX
-from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle, vehicle_of
-from diagnosers.diagnoser import Belief, Recursive, same_severity
+from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle
+from diagnosers.diagnoser import Belief
 from diagnosers.symptoms import sensor_symptoms
 from diagnosers.symptoms.residuals import healthy_band, residuals
-from diagnosers.symptoms.rulebook import (
-    DEFAULT_SEVERITY,
-    Rulebook,
-    log_probability,
-    merge_rules,
-    parse_rules,
-    rules_of_sides,
-    support,
-)
+from diagnosers.symptoms.rule_based import RuleBased
+from diagnosers.symptoms.rulebook import support
 
 # low-passed `RESIDUALS`
 LEVELS = ("port_voltage", "port_load", "starboard_voltage", "starboard_load", "push")
@@ -51,11 +44,9 @@ STEP_SYMPTOM = 1.5  # symptom of one step
 DAMAGE_FACTOR = 0.6  # of the torque of a propeller at severity 1 of its damage
 HALF_SEVERITY_EXCESS = 3.0  # excess at which a fault counts as severity 1/2
 
-HULL_RULES = {  # syntax: see `rulebook`
+RULES = {  # syntax: see `rulebook`
     "increased_drag": ("-push ~port_load ~starboard_load ~trend <step",),
     "decreased_drag": ("+push ~port_load ~starboard_load ~trend <step",),
-}
-SIDE_RULES = {
     "propeller_damage:{side}": ("-{side}_load ~{side}_voltage >{side}_damage",),
     "propeller_loss:{side}": ("-{side}_load ~{side}_voltage <{side}_damage",),
     "seal_friction:{side}": ("+{side}_load ~{side}_voltage",),
@@ -69,8 +60,6 @@ SIDE_RULES = {
         "+{side}_voltage -{side}_load ~{side}_supply",
     ),
     "sensor:{side}_rpm": ("+{side}_voltage +{side}_load", "-{side}_voltage -{side}_load"),
-}
-READING_RULES = {
     "sensor:acceleration": ("+trend <step", "-trend <step"),
     "sensor:speed": ("+step",),
 }
@@ -91,52 +80,32 @@ class LimitsState(NamedTuple):
     sensors: sensor_symptoms.SensorSymptoms
 
 
-@dataclass(frozen=True)
-class Limits(Recursive):
+class Limits(RuleBased):
     """Limits on single readings, their trends and plausibility; a table of them isolates the class.
 
     Each voltage, current and acceleration is compared with its normal value at the present shaft
     speeds and speed (`residuals`), averaged over 2 s; its limit is what the healthy band allows
     there and `NOISE_LIMITS`. The trend of the speed checks the accelerometer; a step between two
-    speed readings and a reading that repeats, is zero or noisy (`sensor_symptoms`) need no model.
-    The table is a `rulebook`. All limits are calibrated on
+    speed readings and `sensor_symptoms` need no model. All limits are calibrated on
     ``training.seeds.seeds("calibration", ...)``: a healthy vehicle reaches them about once an hour.
 
-    Severity: limits do not show how far a level is from that of the fault at severity 1, so it is
-    a saturating function of the excess x, ``x/(x + 3)``, and of a zero or repeated reading its
-    share.
+    Severity: a saturating function of the excess x, ``x/(x + 3)``, because limits do not show how
+    far a level is from that of the fault at severity 1; of a zero or repeated reading its share.
 
     Misleads: single limits see no pattern in time, so small faults within the sum of all bands are
     never detected, and faults that raise the same readings (the friction of a shaft, its current
     sensor) are isolated by small differences.
     """
 
-    vehicle: str | Vehicle = "thesis1992"
-
     name = "limits"
-
-    def __post_init__(self):
-        vehicle_of(self.vehicle)
-
-    @cached_property
-    def _nominal(self) -> Vehicle:
-        return vehicle_of(self.vehicle)
+    symptom_names = SYMPTOMS
+    own_rules = RULES
 
     @cached_property
     def _damaged(self) -> Vehicle:
         """The nominal vehicle with damaged propellers."""
         nominal = self._nominal
         return replace(nominal, c1=DAMAGE_FACTOR * nominal.c1, c2=DAMAGE_FACTOR * nominal.c2)
-
-    @cached_property
-    def _rules(self) -> Rulebook:
-        of_sides = rules_of_sides(SIDE_RULES)
-        rules = merge_rules(HULL_RULES, of_sides, READING_RULES, sensor_symptoms.RULES)
-        return parse_rules(rules, SYMPTOMS, self.classes)
-
-    @cached_property
-    def _sensor_columns(self) -> list[int]:
-        return sensor_symptoms.sensor_columns(self.classes)
 
     def initial(self, n_lanes: int) -> LimitsState:
         """The state with nothing out of limits."""
@@ -149,8 +118,10 @@ class Limits(Recursive):
         """The next state, and the belief by the table."""
         state = self._next_state(state, observation)
         class_support = support(self._rules, self._symptoms(state))
-        severity = self._severity(class_support, state.sensors)
-        return state, Belief(log_probability(self._rules, class_support), *severity)
+        mean, std = self._default_severity(len(observation))
+        excess = np.maximum(class_support, 0.0)
+        mean[:, self._rules.classes] = excess / (excess + HALF_SEVERITY_EXCESS)
+        return state, self._belief(class_support, (mean, std), state.sensors)
 
     def _next_state(self, state: LimitsState, observation: np.ndarray) -> LimitsState:
         is_later = state.sensors.n_samples > 0
@@ -171,31 +142,13 @@ class Limits(Recursive):
 
     def _symptoms(self, state: LimitsState) -> np.ndarray:
         """Every symptom of `SYMPTOMS`, (n_lanes, n_symptoms)."""
-        places = [len(LEVELS), 2 * len(LEVELS)]
-        level, band, damaged_load = np.split(state.levels, places, axis=1)
+        level, band, damaged_load = np.split(state.levels, [len(LEVELS), 2 * len(LEVELS)], axis=1)
         limit = band + NOISE_LIMITS
-        nominal = self._nominal
-        volts_per_torque = nominal.resistance / nominal.torque_constant
+        volts_per_torque = self._nominal.resistance / self._nominal.torque_constant
         supply = level[:, VOLTAGES] + volts_per_torque * level[:, LOADS]
         supply /= SUPPLY_SHARE * (limit[:, VOLTAGES] + volts_per_torque * limit[:, LOADS])
-        return np.hstack(
-            [
-                level / limit,
-                damaged_load / limit[:, LOADS],
-                supply,
-                state.trend / TREND_LIMIT,
-                STEP_SYMPTOM * state.step,
-                sensor_symptoms.symptoms(state.sensors),
-            ]
-        )
-
-    def _severity(
-        self, class_support: np.ndarray, sensors: sensor_symptoms.SensorSymptoms
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Means and standard deviations, each (n_lanes, n_classes)."""
-        shape = (len(class_support), self._rules.n_classes)
-        mean, std = same_severity(shape, *DEFAULT_SEVERITY)
-        excess = np.maximum(class_support, 0.0)
-        mean[:, self._rules.classes] = excess / (excess + HALF_SEVERITY_EXCESS)
-        sensor_symptoms.write_severity(mean, self._sensor_columns, sensors)
-        return mean, std
+        damage = damaged_load / limit[:, LOADS]
+        trend = state.trend / TREND_LIMIT
+        step = STEP_SYMPTOM * state.step
+        of_sensors = sensor_symptoms.symptoms(state.sensors)
+        return np.hstack([level / limit, damage, supply, trend, step, of_sensors])

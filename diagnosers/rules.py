@@ -5,7 +5,6 @@ Dyn. Sys., Meas., Control 113(4), 1991: estimated parameters as symptoms, rules 
 faults.
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from math import exp
@@ -15,20 +14,13 @@ import numpy as np
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.faults import CATALOGUE, Fault
-from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle, vehicle_of
-from diagnosers.diagnoser import Belief, Recursive, same_severity
+from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle
+from diagnosers.diagnoser import Belief
 from diagnosers.kalman import Estimate, ParameterFilter, SurgeFilter
 from diagnosers.motor_filter import MotorEstimate, MotorFilter
 from diagnosers.symptoms import sensor_symptoms
-from diagnosers.symptoms.rulebook import (
-    DEFAULT_SEVERITY,
-    Rulebook,
-    log_probability,
-    merge_rules,
-    parse_rules,
-    rules_of_sides,
-    support,
-)
+from diagnosers.symptoms.rule_based import DEFAULT_SEVERITY, RuleBased
+from diagnosers.symptoms.rulebook import support
 
 # by estimate: the vehicle's parameter, and the standard deviations from its band that a healthy
 # vehicle reaches once an hour
@@ -46,23 +38,21 @@ BANDS = np.array(
 DEVIATIONS = np.array([deviation for _, deviation in ESTIMATES.values()])
 # by estimate: what is left at severity 1 of propeller damage, and of overheating
 SEVEREST = {"propeller_torque": ("damage", 0.6), "torque_constant": ("hot", 0.8)}
-SEVEREST_OF_SIDES = {
-    f"{side}_{symptom}": (f"{side}_{name}", value)
-    for side in SIDES
-    for name, (symptom, value) in SEVEREST.items()
-}
-SEVEREST_COLUMNS = [list(ESTIMATES).index(name) for name, _ in SEVEREST_OF_SIDES.values()]
-SEVEREST_VALUES = [value for _, value in SEVEREST_OF_SIDES.values()]
-SYMPTOMS = (*ESTIMATES, *SEVEREST_OF_SIDES, "push", "jump", *sensor_symptoms.SYMPTOMS)
+SEVEREST_COLUMNS = [
+    list(ESTIMATES).index(f"{side}_{name}") for side, name in product(SIDES, SEVEREST)
+]
+SEVEREST_VALUES = [value for _, value in SEVEREST.values()] * len(SIDES)
+SEVEREST_SYMPTOMS = [f"{side}_{symptom}" for side in SIDES for symptom, _ in SEVEREST.values()]
+SYMPTOMS = (*ESTIMATES, *SEVEREST_SYMPTOMS, "push", "jump", *sensor_symptoms.SYMPTOMS)
 
 FORGETTING = exp(-SAMPLE_TIME / 8.0)  # of counts and averages, per sample
 PUSH_LIMIT = 0.0017  # m/s^2, mean unexplained acceleration of a healthy vehicle once an hour
 JUMP_LIMIT = 6.0  # standard deviations of the innovation, which no vehicle reaches
 JUMP_SYMPTOM = 1.5  # symptom of one jump
 
-# Syntax: see `rulebook`.
-HULL_RULES = {"increased_drag": ("+alpha ~beta",), "decreased_drag": ("-alpha ~beta",)}
-SIDE_RULES = {
+RULES = {  # syntax: see `rulebook`
+    "increased_drag": ("+alpha ~beta",),
+    "decreased_drag": ("-alpha ~beta",),
     "propeller_damage:{side}": ("-{side}_propeller_torque ~{side}_torque_constant >{side}_damage",),
     "propeller_loss:{side}": ("-{side}_propeller_torque ~{side}_torque_constant <{side}_damage",),
     "seal_friction:{side}": ("+{side}_coulomb_friction >{side}_resistance",),
@@ -83,8 +73,6 @@ SIDE_RULES = {
         "+{side}_torque_constant +{side}_propeller_torque",
         "-{side}_torque_constant -{side}_propeller_torque",
     ),
-}
-JUMP_RULES = {
     "sensor:speed": ("+jump", "+alpha -beta", "-alpha +beta"),
     "sensor:acceleration": ("+push <jump", "-push <jump"),
 }
@@ -105,15 +93,13 @@ class RulesState(NamedTuple):
     jump: np.ndarray
 
 
-@dataclass(frozen=True)
-class Rules(Recursive):
+class Rules(RuleBased):
     """Rules over symptoms: deviations of estimates, in units of ``sqrt(variance + band^2)``.
 
     Filters identify drag, thrust, and each shaft's resistance, torque constant, friction and
-    propeller torque. Other symptoms are repeated, zero and noisy readings, an impossible jump of
-    the speed, and an accelerometer that disagrees with the identified hull. The rules are a
-    `rulebook`. What a healthy vehicle reaches once an hour is calibrated on
-    ``training.seeds.seeds("calibration", ...)``.
+    propeller torque. Other symptoms are those of the sensors, an impossible jump of the speed, and
+    an accelerometer that disagrees with the identified hull. What a healthy vehicle reaches once an
+    hour is calibrated on ``training.seeds.seeds("calibration", ...)``.
 
     Severity: by least squares from the parameters that the class's fault scales, relative to their
     values at severity 1; of a zero or repeated reading its share, of other sensor faults the mean
@@ -124,32 +110,15 @@ class Rules(Recursive):
     parameters may fit a rule by accident.
     """
 
-    vehicle: str | Vehicle = "thesis1992"
-
     name = "rules"
-
-    def __post_init__(self):
-        vehicle_of(self.vehicle)
-
-    @cached_property
-    def _nominal(self) -> Vehicle:
-        return vehicle_of(self.vehicle)
+    symptom_names = SYMPTOMS
+    own_rules = RULES
 
     @cached_property
     def _filters(self) -> tuple[SurgeFilter, ParameterFilter, MotorFilter]:
-        vehicle = self._nominal
-        hull = ParameterFilter(vehicle, prior_std=(0.6, 0.1, 0.5), walk_std=(0.1, 0.03, 0.03))
-        return SurgeFilter(vehicle), hull, MotorFilter(vehicle)
-
-    @cached_property
-    def _rules(self) -> Rulebook:
-        of_sides = rules_of_sides(SIDE_RULES)
-        rules = merge_rules(HULL_RULES, of_sides, JUMP_RULES, sensor_symptoms.RULES)
-        return parse_rules(rules, SYMPTOMS, self.classes)
-
-    @cached_property
-    def _sensor_columns(self) -> list[int]:
-        return sensor_symptoms.sensor_columns(self.classes)
+        nominal = self._nominal
+        hull = ParameterFilter(nominal, prior_std=(0.6, 0.1, 0.5), walk_std=(0.1, 0.03, 0.03))
+        return SurgeFilter(nominal), hull, MotorFilter(nominal)
 
     def initial(self, n_lanes: int) -> RulesState:
         """The state with nominal parameters and no symptom."""
@@ -162,14 +131,11 @@ class Rules(Recursive):
         state = self._next_state(state, observation)
         mean, std = _parameters(state)
         class_support = support(self._rules, _symptoms(mean, std, state))
-        severity = self._severity(mean, std, state.sensors)
-        return state, Belief(log_probability(self._rules, class_support), *severity)
+        return state, self._belief(class_support, self._severity(mean, std), state.sensors)
 
     def _next_state(self, state: RulesState, observation: np.ndarray) -> RulesState:
-        surge_filter, hull_filter, motor_filter = self._filters
-        surge = surge_filter.update(state.surge, observation)
-        hull = hull_filter.update(state.hull, observation)
-        motors = motor_filter.update(state.motors, observation)
+        filters = zip(self._filters, state[:3], strict=True)
+        surge, hull, motors = (each.update(last, observation) for each, last in filters)
         is_jump = np.abs(surge.innovation) > JUMP_LIMIT * np.sqrt(surge.innovation_variance)
         unexplained = self._unexplained_acceleration(surge, observation)
         push = FORGETTING * state.push + (1.0 - FORGETTING) * unexplained
@@ -187,18 +153,14 @@ class Rules(Recursive):
         thrust = vehicle.beta * beta * 0.5 * squared_rpm
         return channel["acceleration"] - drag * speed * np.abs(speed) - thrust - disturbance
 
-    def _severity(
-        self, mean: np.ndarray, std: np.ndarray, sensors: sensor_symptoms.SensorSymptoms
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Means and standard deviations, each (n_lanes, n_classes)."""
-        shape = (len(mean), self._rules.n_classes)
-        severity, severity_std = same_severity(shape, *DEFAULT_SEVERITY)
+    def _severity(self, mean: np.ndarray, std: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Means and standard deviations, each (n_lanes, n_classes), from parameters (n_lanes, 10)."""
+        severity, severity_std = self._default_severity(len(mean))
         graded, change = self._changes
         information = std**-2.0 @ change.T**2
         fitted = ((mean - 1.0) * std**-2.0) @ change.T / information
         severity[:, graded] = np.minimum(np.maximum(fitted, 0.0), 1.0)
         severity_std[:, graded] = np.minimum(information**-0.5, DEFAULT_SEVERITY[1])
-        sensor_symptoms.write_severity(severity, self._sensor_columns, sensors)
         return severity, severity_std
 
     @cached_property
@@ -234,11 +196,7 @@ def _parameters(state: RulesState) -> tuple[np.ndarray, np.ndarray]:
 def _symptoms(mean: np.ndarray, std: np.ndarray, state: RulesState) -> np.ndarray:
     """Every symptom of `SYMPTOMS`, (n_lanes, n_symptoms)."""
     beyond_severest = (mean[:, SEVEREST_COLUMNS] - SEVEREST_VALUES) / std[:, SEVEREST_COLUMNS]
-    return np.hstack(
-        [
-            (mean - 1.0) / std / DEVIATIONS,
-            beyond_severest,
-            np.column_stack([state.push / PUSH_LIMIT, JUMP_SYMPTOM * state.jump]),
-            sensor_symptoms.symptoms(state.sensors),
-        ]
-    )
+    deviation = (mean - 1.0) / std / DEVIATIONS
+    of_hull = np.column_stack([state.push / PUSH_LIMIT, JUMP_SYMPTOM * state.jump])
+    of_sensors = sensor_symptoms.symptoms(state.sensors)
+    return np.hstack([deviation, beyond_severest, of_hull, of_sensors])

@@ -23,7 +23,6 @@ WEIGHT = 0.5
 EVEN_SUPPORT = 1.0
 GAIN = 6.0
 SHARPNESS = 3.0
-DEFAULT_SEVERITY = 0.6, 0.25  # mean and standard deviation where no symptom shows it
 LARGEST_LOG_ODDS = 100.0  # of a fault, and of an unsupported class
 
 
@@ -52,7 +51,7 @@ def merge_rules(*books: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...
 
 
 def rules_of_sides(book: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
-    """The rules of both sides from a book of rules for ``{side}``."""
+    """The rules with each side for ``{side}``."""
     rules = {}
     for side in SIDES:
         for name, texts in book.items():
@@ -67,18 +66,17 @@ def parse_rules(
 
     Raises `InputError` for an unknown class, sign or symptom.
     """
-    class_index = {
-        name: classes.index(known_name("class of a rule", name, classes)) for name in rules
-    }
+    for name in rules:
+        known_name("class of a rule", name, classes)
     required = []
     contradicting = []
     owners = []
-    for name in sorted(rules, key=class_index.get):
+    for name in sorted(rules, key=classes.index):
         for text in rules[name]:
             parts = [_parsed_part(part, symptoms) for part in text.split()]
             required.append(_columns(parts, REQUIRED, len(symptoms)))
             contradicting.append(_columns(parts, CONTRADICTING, len(symptoms)))
-            owners.append(class_index[name])
+            owners.append(classes.index(name))
     supported, first_rules = np.unique(owners, return_index=True)
     return Rulebook(
         _padded(required, len(REQUIRED) * len(symptoms)),
@@ -107,7 +105,7 @@ def _padded(rows: list[list[int]], blank: int) -> np.ndarray:
 
 
 def support(book: Rulebook, symptoms: np.ndarray) -> np.ndarray:
-    """Support (n_lanes, n_supported) of the classes that have rules, by symptoms (n_lanes, n_symptoms).
+    """Support (n_lanes, n_supported) of the classes with rules, by symptoms (n_lanes, n_symptoms).
 
     The support of a rule is the least of the symptoms it requires, less `WEIGHT` times those that
     contradict it; that of a class is that of its best rule.

@@ -1,6 +1,5 @@
 """Symptoms of single sensors, without a model: readings that repeat, are zero, or too noisy."""
 
-from collections.abc import Sequence
 from math import exp, pi
 from typing import NamedTuple
 
@@ -21,9 +20,8 @@ HEALTHY_DIFFERENCE = (2.0 / pi) ** 0.5
 # excess of their mean that a healthy vehicle reaches once an hour
 NOISE_EXCESS = {"m/s": 0.27, "m/s^2": 0.33, "V": 0.67, "A": 0.39, "rpm": 1.25}
 NOISE = np.array([CHANNELS[name].noise for name in READINGS])
-COUNT_SCALE = np.full(len(READINGS), 1 / COUNT_SYMPTOM)
-EXCESS_SCALE = np.array([NOISE_EXCESS[CHANNELS[name].unit] for name in READINGS])
-SCALE = np.stack([COUNT_SCALE, COUNT_SCALE, EXCESS_SCALE])
+SCALE = np.full((len(KINDS), len(READINGS)), 1 / COUNT_SYMPTOM)
+SCALE[KINDS.index("noisy")] = [NOISE_EXCESS[CHANNELS[name].unit] for name in READINGS]
 
 
 class SensorSymptoms(NamedTuple):
@@ -65,15 +63,10 @@ def symptoms(state: SensorSymptoms) -> np.ndarray:
     return (state.level / SCALE).reshape(len(state.level), -1)
 
 
-def sensor_columns(classes: Sequence[str]) -> list[int]:
-    """The columns of the classes of `READINGS` in a belief."""
-    return [classes.index(f"sensor:{channel}") for channel in READINGS]
-
-
 def write_severity(severity: np.ndarray, sensors: list[int], state: SensorSymptoms) -> None:
     """Set the severity of sensors with repeated or zero readings to the recent share of these.
 
-    severity (n_lanes, n_classes) changes in place; sensors are the `sensor_columns`.
+    severity (n_lanes, n_classes) changes in place; sensors are the columns of `READINGS`.
     """
     count = state.level[:, :2].max(axis=1)
     share = np.minimum((1.0 - FORGETTING) * count, 1.0)
