@@ -2,7 +2,7 @@
 
 `make` builds one by name; `NAMES` are the names, `ranked` gives those that compete (the others are
 references). A diagnoser of your own joins by one line: ``diagnosers.REGISTRY["mine"] =
-Entry("my_package.my_module:MyDiagnoser")``; `diagnosers.third_party` tells of ways that need no
+Entry("my_package.my_module:MyDiagnoser")``; `diagnosers.third_party` lists ways that need no
 line here.
 """
 

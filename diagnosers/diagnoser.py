@@ -111,7 +111,7 @@ class Recursive(ABC):
 
     def reset(self, n_lanes: int) -> None:
         """Start an episode of n_lanes vehicles; nothing remains of the last one."""
-        whole_number("number of lanes", n_lanes)
+        n_lanes = whole_number("number of lanes", n_lanes)
         self.running.state = self.initial(n_lanes)
         self.running.observation = np.zeros((n_lanes, len(CHANNELS)))
 
@@ -138,6 +138,14 @@ class Recursive(ABC):
     def save(self, path: str | Path) -> None:
         """Write weights and settings, not the running state, to a file for `diagnosers.load`."""
         storage.write(path, self.tensors(), {"diagnoser": self.name, "settings": self.settings()})
+
+
+class Memoryless(Recursive):
+    """A diagnoser whose belief depends on the last observation alone."""
+
+    def initial(self, n_lanes: int) -> tuple[()]:
+        """No state."""
+        return ()
 
 
 @dataclass(frozen=True)

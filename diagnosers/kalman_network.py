@@ -17,14 +17,9 @@ from auv_fault_env.faults import labels as tables
 from auv_fault_env.parameters import Vehicle, vehicle_of
 from diagnosers.diagnoser import Belief, Recursive
 from diagnosers.kalman import Estimate, ParameterFilter
+from diagnosers.networks import modes
 from diagnosers.networks.fault_map import MODES_5_2, normalise, severity
 from diagnosers.networks.feed_forward import FeedForward, tensor_shapes
-from diagnosers.networks.modes import (
-    PRIOR_SEVERITY,
-    class_log_probability,
-    class_shares,
-    log_softmax,
-)
 from diagnosers.storage import WEIGHTS, Shapes, Weights, load_tensors
 
 PACKAGED = WEIGHTS / "kalman_network.safetensors"
@@ -39,16 +34,13 @@ CALIBRATION: Shapes = {
 
 def labels() -> dict[str, str | None]:
     """The mode of every class in Table 5.2, None where it has none."""
-    modes = {name: mode for name, (_, mode) in tables().items()}
-    return {name: mode if mode in MODES_5_2 else None for name, mode in modes.items()}
+    return {name: mode if mode in MODES_5_2 else None for name, (_, mode) in tables().items()}
 
 
 def points(estimate: Estimate) -> np.ndarray:
     """The points (n_lanes, 2) of the fault map at which a filter's estimate stands."""
-    states = ParameterFilter.states
-    alpha = estimate.mean[:, states.index("alpha")]
-    beta = estimate.mean[:, states.index("beta")]
-    return normalise(alpha, beta)
+    columns = [ParameterFilter.states.index(name) for name in ("alpha", "beta")]
+    return normalise(*estimate.mean[:, columns].T)
 
 
 def outputs(sums: np.ndarray) -> np.ndarray:
@@ -66,13 +58,7 @@ class KalmanNetwork(Recursive):
     like drag or thrust; and on what stays in the window of normal operation: one damaged propeller
     takes at most 25 % of the thrust, the window 28 %, so it is detected late or never, and then
     isolated as a lost one.
-
-    Parameters
-    ----------
-    vehicle
-        The nominal vehicle of the filter, a preset's name or a `Vehicle`.
-    weights
-        A safetensors file, or the tensors by name.
+    `vehicle` is the nominal vehicle of the filter, or a preset's name.
     """
 
     name = "kalman_network"
@@ -84,10 +70,11 @@ class KalmanNetwork(Recursive):
         self.network = FeedForward({name: self.learnt[name] for name in ARCHITECTURE})
         self.classes = classes()
         self.labels = labels()
-        self.shares = class_shares(self.labels, MODES_5_2)
-        modes = [MODES_5_2.index(mode) if mode else -1 for mode in self.labels.values()]
-        without_mode = PRIOR_SEVERITY[0], 0.0, PRIOR_SEVERITY[1]
-        self.severity = np.vstack([self.learnt["severity"], without_mode])[modes]
+        self.shares = modes.class_shares(self.labels, MODES_5_2)
+        prior_mean, prior_std = modes.PRIOR_SEVERITY
+        table = np.vstack([self.learnt["severity"], (prior_mean, 0.0, prior_std)])
+        rows = [MODES_5_2.index(mode) if mode else -1 for mode in self.labels.values()]
+        self.severity = table[rows]
 
     def initial(self, n_lanes: int) -> Estimate:
         """The filter's state at the start."""
@@ -97,8 +84,8 @@ class KalmanNetwork(Recursive):
         """The filter's next state, and the belief at the point of the map where it stands."""
         state = self.filter.update(state, observation)
         sums = self.network.evaluate(points(state))
-        log_modes = log_softmax(self.learnt["slope"] * sums + self.learnt["offset"])
-        log_probability = class_log_probability(log_modes, self.shares)
+        log_modes = modes.log_softmax(self.learnt["slope"] * sums + self.learnt["offset"])
+        log_probability = modes.class_log_probability(log_modes, self.shares)
         intercept, slope, std = self.severity.T
         height = severity(outputs(sums))[:, None]
         mean = np.clip(intercept + slope * height, 0.0, 1.0)

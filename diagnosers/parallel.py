@@ -25,13 +25,14 @@ PRIOR_NORMAL = 0.5  # all faults share the rest evenly
 # prefixes of the names of their tensors
 RAW = "raw_network."
 KALMAN = "kalman_network."
-PARTS = {
-    RAW: raw_network.ARCHITECTURE,
-    KALMAN: kalman_network.ARCHITECTURE | kalman_network.CALIBRATION,
-}
-ARCHITECTURE = {
-    prefix + name: shape for prefix, part in PARTS.items() for name, shape in part.items()
-}
+
+
+def _prefixed(parts: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    return {prefix + name: value for prefix, part in parts.items() for name, value in part.items()}
+
+
+OF_KALMAN = kalman_network.ARCHITECTURE | kalman_network.CALIBRATION
+ARCHITECTURE = _prefixed({RAW: raw_network.ARCHITECTURE, KALMAN: OF_KALMAN})
 
 
 class Parallel(Recursive):
@@ -40,14 +41,8 @@ class Parallel(Recursive):
     Severity is the Kalman network's, which gives the prior's to a class without a mode.
     Misleads as each of its parts does; and as both read the same speed and rpm, a fault of these
     sensors counts twice.
-
-    Parameters
-    ----------
-    vehicle
-        The nominal vehicle of the filter, a preset's name or a `Vehicle`.
-    weights
-        A safetensors file or the tensors by name, those of both networks; None for those that come
-        with the package.
+    `vehicle` is the nominal vehicle of the filter, or a preset's name; `weights` are those of both
+    networks, None for those that come with the package.
     """
 
     name = "parallel"
@@ -61,9 +56,9 @@ class Parallel(Recursive):
             self.raw = RawNetwork(_with_prefix(RAW, tensors))
             self.kalman = KalmanNetwork(vehicle, _with_prefix(KALMAN, tensors))
         self.classes = self.kalman.classes
+        of_kalman = self.kalman.labels
         self.labels = {
-            name: _joined(label, self.kalman.labels[name])
-            for name, label in self.raw.labels.items()
+            name: _joined(of_raw, of_kalman[name]) for name, of_raw in self.raw.labels.items()
         }
         n_faults = len(self.classes) - 1
         prior_fault = (1.0 - PRIOR_NORMAL) / n_faults
@@ -87,12 +82,7 @@ class Parallel(Recursive):
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Those of both networks."""
-        parts = {RAW: self.raw.tensors(), KALMAN: self.kalman.tensors()}
-        return {
-            prefix + name: tensor
-            for prefix, tensors in parts.items()
-            for name, tensor in tensors.items()
-        }
+        return _prefixed({RAW: self.raw.tensors(), KALMAN: self.kalman.tensors()})
 
     def settings(self) -> dict[str, Any]:
         """The nominal vehicle."""
@@ -105,11 +95,8 @@ def _joined(*labels: str | None) -> str | None:
 
 
 def _with_prefix(prefix: str, tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {
-        name.removeprefix(prefix): tensor
-        for name, tensor in tensors.items()
-        if name.startswith(prefix)
-    }
+    names = [name for name in tensors if name.startswith(prefix)]
+    return {name.removeprefix(prefix): tensors[name] for name in names}
 
 
 def _ratios(labels: Mapping[str, str | None], prior: np.ndarray) -> np.ndarray:

@@ -15,23 +15,17 @@ from auv_fault_env.channels import INDEX
 from auv_fault_env.faults import classes
 from auv_fault_env.faults import labels as tables
 from auv_fault_env.parameters import SIDES
-from diagnosers.diagnoser import Belief, Recursive, same_severity
+from diagnosers.diagnoser import Belief, Memoryless, same_severity
+from diagnosers.networks import modes
 from diagnosers.networks.fault_map import MODES_5_1
 from diagnosers.networks.feed_forward import FeedForward, tensor_shapes
-from diagnosers.networks.modes import (
-    PRIOR_SEVERITY,
-    class_log_probability,
-    class_shares,
-    log_softmax,
-)
 from diagnosers.storage import WEIGHTS, Weights, load_tensors
 
 PACKAGED = WEIGHTS / "raw_network.safetensors"
 ARCHITECTURE = tensor_shapes(4, 6, 4)
 SCALE = (2.0, 0.5, 300.0, 0.3)  # V, A, rpm, m/s: about those of 0.3 m/s, the middle of the missions
-COLUMNS = tuple(
-    [INDEX[f"{side}_{name}"] for name in ("voltage", "current", "rpm")] for side in SIDES
-)
+READINGS = ("voltage", "current", "rpm")
+COLUMNS = tuple([INDEX[f"{side}_{name}"] for name in READINGS] for side in SIDES)
 SPEED = INDEX["speed"]
 
 NORMAL, FRICTION, DRAG, PROPELLER = range(4)
@@ -43,13 +37,12 @@ HYPOTHESES = {  # modes of (port, starboard)
     f"{MODES_5_1[FRICTION]}:starboard": (NORMAL, FRICTION),
     f"{MODES_5_1[PROPELLER]}:starboard": (NORMAL, PROPELLER),
 }
-PORT, STARBOARD = (list(modes) for modes in zip(*HYPOTHESES.values(), strict=True))
+PORT, STARBOARD = map(list, zip(*HYPOTHESES.values(), strict=True))
 
 
 def labels() -> dict[str, str | None]:
     """The hypothesis of every class, its mode in Table 5.1 with the side; None without one."""
-    modes = {name: mode for name, (mode, _) in tables().items()}
-    return {name: _label(name, mode) for name, mode in modes.items()}
+    return {name: _label(name, mode) for name, (mode, _) in tables().items()}
 
 
 def _label(name: str, mode: str | None) -> str | None:
@@ -59,7 +52,7 @@ def _label(name: str, mode: str | None) -> str | None:
 
 
 def inputs(observation: np.ndarray) -> np.ndarray:
-    """The inputs (2 n, 4) of both networks, all of port first, from observations (n, n_channels)."""
+    """The inputs (2 n, 4) of both networks, port first, from observations (n, n_channels)."""
     port, starboard = (observation[:, [*columns, SPEED]] for columns in COLUMNS)
     return np.concatenate([port, starboard]) / SCALE
 
@@ -70,7 +63,7 @@ def scores(outputs: Any) -> Any:
     return outputs[:half][:, PORT] + outputs[half:][:, STARBOARD]
 
 
-class RawNetwork(Recursive):
+class RawNetwork(Memoryless):
     """4-6-4 on the readings of one shaft, once per shaft, without memory.
 
     Severity is that of the prior throughout: the thesis' network does not grade it. Classes without
@@ -78,11 +71,6 @@ class RawNetwork(Recursive):
     probability of any fault, see `diagnosers.networks.modes.class_shares`; a damaged and a lost
     propeller share theirs evenly. Misleads in transients, which look like drag to a network without
     memory, so that it hardly ever names drag; and under faults of the sensors it reads.
-
-    Parameters
-    ----------
-    weights
-        A safetensors file, or the tensors by name.
     """
 
     name = "raw_network"
@@ -91,20 +79,15 @@ class RawNetwork(Recursive):
         self.network = FeedForward(load_tensors(weights, ARCHITECTURE))
         self.classes = classes()
         self.labels = labels()
-        self.shares = class_shares(self.labels, tuple(HYPOTHESES))
-
-    def initial(self, n_lanes: int) -> tuple[()]:
-        """Nothing: it has no memory."""
-        return ()
+        self.shares = modes.class_shares(self.labels, tuple(HYPOTHESES))
 
     def step(self, state: tuple[()], observation: np.ndarray) -> tuple[tuple[()], Belief]:
         """The belief from this observation (n_lanes, n_channels) alone."""
         outputs = self.network.evaluate(inputs(observation))
-        log_modes = log_softmax(scores(outputs))
-        log_probability = class_log_probability(log_modes, self.shares)
-        return state, Belief(
-            log_probability, *same_severity(log_probability.shape, *PRIOR_SEVERITY)
-        )
+        log_modes = modes.log_softmax(scores(outputs))
+        log_probability = modes.class_log_probability(log_modes, self.shares)
+        severity = same_severity(log_probability.shape, *modes.PRIOR_SEVERITY)
+        return state, Belief(log_probability, *severity)
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Weights and biases by name."""

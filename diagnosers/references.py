@@ -8,7 +8,7 @@ from auv_fault_env.compiling import kernel
 from auv_fault_env.errors import whole_number
 from auv_fault_env.noise import GOLDEN, LOW_32, MIX_2, float_of_integer, mix_bits
 from auv_fault_env.schedules import ScheduleSampler
-from diagnosers.diagnoser import Belief, Recursive, same_severity
+from diagnosers.diagnoser import Belief, Memoryless, same_severity
 
 PRIOR_NORMAL = ScheduleSampler.healthy
 UNIFORM_SEVERITY = 0.5, 12**-0.5  # mean and standard deviation of a uniform one from 0 to 1
@@ -20,17 +20,13 @@ def _without_severity(log_probability: np.ndarray) -> Belief:
     return Belief(log_probability, *same_severity(log_probability.shape, *UNIFORM_SEVERITY))
 
 
-class Null(Recursive):
+class Null(Memoryless):
     """Always the prior: `normal` as often as in sampled schedules, all fault classes alike.
 
     Its belief never changes, so no threshold gives one alarm per hour: it alarms never or always.
     """
 
     name = "null"
-
-    def initial(self, n_lanes: int) -> tuple[()]:
-        """No state."""
-        return ()
 
     def step(self, state: tuple[()], observation: np.ndarray) -> tuple[tuple[()], Belief]:
         """The prior."""
@@ -42,21 +38,20 @@ class Null(Recursive):
 
 @kernel
 def _uniforms(bits, seed, count):
-    """Uniform numbers (n_lanes, count) in (0, 1) from the bits (n_lanes, n_channels) and the seed."""
+    """Uniform numbers (n_lanes, count) in (0, 1), from bits (n_lanes, n_channels) and the seed."""
     uniforms = np.empty((len(bits), count))
     for lane in range(len(bits)):
         key = mix_bits(seed + GOLDEN)
         for channel in range(bits.shape[1]):
             key = mix_bits(key ^ (bits[lane, channel] * MIX_2) + GOLDEN)
         for c in range(count):
-            uniforms[lane, c] = (
-                float_of_integer(mix_bits(key + np.uint64(c + 1) * GOLDEN) & LOW_32) + 0.5
-            ) * 2.0**-32
+            low_bits = mix_bits(key + np.uint64(c + 1) * GOLDEN) & LOW_32
+            uniforms[lane, c] = (float_of_integer(low_bits) + 0.5) * 2.0**-32
     return uniforms
 
 
 @dataclass(frozen=True)
-class Random(Recursive):
+class Random(Memoryless):
     """A guess per sample from a hash of the observation and of `seed`: the same for equal readings.
 
     The log probability of `normal` is uniform from -30 to 0, so that a threshold can be set for any
@@ -70,10 +65,6 @@ class Random(Recursive):
 
     def __post_init__(self):
         whole_number("seed", self.seed, 0)
-
-    def initial(self, n_lanes: int) -> tuple[()]:
-        """No state."""
-        return ()
 
     def step(self, state: tuple[()], observation: np.ndarray) -> tuple[tuple[()], Belief]:
         """A new guess."""

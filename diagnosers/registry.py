@@ -65,16 +65,15 @@ def load(path: str | Path) -> Diagnoser:
     """The diagnoser in a safetensors file of ``save``; any other file is refused in one line."""
     tensors, header = storage.read(path)
     if not isinstance(header, dict) or not isinstance(header.get("settings"), dict):
-        raise refusal(
-            "weights file", str(path), "one that a diagnoser's save has written", "save it again"
-        )
+        allowed = "one that a diagnoser's save has written"
+        raise refusal("weights file", str(path), allowed, "save it again")
     name = known_name(f"diagnoser of {path}", header.get("diagnoser"), REGISTRY)
     settings = dict(header["settings"])
-    if isinstance(settings.get("vehicle"), dict):
+    vehicle = settings.get("vehicle")
+    if isinstance(vehicle, dict):
         try:
-            settings["vehicle"] = Vehicle(**settings["vehicle"])
+            settings["vehicle"] = Vehicle(**vehicle)
         except TypeError as error:
-            raise refusal(
-                f"vehicle of {path}", settings["vehicle"], "the fields of Vehicle", str(error)
-            ) from None
+            allowed = "the fields of Vehicle"
+            raise refusal(f"vehicle of {path}", vehicle, allowed, str(error)) from None
     return make(name, **settings, **({"weights": path} if tensors else {}))

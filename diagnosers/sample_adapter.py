@@ -39,9 +39,8 @@ class SampleAdapter:
     The probability of normal is one minus the detection; the isolation is the probability of each
     fault *if* there is one, scaled to a sum of one. Where it is all zeros, as the competitions
     require while nothing is detected, it counts as unknown. The fault classes without a column
-    share the probability of unknown evenly, or all of them if each has a column. The systems give
-    no severities: 0.6 ± 0.23 throughout. The classes are those of the catalogue when the adapter
-    is made.
+    share the probability of unknown evenly, or all of them if each has a column. The severity is
+    0.6 ± 0.23 throughout. The classes are those of the catalogue when the adapter is made.
 
     Slow: a Python call and a data frame per lane and sample, some 20 µs besides the system itself.
     Misleads: no threshold changes the false alarm rate of a system whose detection is 0 or 1; one
@@ -53,31 +52,29 @@ class SampleAdapter:
     def __init__(self, system: Callable[[], SampleSystem]) -> None:
         self.system = system
         self.classes = classes()
-        self._shares_of_columns = _fault_shares(
-            self.classes, getattr(system(), "faults", self.classes[1:])
-        )
+        columns = getattr(system(), "faults", self.classes[1:])
+        self._shares_of_columns = _fault_shares(self.classes[1:], columns)
 
     def reset(self, n_lanes: int) -> None:
         """Make and initialise a system for each lane."""
-        self._systems = [
-            _initialised(self.system()) for _ in range(whole_number("number of lanes", n_lanes))
-        ]
+        n_lanes = whole_number("number of lanes", n_lanes)
+        self._systems = [self.system() for _ in range(n_lanes)]
+        for system in self._systems:
+            if hasattr(system, "Initialize"):
+                system.Initialize()
         self._readings = np.zeros((n_lanes, len(CHANNELS)))
         self._sample = 0
 
     def update(self, observation: np.ndarray) -> Belief:
-        """The belief after the next observation (n_lanes, n_channels), NaN where no reading arrived."""
+        """The belief after the next observation (n_lanes, n_channels), NaN where one is missing."""
         if not hasattr(self, "_systems"):
-            raise refusal(
-                "update", "no reset before", "an update after a reset", "call reset(n_lanes) first"
-            )
+            allowed = "an update after a reset"
+            raise refusal("update", "no reset before", allowed, "call reset(n_lanes) first")
         self._readings = fill_missing(observation, self._readings)
         frames = _frames(self._sample * SAMPLE_TIME, self._readings)
-        answers = [
-            self._answer(system, frame) for system, frame in zip(self._systems, frames, strict=True)
-        ]
+        answers = map(self._answer, self._systems, frames)
+        detection, isolation = map(np.array, zip(*answers, strict=True))
         self._sample += 1
-        detection, isolation = (np.array(part) for part in zip(*answers, strict=True))
         probability = np.column_stack([1.0 - detection, detection[:, None] * isolation])
         with np.errstate(divide="ignore"):
             log_probability = np.maximum(np.log(probability), -100.0)
@@ -85,47 +82,30 @@ class SampleAdapter:
 
     def _answer(self, system: SampleSystem, frame: Any) -> tuple[float, np.ndarray]:
         """Probability of a fault, and of each fault class (n_faults,) if there is one."""
-        detection, isolation = (
-            np.asarray(part, np.float64).ravel() for part in system.Input(frame)
-        )
+        answer = system.Input(frame)
+        detection, isolation = (np.asarray(part, np.float64).ravel() for part in answer)
         if detection.shape != (1,) or not 0.0 <= detection[0] <= 1.0:
             raise refusal("detection", detection, "0 to 1", "give False, True or a probability")
         n_columns = len(self._shares_of_columns) - 1
-        if isolation.shape != (n_columns,) or not (
-            np.isfinite(isolation).all() and (isolation >= 0.0).all()
-        ):
-            raise refusal(
-                "isolation",
-                isolation,
-                f"{n_columns} numbers from 0",
-                "give one for each name in `faults`",
-            )
+        is_valid = (np.isfinite(isolation) & (isolation >= 0.0)).all()
+        if isolation.shape != (n_columns,) or not is_valid:
+            allowed = f"{n_columns} numbers from 0"
+            raise refusal("isolation", isolation, allowed, "give one for each name in `faults`")
         shares = np.append(isolation, float(not isolation.any()))
-        return float(
-            np.clip(detection[0], LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY)
-        ), shares / shares.sum() @ self._shares_of_columns
+        probability = np.clip(detection[0], LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY)
+        return float(probability), shares / shares.sum() @ self._shares_of_columns
 
 
-def _fault_shares(names: Sequence[str], columns: Sequence[str]) -> np.ndarray:
+def _fault_shares(faults: Sequence[str], columns: Sequence[str]) -> np.ndarray:
     """The share of each fault class in every column and in unknown, (n_columns + 1, n_faults)."""
-    faults = list(names[1:])
     columns = [known_name("name in `faults`", column, [*faults, UNKNOWN]) for column in columns]
     if len(set(columns)) < len(columns):
         raise refusal("`faults`", tuple(columns), "different names", "name each once")
     without_column = np.array([fault not in columns for fault in faults], float)
     candidates = without_column if without_column.any() else np.ones(len(faults))
-    unknown = candidates / candidates.sum()
-    rows = [
-        unknown if column == UNKNOWN else np.eye(len(faults))[faults.index(column)]
-        for column in columns
-    ]
-    return np.array([*rows, unknown])
-
-
-def _initialised(system: SampleSystem) -> SampleSystem:
-    if hasattr(system, "Initialize"):
-        system.Initialize()
-    return system
+    shares = dict(zip(faults, np.eye(len(faults)), strict=True))
+    shares[UNKNOWN] = candidates / candidates.sum()
+    return np.array([shares[column] for column in (*columns, UNKNOWN)])
 
 
 def _frames(time: float, observation: np.ndarray) -> list[Any]:
@@ -133,9 +113,8 @@ def _frames(time: float, observation: np.ndarray) -> list[Any]:
     try:
         from pandas import DataFrame, Index
     except ImportError:
-        raise refusal(
-            "pandas", "not installed", "pandas for DX-style diagnosers", "pip install pandas"
-        ) from None
+        allowed = "pandas for DX-style diagnosers"
+        raise refusal("pandas", "not installed", allowed, "pip install pandas") from None
     columns = Index(["time", *CHANNELS])  # made once: it takes longer than all the rest
     rows = np.column_stack([np.full(len(observation), time), observation])
     return [DataFrame(row[None].copy(), columns=columns) for row in rows]

@@ -42,12 +42,8 @@ def write(path: str | Path, tensors: Mapping[str, np.ndarray], header: Mapping[s
 def read(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Tensors and header of a file that `write` made; anything else is refused in one line."""
     if not Path(path).is_file():
-        raise refusal(
-            "weights file",
-            str(path),
-            "an existing safetensors file",
-            "check the path, or train first",
-        )
+        allowed = "an existing safetensors file"
+        raise refusal("weights file", str(path), allowed, "check the path, or train first")
     try:
         with safe_open(path, framework="numpy") as file:
             tensors = {name: file.get_tensor(name) for name in file.keys()}
@@ -60,7 +56,7 @@ def read(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
 
 
 def check_tensors(
-    path: str | Path, tensors: Mapping[str, np.ndarray], shapes: Mapping[str, tuple[int, ...]]
+    path: str | Path, tensors: Mapping[str, np.ndarray], shapes: Shapes
 ) -> dict[str, np.ndarray]:
     """The tensors, if they have these names and shapes and are finite; else refused."""
     found = {name: tensor.shape for name, tensor in tensors.items()}
@@ -74,9 +70,8 @@ def check_tensors(
         raise refusal(f"tensors of {path}", shown, allowed, "take weights of this diagnoser")
     for name, tensor in tensors.items():
         if not np.isfinite(tensor).all():
-            raise refusal(
-                f"tensor {name} of {path}", "NaN or infinity", "finite weights", "train anew"
-            )
+            thing = f"tensor {name} of {path}"
+            raise refusal(thing, "NaN or infinity", "finite weights", "train anew")
     return dict(tensors)
 
 

@@ -64,36 +64,32 @@ class ThirdParty:
     def __call__(self) -> Diagnoser:
         """A diagnoser ready for `reset`; one of the DX competitions in a `SampleAdapter`."""
         diagnoser_class = self.diagnoser_class
+        thing = f"diagnoser {self.target}"
         try:
             made = diagnoser_class()
         except Exception as error:  # foreign code again
-            raise refusal(
-                f"diagnoser {self.target}", error, "a class to call without arguments", "mend it"
-            ) from error
+            allowed = "a class to call without arguments"
+            raise refusal(thing, error, allowed, "mend it") from error
         if isinstance(made, Diagnoser):
             return made
         if callable(getattr(made, "Input", None)):
             return SampleAdapter(diagnoser_class)
         allowed = "an object with classes, reset and update, or with Input"
-        raise refusal(f"diagnoser {self.target}", made, allowed, "see diagnosers.third_party")
+        raise refusal(thing, made, allowed, "see diagnosers.third_party")
 
     @property
     def diagnoser_class(self) -> type:
         """The class; its module is imported, which runs it."""
         place, _, name = self.target.rpartition(":")
+        thing = f"diagnoser {self.target}"
         try:
             diagnoser_class = getattr(_module(place), name, None)
         except (Exception, SystemExit) as error:  # importing runs foreign code
-            raise refusal(
-                f"diagnoser {self.target}", error, f"what can be imported, {TARGET_FORM}", "mend it"
-            ) from error
+            allowed = f"what can be imported, {TARGET_FORM}"
+            raise refusal(thing, error, allowed, "mend it") from error
         if not isinstance(diagnoser_class, type):
-            raise refusal(
-                f"diagnoser {self.target}",
-                diagnoser_class,
-                f"a class, {TARGET_FORM}",
-                "check the name of the class",
-            )
+            allowed = f"a class, {TARGET_FORM}"
+            raise refusal(thing, diagnoser_class, allowed, "check the name of the class")
         return diagnoser_class
 
     @property
@@ -112,19 +108,15 @@ def load_third_parties(targets: Sequence[str]) -> dict[str, ThirdParty]:
     """
     parties = [ThirdParty(_absolute(target)) for target in targets]
     named = [(_name_of(party.diagnoser_class), party) for party in parties]
-    named += [
-        (point.name, ThirdParty(point.value)) for point in entry_points(group=ENTRY_POINT_GROUP)
-    ]
+    points = entry_points(group=ENTRY_POINT_GROUP)
+    named += [(point.name, ThirdParty(point.value)) for point in points]
     by_name: dict[str, ThirdParty] = {}
     for name, party in named:
+        thing = f"name of {party.target}"
         if len(name) > LONGEST_NAME:
-            raise refusal(
-                f"name of {party.target}", name, f"up to {LONGEST_NAME} characters", "shorten it"
-            )
+            raise refusal(thing, name, f"up to {LONGEST_NAME} characters", "shorten it")
         if name in NAMES or by_name.setdefault(name, party) != party:
-            raise refusal(
-                f"name of {party.target}", name, "one that no other diagnoser has", "rename it"
-            )
+            raise refusal(thing, name, "one that no other diagnoser has", "rename it")
     return by_name
 
 

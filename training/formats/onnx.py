@@ -36,6 +36,7 @@ from training.rollouts import manoeuvres, roll_out
 from training.stimuli.policy import LAYERS, LearnedPolicy
 from training.stimuli.policy_inputs import feature_names as feature_names_of_policy
 
+Tensors = tuple[torch.Tensor, ...]
 IMPOSSIBLE = -1e4  # logarithm of a share that is zero: finite, and its exponential is zero
 EXAMPLE = (FaultEvent("motor_overheating:port", onset=15.0, severity=0.6),)
 # of the example episode of an exported network
@@ -44,32 +45,20 @@ EXAMPLE_DECISIONS = 30
 
 
 class Graph(nn.Module, ABC):
-    """A module to export; `forward` takes `inputs` in their order, and the state if there is one."""
+    """A module to export; `forward` takes `inputs` in their order, then the state if any."""
 
     inputs: Mapping[str, tuple[str, ...]]  # names of the columns, by input
     outputs: ClassVar[tuple[str, ...]] = Belief._fields
     n_state: int = 0  # columns of the state
     about: ClassVar[str]  # the values that the inputs take
+    tensors: Mapping[str, np.ndarray]  # the weights, by name
+    notes: Mapping[str, Any]  # the metadata of the file that explain the outputs
 
     def __init__(self, source: Diagnoser | LearnedPolicy, **constants: Any):
         super().__init__()
         self.source = source
         for name, values in constants.items():
             self.register_buffer(name, torch.tensor(values, dtype=torch.float32))
-
-    @property
-    def tensors(self) -> dict[str, np.ndarray]:
-        """The weights, by name."""
-        return self.source.tensors()
-
-    @property
-    def notes(self) -> dict[str, Any]:
-        """The metadata of the file that explain the outputs."""
-        return {
-            "diagnoser": self.source.name,
-            "classes": self.source.classes,
-            **self.source.settings(),
-        }
 
     @abstractmethod
     def episode(self, seed: int) -> dict[str, np.ndarray]:
@@ -79,6 +68,11 @@ class Graph(nn.Module, ABC):
 class DiagnoserGraph(Graph):
     """A diagnoser, which reads the observations sample by sample."""
 
+    def __init__(self, source: Diagnoser, **constants: Any):
+        super().__init__(source, **constants)
+        self.tensors = source.tensors()
+        self.notes = {"diagnoser": source.name, "classes": source.classes, **source.settings()}
+
     @abstractmethod
     def feed(self, observations: np.ndarray) -> dict[str, np.ndarray]:
         """The inputs (n_samples, n_lanes, n_columns) float32 from observations, time first."""
@@ -86,9 +80,8 @@ class DiagnoserGraph(Graph):
     def episode(self, seed: int) -> dict[str, np.ndarray]:
         """The inputs, as of `feed`, of one vehicle in a minute during which a motor overheats."""
         stimulus = manoeuvres(seed, EXAMPLE_SAMPLES, 1)
-        return self.feed(
-            roll_out(Fleet(1), [seed], EXAMPLE_SAMPLES, stimulus, [EXAMPLE]).observations
-        )
+        rollout = roll_out(Fleet(1), [seed], EXAMPLE_SAMPLES, stimulus, [EXAMPLE])
+        return self.feed(rollout.observations)
 
 
 class RawGraph(DiagnoserGraph):
@@ -98,17 +91,14 @@ class RawGraph(DiagnoserGraph):
     about = "observation: the last sample; the last reading of a channel where none arrived"
 
     def __init__(self, source: RawNetwork):
-        severity = same_severity((1, len(source.classes)), *PRIOR_SEVERITY)
-        super().__init__(
-            source, scale=SCALE, log_shares=_log(source.shares), severity=np.array(severity)
-        )
+        severity = np.array(same_severity((1, len(source.classes)), *PRIOR_SEVERITY))
+        super().__init__(source, scale=SCALE, log_shares=_log(source.shares), severity=severity)
         self.network = source.network
 
-    def forward(self, observation: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    def forward(self, observation: torch.Tensor) -> Tensors:
         """The belief."""
-        port, starboard = (
-            self.network(_columns(observation, [*side, SPEED]) / self.scale) for side in COLUMNS
-        )
+        inputs = [_columns(observation, [*side, SPEED]) / self.scale for side in COLUMNS]
+        port, starboard = map(self.network, inputs)
         scores = _columns(port, PORT) + _columns(starboard, STARBOARD)
         log_probability = _log_mixture(torch.log_softmax(scores, dim=1), self.log_shares)
         return log_probability, *(moment.expand_as(log_probability) for moment in self.severity)
@@ -128,22 +118,19 @@ class KalmanGraph(DiagnoserGraph):
     )
 
     def __init__(self, source: KalmanNetwork):
-        super().__init__(
-            source,
-            nominal=NOMINAL,
-            slope=source.learnt["slope"],
-            offset=source.learnt["offset"],
-            weights=SEVERITY_WEIGHTS,
-            severity=source.severity.T,
-            log_shares=_log(source.shares),
-        )
+        calibration = {name: source.learnt[name] for name in ("slope", "offset")}
+        severity = source.severity.T
+        shares = _log(source.shares)
+        super().__init__(source, severity=severity, log_shares=shares, **calibration)
         self.network = source.network
 
-    def forward(self, estimate: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    def forward(self, estimate: torch.Tensor) -> Tensors:
         """The belief."""
-        sums = self.network((estimate * self.nominal).clamp(0.0, 1.0))
+        points = estimate * torch.tensor(NOMINAL)
+        sums = self.network(points.clamp(0.0, 1.0))
         log_modes = torch.log_softmax(self.slope * sums + self.offset, dim=1)
-        height = (torch.sigmoid(sums) * self.weights).sum(dim=1, keepdim=True)
+        weighted = torch.sigmoid(sums) * torch.tensor(SEVERITY_WEIGHTS)
+        height = weighted.sum(dim=1, keepdim=True)
         intercept, slope, std = self.severity
         mean = (intercept + slope * height).clamp(0.0, 1.0)
         return _log_mixture(log_modes, self.log_shares), mean, std.expand_as(mean)
@@ -167,18 +154,15 @@ class ParallelGraph(DiagnoserGraph):
     about = f"{RawGraph.about}; {KalmanGraph.about}"
 
     def __init__(self, source: Parallel):
-        super().__init__(
-            source, log_prior=source.log_prior, log_ratios=_log(np.array(source.ratios))
-        )
+        log_ratios = _log(np.array(source.ratios))
+        super().__init__(source, log_prior=source.log_prior, log_ratios=log_ratios)
         self.raw = RawGraph(source.raw)
         self.kalman = KalmanGraph(source.kalman)
 
-    def forward(
-        self, observation: torch.Tensor, estimate: torch.Tensor
-    ) -> tuple[torch.Tensor, ...]:
+    def forward(self, observation: torch.Tensor, estimate: torch.Tensor) -> Tensors:
         """The belief."""
-        (by_shafts, *_) = self.raw(observation)
-        (by_hull, *severity) = self.kalman(estimate)
+        by_shafts, *_ = self.raw(observation)
+        by_hull, *severity = self.kalman(estimate)
         shafts = _log_mixture(by_shafts, self.log_ratios[0])
         hull = _log_mixture(by_hull, self.log_ratios[1])
         return torch.log_softmax(self.log_prior + shafts + hull, dim=1), *severity
@@ -191,9 +175,7 @@ class ParallelGraph(DiagnoserGraph):
 class OneSample(nn.GRUCell):
     """A gated recurrent unit for one sample, because PyTorch exports `nn.GRU` as a loop."""
 
-    def forward(
-        self, inputs: torch.Tensor, units: torch.Tensor
-    ) -> tuple[torch.Tensor, torch.Tensor]:
+    def forward(self, inputs: torch.Tensor, units: torch.Tensor) -> Tensors:
         """Its output, which is its units, and the units."""
         units = super().forward(inputs, units)
         return units, units
@@ -213,22 +195,17 @@ class IntegratedGraph(DiagnoserGraph):
         trained = source.trained_classes
         n_faults = len(trained) - 1
         super().__init__(source, is_fault=[0.0] + [1.0] * n_faults)
+        self.notes["classes"] = trained
         self.inputs = {"features": feature_names(trained)}
         self.widths = (N_MEMORY, n_outputs(len(trained)), 1, n_faults, 1)
         self.n_state = sum(self.widths)
-        tensors = {
-            name.removesuffix("_l0"): torch.from_numpy(tensor)
-            for name, tensor in source.tensors().items()
-        }
         self.network = Network(OneSample, trained)
-        self.network.load_state_dict(tensors)
+        tensors = {name.removesuffix("_l0"): tensor for name, tensor in self.tensors.items()}
+        self.network.load_state_dict(
+            {name: torch.from_numpy(tensor) for name, tensor in tensors.items()}
+        )
 
-    @property
-    def notes(self) -> dict[str, Any]:
-        """The metadata of the file that explain the outputs."""
-        return super().notes | {"classes": self.source.trained_classes}
-
-    def forward(self, features: torch.Tensor, state: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    def forward(self, features: torch.Tensor, state: torch.Tensor) -> Tensors:
         """The belief and the next state."""
         units, previous, odds, faults, later = state.split(self.widths, dim=1)
         is_later = later > 0.0
@@ -265,6 +242,9 @@ class PolicyGraph(Graph):
     def __init__(self, source: LearnedPolicy):
         super().__init__(source, **source.tensors)
         self.inputs = {"features": source.features}
+        self.tensors = source.tensors
+        settings = ("diagnoser", "budget", "amplitude")
+        self.notes = {name: getattr(source, name) for name in settings}
 
     def forward(self, features: torch.Tensor) -> torch.Tensor:
         """The action."""
@@ -274,16 +254,6 @@ class PolicyGraph(Graph):
             features = torch.tanh(linear(features, weight, bias))
         return features
 
-    @property
-    def tensors(self) -> dict[str, np.ndarray]:
-        """The weights, by name."""
-        return self.source.tensors
-
-    @property
-    def notes(self) -> dict[str, Any]:
-        """The settings of the policy's training."""
-        return {name: getattr(self.source, name) for name in ("diagnoser", "budget", "amplitude")}
-
     def episode(self, seed: int) -> dict[str, np.ndarray]:
         """The features (n_decisions, 1, n_features) of a vehicle that follows the policy."""
         env = ActiveDiagnosisVectorEnv(diagnoser=self.source.diagnoser, budget=self.source.budget)
@@ -292,9 +262,8 @@ class PolicyGraph(Graph):
         rows = []
         observation, _ = env.reset(seed=seed)
         for _ in range(EXAMPLE_DECISIONS):
-            features = observation[:, columns]
-            rows.append(features)
-            observation, *_ = env.step(self.source.action(features))
+            rows.append(observation[:, columns])
+            observation, *_ = env.step(self.source.action(rows[-1]))
         env.close()
         return {"features": np.stack(rows)}
 
@@ -324,7 +293,7 @@ def _log_mixture(log_parts: torch.Tensor, log_shares: torch.Tensor) -> torch.Ten
 
 def _smoothed(
     log_probability: torch.Tensor, odds: torch.Tensor, faults: torch.Tensor, is_later: torch.Tensor
-) -> tuple[torch.Tensor, torch.Tensor]:
+) -> Tensors:
     """`SmoothedBelief.after`, with the logarithms of the averaged fault probabilities."""
     log_faults = log_probability[:, 1:]
     now = torch.logsumexp(log_faults, dim=1, keepdim=True) - log_probability[:, :1]
