@@ -1,13 +1,10 @@
 """The classes that a network was trained on, and beliefs over more classes than these.
 
-A fault that joins the catalogue later is unknown to a trained network; the filter bank beside it
-has a hypothesis for every fault. So the bank says whether the fault is an added one, and the
-network says what it is if it is not: with T the classes of the training and y the readings,
+A fault that joins the catalogue later is unknown to a trained network, but is a hypothesis of the
+filter bank beside it. By Bayes' rule, with T the classes of the training and y the readings,
 
     p(added class | y) = p_bank(added class | y)
     p(trained class | y) = p_bank(T | y) p_network(trained class | y, T)
-
-which is Bayes' rule, with the network's belief in place of the bank's within T.
 """
 
 from collections.abc import Sequence
@@ -16,29 +13,17 @@ import numpy as np
 
 from auv_fault_env.errors import refusal
 from auv_fault_env.faults import NORMAL
+from auv_fault_env.parameters import SIDES
 from diagnosers.diagnoser import Belief
 
 # of weights that do not name theirs
+_OF_SIDE = ("propeller_damage", "propeller_loss", "seal_friction", "motor_overheating")
+_OF_SENSORS = ("voltage", "current", "rpm")
 SHIPPED_CLASSES = (
-    "normal",
-    "increased_drag",
-    "decreased_drag",
-    "propeller_damage:port",
-    "propeller_loss:port",
-    "seal_friction:port",
-    "motor_overheating:port",
-    "propeller_damage:starboard",
-    "propeller_loss:starboard",
-    "seal_friction:starboard",
-    "motor_overheating:starboard",
-    "sensor:speed",
-    "sensor:acceleration",
-    "sensor:port_voltage",
-    "sensor:port_current",
-    "sensor:port_rpm",
-    "sensor:starboard_voltage",
-    "sensor:starboard_current",
-    "sensor:starboard_rpm",
+    *("normal", "increased_drag", "decreased_drag"),
+    *(f"{fault}:{side}" for side in SIDES for fault in _OF_SIDE),
+    *("sensor:speed", "sensor:acceleration"),
+    *(f"sensor:{side}_{reading}" for side in SIDES for reading in _OF_SENSORS),
 )
 
 
@@ -57,14 +42,8 @@ def check_class_list(trained: Sequence[str], catalogue: Sequence[str]) -> tuple[
 def with_added_classes(network: Belief, bank: Belief, trained: Sequence[int]) -> Belief:
     """The belief over all classes from the network's over the trained ones and the bank's over all.
 
-    Parameters
-    ----------
-    network
-        Belief (n_lanes, n_trained).
-    bank
-        Belief (n_lanes, n_classes), which also gives the severities of the added classes.
-    trained
-        Columns of the network's classes among all, (n_trained,).
+    trained (n_trained,) are the columns of the network's classes among all. The bank also gives the
+    severities of the added classes.
     """
     log_trained = np.logaddexp.reduce(bank.log_probability[:, trained], axis=1, keepdims=True)
     belief = Belief(*(values.copy() for values in bank))

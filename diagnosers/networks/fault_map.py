@@ -1,17 +1,13 @@
 """The thesis' map from drag and thrust to operating mode and severity (V.B, Fig. 5.1, Table 5.2).
 
-The plane is that of the thesis: alpha with its nominal value at 0.5, beta with its at 0.9. The
-windows of normal operation are the thesis'. The picture itself is lost, so the
-following are decisions of this project:
+Plane and windows of normal operation are the thesis'. Its picture is lost, so this project decides:
 
-* The grade of a fault is the severity at which the fault of the catalogue moves the parameter to
-  that point: +35 % of drag has 0.35, twice the drag 1, half the drag 1 (`decreased_drag`), a whole
-  propeller lost 1. It stays at 1 beyond.
+* The grade is the severity at which the fault of the catalogue moves the parameter to that point:
+  +35 % of drag has 0.35, twice or half the drag 1, a whole propeller lost 1. It stays 1 beyond.
 * Severe propulsion failure begins at 0.5, a little above the 0.45 of one propeller lost, so that
   the scatter of a filter does not move a lost propeller out of it.
-* In the corners, where both parameters are out of their windows, the mode with the larger grade
-  applies; alpha's if they are equal.
-* Beta above its window is normal: Table 5.2 has no mode for too much thrust.
+* Where both parameters are out of their windows, the mode with the larger grade applies; alpha's if
+  they are equal. Beta above its window is normal: Table 5.2 has no mode for too much thrust.
 """
 
 import numpy as np
@@ -37,20 +33,13 @@ SEVERITY_WEIGHTS = (0.0, 1.0, 1.0, 1.0, 1.0)
 
 
 def normalise(alpha_relative: np.ndarray, beta_relative: np.ndarray) -> np.ndarray:
-    """The points of the map, (n, 2) in [0, 1], from alpha and beta relative to nominal, (n,) each.
-
-    Clipped to the square of the map: more than twice the drag is at the point of twice the drag.
-    """
+    """The points of the map, (n, 2) clipped to [0, 1], from alpha and beta relative to nominal."""
     points = np.stack([alpha_relative, beta_relative], axis=-1) * NOMINAL
     return np.clip(points, 0.0, 1.0)
 
 
 def grades(points: np.ndarray) -> np.ndarray:
-    """The grade of each mode, (n, 5), at the points (n, 2).
-
-    It is 0 in the window of the mode's parameter, and for `normal`.
-    The two modes of propulsion exclude each other; drag and propulsion do not.
-    """
+    """The grade of each mode, (n, 5), at the points (n, 2); 0 in the window of its parameter."""
     alpha, beta = np.asarray(points, np.float64).T
     relative_drag = alpha / NOMINAL[0]
     most_drag = fault_of("increased_drag").scale["alpha"]
@@ -61,16 +50,12 @@ def grades(points: np.ndarray) -> np.ndarray:
     less_thrust = _severity(beta / NOMINAL[1], one_lost)
     is_severe = beta < SEVERE
     is_decreased = (beta < BETA_WINDOW[0]) & ~is_severe
-    return np.stack(
-        [
-            np.zeros_like(alpha),
-            np.where(alpha > ALPHA_WINDOW[1], more_drag, 0.0),
-            np.where(alpha < ALPHA_WINDOW[0], less_drag, 0.0),
-            np.where(is_decreased, less_thrust, 0.0),
-            np.where(is_severe, less_thrust, 0.0),
-        ],
-        axis=-1,
-    )
+    grade = np.zeros((len(alpha), len(MODES_5_2)))
+    grade[:, 1] = np.where(alpha > ALPHA_WINDOW[1], more_drag, 0.0)
+    grade[:, 2] = np.where(alpha < ALPHA_WINDOW[0], less_drag, 0.0)
+    grade[:, 3] = np.where(is_decreased, less_thrust, 0.0)
+    grade[:, 4] = np.where(is_severe, less_thrust, 0.0)
+    return grade
 
 
 def _severity(relative: np.ndarray, scale: float) -> np.ndarray:
@@ -79,9 +64,7 @@ def _severity(relative: np.ndarray, scale: float) -> np.ndarray:
 
 
 def fault_map(points: np.ndarray) -> np.ndarray:
-    """The target of the network, (n, 5), at the points (n, 2): fault vector times grade.
-
-    The fault vector is that of Table 5.2.
+    """The target of the network, (n, 5), at the points (n, 2): vector of Table 5.2 times grade.
 
     Within both windows that is (1, 0, 0, 0, 0).
 
@@ -100,14 +83,13 @@ def severity(outputs: np.ndarray) -> np.ndarray:
     """Height of the decision surface of Fig. 5.12, (n,): the weighted sum of the outputs (n, 5).
 
     The thesis does not give its weights; with `SEVERITY_WEIGHTS` the height is 0 where all is
-    normal and 1 where a propeller is lost. Misleads between two modes,
-    whose parts add up.
+    normal and 1 where a propeller is lost. Misleads between two modes, whose parts add up.
     """
     return np.asarray(outputs) @ np.array(SEVERITY_WEIGHTS)
 
 
 def grid(n: int) -> np.ndarray:
-    """The points (n * n, 2) of an even grid over the map, alpha slowest: the thesis' training file."""
+    """The points (n * n, 2) of an even grid over the map, alpha slowest: the thesis' training set."""
     axis = np.linspace(0.0, 1.0, whole_number("points along an axis of the grid", n, 2))
     alpha_and_beta = np.meshgrid(axis, axis, indexing="ij")
     return np.stack(alpha_and_beta, axis=-1).reshape(-1, 2)

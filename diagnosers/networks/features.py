@@ -1,9 +1,7 @@
 """The inputs of the integrated network: readings, residuals and the estimates of the filters.
 
-The filters are the parameter filters of hull and shafts, with their innovations and variances, and
-the filter bank with its belief. Every signal comes with running means over several times, so that
-the network need not learn what a first-order filter does: a step shows in the short mean before it
-shows in the long one, and the offset of a healthy vehicle stays in the long one.
+Every signal comes with running means over several times, so that the network need not learn what a
+first-order filter does: a step shows in the short mean first, a healthy offset stays in the long.
 """
 
 from collections.abc import Sequence
@@ -56,28 +54,22 @@ GRADES = ((0.1, 1.0),)
 EVIDENCE = 5.0  # nats, scale of the bank's log odds
 
 
-def _names_before_the_bank() -> list[str]:
-    means = [f"mean_{time:g}" for time in MEAN_TIMES]
-    of_signal = ("now", *means, "burst")
-    of_reading = ("step", "repeated", "zero", "repeats", "zeros")
-    of_estimate = ("now", "std", "change")
-    return [
-        *CHANNELS,
-        "command_error",
-        "deflection",
-        *(f"{name}:{part}" for name in SIGNALS for part in of_signal),
-        *(f"{name}:{part}" for name in READINGS for part in of_reading),
-        *(f"{name}:{part}" for name in ESTIMATES for part in of_estimate),
-        "disturbance",
-        "speed_correction",
-        "youth",
-    ]
+_OF_SIGNAL = ("now", *(f"mean_{time:g}" for time in MEAN_TIMES), "burst")
+_OF_READING = ("step", "repeated", "zero", "repeats", "zeros")
+_OF_ESTIMATE = ("now", "std", "change")
+_WITHOUT_BANK = (
+    *(*CHANNELS, "command_error", "deflection"),
+    *(f"{name}:{part}" for name in SIGNALS for part in _OF_SIGNAL),
+    *(f"{name}:{part}" for name in READINGS for part in _OF_READING),
+    *(f"{name}:{part}" for name in ESTIMATES for part in _OF_ESTIMATE),
+    *("disturbance", "speed_correction", "youth"),
+)
 
 
 def feature_names(classes: Sequence[str]) -> tuple[str, ...]:
     """The features of a network that was trained on these classes, in their order."""
     of_bank = [f"bank_{part}:{name}" for part in ("odds", "severity") for name in classes[1:]]
-    return (*_names_before_the_bank(), *of_bank)
+    return (*_WITHOUT_BANK, *of_bank)
 
 
 def bank_odds_columns(n_classes: int) -> slice:
@@ -90,19 +82,14 @@ FEATURES = feature_names(SHIPPED_CLASSES)
 
 
 class RunningValues(NamedTuple):
-    """What the features remember of every lane.
+    """What the features remember of every lane."""
 
-    observation (n_lanes, n_channels), the last; means (n_lanes, n_signals, n_means) and squares
-    (n_lanes, n_signals) of the signals; shares of repeated and of zero readings (n_lanes,
-    n_readings, 2); slow means of the estimates (n_lanes, n_estimates); age (n_lanes,) in samples.
-    """
-
-    observation: np.ndarray
-    means: np.ndarray
-    squares: np.ndarray
-    shares: np.ndarray
-    estimates: np.ndarray
-    age: np.ndarray
+    observation: np.ndarray  # (n_lanes, n_channels), the last
+    means: np.ndarray  # (n_lanes, n_signals, n_means), of the signals
+    squares: np.ndarray  # (n_lanes, n_signals), running mean squares
+    shares: np.ndarray  # (n_lanes, n_readings, 2), of repeated and of zero readings
+    estimates: np.ndarray  # (n_lanes, n_estimates), slow means
+    age: np.ndarray  # (n_lanes,), in samples
 
 
 class FeatureState(NamedTuple):
@@ -118,20 +105,14 @@ class FeatureState(NamedTuple):
 class Features:
     """The recursion from observations to features: state in, next state out.
 
-    Parameters
-    ----------
-    vehicle
-        The nominal vehicle.
-    classes
-        Those of the network's training; `feature_names` names the features. The filter bank holds
-        every fault of the catalogue possible as it is when this object is made.
+    `classes` are those of the network's training; `feature_names` names the features. The filter
+    bank has every fault of the catalogue as it is when this object is made.
     """
 
     def __init__(self, vehicle: Vehicle, classes: Sequence[str] = SHIPPED_CLASSES):
         self.vehicle = vehicle
-        self.surge = kalman.SurgeFilter(vehicle)
-        self.parameters = kalman.ParameterFilter(vehicle)
-        self.motors = motor_filter.MotorFilter(vehicle)
+        of_hull = (kalman.SurgeFilter(vehicle), kalman.ParameterFilter(vehicle))
+        self.filters = (*of_hull, motor_filter.MotorFilter(vehicle))
         self.bank = FilterBank(vehicle, GRADES, faults=tuple(CATALOGUE))
         self.n_features = len(feature_names(classes))
         self.mean_shares = tuple(SAMPLE_TIME / time for time in MEAN_TIMES)
@@ -148,7 +129,7 @@ class Features:
             estimates=np.zeros((n_lanes, N_ESTIMATES)),
             age=np.zeros(n_lanes, np.int64),
         )
-        filters = (self.surge, self.parameters, self.motors, self.bank)
+        filters = (*self.filters, self.bank)
         return FeatureState(*(each.initial(n_lanes) for each in filters), running)
 
     def step(self, state: FeatureState, observation: np.ndarray) -> tuple[FeatureState, np.ndarray]:
@@ -159,36 +140,34 @@ class Features:
         self, state: FeatureState, observation: np.ndarray
     ) -> tuple[FeatureState, np.ndarray, Belief]:
         """As `step`, and the belief of the filter bank over all classes of the catalogue."""
-        surge = self.surge.update(state.surge, observation)
-        parameters = self.parameters.update(state.parameters, observation)
-        motors = self.motors.update(state.motors, observation)
+        filters = zip(self.filters, state[:3], strict=True)
+        estimates = [each.update(last, observation) for each, last in filters]
         bank, belief = self.bank.step(state.bank, observation)
         is_later = state.running.age[:, None] > 0
         previous = np.where(is_later, state.running.observation, observation)
-        signals = self._signals(previous, observation, surge, parameters, motors)
-        means, stds = _deviations(surge, parameters, motors)
-        disturbance = surge.mean[:, 4] / self.vehicle.disturbance_std
-        correction = observation[:, SPEED] - surge.mean[:, 0]
+        signals = self._signals(previous, observation, *estimates)
+        deviations = _deviations(*estimates)
+        surge_mean = estimates[0].mean
+        disturbance = surge_mean[:, 4] / self.vehicle.disturbance_std
+        correction = observation[:, SPEED] - surge_mean[:, 0]
         surge_values = np.stack([disturbance, correction], 1)
         running = RunningValues(observation, *(part.copy() for part in state.running[1:]))
         features = np.empty((len(observation), self.n_features), np.float32)
-        estimates = (means, stds, surge_values)
-        _fold(previous, *running, signals, *estimates, self.mean_shares, features)
+        _fold(previous, *running, signals, *deviations, surge_values, self.mean_shares, features)
         features[:, -2 * len(self._fault_columns) :] = self._bank_features(belief)
-        return FeatureState(surge, parameters, motors, bank, running), features, belief
+        return FeatureState(*estimates, bank, running), features, belief
 
     def _signals(self, previous, observation, surge, parameters, motors) -> np.ndarray:
         """Residuals and innovations in standard deviations, (n_lanes, n_signals)."""
         physical = residuals(previous, observation, self.vehicle)
-        of_hull = [
-            (estimate.innovation / np.sqrt(estimate.innovation_variance))[:, None]
-            for estimate in (surge, parameters)
-        ]
-        of_motors = (motors.innovation / np.sqrt(motors.innovation_variance)).reshape(-1, 4)
-        return np.concatenate([physical.values / physical.std, *of_hull, of_motors], axis=1)
+        signals = [physical.values / physical.std]
+        for estimate in (surge, parameters, motors):
+            innovation = estimate.innovation / np.sqrt(estimate.innovation_variance)
+            signals.append(innovation.reshape(len(observation), -1))
+        return np.concatenate(signals, axis=1)
 
     def _bank_features(self, belief: Belief) -> np.ndarray:
-        """Compressed log odds of faults to normal, and severities, by the bank, (n_lanes, 2 n_faults)."""
+        """The bank's compressed log odds of faults to normal, and severities, (n_lanes, 2 n_faults)."""
         faults = self._fault_columns
         log_probability = belief.log_probability
         odds = (log_probability[:, faults] - log_probability[:, :1]) / EVIDENCE
@@ -200,15 +179,14 @@ def _deviations(surge, parameters, motors) -> tuple[np.ndarray, np.ndarray]:
     """Deviations of the estimates from nominal, and their stds, each (n_lanes, n_estimates)."""
     hull = slice(1, 1 + len(kalman.PARAMETERS))
     n_lanes = len(motors.mean)
-    mean = [estimate.mean[:, hull] for estimate in (surge, parameters)]
-    mean.append(motors.mean.reshape(n_lanes, -1))
-    variance = [
-        np.diagonal(estimate.covariance, axis1=1, axis2=2)[:, hull]
-        for estimate in (surge, parameters)
-    ]
-    of_motors = np.diagonal(motors.covariance, axis1=2, axis2=3)
-    variance.append(of_motors.reshape(n_lanes, -1))
-    return np.concatenate(mean, axis=1) - 1.0, np.sqrt(np.concatenate(variance, axis=1))
+    means = []
+    variances = []
+    for estimate in (surge, parameters):
+        means.append(estimate.mean[:, hull])
+        variances.append(np.einsum("lii->li", estimate.covariance)[:, hull])
+    means.append(motors.mean.reshape(n_lanes, -1))
+    variances.append(np.einsum("lsii->lsi", motors.covariance).reshape(n_lanes, -1))
+    return np.concatenate(means, axis=1) - 1.0, np.sqrt(np.concatenate(variances, axis=1))
 
 
 @scalar
