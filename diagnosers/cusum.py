@@ -54,32 +54,23 @@ LANES_IN_CACHE = 32  # whose distances to all signatures a processor's cache hol
 
 
 class CusumState(NamedTuple):
-    """What the charts remember of every lane.
+    """What the charts remember of every lane."""
 
-    previous (n_lanes, n_channels), the last observation; signals (n_lanes, 6); statistics (n_lanes,
-    24); surge, the state of the filter; later (n_lanes, 1), 0 before the first sample, then 1.
-    """
-
-    previous: np.ndarray
-    signals: np.ndarray
-    statistics: np.ndarray
+    previous: np.ndarray  # (n_lanes, n_channels), the last observation
+    signals: np.ndarray  # (n_lanes, 6)
+    statistics: np.ndarray  # (n_lanes, 24)
     surge: Estimate
-    later: np.ndarray
+    later: np.ndarray  # (n_lanes, 1), 0 before the first sample, then 1
 
 
 class Signatures(NamedTuple):
-    """Statistics that faults leave, sorted by class and severity.
+    """Statistics that faults leave, sorted by class and severity."""
 
-    pattern (n, 24), class index (n,), log weight (n,) in its class; class_starts (n_classes - 1,):
-    first row of every class but normal; severity_starts ((n_classes - 1) * 3,): first row of every
-    severity in every class.
-    """
-
-    pattern: np.ndarray
-    label: np.ndarray
-    log_weight: np.ndarray
-    class_starts: np.ndarray
-    severity_starts: np.ndarray
+    pattern: np.ndarray  # (n, 24)
+    label: np.ndarray  # (n,), index of the class
+    log_weight: np.ndarray  # (n,), in its class
+    class_starts: np.ndarray  # (n_faults,), first row of every class but normal
+    severity_starts: np.ndarray  # (n_faults * 3,), first row of every severity in every class
 
 
 @dataclass(frozen=True)
@@ -87,12 +78,11 @@ class Cusum(ModelBased):
     """Page's two-sided CUSUM on residuals, the speed innovation, and their squared differences.
 
     A statistic grows by the normalised signal less a drift term: the shift that the healthy band
-    can cause at this operating point (parameter by parameter, added) and `SLACK`. Squared
-    differences detect noise and repeated readings. The largest statistic, relative to `LIMITS`,
-    gives the log odds of a fault: `GAIN` each, 0 at the limit. Signatures isolate the class: the
-    statistics that each fault of the catalogue leaves on the nominal vehicle in simulation, at
-    three severities, four ages and three missions; their kernel density by class and the weighted
-    severity. Limits, slacks and width are calibrated on
+    can cause at this operating point (parameter by parameter, added) and `SLACK`. The largest
+    statistic, relative to `LIMITS`, gives the log odds of a fault: `GAIN` each, 0 at the limit.
+    Signatures isolate the class: the statistics that each fault leaves on the nominal vehicle in
+    simulation, at three severities, four ages and three missions; their kernel density by class and
+    the weighted severity. Limits, slacks and width are calibrated on
     ``training.seeds.seeds("calibration", ...)``.
 
     Misleads: statistics never forget, so after a repair the belief in a fault stays for as long as
@@ -114,13 +104,9 @@ class Cusum(ModelBased):
 
     def initial(self, n_lanes: int) -> CusumState:
         """The state with all statistics at zero."""
-        return CusumState(
-            previous=np.zeros((n_lanes, len(CHANNELS))),
-            signals=np.zeros((n_lanes, len(SIGNALS))),
-            statistics=np.zeros((n_lanes, len(CHARTS) * len(SIGNALS))),
-            surge=self._filter.initial(n_lanes),
-            later=np.zeros((n_lanes, 1)),
-        )
+        widths = (len(CHANNELS), len(SIGNALS), len(CHARTS) * len(SIGNALS))
+        zeros = [np.zeros((n_lanes, width)) for width in widths]
+        return CusumState(*zeros, self._filter.initial(n_lanes), np.zeros((n_lanes, 1)))
 
     def step(self, state: CusumState, observation: np.ndarray) -> tuple[CusumState, Belief]:
         """The next state, and the belief by its statistics."""
@@ -167,10 +153,7 @@ class Cusum(ModelBased):
         return Belief(log_probability, severity, np.pad(std, with_normal))
 
     def _by_signatures(self, pattern: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Log density of patterns (n_lanes, 24) under each fault class, and severity mean and std.
-
-        Each is (n_lanes, n_faults).
-        """
+        """Log density of patterns, severity mean and std by fault, (n_lanes, n_faults) each."""
         signatures = self._signatures
         kernel = cdist(pattern, signatures.pattern, "sqeuclidean")
         kernel *= -0.5 / WIDTH**2
@@ -204,18 +187,17 @@ class Cusum(ModelBased):
         return Signatures(patterns[order], label, log_weight, *starts)
 
     def _patterns(self, cases: Sequence[tuple[Fault, float, Any]]) -> list[np.ndarray]:
-        """Patterns (n_cases, 24) of cases of fault, severity and mission, at each of the `AGES`."""
+        """Patterns (n_cases, 24) of cases of fault, severity and mission, at each age."""
         fleet = Fleet(len(cases), self._nominal, healthy_band=0.0, parallel=False)
         schedules = [(FaultEvent(fault.name, ONSET, severity),) for fault, severity, _ in cases]
         missions = [mission for _, _, mission in cases]
         instants = [int(SAMPLE_RATE * (ONSET + age)) for age in AGES]
-        seeds = [self.seed] * len(cases)
-        observation = fleet.reset(seeds, schedules=schedules, missions=missions)
-        state = self._next_state(self.initial(len(cases)), observation.astype(np.float64))
+        observation = fleet.reset([self.seed] * len(cases), schedules=schedules, missions=missions)
+        state = self.initial(len(cases))
         patterns = []
-        for k in range(1, instants[-1] + 1):
-            observation = fleet.step(follow_mission(observation))
+        for k in range(instants[-1] + 1):
             state = self._next_state(state, observation.astype(np.float64))
             if k in instants:
                 patterns.append(np.log1p(state.statistics / LIMITS))
+            observation = fleet.step(follow_mission(observation))
         return patterns

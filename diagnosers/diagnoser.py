@@ -1,8 +1,4 @@
-"""The interface of diagnosers: observations in, one sample at a time; beliefs out.
-
-`Diagnoser` is the protocol. `Recursive` is the base class of the diagnosers of this package, which
-are pure functions of a state; the state is arrays with the lane first.
-"""
+"""The interface of diagnosers, and the base classes of those of this package."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -23,12 +19,11 @@ UNKNOWN = "unknown"
 
 
 class Belief(NamedTuple):
-    """The belief of a diagnoser after a sample; class 0 is `normal`.
+    """The belief of a diagnoser after a sample, (n_lanes, n_classes) each; class 0 is `normal`.
 
-    log_probability (n_lanes, n_classes): natural logarithm, each row's probabilities sum to 1.
-    severity_mean and severity_std (n_lanes, n_classes): severity 0 to 1 *if* that class is the
-    fault, and its standard deviation; both 0 for `normal`. Multiply by the probability for the
-    severity to expect.
+    log_probability: natural logarithm, each row's probabilities sum to 1. severity_mean and
+    severity_std: severity 0 to 1 *if* that class is the fault, and its standard deviation; both 0
+    for `normal`. Multiply by the probability for the severity to expect.
     """
 
     log_probability: np.ndarray

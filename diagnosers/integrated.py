@@ -24,42 +24,30 @@ PACKAGED = storage.WEIGHTS / "integrated.safetensors"
 
 
 class IntegratedState(NamedTuple):
-    """The states of features, network and smoothing.
-
-    units (n_lanes, n_memory) and mean opinion (n_lanes, n_outputs) are float32; the opinion is NaN
-    before the first sample.
-    """
+    """The states of features, network and smoothing."""
 
     features: FeatureState
-    units: np.ndarray
-    opinion: np.ndarray
+    units: np.ndarray  # (n_lanes, n_memory) float32
+    opinion: np.ndarray  # (n_lanes, n_outputs) float32, smoothed; NaN before the first sample
     smoothed: SmoothedBelief
 
 
 class Integrated(Recursive):
     """A recurrent network on readings, residuals, and the filters' estimates and innovations.
 
-    Trained on simulated vehicles (``auv-fault train integrated``; see the card beside the weights),
-    on every sample of faulty, compound and healthy episodes of 60 s. A fault that is in no class
-    shows as a belief that is neither `normal` nor any one class: `diagnosers.decide` names it
-    `unknown`. A fault that joined the catalogue after the training gets probability and severity
-    from the filter bank (see `diagnosers.networks.class_list`).
+    Trained on simulated vehicles (``auv-fault train integrated``; see the card beside the weights).
+    A fault that is in no class shows as a belief that is neither `normal` nor any one class:
+    `diagnosers.decide` names it `unknown`. A fault that joined the catalogue after the training
+    gets probability and severity from the filter bank (see `diagnosers.networks.class_list`).
 
-    When it misleads: on vehicles, noise or faults far from those it was trained on, its
-    probabilities are no frequencies. It was trained on episodes of a minute whose faults begin
-    within half of one, and stay: reset it after a repair. The odds of a fault fall over seconds at
-    the soonest, so a false alarm lasts. Another nominal ``vehicle`` changes the filters and
-    residuals, not what the network makes of them.
+    Misleads: on vehicles, noise or faults far from those it was trained on, its probabilities are
+    no frequencies. It was trained on episodes of a minute whose faults begin within half of one,
+    and stay: reset it after a repair. The odds of a fault fall over seconds at the soonest, so a
+    false alarm lasts. Another nominal ``vehicle`` changes the filters and residuals, not what the
+    network makes of them.
 
-    Parameters
-    ----------
-    vehicle
-        The nominal vehicle of the filters, or a preset's name.
-    weights
-        A safetensors file, or the tensors by name.
-    trained_classes
-        The classes of the training in their order; None for those that the file names, or those of
-        the shipped weights if it names none.
+    Without `trained_classes` the classes are those that the weights name, else those of the shipped
+    weights.
     """
 
     name = "integrated"
@@ -91,7 +79,7 @@ class Integrated(Recursive):
         self, state: IntegratedState, observation: np.ndarray
     ) -> tuple[IntegratedState, Belief]:
         """The next state and the belief."""
-        filters, features, bank = self._features.step_with_bank(state.features, observation)
+        filters, features, bank = self._features.step(state.features, observation)
         encoded, opinion = self._network.encode(features)
         previous = np.where(np.isnan(state.opinion), opinion, state.opinion)
         opinion = smooth_opinion(opinion, previous)

@@ -1,10 +1,9 @@
 """The thesis' network on filtered data (V.D, Table 5.2): parameter filter, then 2-8-5.
 
-`kalman.ParameterFilter`, at its defaults, estimates alpha and beta, `fault_map.normalise` puts them
-on the thesis' map, and the network, trained on that map alone, gives mode and grade. What makes its
-outputs a belief is fitted afterwards on episodes: a slope and an offset for every output node's sum
-(Platt, "Probabilistic outputs for support vector machines", 1999), and a straight line from the
-height of Fig. 5.12 to the severity; see `training.learning.kalman_network`.
+The filter estimates alpha and beta; the network, trained on the thesis' `fault_map` alone, gives
+mode and grade. What makes its outputs a belief is fitted afterwards on episodes: a slope and an
+offset for every output node's sum (Platt, "Probabilistic outputs for support vector machines",
+1999), and a line from the height of Fig. 5.12 to the severity; see `training.learning`.
 """
 
 from dataclasses import asdict

@@ -66,17 +66,13 @@ RULES = {  # syntax: see `rulebook`
 
 
 class LimitsState(NamedTuple):
-    """What the limits remember of every lane.
+    """What the limits remember of every lane."""
 
-    previous (n_lanes, n_channels), the last observation; levels (n_lanes, 12), of the five
-    residuals, of their healthy bands and of the loads of damaged propellers; trend and step
-    (n_lanes, 1); sensors, the state of `sensor_symptoms`.
-    """
-
-    previous: np.ndarray
+    previous: np.ndarray  # (n_lanes, n_channels), the last observation
+    # (n_lanes, 12), of five residuals, their healthy bands, and the loads of damaged propellers
     levels: np.ndarray
-    trend: np.ndarray
-    step: np.ndarray
+    trend: np.ndarray  # (n_lanes, 1)
+    step: np.ndarray  # (n_lanes, 1)
     sensors: sensor_symptoms.SensorSymptoms
 
 

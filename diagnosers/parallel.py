@@ -2,9 +2,8 @@
 
 Each network counts only for what it can isolate, its `labels`: the ratio of its probability of a
 label to the label's prior is its evidence for every class of that label. The belief is the prior
-times both pieces of evidence, as if they were independent, which they are not. Powers below 1 on
-either (a logarithmic opinion pool) raised the log loss; on the Kalman network's evidence they
-isolated a few more faults.
+times both pieces of evidence, as if they were independent; powers below 1 on either raised the log
+loss.
 """
 
 from collections.abc import Mapping

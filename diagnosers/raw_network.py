@@ -1,10 +1,9 @@
 """The thesis' network on raw data (V.C, Table 5.1): 4-6-4, once per shaft, without memory.
 
 Its inputs are voltage, current and rpm of one shaft and the speed; its outputs the modes of Table
-5.1. Both shafts have the same weights, by symmetry. Under each hypothesis on the vehicle (nothing
-wrong, drag, friction or propeller of one side) every shaft is in one mode, and the hypothesis'
-score is the sum of these two outputs; the softmax of the scores is the belief. Trained through this
-softmax with cross-entropy, see `training.learning.raw_network`.
+5.1. Under each hypothesis on the vehicle (nothing wrong, drag, friction or propeller of one side)
+every shaft is in one mode, and the hypothesis' score is the sum of these two outputs; the softmax
+of the scores is the belief, through which `training.learning.raw_network` trains.
 """
 
 from typing import Any

@@ -79,18 +79,14 @@ RULES = {  # syntax: see `rulebook`
 
 
 class RulesState(NamedTuple):
-    """What the rules remember of every lane.
-
-    surge, hull, motors: the states of the filters; sensors, that of `sensor_symptoms`; push
-    (n_lanes,), mean unexplained acceleration [m/s^2]; jump (n_lanes,), decaying count of jumps.
-    """
+    """What the rules remember of every lane."""
 
     surge: Estimate
     hull: Estimate
     motors: MotorEstimate
     sensors: sensor_symptoms.SensorSymptoms
-    push: np.ndarray
-    jump: np.ndarray
+    push: np.ndarray  # (n_lanes,), mean unexplained acceleration [m/s^2]
+    jump: np.ndarray  # (n_lanes,), decaying count of jumps
 
 
 class Rules(RuleBased):
@@ -154,7 +150,7 @@ class Rules(RuleBased):
         return channel["acceleration"] - drag * speed * np.abs(speed) - thrust - disturbance
 
     def _severity(self, mean: np.ndarray, std: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Means and standard deviations, each (n_lanes, n_classes), from parameters (n_lanes, 10)."""
+        """Means and standard deviations (n_lanes, n_classes), from parameters (n_lanes, 10)."""
         severity, severity_std = self._default_severity(len(mean))
         graded, change = self._changes
         information = std**-2.0 @ change.T**2

@@ -18,10 +18,9 @@ LEAST_PROBABILITY = 1e-9  # of normal and of all faults, where the system is cer
 class SampleSystem(Protocol):
     """The interface of the LiU-ICE competitions (Safeprocess 2024, DX 2025), one vehicle each.
 
-    Optional besides `Input`: a method `Initialize()`, called once before the first sample, and
-    `faults`, the names of the columns of the isolation, each one of `auv_fault_env.classes()`
-    without normal or "unknown" (their f_x), in any order. Without `faults` the columns are all the
-    fault classes in the order of `classes()`.
+    Optional: a method `Initialize()`, called once before the first sample, and `faults`, the names
+    of the columns of the isolation, in any order: fault classes or "unknown" (their f_x). Without
+    `faults` the columns are all the fault classes in the order of `auv_fault_env.classes()`.
     """
 
     def Input(self, sample: Any) -> tuple[Any, Any]:
@@ -42,11 +41,9 @@ class SampleAdapter:
     share the probability of unknown evenly, or all of them if each has a column. The severity is
     0.6 ± 0.23 throughout. The classes are those of the catalogue when the adapter is made.
 
-    Slow: a Python call and a data frame per lane and sample, some 20 µs besides the system itself.
-    Misleads: no threshold changes the false alarm rate of a system whose detection is 0 or 1; one
-    that gives probabilities can be set to any rate.
-
-    Raises `InputError` where a system breaks the interface, and where pandas is not installed.
+    Slow: some 20 µs per lane and sample besides the system itself. Misleads: no threshold changes
+    the false alarm rate of a system whose detection is 0 or 1. Raises `InputError` where a system
+    breaks the interface, and where pandas is not installed.
     """
 
     def __init__(self, system: Callable[[], SampleSystem]) -> None:

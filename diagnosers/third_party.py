@@ -14,7 +14,7 @@ A file that imports its neighbours needs their folder in PYTHONPATH. A benchmark
 reuses the trials of an unchanged file: choose another --output after a change in what the file
 imports or reads. The class takes no arguments. One with a method `set_truth` receives the truth
 about the vehicles, as the oracle does, and is not ranked. It is a `Diagnoser`, most easily a
-subclass of `Recursive`::
+subclass of `Recursive`, or has the interface of the DX competitions (see `SampleSystem`)::
 
     class MyDiagnoser(Recursive):
         name = "mine"
@@ -25,7 +25,6 @@ subclass of `Recursive`::
         def step(self, state, observation):
             return state, Belief(log_probability, severity_mean, severity_std)
 
-or has the interface of the DX competitions (see `SampleSystem`)::
 
     class MySystem:
         faults = ("increased_drag", "propeller_loss:port", "unknown")
@@ -102,9 +101,9 @@ def load_third_parties(targets: Sequence[str]) -> dict[str, ThirdParty]:
     """Third parties by name: those at the targets, and those that installed packages declare.
 
     The name is the attribute `name` of the class, else that of the class itself; of a package, that
-    of the entry point. Raises `InputError` where a target is no class, where two have one name, and
-    where a name is too long. Entry points are not imported here: a broken one fails when it is
-    made, and the others still run.
+    of the entry point, which is not imported here: a broken one fails when it is made, and the
+    others still run. Raises `InputError` where a target is no class, and for a name that is taken
+    or too long.
     """
     parties = [ThirdParty(_absolute(target)) for target in targets]
     named = [(_name_of(party.diagnoser_class), party) for party in parties]

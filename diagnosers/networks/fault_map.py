@@ -89,7 +89,7 @@ def severity(outputs: np.ndarray) -> np.ndarray:
 
 
 def grid(n: int) -> np.ndarray:
-    """The points (n * n, 2) of an even grid over the map, alpha slowest: the thesis' training set."""
+    """The points (n * n, 2) of an even grid over the map, alpha slowest: the thesis' training."""
     axis = np.linspace(0.0, 1.0, whole_number("points along an axis of the grid", n, 2))
     alpha_and_beta = np.meshgrid(axis, axis, indexing="ij")
     return np.stack(alpha_and_beta, axis=-1).reshape(-1, 2)

@@ -46,9 +46,7 @@ N_MEANS = len(MEAN_TIMES)
 NOISE = tuple(CHANNELS[name].noise for name in READINGS)
 SPEED_NOISE = CHANNELS["speed"].noise
 SPEED = INDEX["speed"]
-COMMAND = COMMANDS.index("speed_command")
-RUDDER = COMMANDS.index("rudder")
-STERN_PLANE = COMMANDS.index("stern_plane")
+COMMAND, RUDDER, STERN_PLANE = map(COMMANDS.index, ("speed_command", "rudder", "stern_plane"))
 # of the bank: one grade, because one filter per fault isolates as well as three do
 GRADES = ((0.1, 1.0),)
 EVIDENCE = 5.0  # nats, scale of the bank's log odds
@@ -122,24 +120,20 @@ class Features:
     def initial(self, n_lanes: int) -> FeatureState:
         """The state before any observation."""
         running = RunningValues(
-            observation=np.zeros((n_lanes, len(CHANNELS))),
-            means=np.zeros((n_lanes, N_SIGNALS, N_MEANS)),
-            squares=np.ones((n_lanes, N_SIGNALS)),
-            shares=np.zeros((n_lanes, N_READINGS, 2)),
-            estimates=np.zeros((n_lanes, N_ESTIMATES)),
-            age=np.zeros(n_lanes, np.int64),
+            np.zeros((n_lanes, len(CHANNELS))),
+            np.zeros((n_lanes, N_SIGNALS, N_MEANS)),
+            np.ones((n_lanes, N_SIGNALS)),
+            np.zeros((n_lanes, N_READINGS, 2)),
+            np.zeros((n_lanes, N_ESTIMATES)),
+            np.zeros(n_lanes, np.int64),
         )
         filters = (*self.filters, self.bank)
         return FeatureState(*(each.initial(n_lanes) for each in filters), running)
 
-    def step(self, state: FeatureState, observation: np.ndarray) -> tuple[FeatureState, np.ndarray]:
-        """The next state, and the features (n_lanes, n_features) float32, of the order of 1."""
-        return self.step_with_bank(state, observation)[:2]
-
-    def step_with_bank(
+    def step(
         self, state: FeatureState, observation: np.ndarray
     ) -> tuple[FeatureState, np.ndarray, Belief]:
-        """As `step`, and the belief of the filter bank over all classes of the catalogue."""
+        """The next state, the features (n_lanes, n_features) float32, and the bank's belief."""
         filters = zip(self.filters, state[:3], strict=True)
         estimates = [each.update(last, observation) for each, last in filters]
         bank, belief = self.bank.step(state.bank, observation)
@@ -153,7 +147,7 @@ class Features:
         surge_values = np.stack([disturbance, correction], 1)
         running = RunningValues(observation, *(part.copy() for part in state.running[1:]))
         features = np.empty((len(observation), self.n_features), np.float32)
-        _fold(previous, *running, signals, *deviations, surge_values, self.mean_shares, features)
+        _fold(previous, running, signals, *deviations, surge_values, self.mean_shares, features)
         features[:, -2 * len(self._fault_columns) :] = self._bank_features(belief)
         return FeatureState(*estimates, bank, running), features, belief
 
@@ -167,7 +161,7 @@ class Features:
         return np.concatenate(signals, axis=1)
 
     def _bank_features(self, belief: Belief) -> np.ndarray:
-        """The bank's compressed log odds of faults to normal, and severities, (n_lanes, 2 n_faults)."""
+        """The bank's log odds of faults to normal, and severities, (n_lanes, 2 n_faults)."""
         faults = self._fault_columns
         log_probability = belief.log_probability
         odds = (log_probability[:, faults] - log_probability[:, :1]) / EVIDENCE
@@ -244,22 +238,9 @@ def _fold_estimates(estimates, stds, slow, age, share, features, at):
 
 
 @kernel
-def _fold(
-    previous,
-    observation,
-    means,
-    squares,
-    shares,
-    slow,
-    age,
-    signals,
-    estimates,
-    stds,
-    surge_values,
-    mean_shares,
-    features,
-):
+def _fold(previous, running, signals, estimates, stds, surge_values, mean_shares, features):
     """Fold one sample into the running values of every lane and write its features."""
+    observation, means, squares, shares, slow, age = running
     for lane in range(len(observation)):
         row = observation[lane]
         out = features[lane]

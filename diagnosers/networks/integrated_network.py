@@ -52,7 +52,7 @@ class Network(nn.Module):
     def recur(
         self, encoded: torch.Tensor, opinion: torch.Tensor, units: torch.Tensor | None = None
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Outputs (n_samples, n_lanes, 3 n_classes), from encodings and mean opinions; and units."""
+        """Outputs (n_samples, n_lanes, 3 n_classes) from encodings and mean opinions; units."""
         scores = opinion[..., : self.n_classes] / EVIDENCE
         inputs = torch.cat([encoded, scores], dim=-1)
         remembered, units = self.memory(inputs, units)

@@ -1,7 +1,4 @@
-"""The integrated network in numpy, float32: a vehicle's computer needs no PyTorch for it.
-
-One sample takes a third of the time that it takes in `integrated_network`.
-"""
+"""The integrated network in numpy, without PyTorch and three times as fast on one sample."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -63,9 +60,9 @@ def architecture(trained_classes: Sequence[str]) -> Shapes:
 
 
 class Layer(NamedTuple):
-    """A linear layer: weight (n_inputs, n_outputs) and bias (n_outputs,)."""
+    """A linear layer."""
 
-    weight: np.ndarray
+    weight: np.ndarray  # (n_inputs, n_outputs)
     bias: np.ndarray
 
     def __call__(self, inputs: np.ndarray) -> np.ndarray:

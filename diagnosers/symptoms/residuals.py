@@ -168,15 +168,10 @@ _COLUMNS = tuple(map(INDEX.get, _INPUTS))
 def residuals(previous: np.ndarray, observation: np.ndarray, vehicle: Vehicle) -> Residuals:
     """The residuals of a sample.
 
-    ========== ======= ============================================================================
-    `RESIDUALS` unit    definition
-    ========== ======= ============================================================================
-    voltage    V       ``V - R i - K w``, per shaft: motor and its three sensors
-    torque     N m     ``K i - Q(w, u) - b w - tau_c - J dw/dt`` at the sample's end, per shaft
-    surge      m/s^2   ``a - ((alpha + gamma delta^2) u|u| + beta_p n_p^2 + beta_s n_s^2)``
-    ========== ======= ============================================================================
-
-    At standstill the torque residual is 0 as long as friction can hold the shaft, else the excess.
+    * voltage [V], per shaft: ``V - R i - K w``;
+    * torque [N m], per shaft: ``K i - Q(w, u) - b w - tau_c - J dw/dt`` at the sample's end; at
+      standstill 0 as long as friction can hold the shaft, else the excess;
+    * surge [m/s^2]: ``a - ((alpha + gamma delta^2) u|u| + beta_p n_p^2 + beta_s n_s^2)``.
 
     `previous` is the observation (n_lanes, n_channels) one sample before, at the first sample the
     observation itself; both finite. `vehicle` is the nominal one.

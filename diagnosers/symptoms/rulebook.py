@@ -27,18 +27,14 @@ LARGEST_LOG_ODDS = 100.0  # of a fault, and of an unsupported class
 
 
 class Rulebook(NamedTuple):
-    """Parsed rules, those of a class side by side.
+    """Parsed rules, those of a class side by side."""
 
-    required (n_rules, most) and contradicting (n_rules, most): columns in the tables of `support`,
-    padded with one that changes nothing. first_rules (n_supported,): first rule of each class that
-    has rules; classes (n_supported,): its index; n_classes: of all.
-    """
-
+    # (n_rules, most), columns in the tables of `support`, padded with one that changes nothing
     required: np.ndarray
     contradicting: np.ndarray
-    first_rules: np.ndarray
-    classes: np.ndarray
-    n_classes: int
+    first_rules: np.ndarray  # (n_supported,), first rule of each class that has rules
+    classes: np.ndarray  # (n_supported,), index of the class
+    n_classes: int  # of all
 
 
 def merge_rules(*books: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
@@ -88,7 +84,6 @@ def parse_rules(
 
 
 def _parsed_part(part: str, symptoms: Sequence[str]) -> tuple[str, int]:
-    """Sign and symptom of a part of a rule."""
     sign = known_name("sign", part[0], REQUIRED + CONTRADICTING)
     return sign, symptoms.index(known_name("symptom", part[1:], symptoms))
 

@@ -25,16 +25,12 @@ SCALE[KINDS.index("noisy")] = [NOISE_EXCESS[CHANNELS[name].unit] for name in REA
 
 
 class SensorSymptoms(NamedTuple):
-    """What the symptoms of every lane follow from.
+    """What the symptoms of every lane follow from."""
 
-    last and second_last (n_lanes, n_readings); level (n_lanes, 3, n_readings), decaying counts of
-    repeated and zero readings and the mean excess of noise; n_samples (n_lanes, 1) so far.
-    """
-
-    last: np.ndarray
+    last: np.ndarray  # (n_lanes, n_readings)
     second_last: np.ndarray
-    level: np.ndarray
-    n_samples: np.ndarray
+    level: np.ndarray  # (n_lanes, 3, n_readings), decaying counts, and mean excess of noise
+    n_samples: np.ndarray  # (n_lanes, 1), so far
 
 
 def initial(n_lanes: int) -> SensorSymptoms:

@@ -225,7 +225,7 @@ class IntegratedGraph(DiagnoserGraph):
         state = recursion.initial(observations.shape[1])
         rows = []
         for observation in observations.astype(np.float64):
-            state, features = recursion.step(state, observation)
+            state, features, _ = recursion.step(state, observation)
             rows.append(features)
         return {"features": np.stack(rows)}
 

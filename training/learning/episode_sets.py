@@ -80,7 +80,7 @@ def features_of(rollout: Rollout) -> np.ndarray:
     state = extractor.initial(rollout.label.shape[1])
     features = np.empty((*rollout.label.shape, extractor.n_features), np.float32)
     for k, observation in enumerate(rollout.observations.astype(np.float64)):
-        state, features[k] = extractor.step(state, observation)
+        state, features[k], _ = extractor.step(state, observation)
     return features
 
 

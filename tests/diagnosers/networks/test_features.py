@@ -20,7 +20,7 @@ def encoded(observations):
     state = features.initial(observations.shape[1])
     rows = []
     for observation in observations.astype(np.float64):
-        state, row = features.step(state, observation)
+        state, row, _ = features.step(state, observation)
         rows.append(row)
     return np.stack(rows)
 
