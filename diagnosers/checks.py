@@ -17,10 +17,8 @@ from diagnosers.registry import load
 
 N_SAMPLES = 120
 FAULTS = (
-    "increased_drag",
-    "propeller_loss:port",
-    "motor_overheating:starboard",
-    "sensor_dropout:speed",
+    *("increased_drag", "propeller_loss:port"),
+    *("motor_overheating:starboard", "sensor_dropout:speed"),
 )
 SCHEDULES = ((), (), *((FaultEvent(fault, onset=5.0, severity=0.8),) for fault in FAULTS))
 N_SHORT = 25  # samples of the checks with many runs

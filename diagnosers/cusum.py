@@ -20,10 +20,11 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import follow_mission
 from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.schedules import FaultEvent
-from diagnosers.diagnoser import Belief, ModelBased
+from diagnosers.diagnoser import Belief, ModelBased, join_odds
 from diagnosers.kalman import Estimate, SurgeFilter
 from diagnosers.symptoms.residuals import RESIDUALS, healthy_band, residuals
 
+Arrays = tuple[np.ndarray, ...]
 SIGNALS = (*RESIDUALS, "innovation")
 CHARTS = ("mean_up", "mean_down", "scatter_up", "scatter_down")  # of each signal
 SLACK = 0.25  # standard deviations, of the drift term beyond the healthy band
@@ -38,9 +39,8 @@ LIMIT = {
     "surge": (57.0, 31.0, 2.9),
     "innovation": (8.7, 31.0, 2.6),
 }
-LIMIT_OF_SIGNAL = np.array([LIMIT[name.split("_")[-1]] for name in SIGNALS])
-MEAN, SCATTER_UP, SCATTER_DOWN = LIMIT_OF_SIGNAL.T
-LIMITS = np.concatenate([MEAN, MEAN, SCATTER_UP, SCATTER_DOWN])
+OF_SIGNALS = np.array([LIMIT[name.split("_")[-1]] for name in SIGNALS])
+LIMITS = np.concatenate([OF_SIGNALS[:, k] for k in (0, 0, 1, 2)])  # by chart, then signal
 GAIN = 4.0  # log odds of a fault per limit
 LARGEST_LOG_ODDS = 100.0  # of a fault
 # of the signatures: missions, names or speeds [m/s]; onset and ages of the faults [s]
@@ -128,9 +128,7 @@ class Cusum(ModelBased):
         statistics = np.maximum(state.statistics + growth, 0.0) * state.later
         return CusumState(observation, signals, statistics, surge, np.ones_like(state.later))
 
-    def _signals(
-        self, previous: np.ndarray, observation: np.ndarray, surge: Estimate
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _signals(self, previous: np.ndarray, observation: np.ndarray, surge: Estimate) -> Arrays:
         """Normalised signals and their drift terms, each (n_lanes, 6)."""
         values, std = residuals(previous, observation, self._nominal)
         band = healthy_band(previous, observation, self._nominal)
@@ -144,15 +142,12 @@ class Cusum(ModelBased):
         excess = relative.max(axis=1, keepdims=True) - 1.0
         log_odds = np.minimum(GAIN * excess, LARGEST_LOG_ODDS)
         log_density, mean, std = self._by_signatures(np.log1p(relative))
-        log_faults = log_density - log_density.max(axis=1, keepdims=True)
-        total = np.exp(log_faults).sum(axis=1, keepdims=True)
-        log_faults -= np.log(total) + np.logaddexp(0.0, -log_odds)
-        log_probability = np.hstack([-np.logaddexp(0.0, log_odds), log_faults])
+        scores = log_density - log_density.max(axis=1, keepdims=True)
         with_normal = ((0, 0), (1, 0))
         severity = np.pad(np.minimum(mean, 1.0), with_normal)
-        return Belief(log_probability, severity, np.pad(std, with_normal))
+        return Belief(join_odds(log_odds, scores), severity, np.pad(std, with_normal))
 
-    def _by_signatures(self, pattern: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _by_signatures(self, pattern: np.ndarray) -> Arrays:
         """Log density of patterns, severity mean and std by fault, (n_lanes, n_faults) each."""
         signatures = self._signatures
         kernel = cdist(pattern, signatures.pattern, "sqeuclidean")

@@ -48,16 +48,13 @@ class Diagnoser(Protocol):
         """The belief after the next observation (n_lanes, n_channels), in order of `CHANNELS`."""
 
 
+@dataclass
 class RunningState:
-    """What a diagnoser remembers between two updates: everything about it that changes.
+    """What a diagnoser remembers between two updates: everything about it that changes."""
 
-    state is that of the recursion after the last sample; observation (n_lanes, n_channels) the last
-    readings, missing ones filled, None before a `reset`.
-    """
-
-    def __init__(self) -> None:
-        self.state: Any = None
-        self.observation: np.ndarray | None = None
+    state: Any = None  # of the recursion, after the last sample
+    # (n_lanes, n_channels), the last readings, missing ones filled; None before a `reset`
+    observation: np.ndarray | None = None
 
     def require_reset(self, operation: str) -> None:
         """Refuse the operation before the first `reset`."""
@@ -163,6 +160,17 @@ def same_severity(shape: tuple[int, int], mean: float, std: float) -> tuple[np.n
     for values in severities:
         values[:, 0] = 0.0
     return severities
+
+
+def join_odds(log_odds: np.ndarray, scores: np.ndarray) -> np.ndarray:
+    """Log probabilities (n_lanes, n_classes) from log odds of a fault (n_lanes, 1) and scores.
+
+    The faults share their probability by exp(scores), (n_lanes, n_faults), of which the largest of
+    each lane is 0.
+    """
+    total = np.exp(scores).sum(axis=1, keepdims=True)
+    faults = scores - (np.log(total) + np.logaddexp(0.0, -log_odds))
+    return np.hstack([-np.logaddexp(0.0, log_odds), faults])
 
 
 def fill_missing(

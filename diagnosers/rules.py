@@ -1,8 +1,7 @@
 """Expert rules on identified parameters: which of them leave their bands names the fault.
 
 Source: Isermann & Freyermuth, "Process fault diagnosis based on process model knowledge", ASME J.
-Dyn. Sys., Meas., Control 113(4), 1991: estimated parameters as symptoms, rules from symptoms to
-faults.
+Dyn. Sys., Meas., Control 113(4), 1991.
 """
 
 from functools import cached_property

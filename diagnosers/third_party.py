@@ -101,9 +101,8 @@ def load_third_parties(targets: Sequence[str]) -> dict[str, ThirdParty]:
     """Third parties by name: those at the targets, and those that installed packages declare.
 
     The name is the attribute `name` of the class, else that of the class itself; of a package, that
-    of the entry point, which is not imported here: a broken one fails when it is made, and the
-    others still run. Raises `InputError` where a target is no class, and for a name that is taken
-    or too long.
+    of the entry point, which is not imported here. Raises `InputError` where a target is no class,
+    and for a name that is taken or too long.
     """
     parties = [ThirdParty(_absolute(target)) for target in targets]
     named = [(_name_of(party.diagnoser_class), party) for party in parties]

@@ -41,12 +41,9 @@ def normalise(alpha_relative: np.ndarray, beta_relative: np.ndarray) -> np.ndarr
 def grades(points: np.ndarray) -> np.ndarray:
     """The grade of each mode, (n, 5), at the points (n, 2); 0 in the window of its parameter."""
     alpha, beta = np.asarray(points, np.float64).T
-    relative_drag = alpha / NOMINAL[0]
-    most_drag = fault_of("increased_drag").scale["alpha"]
-    least_drag = fault_of("decreased_drag").scale["alpha"]
+    more_drag = _severity(alpha / NOMINAL[0], fault_of("increased_drag").scale["alpha"])
+    less_drag = _severity(alpha / NOMINAL[0], fault_of("decreased_drag").scale["alpha"])
     one_lost = 0.5 * (1.0 + fault_of("propeller_loss:port").scale["port_beta"])
-    more_drag = _severity(relative_drag, most_drag)
-    less_drag = _severity(relative_drag, least_drag)
     less_thrust = _severity(beta / NOMINAL[1], one_lost)
     is_severe = beta < SEVERE
     is_decreased = (beta < BETA_WINDOW[0]) & ~is_severe

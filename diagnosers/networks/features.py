@@ -29,9 +29,7 @@ OUTLIER = 30.0  # standard deviations, to which signals are clipped
 # of the channels, for numbers near 1
 SCALE = (0.3, 0.3, 0.3, 0.3, 0.3, 0.03, 3.0, 0.4, 400.0, 3.0, 0.4, 400.0)
 SIGNALS = (
-    *RESIDUALS,
-    "speed_innovation",
-    "acceleration_innovation",
+    *(*RESIDUALS, "speed_innovation", "acceleration_innovation"),
     *(f"{side}_{kind}_innovation" for side in SIDES for kind in ("current", "voltage")),
 )
 ESTIMATES = (

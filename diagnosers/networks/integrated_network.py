@@ -5,11 +5,13 @@ from itertools import pairwise
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from diagnosers.networks.class_list import SHIPPED_CLASSES
 from diagnosers.networks.features import EVIDENCE, bank_odds_columns
 from diagnosers.networks.numpy_network import LEAST_STD, N_MEMORY, encoder_widths, n_outputs
+
+Tensors = tuple[Tensor, ...]
 
 
 class Network(nn.Module):
@@ -42,29 +44,27 @@ class Network(nn.Module):
         self.register_buffer("sharpness", torch.ones(1))
         self.register_buffer("bias", torch.zeros(self.n_classes))
 
-    def encode(self, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def encode(self, features: Tensor) -> Tensors:
         """Encoded samples (..., n_memory) and the first opinion on each (..., 3 n_classes)."""
         encoded = self.encoder(features)
         odds = self.trust * features[..., self.bank_odds]
         bank = nn.functional.pad(odds, (1, 2 * self.n_classes))
         return encoded, self.opinion(encoded) + bank
 
-    def recur(
-        self, encoded: torch.Tensor, opinion: torch.Tensor, units: torch.Tensor | None = None
-    ) -> tuple[torch.Tensor, torch.Tensor]:
+    def recur(self, encoded: Tensor, opinion: Tensor, units: Tensor | None = None) -> Tensors:
         """Outputs (n_samples, n_lanes, 3 n_classes) from encodings and mean opinions; units."""
         scores = opinion[..., : self.n_classes] / EVIDENCE
         inputs = torch.cat([encoded, scores], dim=-1)
         remembered, units = self.memory(inputs, units)
         return opinion + self.correction(remembered), units
 
-    def pool_scores(self, outputs: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
+    def pool_scores(self, outputs: Tensor, features: Tensor) -> Tensor:
         """Uncalibrated scores (..., n_classes): the network's and `lean` times the bank's odds."""
         odds = EVIDENCE * features[..., self.bank_odds]
         bank = nn.functional.pad(odds, (1, 0))
         return outputs[..., : self.n_classes] + self.lean * bank
 
-    def decode(self, outputs: torch.Tensor, features: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    def decode(self, outputs: Tensor, features: Tensor) -> Tensors:
         """Log probability, severity mean and standard deviation, each (..., n_classes)."""
         _, severity, scatter = outputs.split(self.n_classes, dim=-1)
         scores = self.sharpness * self.pool_scores(outputs, features) + self.bias

@@ -13,6 +13,7 @@ from diagnosers.networks.smoothing import update_share
 from diagnosers.storage import Shapes
 
 Array = TypeVar("Array")
+Arrays = tuple[np.ndarray, ...]
 WIDTHS = (256, 128)  # of the encoder's hidden layers
 N_MEMORY = 64  # units of the recurrent layer, and of the encoder's last
 OPINION_SMOOTHING = 0.5  # s, because the first opinion on a single sample is noisy
@@ -90,7 +91,7 @@ class NumpyNetwork:
         self.n_classes = len(self.bias)
         self.bank_odds = bank_odds_columns(self.n_classes)
 
-    def encode(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def encode(self, features: np.ndarray) -> Arrays:
         """As `Network.encode`."""
         encoded = features
         for layer in self.encoder:
@@ -100,9 +101,7 @@ class NumpyNetwork:
         opinion[:, 1 : self.n_classes] += self.bank_weight * features[:, self.bank_odds]
         return encoded, opinion
 
-    def recur(
-        self, encoded: np.ndarray, opinion: np.ndarray, units: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def recur(self, encoded: np.ndarray, opinion: np.ndarray, units: np.ndarray) -> Arrays:
         """As `Network.recur`, of one sample."""
         scores = opinion[:, : self.n_classes] / EVIDENCE
         by_input = self.input_gates(np.concatenate([encoded, scores], axis=1))
@@ -114,7 +113,7 @@ class NumpyNetwork:
         units = candidate + update * (units - candidate)
         return opinion + self.correction(units), units
 
-    def decode(self, outputs: np.ndarray, features: np.ndarray) -> tuple[np.ndarray, ...]:
+    def decode(self, outputs: np.ndarray, features: np.ndarray) -> Arrays:
         """As `Network.decode`, float64."""
         scores, severity, scatter = np.split(outputs.astype(np.float64), 3, axis=1)
         scores[:, 1:] += self.pool_weight * features[:, self.bank_odds]

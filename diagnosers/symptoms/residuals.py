@@ -1,8 +1,7 @@
 """Residuals of one sample: errors of Ohm's law, of the torque balance and of the surge equation.
 
 They follow from the nominal vehicle, the readings of the sample and the shaft speeds of the sample
-before. A healthy residual is not zero but lies within the healthy band (5 % of the drag, 10 % of
-the friction ...).
+before. A healthy residual is not zero but lies within the healthy band.
 """
 
 from dataclasses import fields, replace
@@ -28,6 +27,9 @@ from auv_fault_env.physics import (
 )
 
 RESIDUALS = (*(f"{side}_{kind}" for side in SIDES for kind in ("voltage", "torque")), "surge")
+_INPUTS = ("rudder", "stern_plane", "speed", "acceleration", "port_voltage", "starboard_voltage")
+_COLUMNS = tuple(map(INDEX.get, _INPUTS))
+_SENSORS = ("speed", "acceleration", "port_voltage", "port_current")
 # standard deviations of a shaft speed reading, below which a shaft counts as standing
 STANDSTILL = 5.0
 
@@ -61,9 +63,6 @@ class Plant(NamedTuple):
     voltage_variance: float
     current_variance: float
     shaft_speed_variance: float
-
-
-_SENSORS = ("speed", "acceleration", "port_voltage", "port_current")
 
 
 @cache
@@ -102,20 +101,16 @@ def _torque(current, shaft_speed, speed, change, side, shaft, plant):
     drive = flux * current
     at_rest = drive - clipped(drive, -shaft.coulomb_friction, shaft.coulomb_friction)
     is_standing = abs(shaft_speed) < STANDSTILL * plant.shaft_speed_variance**0.5
-    moving = inertia * (
-        shaft_acceleration(shaft_speed, speed, side) - plant.shaft_speed_rate * change
-    )
+    acceleration = shaft_acceleration(shaft_speed, speed, side)
+    moving = inertia * (acceleration - plant.shaft_speed_rate * change)
     by_previous = inertia * plant.shaft_speed_rate
-    by_shaft_speed = (
-        inertia * (side.damping - side.coupling * speed + 2.0 * side.load * shaft_speed)
-        - flux * flux / shaft.resistance
-    )
+    slope = side.damping - side.coupling * speed + 2.0 * side.load * shaft_speed
+    by_shaft_speed = inertia * slope - flux * flux / shaft.resistance
     by_shaft_speed += by_previous
     by_speed = inertia * side.coupling * shaft_speed
     variance = flux * flux * plant.current_variance + by_speed * by_speed * plant.speed_variance
-    variance += (
-        by_shaft_speed * by_shaft_speed + by_previous * by_previous
-    ) * plant.shaft_speed_variance
+    of_shaft_speeds = by_shaft_speed * by_shaft_speed + by_previous * by_previous
+    variance += of_shaft_speeds * plant.shaft_speed_variance
     return at_rest if is_standing else moving, variance
 
 
@@ -140,14 +135,14 @@ def _residuals(previous, observation, plant, shaft, columns, values, std):
     """All residuals of all lanes; columns are those of `_INPUTS`."""
     rudder, plane, speed, acceleration, port, starboard = columns
     for lane in range(len(observation)):
-        previous_row = previous[lane]
+        last = previous[lane]
         row = observation[lane]
         u = row[speed]
         out = values[lane]
         noise = std[lane]
-        port_motor, port_speed = _shaft(previous_row, row, port, u, plant, shaft, out, noise, 0)
+        port_motor, port_speed = _shaft(last, row, port, u, plant, shaft, out, noise, 0)
         starboard_motor, starboard_speed = _shaft(
-            previous_row, row, starboard, u, plant, shaft, out, noise, 2
+            last, row, starboard, u, plant, shaft, out, noise, 2
         )
         drag = plant.alpha + plant.gamma * (row[rudder] ** 2 + row[plane] ** 2)
         force = surge_acceleration(
@@ -159,10 +154,6 @@ def _residuals(previous, observation, plant, shaft, columns, values, std):
         variance = plant.acceleration_variance + (2.0 * drag * u) ** 2 * plant.speed_variance
         variance += by_port**2 * plant.shaft_speed_variance
         noise[4] = (variance + by_starboard**2 * plant.shaft_speed_variance) ** 0.5
-
-
-_INPUTS = ("rudder", "stern_plane", "speed", "acceleration", "port_voltage", "starboard_voltage")
-_COLUMNS = tuple(map(INDEX.get, _INPUTS))
 
 
 def residuals(previous: np.ndarray, observation: np.ndarray, vehicle: Vehicle) -> Residuals:
@@ -203,7 +194,5 @@ def edge_vehicles(vehicle: Vehicle) -> tuple[Vehicle, ...]:
 def healthy_band(previous: np.ndarray, observation: np.ndarray, vehicle: Vehicle) -> np.ndarray:
     """The largest healthy shift of each residual, (n_lanes, 5): the sum over the parameters."""
     values = residuals(previous, observation, vehicle).values
-    return sum(
-        np.abs(residuals(previous, observation, edge).values - values)
-        for edge in edge_vehicles(vehicle)
-    )
+    at_edges = (residuals(previous, observation, edge).values for edge in edge_vehicles(vehicle))
+    return sum(np.abs(at_edge - values) for at_edge in at_edges)

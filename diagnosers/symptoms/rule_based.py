@@ -10,6 +10,7 @@ from auv_fault_env.channels import READINGS
 from diagnosers.diagnoser import Belief, ModelBased, same_severity
 from diagnosers.symptoms import rulebook, sensor_symptoms
 
+Severities = tuple[np.ndarray, np.ndarray]  # means and standard deviations
 DEFAULT_SEVERITY = 0.6, 0.25  # mean and standard deviation where no symptom shows it
 
 
@@ -33,15 +34,12 @@ class RuleBased(ModelBased):
     def _sensor_columns(self) -> list[int]:
         return [self.classes.index(f"sensor:{channel}") for channel in READINGS]
 
-    def _default_severity(self, n_lanes: int) -> tuple[np.ndarray, np.ndarray]:
+    def _default_severity(self, n_lanes: int) -> Severities:
         """Means and standard deviations, each (n_lanes, n_classes)."""
         return same_severity((n_lanes, len(self.classes)), *DEFAULT_SEVERITY)
 
     def _belief(
-        self,
-        support: np.ndarray,
-        severity: tuple[np.ndarray, np.ndarray],
-        sensors: sensor_symptoms.SensorSymptoms,
+        self, support: np.ndarray, severity: Severities, sensors: sensor_symptoms.SensorSymptoms
     ) -> Belief:
         """The belief by `rulebook.support`, severities, and what the sensors alone show."""
         sensor_symptoms.write_severity(severity[0], self._sensor_columns, sensors)

@@ -12,6 +12,7 @@ import numpy as np
 
 from auv_fault_env.errors import known_name
 from auv_fault_env.parameters import SIDES
+from diagnosers.diagnoser import join_odds
 
 # signs of symptoms that a rule requires, and of those that contradict it
 REQUIRED = "+-"
@@ -127,7 +128,4 @@ def log_probability(book: Rulebook, class_support: np.ndarray) -> np.ndarray:
     evidence = evidence[:, 1:]
     highest = evidence.max(axis=1, keepdims=True)
     log_odds = np.minimum(GAIN * (highest - EVEN_SUPPORT), LARGEST_LOG_ODDS)
-    faults = SHARPNESS * (evidence - highest)
-    total = np.exp(faults).sum(axis=1, keepdims=True)
-    faults -= np.log(total) + np.logaddexp(0.0, -log_odds)
-    return np.hstack([-np.logaddexp(0.0, log_odds), faults])
+    return join_odds(log_odds, SHARPNESS * (evidence - highest))

@@ -1,9 +1,8 @@
 """The content of an ONNX file: a trained network and the steps from its outputs to a belief.
 
-PyTorch modules in float32; inputs and outputs are (n_lanes, n_columns). Filters and features stay
-outside: their equations are those of `diagnosers`, and their estimates are inputs. A memory is one
-more input, `state`, zeros at the start of an episode, and one more output, `next_state`. Products
-of probabilities in `diagnosers` are sums of logarithms here, which do not underflow in float32.
+PyTorch modules in float32; inputs and outputs are (n_lanes, n_columns). Features and estimates of
+filters are inputs. A memory is one more input, `state`, zeros at the start of an episode, and one
+more output, `next_state`. Sums of logarithms stand for products, which would underflow in float32.
 """
 
 from abc import ABC, abstractmethod
@@ -12,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor, nn
 from torch.nn.functional import linear, softplus
 
 from auv_fault_env.channels import CHANNELS
@@ -36,7 +35,7 @@ from training.rollouts import manoeuvres, roll_out
 from training.stimuli.policy import LAYERS, LearnedPolicy
 from training.stimuli.policy_inputs import feature_names as feature_names_of_policy
 
-Tensors = tuple[torch.Tensor, ...]
+Tensors = tuple[Tensor, ...]
 IMPOSSIBLE = -1e4  # logarithm of a share that is zero: finite, and its exponential is zero
 EXAMPLE = (FaultEvent("motor_overheating:port", onset=15.0, severity=0.6),)
 # of the example episode of an exported network
@@ -52,7 +51,7 @@ class Graph(nn.Module, ABC):
     n_state: int = 0  # columns of the state
     about: ClassVar[str]  # the values that the inputs take
     tensors: Mapping[str, np.ndarray]  # the weights, by name
-    notes: Mapping[str, Any]  # the metadata of the file that explain the outputs
+    notes: dict[str, Any]  # the metadata of the file that explain the outputs
 
     def __init__(self, source: Diagnoser | LearnedPolicy, **constants: Any):
         super().__init__()
@@ -95,7 +94,7 @@ class RawGraph(DiagnoserGraph):
         super().__init__(source, scale=SCALE, log_shares=_log(source.shares), severity=severity)
         self.network = source.network
 
-    def forward(self, observation: torch.Tensor) -> Tensors:
+    def forward(self, observation: Tensor) -> Tensors:
         """The belief."""
         inputs = [_columns(observation, [*side, SPEED]) / self.scale for side in COLUMNS]
         port, starboard = map(self.network, inputs)
@@ -119,12 +118,11 @@ class KalmanGraph(DiagnoserGraph):
 
     def __init__(self, source: KalmanNetwork):
         calibration = {name: source.learnt[name] for name in ("slope", "offset")}
-        severity = source.severity.T
-        shares = _log(source.shares)
-        super().__init__(source, severity=severity, log_shares=shares, **calibration)
+        constants = calibration | {"severity": source.severity.T, "log_shares": _log(source.shares)}
+        super().__init__(source, **constants)
         self.network = source.network
 
-    def forward(self, estimate: torch.Tensor) -> Tensors:
+    def forward(self, estimate: Tensor) -> Tensors:
         """The belief."""
         points = estimate * torch.tensor(NOMINAL)
         sums = self.network(points.clamp(0.0, 1.0))
@@ -159,7 +157,7 @@ class ParallelGraph(DiagnoserGraph):
         self.raw = RawGraph(source.raw)
         self.kalman = KalmanGraph(source.kalman)
 
-    def forward(self, observation: torch.Tensor, estimate: torch.Tensor) -> Tensors:
+    def forward(self, observation: Tensor, estimate: Tensor) -> Tensors:
         """The belief."""
         by_shafts, *_ = self.raw(observation)
         by_hull, *severity = self.kalman(estimate)
@@ -175,7 +173,7 @@ class ParallelGraph(DiagnoserGraph):
 class OneSample(nn.GRUCell):
     """A gated recurrent unit for one sample, because PyTorch exports `nn.GRU` as a loop."""
 
-    def forward(self, inputs: torch.Tensor, units: torch.Tensor) -> Tensors:
+    def forward(self, inputs: Tensor, units: Tensor) -> Tensors:
         """Its output, which is its units, and the units."""
         units = super().forward(inputs, units)
         return units, units
@@ -184,8 +182,7 @@ class OneSample(nn.GRUCell):
 class IntegratedGraph(DiagnoserGraph):
     """`Integrated` behind its features, over the classes of its training.
 
-    State: the units, the mean opinion, the smoothed odds and fault probabilities, and 1 after the
-    first sample.
+    State: units, mean opinion, smoothed odds and fault probabilities, and 1 after the first sample.
     """
 
     about = "features: of diagnosers.networks.features.Features after the last sample"
@@ -205,7 +202,7 @@ class IntegratedGraph(DiagnoserGraph):
             {name: torch.from_numpy(tensor) for name, tensor in tensors.items()}
         )
 
-    def forward(self, features: torch.Tensor, state: torch.Tensor) -> Tensors:
+    def forward(self, features: Tensor, state: Tensor) -> Tensors:
         """The belief and the next state."""
         units, previous, odds, faults, later = state.split(self.widths, dim=1)
         is_later = later > 0.0
@@ -246,7 +243,7 @@ class PolicyGraph(Graph):
         settings = ("diagnoser", "budget", "amplitude")
         self.notes = {name: getattr(source, name) for name in settings}
 
-    def forward(self, features: torch.Tensor) -> torch.Tensor:
+    def forward(self, features: Tensor) -> Tensor:
         """The action."""
         for layer in LAYERS:
             weight = getattr(self, f"{layer}_weight")
@@ -276,7 +273,7 @@ GRAPHS: dict[str, type[Graph]] = {
 }
 
 
-def _columns(values: torch.Tensor, columns: list[int]) -> torch.Tensor:
+def _columns(values: Tensor, columns: list[int]) -> Tensor:
     """Some columns; plain indices would become a chain of transpositions in the file."""
     return values.index_select(1, torch.tensor(columns))
 
@@ -286,14 +283,12 @@ def _log(shares: np.ndarray) -> np.ndarray:
     return np.log(shares, out=np.full(shares.shape, IMPOSSIBLE), where=shares > 0.0)
 
 
-def _log_mixture(log_parts: torch.Tensor, log_shares: torch.Tensor) -> torch.Tensor:
+def _log_mixture(log_parts: Tensor, log_shares: Tensor) -> Tensor:
     """Log of the sum of parts times shares, (n_lanes, n_classes), from the logs of both."""
     return torch.logsumexp(log_parts[:, :, None] + log_shares, dim=1)
 
 
-def _smoothed(
-    log_probability: torch.Tensor, odds: torch.Tensor, faults: torch.Tensor, is_later: torch.Tensor
-) -> Tensors:
+def _smoothed(log_probability: Tensor, odds: Tensor, faults: Tensor, is_later: Tensor) -> Tensors:
     """`SmoothedBelief.after`, with the logarithms of the averaged fault probabilities."""
     log_faults = log_probability[:, 1:]
     now = torch.logsumexp(log_faults, dim=1, keepdim=True) - log_probability[:, :1]
