@@ -1,9 +1,8 @@
 """Diagnosers of propulsion faults, and the filters that feed them.
 
 `make` builds one by name; `NAMES` are the names, `ranked` gives those that compete (the others are
-references). A diagnoser of your own joins by one line: ``diagnosers.REGISTRY["mine"] =
-Entry("my_package.my_module:MyDiagnoser")``; `diagnosers.third_party` lists ways that need no
-line here.
+references). Another joins by ``REGISTRY["mine"] = Entry("my_package.my_module:MyDiagnoser")``;
+`diagnosers.third_party` lists ways that need no such line.
 """
 
 from diagnosers.checks import check_diagnoser

@@ -26,7 +26,6 @@ from diagnosers.symptoms.residuals import RESIDUALS, healthy_band, residuals
 
 Arrays = tuple[np.ndarray, ...]
 SIGNALS = (*RESIDUALS, "innovation")
-CHARTS = ("mean_up", "mean_down", "scatter_up", "scatter_down")  # of each signal
 SLACK = 0.25  # standard deviations, of the drift term beyond the healthy band
 # of the squared differences, relative to their healthy mean
 SCATTER_UP_SLACK = 1.5
@@ -40,7 +39,8 @@ LIMIT = {
     "innovation": (8.7, 31.0, 2.6),
 }
 OF_SIGNALS = np.array([LIMIT[name.split("_")[-1]] for name in SIGNALS])
-LIMITS = np.concatenate([OF_SIGNALS[:, k] for k in (0, 0, 1, 2)])  # by chart, then signal
+# by chart, mean up and down and scatter up and down, then by signal
+LIMITS = OF_SIGNALS[:, [0, 0, 1, 2]].T.ravel()
 GAIN = 4.0  # log odds of a fault per limit
 LARGEST_LOG_ODDS = 100.0  # of a fault
 # of the signatures: missions, names or speeds [m/s]; onset and ages of the faults [s]
@@ -104,7 +104,7 @@ class Cusum(ModelBased):
 
     def initial(self, n_lanes: int) -> CusumState:
         """The state with all statistics at zero."""
-        widths = (len(CHANNELS), len(SIGNALS), len(CHARTS) * len(SIGNALS))
+        widths = (len(CHANNELS), len(SIGNALS), len(LIMITS))
         zeros = [np.zeros((n_lanes, width)) for width in widths]
         return CusumState(*zeros, self._filter.initial(n_lanes), np.zeros((n_lanes, 1)))
 

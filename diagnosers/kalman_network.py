@@ -50,13 +50,12 @@ def outputs(sums: np.ndarray) -> np.ndarray:
 class KalmanNetwork(Recursive):
     """2-8-5 on normalised alpha and beta, as the parameter filter estimates them.
 
-    Propulsion modes have no side; port and starboard share theirs evenly. Classes without a mode in
-    Table 5.2, such as a fault that the catalogue gains, get a constant share of the probability of
-    any fault, see `diagnosers.networks.modes.class_shares`. Misleads at constant speed, where only
+    Propulsion modes have no side; port and starboard share theirs evenly. For classes without a
+    mode in Table 5.2 see `networks.modes.class_shares`. Misleads at constant speed, where only
     beta/alpha is observable; under faults of the speed, acceleration and rpm sensors, which look
-    like drag or thrust; and on what stays in the window of normal operation: one damaged propeller
-    takes at most 25 % of the thrust, the window 28 %, so it is detected late or never, and then
-    isolated as a lost one.
+    like drag or thrust; and on what stays in the window of normal operation: a damaged propeller,
+    at most 25 % of the thrust, is detected late or never, and isolated as a lost one.
+
     `vehicle` is the nominal vehicle of the filter, or a preset's name.
     """
 

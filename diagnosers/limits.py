@@ -13,16 +13,16 @@ import numpy as np
 
 from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle
-from diagnosers.diagnoser import Belief
+from diagnosers.diagnoser import Belief, same_severity
 from diagnosers.symptoms import sensor_symptoms
 from diagnosers.symptoms.residuals import healthy_band, residuals
-from diagnosers.symptoms.rule_based import RuleBased
+from diagnosers.symptoms.rule_based import DEFAULT_SEVERITY, RuleBased
 from diagnosers.symptoms.rulebook import support
 
 # low-passed `RESIDUALS`
 LEVELS = ("port_voltage", "port_load", "starboard_voltage", "starboard_load", "push")
 # a load below that of a damaged propeller; voltage and load together
-SIDE_SYMPTOMS = (*(f"{side}_damage" for side in SIDES), *(f"{side}_supply" for side in SIDES))
+SIDE_SYMPTOMS = [f"{side}_{kind}" for kind in ("damage", "supply") for side in SIDES]
 SYMPTOMS = (*LEVELS, *SIDE_SYMPTOMS, "trend", "step", *sensor_symptoms.SYMPTOMS)
 # columns of the levels
 VOLTAGES = [0, 2]
@@ -31,8 +31,7 @@ SPEED = INDEX["speed"]
 ACCELERATION = INDEX["acceleration"]
 
 LEVEL_FORGETTING = exp(-SAMPLE_TIME / 2.0)  # per sample
-TREND_FORGETTING = exp(-SAMPLE_TIME / 8.0)
-STEP_FORGETTING = exp(-SAMPLE_TIME / 8.0)  # of the count of steps
+FORGETTING = exp(-SAMPLE_TIME / 8.0)  # of the trend and the count of steps
 # V, N m, V, N m, m/s^2: limits for noise and disturbance, beside the healthy band
 NOISE_LIMITS = np.array([0.017, 0.0007, 0.017, 0.0007, 0.0028])
 # limit of voltage and load together, as a share of the sum of their limits: their errors differ
@@ -114,7 +113,7 @@ class Limits(RuleBased):
         """The next state, and the belief by the table."""
         state = self._next_state(state, observation)
         class_support = support(self._rules, self._symptoms(state))
-        mean, std = self._default_severity(len(observation))
+        mean, std = same_severity((len(observation), len(self.classes)), *DEFAULT_SEVERITY)
         excess = np.maximum(class_support, 0.0)
         mean[:, self._rules.classes] = excess / (excess + HALF_SEVERITY_EXCESS)
         return state, self._belief(class_support, (mean, std), state.sensors)
@@ -131,8 +130,8 @@ class Limits(RuleBased):
         return LimitsState(
             observation,
             LEVEL_FORGETTING * state.levels + (1.0 - LEVEL_FORGETTING) * now,
-            TREND_FORGETTING * state.trend + (1.0 - TREND_FORGETTING) * unexplained,
-            STEP_FORGETTING * state.step + (np.abs(change) > STEP_LIMIT),
+            FORGETTING * state.trend + (1.0 - FORGETTING) * unexplained,
+            FORGETTING * state.step + (np.abs(change) > STEP_LIMIT),
             sensor_symptoms.update(state.sensors, observation),
         )
 

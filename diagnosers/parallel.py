@@ -2,8 +2,7 @@
 
 Each network counts only for what it can isolate, its `labels`: the ratio of its probability of a
 label to the label's prior is its evidence for every class of that label. The belief is the prior
-times both pieces of evidence, as if they were independent; powers below 1 on either raised the log
-loss.
+times both pieces of evidence, as if they were independent.
 """
 
 from collections.abc import Mapping
@@ -37,11 +36,9 @@ ARCHITECTURE = _prefixed({RAW: raw_network.ARCHITECTURE, KALMAN: OF_KALMAN})
 class Parallel(Recursive):
     """The raw network on the shafts beside the Kalman network on the hull, one belief.
 
-    Severity is the Kalman network's, which gives the prior's to a class without a mode.
-    Misleads as each of its parts does; and as both read the same speed and rpm, a fault of these
-    sensors counts twice.
-    `vehicle` is the nominal vehicle of the filter, or a preset's name; `weights` are those of both
-    networks, None for those that come with the package.
+    Severity is the Kalman network's. Misleads as each of its parts does; and as both read the same
+    speed and rpm, a fault of these sensors counts twice. `vehicle` is the nominal vehicle of the
+    filter, or a preset's name; `weights` are those of both networks, None for the package's.
     """
 
     name = "parallel"

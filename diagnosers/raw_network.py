@@ -41,13 +41,12 @@ PORT, STARBOARD = map(list, zip(*HYPOTHESES.values(), strict=True))
 
 def labels() -> dict[str, str | None]:
     """The hypothesis of every class, its mode in Table 5.1 with the side; None without one."""
-    return {name: _label(name, mode) for name, (mode, _) in tables().items()}
-
-
-def _label(name: str, mode: str | None) -> str | None:
-    side = name.partition(":")[2]
-    label = f"{mode}:{side}" if side in SIDES else mode
-    return label if label in HYPOTHESES else None
+    label_of = {}
+    for name, (mode, _) in tables().items():
+        side = name.partition(":")[2]
+        label = f"{mode}:{side}" if side in SIDES else mode
+        label_of[name] = label if label in HYPOTHESES else None
+    return label_of
 
 
 def inputs(observation: np.ndarray) -> np.ndarray:
@@ -65,10 +64,8 @@ def scores(outputs: Any) -> Any:
 class RawNetwork(Memoryless):
     """4-6-4 on the readings of one shaft, once per shaft, without memory.
 
-    Severity is that of the prior throughout: the thesis' network does not grade it. Classes without
-    a mode in Table 5.1, such as a fault that the catalogue gains, get a constant share of the
-    probability of any fault, see `diagnosers.networks.modes.class_shares`; a damaged and a lost
-    propeller share theirs evenly. Misleads in transients, which look like drag to a network without
+    Severity is that of the prior throughout. For classes without a mode in Table 5.1 see
+    `networks.modes.class_shares`. Misleads in transients, which look like drag to a network without
     memory, so that it hardly ever names drag; and under faults of the sensors it reads.
     """
 

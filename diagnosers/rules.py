@@ -14,7 +14,7 @@ import numpy as np
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.faults import CATALOGUE, Fault
 from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle
-from diagnosers.diagnoser import Belief
+from diagnosers.diagnoser import Belief, same_severity
 from diagnosers.kalman import Estimate, ParameterFilter, SurgeFilter
 from diagnosers.motor_filter import MotorEstimate, MotorFilter
 from diagnosers.symptoms import sensor_symptoms
@@ -31,15 +31,13 @@ SHAFT = {
     "propeller_torque": ("c1", 2.6),
 }
 ESTIMATES = HULL | {f"{side}_{name}": SHAFT[name] for side in SIDES for name in MotorFilter.states}
-BANDS = np.array(
-    [Vehicle.__dataclass_fields__[name].metadata["band"] for name, _ in ESTIMATES.values()]
-)
+SPECIFICATIONS = Vehicle.__dataclass_fields__
+BANDS = np.array([SPECIFICATIONS[name].metadata["band"] for name, _ in ESTIMATES.values()])
 DEVIATIONS = np.array([deviation for _, deviation in ESTIMATES.values()])
 # by estimate: what is left at severity 1 of propeller damage, and of overheating
 SEVEREST = {"propeller_torque": ("damage", 0.6), "torque_constant": ("hot", 0.8)}
-SEVEREST_COLUMNS = [
-    list(ESTIMATES).index(f"{side}_{name}") for side, name in product(SIDES, SEVEREST)
-]
+SEVEREST_ESTIMATES = [f"{side}_{name}" for side in SIDES for name in SEVEREST]
+SEVEREST_COLUMNS = [list(ESTIMATES).index(name) for name in SEVEREST_ESTIMATES]
 SEVEREST_VALUES = [value for _, value in SEVEREST.values()] * len(SIDES)
 SEVEREST_SYMPTOMS = [f"{side}_{symptom}" for side in SIDES for symptom, _ in SEVEREST.values()]
 SYMPTOMS = (*ESTIMATES, *SEVEREST_SYMPTOMS, "push", "jump", *sensor_symptoms.SYMPTOMS)
@@ -150,7 +148,7 @@ class Rules(RuleBased):
 
     def _severity(self, mean: np.ndarray, std: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Means and standard deviations (n_lanes, n_classes), from parameters (n_lanes, 10)."""
-        severity, severity_std = self._default_severity(len(mean))
+        severity, severity_std = same_severity((len(mean), len(self.classes)), *DEFAULT_SEVERITY)
         graded, change = self._changes
         information = std**-2.0 @ change.T**2
         fitted = ((mean - 1.0) * std**-2.0) @ change.T / information

@@ -29,7 +29,6 @@ class SampleSystem(Protocol):
         The sample is a pandas data frame of one row with the column `time` [s] and those of
         `CHANNELS`, in their units.
         """
-        ...
 
 
 class SampleAdapter:
@@ -41,9 +40,8 @@ class SampleAdapter:
     share the probability of unknown evenly, or all of them if each has a column. The severity is
     0.6 ± 0.23 throughout. The classes are those of the catalogue when the adapter is made.
 
-    Slow: some 20 µs per lane and sample besides the system itself. Misleads: no threshold changes
-    the false alarm rate of a system whose detection is 0 or 1. Raises `InputError` where a system
-    breaks the interface, and where pandas is not installed.
+    Misleads: no threshold changes the false alarm rate of a system whose detection is 0 or 1.
+    Raises `InputError` where a system breaks the interface, and where pandas is not installed.
     """
 
     def __init__(self, system: Callable[[], SampleSystem]) -> None:

@@ -74,9 +74,6 @@ def bank_odds_columns(n_classes: int) -> slice:
     return slice(-2 * n_faults, -n_faults)
 
 
-FEATURES = feature_names(SHIPPED_CLASSES)
-
-
 class RunningValues(NamedTuple):
     """What the features remember of every lane."""
 

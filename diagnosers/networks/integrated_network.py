@@ -17,11 +17,10 @@ Tensors = tuple[Tensor, ...]
 class Network(nn.Module):
     """Features to class scores and severities: an encoder's opinion, corrected by a memory.
 
-    The encoder sees one sample; its opinion is added to the log odds of the filter bank, which it
-    so corrects. The recurrent layer sees the encoded samples and the averaged opinion, and adds to
-    the opinion what follows from the past. Last, on lanes of its own, the network is calibrated:
-    the weight `lean` of the bank in a logarithmic pool of both (the bank never forgets a fault, and
-    so smooths the label), one sharpness, and a bias per class.
+    The encoder sees one sample; its opinion corrects the log odds of the filter bank. The recurrent
+    layer sees the encoded samples and the averaged opinion, and adds to the opinion what follows
+    from the past. Last, on lanes of its own, the network is calibrated: the weight `lean` of the
+    bank in a logarithmic pool of both, one sharpness, and a bias per class.
     `memory` is the kind of the recurrent layer.
     """
 

@@ -38,10 +38,8 @@ def smooth_opinion(opinion: Array, previous: Array) -> Array:
 def architecture(trained_classes: Sequence[str]) -> Shapes:
     """The tensors of `integrated_network.Network` with its gated recurrent unit, by name."""
     n_classes = len(trained_classes)
-    layers = {
-        f"encoder.{2 * k}": widths
-        for k, widths in enumerate(pairwise(encoder_widths(trained_classes)))
-    }
+    of_encoder = enumerate(pairwise(encoder_widths(trained_classes)))
+    layers = {f"encoder.{2 * k}": widths for k, widths in of_encoder}
     for name in ("opinion", "correction"):
         layers[name] = N_MEMORY, n_outputs(n_classes)
     shapes: Shapes = {}

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from auv_fault_env.channels import READINGS
-from diagnosers.diagnoser import Belief, ModelBased, same_severity
+from diagnosers.diagnoser import Belief, ModelBased
 from diagnosers.symptoms import rulebook, sensor_symptoms
 
 Severities = tuple[np.ndarray, np.ndarray]  # means and standard deviations
@@ -33,10 +33,6 @@ class RuleBased(ModelBased):
     @cached_property
     def _sensor_columns(self) -> list[int]:
         return [self.classes.index(f"sensor:{channel}") for channel in READINGS]
-
-    def _default_severity(self, n_lanes: int) -> Severities:
-        """Means and standard deviations, each (n_lanes, n_classes)."""
-        return same_severity((n_lanes, len(self.classes)), *DEFAULT_SEVERITY)
 
     def _belief(
         self, support: np.ndarray, severity: Severities, sensors: sensor_symptoms.SensorSymptoms

@@ -70,9 +70,8 @@ def parse_rules(
     owners = []
     for name in sorted(rules, key=classes.index):
         for text in rules[name]:
-            parts = [_parsed_part(part, symptoms) for part in text.split()]
-            required.append(_columns(parts, REQUIRED, len(symptoms)))
-            contradicting.append(_columns(parts, CONTRADICTING, len(symptoms)))
+            required.append(_columns(text, REQUIRED, symptoms))
+            contradicting.append(_columns(text, CONTRADICTING, symptoms))
             owners.append(classes.index(name))
     supported, first_rules = np.unique(owners, return_index=True)
     return Rulebook(
@@ -84,14 +83,15 @@ def parse_rules(
     )
 
 
-def _parsed_part(part: str, symptoms: Sequence[str]) -> tuple[str, int]:
-    sign = known_name("sign", part[0], REQUIRED + CONTRADICTING)
-    return sign, symptoms.index(known_name("symptom", part[1:], symptoms))
-
-
-def _columns(parts: Sequence[tuple[str, int]], signs: str, n_symptoms: int) -> list[int]:
+def _columns(text: str, signs: str, symptoms: Sequence[str]) -> list[int]:
     """Columns of the parts with these signs in a table with one block of symptoms for each sign."""
-    return [symptom + signs.index(sign) * n_symptoms for sign, symptom in parts if sign in signs]
+    columns = []
+    for part in text.split():
+        sign = known_name("sign", part[0], REQUIRED + CONTRADICTING)
+        symptom = symptoms.index(known_name("symptom", part[1:], symptoms))
+        if sign in signs:
+            columns.append(symptom + signs.index(sign) * len(symptoms))
+    return columns
 
 
 def _padded(rows: list[list[int]], blank: int) -> np.ndarray:

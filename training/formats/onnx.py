@@ -197,10 +197,9 @@ class IntegratedGraph(DiagnoserGraph):
         self.widths = (N_MEMORY, n_outputs(len(trained)), 1, n_faults, 1)
         self.n_state = sum(self.widths)
         self.network = Network(OneSample, trained)
-        tensors = {name.removesuffix("_l0"): tensor for name, tensor in self.tensors.items()}
-        self.network.load_state_dict(
-            {name: torch.from_numpy(tensor) for name, tensor in tensors.items()}
-        )
+        weights = {name: torch.from_numpy(tensor) for name, tensor in self.tensors.items()}
+        of_cell = {name.removesuffix("_l0"): weights[name] for name in weights}
+        self.network.load_state_dict(of_cell)
 
     def forward(self, features: Tensor, state: Tensor) -> Tensors:
         """The belief and the next state."""

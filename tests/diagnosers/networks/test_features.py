@@ -9,8 +9,11 @@ from auv_fault_env.channels import CHANNELS
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import PRESETS
 from auv_fault_env.schedules import FaultEvent
-from diagnosers.networks.features import FEATURES, MEAN_TIMES, Features
+from diagnosers.networks.class_list import SHIPPED_CLASSES
+from diagnosers.networks.features import MEAN_TIMES, Features, feature_names
 from training.rollouts import roll_out
+
+FEATURES = feature_names(SHIPPED_CLASSES)
 
 N_SAMPLES = 80
 

@@ -5,10 +5,13 @@ import pytest
 import torch
 
 from auv_fault_env import classes
-from diagnosers.networks.features import FEATURES
+from diagnosers.networks.class_list import SHIPPED_CLASSES
+from diagnosers.networks.features import feature_names
 from training.learning import episode_sets, integrated
 from training.learning.episode_sets import mirror_order, mirrored, simulate_set
 from training.learning.integrated import IntegratedTrainer, calibrate
+
+FEATURES = feature_names(SHIPPED_CLASSES)
 
 CLASSES = classes()
 
