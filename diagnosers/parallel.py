@@ -52,10 +52,11 @@ class Parallel(Recursive):
             self.raw = RawNetwork(_with_prefix(RAW, tensors))
             self.kalman = KalmanNetwork(vehicle, _with_prefix(KALMAN, tensors))
         self.classes = self.kalman.classes
-        of_kalman = self.kalman.labels
-        self.labels = {
-            name: _joined(of_raw, of_kalman[name]) for name, of_raw in self.raw.labels.items()
-        }
+        self.labels = {}
+        for name in self.classes:
+            both = (self.raw.labels[name], self.kalman.labels[name])
+            different = dict.fromkeys(filter(None, both))
+            self.labels[name] = ", ".join(different) or None
         n_faults = len(self.classes) - 1
         prior_fault = (1.0 - PRIOR_NORMAL) / n_faults
         prior = np.array([PRIOR_NORMAL] + [prior_fault] * n_faults)
@@ -83,11 +84,6 @@ class Parallel(Recursive):
     def settings(self) -> dict[str, Any]:
         """The nominal vehicle."""
         return self.kalman.settings()
-
-
-def _joined(*labels: str | None) -> str | None:
-    """Different labels of a class in one; None where it has none."""
-    return ", ".join(dict.fromkeys(filter(None, labels))) or None
 
 
 def _with_prefix(prefix: str, tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -31,9 +31,9 @@ class Null(Memoryless):
     def step(self, state: tuple[()], observation: np.ndarray) -> tuple[tuple[()], Belief]:
         """The prior."""
         n_faults = len(self.classes) - 1
-        prior_fault = (1.0 - PRIOR_NORMAL) / n_faults
-        log_prior = np.log([PRIOR_NORMAL] + [prior_fault] * n_faults)
-        return state, _without_severity(np.tile(log_prior, (len(observation), 1)))
+        prior = np.full((len(observation), n_faults + 1), (1.0 - PRIOR_NORMAL) / n_faults)
+        prior[:, 0] = PRIOR_NORMAL
+        return state, _without_severity(np.log(prior))
 
 
 @kernel

@@ -18,9 +18,8 @@ LEAST_PROBABILITY = 1e-9  # of normal and of all faults, where the system is cer
 class SampleSystem(Protocol):
     """The interface of the LiU-ICE competitions (Safeprocess 2024, DX 2025), one vehicle each.
 
-    Optional: a method `Initialize()`, called once before the first sample, and `faults`, the names
-    of the columns of the isolation, in any order: fault classes or "unknown" (their f_x). Without
-    `faults` the columns are all the fault classes in the order of `auv_fault_env.classes()`.
+    Optional: a method `Initialize()`, called before the first sample, and `faults`, the columns of
+    the isolation in any order, fault classes or "unknown" (their f_x); else all in their order.
     """
 
     def Input(self, sample: Any) -> tuple[Any, Any]:
@@ -38,7 +37,7 @@ class SampleAdapter:
     fault *if* there is one, scaled to a sum of one. Where it is all zeros, as the competitions
     require while nothing is detected, it counts as unknown. The fault classes without a column
     share the probability of unknown evenly, or all of them if each has a column. The severity is
-    0.6 ± 0.23 throughout. The classes are those of the catalogue when the adapter is made.
+    0.6 ± 0.23 throughout.
 
     Misleads: no threshold changes the false alarm rate of a system whose detection is 0 or 1.
     Raises `InputError` where a system breaks the interface, and where pandas is not installed.

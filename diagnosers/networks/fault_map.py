@@ -17,11 +17,8 @@ from auv_fault_env.faults import fault_of
 
 MODES_5_1 = ("normal", "increased seal friction", "increased drag", "degraded propeller")
 MODES_5_2 = (
-    "normal",
-    "increased drag",
-    "decreased drag",
-    "decreased propulsion",
-    "severe propulsion failure",
+    *("normal", "increased drag", "decreased drag"),
+    *("decreased propulsion", "severe propulsion failure"),
 )
 
 NOMINAL = (0.5, 0.9)  # of (alpha, beta), thesis V.B

@@ -109,8 +109,7 @@ class Features:
         self.bank = FilterBank(vehicle, GRADES, faults=tuple(CATALOGUE))
         self.n_features = len(feature_names(classes))
         self.mean_shares = tuple(SAMPLE_TIME / time for time in MEAN_TIMES)
-        of_bank = self.bank.classes
-        self._fault_columns = [of_bank.index(name) for name in classes[1:]]
+        self._fault_columns = [self.bank.classes.index(name) for name in classes[1:]]
 
     def initial(self, n_lanes: int) -> FeatureState:
         """The state before any observation."""
@@ -138,8 +137,7 @@ class Features:
         deviations = _deviations(*estimates)
         surge_mean = estimates[0].mean
         disturbance = surge_mean[:, 4] / self.vehicle.disturbance_std
-        correction = observation[:, SPEED] - surge_mean[:, 0]
-        surge_values = np.stack([disturbance, correction], 1)
+        surge_values = np.stack([disturbance, observation[:, SPEED] - surge_mean[:, 0]], 1)
         running = RunningValues(observation, *(part.copy() for part in state.running[1:]))
         features = np.empty((len(observation), self.n_features), np.float32)
         _fold(previous, running, signals, *deviations, surge_values, self.mean_shares, features)

@@ -112,8 +112,7 @@ def support(book: Rulebook, symptoms: np.ndarray) -> np.ndarray:
     contradicting = np.maximum(magnitudes - TOLERANCE, 0.0)
     least = required[:, book.required].min(axis=2)
     loss = WEIGHT * contradicting[:, book.contradicting].sum(axis=2)
-    of_rules = least - loss
-    return np.maximum.reduceat(of_rules, book.first_rules, axis=1)
+    return np.maximum.reduceat(least - loss, book.first_rules, axis=1)
 
 
 def log_probability(book: Rulebook, class_support: np.ndarray) -> np.ndarray:

@@ -60,10 +60,7 @@ def symptoms(state: SensorSymptoms) -> np.ndarray:
 
 
 def write_severity(severity: np.ndarray, sensors: list[int], state: SensorSymptoms) -> None:
-    """Set the severity of sensors with repeated or zero readings to the recent share of these.
-
-    severity (n_lanes, n_classes) changes in place; sensors are the columns of `READINGS`.
-    """
+    """Write the recent share of repeated or zero readings as severity into the sensors' columns."""
     count = state.level[:, :2].max(axis=1)
     share = np.minimum((1.0 - FORGETTING) * count, 1.0)
     severity[:, sensors] = np.where(share > 0.0, share, severity[:, sensors])
