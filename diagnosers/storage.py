@@ -1,6 +1,7 @@
 """Weights and settings on disk: safetensors with a JSON header, data and never code."""
 
 import json
+import os
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,13 +24,15 @@ def write(path: str | Path, tensors: Mapping[str, np.ndarray], header: Mapping[s
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        contiguous = {name: np.asarray(tensor, order="C") for name, tensor in tensors.items()}
-        metadata = {HEADER: json.dumps(header, sort_keys=True)}
-        with tempfile.TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as folder:
-            temporary = Path(folder) / path.name
-            save_file(contiguous, temporary, metadata=metadata)
-            temporary.chmod(0o644)
-            temporary.replace(path)
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
+        os.close(handle)
+        try:
+            contiguous = {name: np.asarray(tensor, order="C") for name, tensor in tensors.items()}
+            save_file(contiguous, temporary, metadata={HEADER: json.dumps(header, sort_keys=True)})
+            os.chmod(temporary, 0o644)
+            os.replace(temporary, path)
+        finally:
+            Path(temporary).unlink(missing_ok=True)
     # safetensors reports a full disk by an exception of its own
     except (OSError, SafetensorError) as error:
         allowed = f"a place that can be written ({getattr(error, 'strerror', None) or error})"
