@@ -30,8 +30,9 @@ SETTINGS = ("diagnoser", "budget", "seed", "steps")
 
 def main(arguments: TrainStimulus) -> None:
     """Train, or continue an interrupted training; a finished one stays as it is."""
+    trainer = make_trainer(arguments)
     name = policy_name(arguments.diagnoser, arguments.seed)
-    run = partial(_run, arguments, make_trainer(arguments), name)
+    run = partial(_run, arguments, trainer, name)
     run_training("train-stimulus", arguments, SETTINGS, name, run)
 
 
