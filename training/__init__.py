@@ -1,1 +1,1 @@
-"""Scripts around environment and diagnosers: reproduction, simulation, training, benchmark, command line."""
+"""Around environment and diagnosers: simulation, training, benchmark, studies, command line."""

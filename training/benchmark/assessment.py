@@ -22,37 +22,20 @@ HEALTHY_PER_FAULTY = ScheduleSampler().healthy / (1.0 - ScheduleSampler().health
 
 
 class Assessment(NamedTuple):
-    """What a diagnoser did at a threshold, for scores and for paired comparisons.
+    """What a diagnoser did at a threshold, for scores and for paired comparisons."""
 
-    Attributes
-    ----------
-    threshold
-        Of log p(normal).
-    false_alarms, false_alarm_vehicles, hours
-        Alarms on healthy lanes, how many of the lanes had one, and their operation [h].
-    isolation, detection
-        Times by faulty lane.
-    label, decisions
-        (n_decided,) and (n_decision_times, n_decided): true class and decisions at `DECISION_TIMES`
-        of all faulty lanes, and then of some healthy ones.
-    severity, covered
-        (n_faulty,) estimate given the true class, and whether its interval holds the truth.
-    log_probability, truth
-        (n_beliefs, n_classes) and (n_beliefs,): beliefs at random instants, and the true classes.
-    """
-
-    threshold: float
-    false_alarms: int
-    false_alarm_vehicles: int
-    hours: float
-    isolation: Times
+    threshold: float  # of log p(normal)
+    false_alarms: int  # on healthy lanes
+    false_alarm_vehicles: int  # healthy lanes with an alarm
+    hours: float  # operation of the healthy lanes
+    isolation: Times  # of faulty lanes
     detection: Times
-    label: np.ndarray
-    decisions: np.ndarray
-    severity: np.ndarray
-    covered: np.ndarray
-    log_probability: np.ndarray
-    truth: np.ndarray
+    label: np.ndarray  # (n_decided,) true class of all faulty lanes, then of some healthy ones
+    decisions: np.ndarray  # (n_decision_times, n_decided) of the same lanes, at `DECISION_TIMES`
+    severity: np.ndarray  # (n_faulty,) estimate given the true class
+    covered: np.ndarray  # (n_faulty,) whether its interval holds the truth
+    log_probability: np.ndarray  # (n_beliefs, n_classes) at random instants
+    truth: np.ndarray  # (n_beliefs,) true class there
 
     @property
     def decision(self) -> np.ndarray:
@@ -71,15 +54,7 @@ class Assessment(NamedTuple):
 
 
 def assess(threshold: float, faulty: Record, truth: Truth, healthy: HealthyOutcome) -> Assessment:
-    """Assess a diagnoser at a threshold of log p(normal).
-
-    Parameters
-    ----------
-    faulty, truth
-        What it believed on the faulty lanes, and what is true of them.
-    healthy
-        The healthy lanes on which false alarms are counted.
-    """
+    """Assess beliefs on faulty lanes and false alarms on healthy ones at a threshold."""
     n_faulty = len(truth.fault)
     alarm = metrics.alarms(faulty.log_normal, threshold, PERSISTENCE)
     decision = np.where(alarm, faulty.fault, NORMAL)

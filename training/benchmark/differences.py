@@ -19,25 +19,17 @@ class Difference(NamedTuple):
     @property
     def is_better(self) -> bool:
         """Isolates sooner and has the higher macro-F1, both intervals apart from zero."""
-        highest_isolation = self.isolation[2]
-        lowest_f1 = self.macro_f1[1]
+        _, _, highest_isolation = self.isolation
+        _, lowest_f1, _ = self.macro_f1
         return highest_isolation < 0.0 < lowest_f1
 
 
 class LaneResults(NamedTuple):
-    """What a paired comparison needs of a diagnoser.
+    """What a paired comparison needs of a diagnoser."""
 
-    Attributes
-    ----------
-    isolation
-        Times by faulty lane.
-    label, decision
-        (n_decided,) true classes and decisions at an instant, also of some healthy lanes.
-    """
-
-    isolation: Times
-    label: np.ndarray
-    decision: np.ndarray
+    isolation: Times  # of faulty lanes
+    label: np.ndarray  # (n_decided,) true class, also of some healthy lanes
+    decision: np.ndarray  # (n_decided,) at an instant
 
 
 def difference(

@@ -29,21 +29,11 @@ N_SAMPLES = 650  # 65 s: 30 s after the last onset always exist
 
 
 class OpenLoopEpisodes(NamedTuple):
-    """Episodes of some lanes.
+    """Episodes of some lanes."""
 
-    Attributes
-    ----------
-    observations
-        (n_samples, n_lanes, n_channels).
-    truth
-        What is true of the lanes.
-    instants
-        (n_instants, n_lanes) samples at which whole beliefs are judged.
-    """
-
-    observations: np.ndarray
+    observations: np.ndarray  # (n_samples, n_lanes, n_channels)
     truth: Truth
-    instants: np.ndarray
+    instants: np.ndarray  # (n_instants, n_lanes) samples at which whole beliefs are judged
 
 
 def both_halves(
@@ -51,20 +41,12 @@ def both_halves(
 ) -> tuple[OpenLoopEpisodes, OpenLoopEpisodes]:
     """The lanes with the thesis' stimulus, and those with random missions and manoeuvres.
 
-    Parameters
-    ----------
-    seeds
-        One per lane; the first half is that with the thesis' stimulus.
-    faulty
-        Whether the lanes have a fault.
-    vehicle, healthy_band
-        The vehicles are drawn from so many times the healthy band around this vehicle.
+    Vehicles are sampled from so many times the healthy band around `vehicle`, one per seed.
     """
     n_first = -(-len(seeds) // 2)
     arguments = faulty, vehicle, healthy_band
     first = _episodes(seeds[:n_first], True, *arguments)
-    second = _episodes(seeds[n_first:], False, *arguments)
-    return first, second
+    return first, _episodes(seeds[n_first:], False, *arguments)
 
 
 def _episodes(

@@ -26,24 +26,12 @@ TITLE_WIDTH = 44  # characters of a line above an episode
 
 
 class BenchmarkView(NamedTuple):
-    """Results as the page reads them.
+    """Results as the page reads them."""
 
-    Attributes
-    ----------
-    results
-        All of results.json.
-    scores
-        By stimulus and diagnoser.
-    references
-        Diagnosers that are not ranked.
-    names
-        Diagnosers by mean isolation time over the stimuli, references last.
-    """
-
-    results: Mapping[str, Any]
-    scores: Mapping[str, Scores]
-    references: frozenset[str]
-    names: list[str]
+    results: Mapping[str, Any]  # all of results.json
+    scores: Mapping[str, Scores]  # by stimulus and diagnoser
+    references: frozenset[str]  # diagnosers that are not ranked
+    names: list[str]  # by mean isolation time over the stimuli, references last
 
     @classmethod
     def of(cls, results: Mapping[str, Any]) -> "BenchmarkView":

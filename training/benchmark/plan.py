@@ -23,27 +23,13 @@ MOST_HOURS = 1000.0  # of healthy operation, for which a block of seeds is enoug
 
 
 class BenchmarkPlan(NamedTuple):
-    """What is to be run.
-
-    Attributes
-    ----------
-    suite
-        Its faulty episodes, its conditions, its seeds of healthy lanes.
-    threshold_conditions
-        Conditions that the thresholds are set under, whatever the suite.
-    stimuli
-        Stimuli to run, each on the same faulty episodes.
-    hours
-        Healthy operation by part, shared by the stimuli [h].
-    every
-        k: each k-th faulty episode is run.
-    """
+    """What is to be run."""
 
     suite: Suite
-    threshold_conditions: Conditions
-    stimuli: Sequence[Stimulus]
-    hours: dict[str, float]
-    every: int = 1
+    threshold_conditions: Conditions  # what thresholds are set under, whatever the suite
+    stimuli: Sequence[Stimulus]  # each on the same faulty episodes
+    hours: dict[str, float]  # healthy operation by part, shared by the stimuli [h]
+    every: int = 1  # k: each k-th faulty episode is run
 
     @property
     def faulty_episodes(self) -> tuple[Episode, ...]:
@@ -56,9 +42,8 @@ class BenchmarkPlan(NamedTuple):
             return self.faulty_episodes
         seeds = self.healthy_seeds(part, stimulus)
         missions = self.conditions(part).sample_missions(seeds)
-        return tuple(
-            Episode(seed, (), mission) for seed, mission in zip(seeds, missions, strict=True)
-        )
+        pairs = zip(seeds, missions, strict=True)
+        return tuple(Episode(seed, (), mission) for seed, mission in pairs)
 
     def healthy_seeds(self, part: str, stimulus: Stimulus) -> range:
         """Seeds of the healthy lanes of a part under a stimulus."""
@@ -69,21 +54,16 @@ class BenchmarkPlan(NamedTuple):
 
     def check_seeds(self) -> None:
         """Refuse a suite in which a vehicle serves twice, say for a threshold and for a score."""
-        seeds_by_part: dict[str, set[int]] = {
-            FAULTY: {episode.seed for episode in self.suite.episodes}
-        }
+        seeds_by_part = {FAULTY: {episode.seed for episode in self.suite.episodes}}
         for part in (THRESHOLD, COUNTING):
             ranges = [self.healthy_seeds(part, stimulus) for stimulus in self.stimuli]
             seeds_by_part[part] = set(chain.from_iterable(ranges))
         for first, second in combinations(seeds_by_part, 2):
             shared = seeds_by_part[first] & seeds_by_part[second]
             if shared:
-                raise refusal(
-                    f"suite {self.suite.name}, seed of a {first} and of a {second} lane",
-                    min(shared),
-                    "vehicles that serve once",
-                    "move one of them and seal the file",
-                )
+                thing = f"suite {self.suite.name}, seed of a {first} and of a {second} lane"
+                remedy = "move one of them and seal the file"
+                raise refusal(thing, min(shared), "vehicles that serve once", remedy)
 
     def conditions(self, part: str) -> Conditions:
         """What the vehicles of a part run under."""

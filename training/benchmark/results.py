@@ -70,27 +70,13 @@ RESULTS: dict[str, str] = {
 
 
 class PreparedEntrant(NamedTuple):
-    """A diagnoser that can be run.
-
-    Attributes
-    ----------
-    entrant
-        Its name, and what makes one.
-    fingerprint
-        What its beliefs depend on.
-    weights
-        Digest of its weights, None if it has none.
-    compute
-        What an update costs, and how many numbers its weights have.
-    knows_truth
-        Whether it receives the truth about the vehicles, and so does not compete.
-    """
+    """A diagnoser that can be run."""
 
     entrant: Entrant
-    fingerprint: str
-    weights: str | None
-    compute: dict[str, float]
-    knows_truth: bool
+    fingerprint: str  # what its beliefs depend on
+    weights: str | None  # digest of its weights, if it has any
+    compute: dict[str, float]  # what an update costs, and how many numbers its weights have
+    knows_truth: bool  # receives the truth about the vehicles, and so does not compete
 
 
 def header(

@@ -26,50 +26,30 @@ Score = Mapping[str, Any]
 
 
 class TrialOutcomes(NamedTuple):
-    """What a diagnoser under a stimulus is scored on.
+    """What a diagnoser under a stimulus is scored on."""
 
-    Attributes
-    ----------
-    threshold
-        Healthy lanes that its thresholds are set on, under all stimuli.
-    counting
-        Healthy lanes of this stimulus on which false alarms are counted.
-    faulty
-        Faulty lanes of this stimulus.
-    cruise
-        The same faulty lanes under `cruise`, None if that was not run.
-    """
-
-    threshold: HealthyOutcome
-    counting: HealthyOutcome
-    faulty: FaultyOutcome
-    cruise: FaultyOutcome | None
+    threshold: HealthyOutcome  # lanes that its thresholds are set on, under all stimuli
+    counting: HealthyOutcome  # lanes of this stimulus on which false alarms are counted
+    faulty: FaultyOutcome  # lanes of this stimulus
+    cruise: FaultyOutcome | None  # the same lanes under `cruise`, None if that was not run
 
 
 class RateInputs(NamedTuple):
-    """What the metrics at one rate of false alarms are computed from.
-
-    `mean_time` [s] between false alarms is what the threshold is set for; `seed` is that of the
-    bootstrap.
-    """
+    """What the metrics at one rate of false alarms are computed from."""
 
     assessment: Assessment
-    mean_time: float
-    seed: int
+    mean_time: float  # s between false alarms that the threshold is set for
+    seed: int  # of the bootstrap
 
 
 class ScoreInputs(NamedTuple):
-    """What the metrics of a score are computed from.
+    """What the metrics of a score are computed from."""
 
-    `assessments` are by rate, `worst` are the worst episodes as plain data, `seed` is that of the
-    bootstrap.
-    """
-
-    assessments: Mapping[str, Assessment]
+    assessments: Mapping[str, Assessment]  # by rate
     truth: LaneTruth
     outcomes: TrialOutcomes
-    worst: list[dict[str, Any]]
-    seed: int
+    worst: list[dict[str, Any]]  # the worst episodes as plain data
+    seed: int  # of the bootstrap
 
     @property
     def ranked(self) -> Assessment:
@@ -86,30 +66,14 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True)
 class Metric:
-    """One entry of a score.
+    """One entry of a score."""
 
-    Attributes
-    ----------
-    key
-        Its key in results.json.
-    compute
-        Plain data from `ScoreInputs`, or from `RateInputs`.
-    meaning
-        What it is, with its unit.
-    misleads
-        How it misleads, and beside what it must be read; empty for what is no merit.
-    csv
-        Its columns in results.csv; those of a dictionary are its keys, after the metric's key.
-    columns
-        Its columns in the leaderboard.
-    """
-
-    key: str
-    compute: Callable[[Any], Any]
-    meaning: str
-    misleads: str = ""
-    csv: tuple[str, ...] = ()
-    columns: tuple[Column, ...] = ()
+    key: str  # in results.json
+    compute: Callable[[Any], Any]  # plain data from `ScoreInputs`, or from `RateInputs`
+    meaning: str  # what it is, with its unit
+    misleads: str = ""  # and beside what it must be read; empty for what is no merit
+    csv: tuple[str, ...] = ()  # columns in results.csv; of a dictionary its keys after the metric's
+    columns: tuple[Column, ...] = ()  # in the leaderboard
 
 
 def false_alarm_rate_interval(inputs: RateInputs) -> tuple[float, float]:
@@ -153,19 +117,6 @@ def severity_error(inputs: ScoreInputs) -> Any:
 def calibration_error(assessment: Assessment) -> float:
     """Expected calibration error of beliefs at random instants."""
     return metrics.expected_calibration_error(assessment.confidence, assessment.right)
-
-
-def amoc(inputs: ScoreInputs) -> dict[str, list[float]]:
-    """Delay and share detected against the rate of false alarms."""
-    outcomes = inputs.outcomes
-    onset = inputs.truth.at_instants.onset
-    return score_series.amoc(outcomes.threshold, outcomes.faulty, onset)
-
-
-def compatible_scores(inputs: ScoreInputs) -> dict[str, float | None]:
-    """Scores as other benchmarks compute them."""
-    faulty = inputs.outcomes.faulty
-    return score_series.compatible_scores(faulty, inputs.ranked.threshold, inputs.truth)
 
 
 def _interval_cell(score: Score, key: str, digits: int) -> str:
@@ -378,7 +329,9 @@ METRICS = (
     ),
     Metric(
         "amoc",
-        amoc,
+        lambda score: score_series.amoc(
+            score.outcomes.threshold, score.outcomes.faulty, score.truth.at_instants.onset
+        ),
         "{false_alarms_per_hour, delay, probability}: restricted mean delay [s] and share detected "
         "against the rate of false alarms that the threshold is set for",
         "The rate on other lanes can differ: see `false_alarms_per_hour`.",
@@ -402,7 +355,9 @@ METRICS = (
     ),
     Metric(
         "compatibility",
-        compatible_scores,
+        lambda score: score_series.compatible_scores(
+            score.outcomes.faulty, score.ranked.threshold, score.truth
+        ),
         "scores of other benchmarks by name",
         "They count samples or runs and do not know how soon a fault was found.",
     ),

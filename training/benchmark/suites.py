@@ -63,36 +63,19 @@ class Steering:
 
 @dataclass(frozen=True)
 class Conditions:
-    """What the vehicles of a suite run under.
+    """What the vehicles of a suite run under."""
 
-    Attributes
-    ----------
-    plant
-        Arguments of `Fleet`: preset, sensor_noise, disturbance, healthy_band.
-    duration
-        Of an episode [s].
-    missions
-        Distributions of the missions of healthy lanes, taken in turn by the seed.
-    steering
-        Rudder and stern plane of all lanes.
-    """
-
-    plant: Mapping[str, Any]
-    duration: float
-    missions: tuple[MissionSampler, ...]
-    steering: Steering
+    plant: Mapping[str, Any]  # for `Fleet`: preset, sensor_noise, disturbance, healthy_band
+    duration: float  # of an episode [s]
+    missions: tuple[MissionSampler, ...]  # of healthy lanes, taken in turn by the seed
+    steering: Steering  # of all lanes
 
     def __post_init__(self):
-        finite_in_range(
-            "duration", self.duration, LAST_STAND_IN_ONSET + HORIZON + SAMPLE_TIME, 3600.0
-        )
+        shortest = LAST_STAND_IN_ONSET + HORIZON + SAMPLE_TIME
+        finite_in_range("duration", self.duration, shortest, 3600.0)
         if not self.missions:
-            raise refusal(
-                "missions",
-                self.missions,
-                "at least one",
-                "give the distribution of healthy lanes' missions",
-            )
+            remedy = "give the distribution of healthy lanes' missions"
+            raise refusal("missions", self.missions, "at least one", remedy)
         Fleet(1, **self.plant)
 
     @property
@@ -130,31 +113,15 @@ class Episode(NamedTuple):
 
 @dataclass(frozen=True)
 class Suite:
-    """A list of faulty episodes with their conditions, and the seeds of healthy lanes.
-
-    Attributes
-    ----------
-    name, about
-        What it is called, and one line on its content.
-    conditions
-        What all of its vehicles run under.
-    healthy
-        First seed of the healthy lanes by part: to set thresholds, to count false alarms.
-    episodes
-        The faulty episodes.
-    hash
-        That of its file; empty if it is in none.
-    purpose
-        Purpose of its seeds; those of users are allowed as well.
-    """
+    """A list of faulty episodes with their conditions, and the seeds of healthy lanes."""
 
     name: str
-    about: str
+    about: str  # one line on its content
     conditions: Conditions
-    healthy: Mapping[str, int]
-    episodes: tuple[Episode, ...]
-    hash: str = ""
-    purpose: str = "test"
+    healthy: Mapping[str, int]  # first seed of the healthy lanes of each of `HEALTHY_PARTS`
+    episodes: tuple[Episode, ...]  # the faulty ones
+    hash: str = ""  # of its file; empty if it is in none
+    purpose: str = "test"  # of its seeds; those of users are allowed as well
 
     def __post_init__(self):
         if not isinstance(self.name, str) or not NAME.fullmatch(self.name):

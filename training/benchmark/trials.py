@@ -15,12 +15,7 @@ from auv_fault_env.noise import STREAMS, uniforms
 from auv_fault_env.schedules import events_of, first_onset
 from auv_fault_env.truth import FleetTruth
 from diagnosers import Belief, Diagnoser
-from training.benchmark.suites import (
-    LAST_STAND_IN_ONSET,
-    Conditions,
-    Episode,
-    noise_keys,
-)
+from training.benchmark.suites import LAST_STAND_IN_ONSET, Conditions, Episode, noise_keys
 from training.metrics import sample_at
 from training.metrics.records import (
     SEVERITY_AT,
@@ -62,84 +57,45 @@ class Trial(NamedTuple):
 
 
 class LaneTruth(NamedTuple):
-    """What is true of some lanes.
-
-    Attributes
-    ----------
-    at_instants
-        Fault and onset of each lane, label and severity at the instants.
-    instants
-        (n_instants, n_lanes) samples at which whole beliefs are judged.
-    full_severity
-        (n_lanes,) greatest severity, as the oracle knows it.
-    label
-        (n_samples, n_lanes) class over time.
-    """
+    """What is true of some lanes."""
 
     at_instants: Truth
-    instants: np.ndarray
-    full_severity: np.ndarray
-    label: np.ndarray
+    instants: np.ndarray  # (n_instants, n_lanes) samples at which whole beliefs are judged
+    full_severity: np.ndarray  # (n_lanes,) greatest severity, as the oracle knows it
+    label: np.ndarray  # (n_samples, n_lanes) class
 
 
 class LoopSample(NamedTuple):
-    """One sample of a closed loop.
+    """One sample of a closed loop; shapes (n_lanes,) unless another is named."""
 
-    Attributes
-    ----------
-    observation
-        (n_lanes, n_channels).
-    belief
-        After this observation, classes in the order of `classes()`.
-    mission_speed, offset, true_speed
-        (n_lanes,) [m/s] at this sample.
-    energy, squared_deviation
-        (n_lanes,) of the step that follows: energy [J], squared deviation of the true speed from
-        the mission's [m²/s²].
-    """
-
-    observation: np.ndarray
-    belief: Belief
-    mission_speed: np.ndarray
-    offset: np.ndarray
-    true_speed: np.ndarray
-    energy: np.ndarray
-    squared_deviation: np.ndarray
+    observation: np.ndarray  # (n_lanes, n_channels)
+    belief: Belief  # after this observation, classes in the order of `classes()`
+    mission_speed: np.ndarray  # m/s
+    offset: np.ndarray  # m/s
+    true_speed: np.ndarray  # m/s
+    energy: np.ndarray  # J in the step that follows
+    squared_deviation: np.ndarray  # of its true speed from the mission's [m²/s²]
 
 
 class TrialHistory(NamedTuple):
-    """What happened in a trial.
+    """What happened in a trial."""
 
-    Attributes
-    ----------
-    observations
-        (n_samples, n_lanes, n_channels).
-    record
-        What the diagnoser believed.
-    energy, speed_rms
-        (n_lanes,) as in `FaultyOutcome`.
-    """
-
-    observations: np.ndarray
+    observations: np.ndarray  # (n_samples, n_lanes, n_channels)
     record: Record
-    energy: np.ndarray
+    energy: np.ndarray  # as in `FaultyOutcome`
     speed_rms: np.ndarray
 
 
 class FaultyOutcome(NamedTuple):
-    """What scores need of faulty lanes.
-
-    The belief as in `Record`; and what the mission paid, (n_lanes,): energy [J], and the root mean
-    square of the true speed's deviation from the mission's [m/s].
-    """
+    """What scores need of faulty lanes: the belief as in `Record`, and what the mission paid."""
 
     log_normal: np.ndarray
     fault: np.ndarray
     log_probability: np.ndarray
     severity_mean: np.ndarray
     severity_std: np.ndarray
-    energy: np.ndarray
-    speed_rms: np.ndarray
+    energy: np.ndarray  # (n_lanes,) [J]
+    speed_rms: np.ndarray  # (n_lanes,) RMS deviation of the true speed from the mission's [m/s]
 
     @property
     def record(self) -> Record:
@@ -173,19 +129,12 @@ def lane_truth(conditions: Conditions, episodes: Sequence[Episode]) -> LaneTruth
 
 
 def run_closed_loop(
-    diagnoser: Diagnoser,
-    stimulus: Stimulus,
-    conditions: Conditions,
-    episodes: Sequence[Episode],
+    diagnoser: Diagnoser, stimulus: Stimulus, conditions: Conditions, episodes: Sequence[Episode]
 ) -> Iterator[LoopSample]:
     """Simulate the episodes with diagnoser and stimulus in the loop, and yield every sample.
 
-    A diagnoser with a method `set_truth` receives the vehicles and severities at the start.
-
-    Raises
-    ------
-    ValueError
-        If what the diagnoser returns is not a belief; what the diagnoser raises passes through.
+    A diagnoser with a method `set_truth` receives the vehicles and severities at the start. Raises
+    `ValueError` if it returns no belief; what the diagnoser raises passes through.
     """
     n_lanes = len(episodes)
     seeds, schedules, missions = zip(*episodes, strict=True)
@@ -195,7 +144,9 @@ def run_closed_loop(
     if hasattr(diagnoser, "set_truth"):
         full_severity = lane_truth(conditions, episodes).full_severity
         diagnoser.set_truth(fleet.plan.healthy.copy(), full_severity)
-    _use_one_thread()
+    if "torch" in sys.modules:
+        # one thread: trials run in parallel, and sums stay equal
+        sys.modules["torch"].set_num_threads(1)
     stimulus = replace(stimulus)  # a copy, for it may remember the episode
     deflections = conditions.deflections(seeds)
     for k in range(conditions.n_samples):
@@ -240,9 +191,3 @@ def run_trial(trial: Trial) -> FaultyOutcome | HealthyOutcome:
     onset = lane_truth(trial.conditions, trial.episodes).at_instants.onset
     most_alarms = MOST_ALARMS if trial.part == THRESHOLD else None
     return healthy_outcome(history.record, onset, most_alarms)
-
-
-def _use_one_thread() -> None:
-    """Let torch use one thread: trials run in parallel, and sums stay equal."""
-    if "torch" in sys.modules:
-        sys.modules["torch"].set_num_threads(1)

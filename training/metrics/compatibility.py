@@ -6,7 +6,7 @@ purpose: fddbenchmark's ADD takes a delay in samples times the step of the windo
 out the runs it missed, and counts an alarm that stands at onset as a delay of zero.
 
 Label and decision are (n_samples, n_lanes) class indices over time, 0 is normal, as in
-`training.metrics.metrics`; a decision is the fault named while the alarm stands. A share of nothing
+`training.metrics`; a decision is the fault named while the alarm stands. A share of nothing
 is NaN.
 """
 
@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from training.metrics.metrics import NORMAL, confusion
+from training.metrics import NORMAL, confusion
 from training.metrics.plain import finite
 
 

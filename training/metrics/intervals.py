@@ -6,7 +6,7 @@ They do not cover a diagnoser trained with another seed, nor another plant.
 import numpy as np
 from scipy.stats import chi2
 
-from training.metrics.metrics import confusion, macro_f1
+from training.metrics import confusion, macro_f1
 
 Interval = tuple[float, float]
 RESAMPLES = 2000

@@ -8,13 +8,7 @@ import numpy as np
 from auv_fault_env.faults import classes
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers import Belief
-from training.metrics.metrics import (
-    class_order,
-    edges,
-    running_maximum,
-    sample_at,
-    threshold_within,
-)
+from training.metrics import class_order, edges, running_maximum, sample_at, threshold_within
 
 # samples in a row for an alarm, the same for all: outlives a spike, and costs 0.2 s
 PERSISTENCE = 3
@@ -30,81 +24,42 @@ class Truth(NamedTuple):
     """What is true of some lanes, over the episode and at the instants.
 
     The first instant is `SEVERITY_AT` after onset, the others are random. Healthy lanes have class
-    0 and a stand-in onset at which nothing happens: so they are judged at the same instants as
-    faulty lanes.
-
-    Attributes
-    ----------
-    fault, onset
-        (n_lanes,) class of the fault and its onset [s].
-    label, severity
-        (n_instants, n_lanes) class and severity at the instants.
+    0 and a stand-in onset: so they are judged at the same instants as faulty lanes.
     """
 
-    fault: np.ndarray
-    onset: np.ndarray
-    label: np.ndarray
-    severity: np.ndarray
+    fault: np.ndarray  # (n_lanes,) class
+    onset: np.ndarray  # (n_lanes,) [s]
+    label: np.ndarray  # (n_instants, n_lanes) class
+    severity: np.ndarray  # (n_instants, n_lanes)
 
 
 class Record(NamedTuple):
-    """What a diagnoser believed, classes in the order of `classes()`.
+    """What a diagnoser believed, classes in the order of `classes()`."""
 
-    Attributes
-    ----------
-    log_normal, fault
-        (n_samples, n_lanes) log p(normal) and the most probable fault at all samples.
-    log_probability, severity_mean, severity_std
-        (n_instants, n_lanes, n_classes) the whole belief at the instants.
-    """
-
-    log_normal: np.ndarray
-    fault: np.ndarray
+    log_normal: np.ndarray  # (n_samples, n_lanes) log p(normal)
+    fault: np.ndarray  # (n_samples, n_lanes) most probable fault
+    # the whole belief, (n_instants, n_lanes, n_classes)
     log_probability: np.ndarray
     severity_mean: np.ndarray
     severity_std: np.ndarray
 
 
 class HealthyOutcome(NamedTuple):
-    """What scores need of healthy lanes: false alarms and decisions at any threshold.
+    """What scores need of healthy lanes: false alarms and decisions at any threshold."""
 
-    Attributes
-    ----------
-    low, high
-        Where alarms begin, as `metrics.Edges`.
-    complete
-        (n_chunks,) thresholds up to which these are all.
-    least
-        (n_lanes,) alarms arise above this threshold.
-    depth, fault
-        (n_decisions, n_lanes): above this threshold an alarm stands at the time of decision, and
-        then this fault is named.
-    log_probability
-        (n_random, n_lanes, n_classes) at random instants.
-    hours
-        (n_chunks,) of operation.
-    """
-
-    low: np.ndarray
+    low: np.ndarray  # low and high: where alarms begin, as `metrics.Edges`
     high: np.ndarray
-    complete: np.ndarray
-    least: np.ndarray
+    complete: np.ndarray  # (n_chunks,) thresholds up to which these are all
+    least: np.ndarray  # (n_lanes,) alarms arise above this threshold
+    # (n_decisions, n_lanes): above `depth` an alarm stands at the decision and names `fault`
     depth: np.ndarray
     fault: np.ndarray
-    log_probability: np.ndarray
-    hours: np.ndarray
+    log_probability: np.ndarray  # (n_random, n_lanes, n_classes) at random instants
+    hours: np.ndarray  # (n_chunks,) of operation
 
 
 class Recorder:
-    """Records the beliefs of a diagnoser sample by sample.
-
-    Parameters
-    ----------
-    n_samples
-        How many beliefs come.
-    instants
-        (n_instants, n_lanes) samples at which the whole belief is recorded.
-    """
+    """Records `n_samples` beliefs, whole ones at the samples `instants` (n_instants, n_lanes)."""
 
     def __init__(self, n_samples: int, instants: np.ndarray):
         self.instants = instants
@@ -126,13 +81,7 @@ class Recorder:
 
 
 def ordered_belief(belief: Any, diagnoser_classes: Sequence[str], n_lanes: int, k: int) -> Belief:
-    """The belief after sample k with its classes in the order of `classes()`.
-
-    Raises
-    ------
-    ValueError
-        If it is not a belief over these classes and lanes; says what is wrong and when.
-    """
+    """The belief after sample k, classes as `classes()`; `ValueError` says what is wrong."""
     order = class_order(diagnoser_classes, classes())
     error = belief_error(belief, (n_lanes, len(order)))
     if error:
@@ -186,8 +135,6 @@ def healthy_outcome(
 
 def concatenate_lanes(parts: Sequence[Any]) -> Any:
     """Tuples of arrays as one, along the lanes: the first axis of vectors, else the second."""
-    fields = []
-    for arrays in zip(*parts, strict=True):
-        axis = min(arrays[0].ndim - 1, 1)
-        fields.append(np.concatenate(arrays, axis=axis))
+    columns = zip(*parts, strict=True)
+    fields = (np.concatenate(arrays, axis=min(arrays[0].ndim - 1, 1)) for arrays in columns)
     return type(parts[0])(*fields)

@@ -12,6 +12,7 @@ from auv_fault_env.missions import Mission
 from auv_fault_env.parameters import PARAMETERS
 from diagnosers import Belief, Recursive, make
 from diagnosers.third_party import ThirdParty
+from training import metrics
 from training.benchmark import trial_store, trials
 from training.benchmark.suites import Episode, load
 from training.benchmark.trials import (
@@ -24,7 +25,7 @@ from training.benchmark.trials import (
     run_trial,
     simulate_trial,
 )
-from training.metrics import Edges, metrics, records
+from training.metrics import Edges, records
 from training.metrics.records import PERSISTENCE, Record, concatenate_lanes, healthy_outcome
 from training.stimuli import BUDGET, STIMULI
 
