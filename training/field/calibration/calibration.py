@@ -17,7 +17,7 @@ from training.field.calibration.motor_noise import motor_noise
 from training.field.calibration.robust_fit import Values
 from training.field.calibration.samples import Samples, noise_levels, samples_of
 from training.field.logs.log import Log
-from training.field.vehicle_file import BAND, NOISE, QUANTITIES, VehicleFile
+from training.field.vehicle_file import NOISE, QUANTITIES, VehicleFile
 
 NAMES = (*reversed(surge_fit.PARAMETERS), *reversed(motor_fit.PARAMETERS), *surge_fit.DISTURBANCE)
 # parameters of the file that one parameter of the fit multiplies
@@ -32,10 +32,10 @@ class ParameterFit(NamedTuple):
     before: float  # in the vehicle file
     value: float  # in the calibrated one
     # with the fixed parameters as in the file; NaN for a parameter that was not fitted
-    std: float
-    low: float  # of the 95 % interval
-    high: float
-    band: float  # relative half-width of the healthy band
+    std: float = math.nan
+    low: float = math.nan  # of the 95 % interval
+    high: float = math.nan
+    band: float = 0.0  # relative half-width of the healthy band
     why: str = ""  # it keeps the file's value; empty for a fitted parameter
     remedy: str = ""  # what would help
 
@@ -64,17 +64,11 @@ class Calibration:
         value = getattr(self.vehicle.vehicle, name, 1.0)
         if name in FILE_PARAMETERS and self.is_fitted(name):
             value = fit.values[name]
+        unit = QUANTITIES[name]["unit"] if name in QUANTITIES else "1"
+        before = getattr(self.before.vehicle, name, 1.0)
         first_name, *_ = FILE_PARAMETERS.get(name, (name,))
-        parameter = ParameterFit(
-            name=name,
-            unit=QUANTITIES[name]["unit"] if name in QUANTITIES else "1",
-            before=getattr(self.before.vehicle, name, 1.0),
-            value=value,
-            std=math.nan,
-            low=math.nan,
-            high=math.nan,
-            band=self.vehicle.band.get(first_name, 0.0),
-        )
+        band = self.vehicle.band.get(first_name, 0.0)
+        parameter = ParameterFit(name, unit, before, value, band=band)
         if not self.is_fitted(name):
             why, remedy = model.why.get(name, ("", ""))
             return parameter._replace(why=why, remedy=remedy)
@@ -113,7 +107,7 @@ def calibrate_samples(samples: Samples, vehicle: VehicleFile) -> Calibration:
     nominal = replace(nominal, **motor_fit.vehicle_constants(nominal, motor.fit.values))
     surge = surge_fit.surge_fit(samples, nominal, noise["speed"], speeds)
     nominal = replace(nominal, **surge_fit.vehicle_constants(nominal, surge.fit.values))
-    file_band = BAND | vehicle.band
+    file_band = dict(vehicle.band)
     band = file_band | _bands(motor, file_band) | _bands(surge, file_band)
     calibrated = replace(vehicle, vehicle=nominal, band=band, noise=noise)
     return Calibration(calibrated, vehicle, motor, surge)
@@ -121,8 +115,7 @@ def calibrate_samples(samples: Samples, vehicle: VehicleFile) -> Calibration:
 
 def _channel_noise(samples: Samples, vehicle: VehicleFile) -> dict[str, float]:
     """Noise by reading: as in the file, or from the samples where there are enough."""
-    file_noise = NOISE | vehicle.noise
-    noise = {name: max(std, NOISE_FLOOR * NOISE[name]) for name, std in file_noise.items()}
+    noise = {name: max(std, NOISE_FLOOR * NOISE[name]) for name, std in vehicle.noise.items()}
     for name, std in noise_levels(samples).items():
         noise[name] = min(std, CHANNELS[name].high - CHANNELS[name].low)
     return noise

@@ -6,7 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.parameters import Vehicle
-from training.field.calibration.robust_fit import LEAST_BLOCKS, NO_FIT, Fit, Values
+from training.field.calibration.robust_fit import (
+    LEAST_BLOCKS,
+    NO_FIT,
+    Fit,
+    Problem,
+    Values,
+    fit_identifiable,
+)
 from training.field.calibration.samples import BLOCK
 from training.field.vehicle_file import QUANTITIES
 
@@ -25,6 +32,14 @@ class ModelFit(NamedTuple):
 def no_model_fit(names: tuple[str, ...], why: str, remedy: str) -> ModelFit:
     """A model of which no parameter could be fitted."""
     return ModelFit(NO_FIT, {}, dict.fromkeys(names, (why, remedy)))
+
+
+def model_fit(problem: Problem, scale: Values, remedies: Mapping[str, str]) -> ModelFit:
+    """Fit what the residuals identify; the rest gets a reason and its remedy."""
+    fit = fit_identifiable(problem)
+    reasons = {name: reason_unidentified(std) for name, std in fit.unidentified.items()}
+    why = {name: (reason, remedies[name]) for name, reason in reasons.items()}
+    return ModelFit(fit, scale, why)
 
 
 def reason_unidentified(std: float) -> str:

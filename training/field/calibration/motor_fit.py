@@ -7,14 +7,9 @@ import numpy as np
 
 from auv_fault_env.parameters import SIDES, Vehicle
 from auv_fault_env.physics import RPM, nominal_shaft, plant_constants
-from training.field.calibration.model_fit import (
-    ModelFit,
-    factor_limits,
-    no_model_fit,
-    reason_unidentified,
-)
+from training.field.calibration.model_fit import ModelFit, factor_limits, model_fit, no_model_fit
 from training.field.calibration.prediction import shaft_residuals
-from training.field.calibration.robust_fit import Problem, Residuals, Values, fit_identifiable
+from training.field.calibration.robust_fit import Problem, Residuals, Values
 from training.field.calibration.samples import Samples
 from training.field.vehicle_file import NOISE
 
@@ -59,11 +54,8 @@ def motor_fit(samples: Samples, vehicle: Vehicle, noise: Values) -> ModelFit:
     if not samples.has("speed") and not samples.has("speed_command"):
         why = "there is no speed, which the propeller's torque depends on"
         return no_model_fit(PARAMETERS, why, "log the speed")
-    fit = fit_identifiable(motor_problem(samples, vehicle, noise, sides))
-    why = {
-        name: (reason_unidentified(std), REMEDIES[name]) for name, std in fit.unidentified.items()
-    }
-    return ModelFit(fit, parameter_scales(vehicle), why)
+    problem = motor_problem(samples, vehicle, noise, sides)
+    return model_fit(problem, parameter_scales(vehicle), REMEDIES)
 
 
 def motor_problem(

@@ -14,14 +14,9 @@ import numpy as np
 from auv_fault_env.parameters import Vehicle
 from auv_fault_env.physics import nominal_shaft, plant_constants
 from diagnosers.kalman import opening_share
-from training.field.calibration.model_fit import (
-    ModelFit,
-    factor_limits,
-    no_model_fit,
-    reason_unidentified,
-)
+from training.field.calibration.model_fit import ModelFit, factor_limits, model_fit, no_model_fit
 from training.field.calibration.prediction import speed_innovations
-from training.field.calibration.robust_fit import Problem, Residuals, Values, fit_identifiable
+from training.field.calibration.robust_fit import Problem, Residuals, Values
 from training.field.calibration.samples import Samples
 
 # in the order in which they are fixed if not all are identified
@@ -50,13 +45,12 @@ def surge_fit(
     if not shaft_speeds:
         why = "there is neither a shaft speed nor a voltage"
         return no_model_fit(PARAMETERS, why, "log one of them")
-    fit = fit_identifiable(surge_problem(samples, vehicle, noise, shaft_speeds))
-    why = {
-        name: (reason_unidentified(std), REMEDIES[name]) for name, std in fit.unidentified.items()
-    }
-    if not samples.deflection.any():
-        why["gamma"] = ("rudder and planes do not move", REMEDIES["gamma"])
-    return ModelFit(fit, {name: getattr(vehicle, name) for name in PARAMETERS}, why)
+    problem = surge_problem(samples, vehicle, noise, shaft_speeds)
+    fit = model_fit(problem, {name: getattr(vehicle, name) for name in PARAMETERS}, REMEDIES)
+    if samples.deflection.any():
+        return fit
+    unmoved = "rudder and planes do not move", REMEDIES["gamma"]
+    return fit._replace(why={**fit.why, "gamma": unmoved})
 
 
 def surge_problem(
