@@ -1,8 +1,4 @@
-"""The interface of a stimulus: the rule that offsets the commanded speed from the mission speed.
-
-A change of speed makes some faults show sooner. All stimuli are compared under the same budget, the
-root mean square of the offsets over an episode.
-"""
+"""The interface of a stimulus: it offsets the commanded speed, so that some faults show sooner."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -34,8 +30,7 @@ class Stimulus(ABC):
     Attributes
     ----------
     seed_block
-        Number of the block of seeds that healthy lanes of a benchmark have under this stimulus;
-        each stimulus has one of its own.
+        Number of the seeds of healthy lanes in a benchmark; each stimulus has its own.
     budget
         Largest root mean square of the offsets of a lane over an episode of `EPISODE_TIME` [m/s].
     """
@@ -60,10 +55,8 @@ class Stimulus(ABC):
         ----------
         sample
             Number of the sample, 0 at the start of the episode.
-        observation
-            (n_lanes, n_channels), channels as in `CHANNELS`.
-        belief
-            Of the diagnoser after this observation.
+        observation, belief
+            (n_lanes, n_channels), and the diagnoser's belief after it.
         """
 
 

@@ -17,15 +17,13 @@ class EpisodeState:
 
     Attributes
     ----------
-    next_sample
-        Number of the sample that must come next.
+    sample
+        Number of the sample that is decided on, or must come next.
     allowance
         Squared offsets that the budget has left, (n_lanes,) [m^2/s^2 times samples].
-    memory
-        What the stimulus remembers besides.
     """
 
-    next_sample: int = 0
+    sample: int = 0
     allowance: np.ndarray = field(default_factory=lambda: np.zeros(0))
     memory: Any = None
 
@@ -54,39 +52,24 @@ class ClosedLoop(Stimulus):
         episode = self._episode
         n_lanes = len(observation)
         if sample == 0:
-            episode.next_sample = 0
+            episode.sample = 0
             episode.allowance = np.full(n_lanes, N_SAMPLES * self.budget**2)
             episode.memory = self.initial_memory(n_lanes)
-        expected = (episode.next_sample, len(episode.allowance))
+        expected = (episode.sample, len(episode.allowance))
         if (sample, n_lanes) != expected:
-            raise refusal(
-                "sample and number of lanes",
-                (sample, n_lanes),
-                f"{expected}, or sample 0",
-                "use one instance of the stimulus for each batch",
-            )
-        allowance = episode.allowance
-        chosen = self.choose_offset(sample, observation, belief, allowance, episode.memory)
-        largest = np.minimum(np.sqrt(allowance), LARGEST_OFFSET)
+            allowed = f"{expected}, or sample 0"
+            remedy = "use one instance of the stimulus for each batch"
+            raise refusal("sample and number of lanes", (sample, n_lanes), allowed, remedy)
+        chosen = self.decide(observation, belief, episode)
+        largest = np.minimum(np.sqrt(episode.allowance), LARGEST_OFFSET)
         offset = within_channel(np.clip(chosen, -largest, largest), observation)
-        episode.next_sample = sample + 1
-        episode.allowance = np.maximum(allowance - np.square(offset), 0.0)
+        episode.sample += 1
+        episode.allowance = np.maximum(episode.allowance - np.square(offset), 0.0)
         return offset
 
-    @abstractmethod
     def initial_memory(self, n_lanes: int) -> Any:
-        """The memory at the start of an episode; `choose_offset` may change it in place."""
+        """The memory at the start of an episode; `decide` may change it in place."""
 
     @abstractmethod
-    def choose_offset(
-        self,
-        sample: int,
-        observation: np.ndarray,
-        belief: Belief,
-        allowance: np.ndarray,
-        memory: Any,
-    ) -> np.ndarray:
-        """The offset before any clipping [m/s], (n_lanes,).
-
-        ``allowance`` is as in `EpisodeState`, the other arguments as for `offset`.
-        """
+    def decide(self, observation: np.ndarray, belief: Belief, episode: EpisodeState) -> np.ndarray:
+        """The offset before any clipping [m/s], (n_lanes,)."""

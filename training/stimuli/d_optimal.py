@@ -25,8 +25,7 @@ SIGNS = (-1.0, 1.0)
 def candidates(duration: float) -> np.ndarray:
     """Profiles of root mean square 1 with a whole number of periods, (n_profiles, n_samples).
 
-    A period has two levels of opposite sign with a mean of zero; each may be cut short and followed
-    by the mission speed.
+    A period has two levels with a mean of zero; after each the mission speed may follow.
     """
     n_samples = round(duration * SAMPLE_RATE)
     n_periods = range(1, int(duration / SHORTEST_PERIOD) + 1)
@@ -47,16 +46,11 @@ def profile(
 
 
 def log_information(offsets: np.ndarray) -> np.ndarray:
-    """Log determinant of the information on alpha and beta, (n_profiles,).
+    """Log determinant of the information on alpha and beta, of offsets (n_profiles, n_samples).
 
-    The nominal vehicle runs the profiles around 1 ft/s without noise. The covariance of the filter
-    of the surge model along these runs is then the Cramer-Rao bound, disturbance and prior included
+    The nominal vehicle runs these speed offsets [m/s] around 1 ft/s without noise. The covariance
+    of the surge filter is then the Cramer-Rao bound, disturbance and prior included
     (see `training.bounds.cramer_rao`).
-
-    Parameters
-    ----------
-    offsets
-        Speed offsets [m/s], (n_profiles, n_samples).
     """
     n = len(offsets)
     surge_filter = SurgeFilter(walk_std=(0.0, 0.0, 0.0))

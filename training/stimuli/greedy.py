@@ -2,10 +2,7 @@
 
 The information of an offset is bounded from below by ``-sum_i p_i log sum_j p_j exp(-k_ij)`` over
 hypotheses, k the Bhattacharyya distance of their predictions (Kolchinsky & Tracey, "Estimating
-mixture entropy with pairwise distances", Entropy 19, 2017, 361, doi:10.3390/e19070361). The same
-distances bound the chance of an error (Blackmore & Williams, "Finite horizon control design for
-optimal discrimination between several models", IEEE CDC 2006). That bound counts a rival by the
-root of its probability, and so would excite a healthy vehicle because of unlikely faults.
+mixture entropy with pairwise distances", Entropy 19, 2017, 361, doi:10.3390/e19070361).
 """
 
 import math
@@ -20,7 +17,7 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import PRESETS, SAMPLE_RATE, SAMPLE_TIME, nominal
 from diagnosers import Belief
 from training.stimuli.base import LARGEST_OFFSET, MISSION_SPEED
-from training.stimuli.closed_loop import ClosedLoop
+from training.stimuli.closed_loop import ClosedLoop, EpisodeState
 from training.stimuli.greedy_model import expected_information
 
 VEHICLE = PRESETS["thesis1992"]
@@ -61,9 +58,7 @@ def fault_effects() -> tuple[np.ndarray, np.ndarray]:
             fault_of[fault.diagnosis] = row
         fault_of.setdefault(fault.diagnosis, row)
     rows = [fault_of[name] for name in classes()[1:]]
-    unit_scale = np.ones((1, scale.shape[1]))
-    no_offset = np.zeros((1, scale.shape[1]))
-    return np.concatenate([unit_scale, scale[rows]]), np.concatenate([no_offset, offset[rows]])
+    return np.insert(scale[rows], 0, 1.0, axis=0), np.insert(offset[rows], 0, 0.0, axis=0)
 
 
 @cache
@@ -104,51 +99,32 @@ class Greedy(ClosedLoop):
         """No speed yet, no offset."""
         return GreedyMemory(np.full(n_lanes, np.nan), np.zeros(n_lanes), fault_effects())
 
-    def choose_offset(
-        self,
-        sample: int,
-        observation: np.ndarray,
-        belief: Belief,
-        allowance: np.ndarray,
-        memory: GreedyMemory,
-    ) -> np.ndarray:
+    def decide(self, observation: np.ndarray, belief: Belief, episode: EpisodeState) -> np.ndarray:
         """The current offset, chosen anew every second."""
-        reading = observation[:, SPEED].astype(np.float64)
+        memory: GreedyMemory = episode.memory
+        observation = observation.astype(np.float64)
+        reading = observation[:, SPEED]
         before = np.where(np.isnan(memory.filtered_speed), reading, memory.filtered_speed)
         memory.filtered_speed[:] = before + SPEED_WEIGHT * (reading - before)
-        if sample % DECISION == 0:
-            present = np.stack(
-                [
-                    memory.filtered_speed,
-                    observation[:, ACCELERATION].astype(np.float64),
-                    observation[:, COMMAND].astype(np.float64),
-                ],
-                axis=1,
-            )
-            mission_speed = observation[:, MISSION_SPEED].astype(np.float64)
-            memory.offset[:] = _best_offset(
-                belief, memory.effects, present, mission_speed, allowance
-            )
+        if episode.sample % DECISION == 0:
+            memory.offset[:] = _best_offset(observation, belief, episode.allowance, memory)
         return memory.offset
 
 
 def _best_offset(
-    belief: Belief,
-    effects: tuple[np.ndarray, np.ndarray],
-    present: np.ndarray,
-    mission_speed: np.ndarray,
-    allowance: np.ndarray,
+    observation: np.ndarray, belief: Belief, allowance: np.ndarray, memory: GreedyMemory
 ) -> np.ndarray:
-    """The best of `OFFSETS` on each lane; `present` (n_lanes, 3) is as in `greedy_model`."""
+    """The best of `OFFSETS` on each lane."""
+    present = (memory.filtered_speed, observation[:, ACCELERATION], observation[:, COMMAND])
     order = np.argsort(-belief.log_probability, axis=1, kind="stable")
     likeliest = order[:, :N_HYPOTHESES]
     log_probability = np.take_along_axis(belief.log_probability, likeliest, axis=1)
     log_total = np.logaddexp.reduce(log_probability, axis=1, keepdims=True)
     information = expected_information(
-        _parameters_under(belief, likeliest, effects),
+        _parameters_under(belief, likeliest, memory.effects),
         np.exp(log_probability - log_total),
-        present,
-        mission_speed,
+        np.stack(present, axis=1),
+        observation[:, MISSION_SPEED].copy(),
         OFFSETS,
         reading_variance(),
         plant_constants(),

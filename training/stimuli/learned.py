@@ -13,7 +13,7 @@ from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from diagnosers import Belief, storage
 from diagnosers.filter_bank import FilterBank
 from diagnosers.kalman import Estimate, ParameterFilter
-from training.stimuli.closed_loop import ClosedLoop
+from training.stimuli.closed_loop import ClosedLoop, EpisodeState
 from training.stimuli.declaration import DECLARATION_PROBABILITY, UNDECLARED, Declaration
 from training.stimuli.light_bank import restrict_belief
 from training.stimuli.policy import LearnedPolicy, policy_name
@@ -75,26 +75,20 @@ class Learned(ClosedLoop):
             [names.index(name) for name in self._policy.classes],
         )
 
-    def choose_offset(
-        self,
-        sample: int,
-        observation: np.ndarray,
-        belief: Belief,
-        allowance: np.ndarray,
-        memory: LearnedMemory,
-    ) -> np.ndarray:
+    def decide(self, observation: np.ndarray, belief: Belief, episode: EpisodeState) -> np.ndarray:
         """The offset of the current action, until a fault is declared."""
+        memory: LearnedMemory = episode.memory
         reading = np.asarray(observation, np.float64)
         memory.estimate = ParameterFilter().update(memory.estimate, reading)
         memory.declaration.update(belief.log_probability)
-        if sample % self.samples_per_decision == 0:
-            allowance = allowance * SAMPLE_TIME
+        if episode.sample % self.samples_per_decision == 0:
+            allowance = episode.allowance * SAMPLE_TIME
             features = policy_features(
                 restrict_belief(belief),
                 memory.estimate,
                 observation,
                 memory.action,
-                np.full(len(allowance), sample * SAMPLE_TIME),
+                np.full(len(allowance), episode.sample * SAMPLE_TIME),
                 allowance,
                 memory.seen_classes,
             )
@@ -118,10 +112,7 @@ def _learned_again(training_seed: int) -> type[Learned]:
 
 
 # by these names pickle finds the classes
-Learned1 = _learned_again(1)
-Learned2 = _learned_again(2)
-Learned3 = _learned_again(3)
-Learned4 = _learned_again(4)
+Learned1, Learned2, Learned3, Learned4 = map(_learned_again, (1, 2, 3, 4))
 
 
 class LearnedHeld(Learned):

@@ -1,5 +1,7 @@
 """A filter bank light enough for the training of a stimulus: one grade, and few sensor faults."""
 
+from functools import cache
+
 import numpy as np
 
 from auv_fault_env.faults import CATALOGUE, NORMAL, classes
@@ -9,10 +11,9 @@ from diagnosers.filter_bank import FilterBank
 
 GRADES = ((0.1, 1.0),)
 # those that are most easily mistaken for faults of the plant
-SENSOR_FAULTS = tuple(
-    f"sensor_{kind}:{channel}"
-    for channel in ("speed", "acceleration")
-    for kind in ("bias", "scale")
+SENSOR_FAULTS = (
+    *("sensor_bias:speed", "sensor_scale:speed"),
+    *("sensor_bias:acceleration", "sensor_scale:acceleration"),
 )
 
 
@@ -34,17 +35,16 @@ def light_classes() -> tuple[str, ...]:
 
 
 def light_bank() -> FilterBank:
-    """The bank of the faults of hull, propellers, shafts, motors and of two sensors.
-
-    It has a ninth of the filters of the whole bank, and its belief moves like `restrict_belief` of
-    the whole one.
-    """
+    """A bank with a ninth of the filters, whose belief moves like `restrict_belief` of the whole."""
     return FilterBank(grades=GRADES, faults=(*plant_faults(), *SENSOR_FAULTS))
+
+
+@cache
+def _is_missing(names: tuple[str, ...]) -> np.ndarray:
+    return ~np.isin(names, light_classes())
 
 
 def restrict_belief(belief: Belief) -> Belief:
     """The belief with the classes that the light bank lacks made impossible."""
-    kept = light_classes()
-    is_missing = np.array([name not in kept for name in classes()])
-    log_probability = np.where(is_missing, IMPOSSIBLE, belief.log_probability)
+    log_probability = np.where(_is_missing(classes()), IMPOSSIBLE, belief.log_probability)
     return belief._replace(log_probability=log_probability)

@@ -10,7 +10,7 @@ import numpy as np
 from auv_fault_env.parameters import SAMPLE_RATE
 from diagnosers import Belief
 from training.stimuli.base import LARGEST_OFFSET
-from training.stimuli.closed_loop import ClosedLoop
+from training.stimuli.closed_loop import ClosedLoop, EpisodeState
 from training.stimuli.d_optimal import d_optimal
 from training.stimuli.waveforms import prbs, square
 
@@ -21,15 +21,7 @@ STOP_ABOVE = math.log(0.9)  # and above which it stops
 
 
 class Excitation(NamedTuple):
-    """The excitation of every lane.
-
-    Attributes
-    ----------
-    age
-        Samples since it started, (n_lanes,); -1 where there is none.
-    amplitude
-        Root mean square of its offsets, (n_lanes,) [m/s].
-    """
+    """The excitation of every lane: samples since its start, -1 without one, and amplitude [m/s]."""
 
     age: np.ndarray
     amplitude: np.ndarray
@@ -50,24 +42,16 @@ class Triggered(ClosedLoop):
         """No excitation."""
         return Excitation(np.full(n_lanes, -1), np.zeros(n_lanes))
 
-    def choose_offset(
-        self,
-        sample: int,
-        observation: np.ndarray,
-        belief: Belief,
-        allowance: np.ndarray,
-        memory: Excitation,
-    ) -> np.ndarray:
+    def decide(self, observation: np.ndarray, belief: Belief, episode: EpisodeState) -> np.ndarray:
         """The wave where an excitation is running."""
         log_normal = belief.log_probability[:, 0]
-        age = memory.age
-        amplitude = memory.amplitude
+        age, amplitude = episode.memory
         age[age >= 0] += 1
         stops = (log_normal > STOP_ABOVE) | (age >= N_SAMPLES)
         age[stops] = -1
         starts = (age < 0) & (log_normal < START_BELOW)
         age[starts] = 0
-        whole_allowance = np.sqrt(allowance[starts] / N_SAMPLES)
+        whole_allowance = np.sqrt(episode.allowance[starts] / N_SAMPLES)
         amplitude[starts] = np.minimum(whole_allowance, LARGEST_OFFSET)
         wave = self.wave()
         return np.where(age >= 0, amplitude * wave[age % wave.size], 0.0)

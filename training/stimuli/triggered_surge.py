@@ -6,13 +6,15 @@ of an offset, a faulty one gains about in proportion to it. So the best offset g
 and with the budget.
 """
 
+from functools import cache
+
 import numpy as np
 
 from auv_fault_env.faults import CATALOGUE, classes
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers import Belief
 from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET
-from training.stimuli.closed_loop import ClosedLoop
+from training.stimuli.closed_loop import ClosedLoop, EpisodeState
 
 LEAST_SHARE = 0.3  # of 1 - p(normal), that hull and propellers must have
 # at even odds, in units of the constant offset with which the allowance would last an episode
@@ -20,29 +22,24 @@ GAIN = 0.6
 LEAST_NORMAL = 1e-6  # least p(normal) in the odds: with less, the offset is the largest anyway
 
 
-def is_of_hull_or_propellers() -> np.ndarray:
-    """Which classes are faults of hull or propellers, (n_classes,) bool."""
-    affected = {
-        fault.diagnosis
-        for fault in CATALOGUE.values()
-        if fault.component.startswith(("hull", "propeller:"))
-    }
-    return np.array([name in affected for name in classes()])
+@cache
+def is_of_hull_or_propellers(names: tuple[str, ...]) -> np.ndarray:
+    """Which of these classes, those of the catalogue, are faults of hull or propellers; bool."""
+    faults = CATALOGUE.values()
+    parts = ("hull", "propeller:")
+    affected = {fault.diagnosis for fault in faults if fault.component.startswith(parts)}
+    return np.array([name in affected for name in names])
 
 
 def surge_offset(log_probability: np.ndarray, allowance: np.ndarray) -> np.ndarray:
     """The offset of the rule, (n_lanes,), 0 to `LARGEST_OFFSET` [m/s].
 
-    Parameters
-    ----------
-    log_probability
-        Of the classes, (n_lanes, n_classes).
-    allowance
-        Squared offsets that are left, (n_lanes,) [m^2/s].
+    Of the log probabilities (n_lanes, n_classes), and the squared offsets that are left, (n_lanes,)
+    [m^2/s].
     """
     probability = np.exp(log_probability)
     normal = probability[:, 0]
-    affected = probability[:, is_of_hull_or_propellers()].sum(axis=1)
+    affected = probability[:, is_of_hull_or_propellers(classes())].sum(axis=1)
     odds = affected / np.maximum(normal, LEAST_NORMAL)
     offset = np.minimum(GAIN * np.sqrt(allowance / EPISODE_TIME) * odds, LARGEST_OFFSET)
     return np.where(affected > LEAST_SHARE * (1.0 - normal), offset, 0.0)
@@ -58,16 +55,6 @@ class TriggeredSurge(ClosedLoop):
     name = "triggered_surge"
     seed_block = 9
 
-    def initial_memory(self, n_lanes: int) -> None:
-        """No memory."""
-
-    def choose_offset(
-        self,
-        sample: int,
-        observation: np.ndarray,
-        belief: Belief,
-        allowance: np.ndarray,
-        memory: None,
-    ) -> np.ndarray:
+    def decide(self, observation: np.ndarray, belief: Belief, episode: EpisodeState) -> np.ndarray:
         """The offset of the rule."""
-        return surge_offset(belief.log_probability, allowance * SAMPLE_TIME)
+        return surge_offset(belief.log_probability, episode.allowance * SAMPLE_TIME)

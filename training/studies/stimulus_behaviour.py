@@ -27,7 +27,7 @@ from training.metrics.records import HORIZON, PERSISTENCE, Truth
 from training.seeds import seeds
 from training.stimuli import STIMULI, Stimulus
 from training.stimuli.base import LARGEST_OFFSET
-from training.stimuli.closed_loop import ClosedLoop
+from training.stimuli.closed_loop import ClosedLoop, EpisodeState
 from training.stimuli.open_loop import Cruise
 from training.stimuli.triggered_surge import is_of_hull_or_propellers
 from training.studies.stimulus_comparisons import paired_figures, resampled_means, with_agent
@@ -71,19 +71,9 @@ class FasterFromOnset(ClosedLoop):
     name = "told_onset"
     onset: np.ndarray = field(kw_only=True)
 
-    def initial_memory(self, n_lanes: int) -> None:
-        """No memory."""
-
-    def choose_offset(
-        self,
-        sample: int,
-        observation: np.ndarray,
-        belief: Belief,
-        allowance: np.ndarray,
-        memory: None,
-    ) -> np.ndarray:
+    def decide(self, observation: np.ndarray, belief: Belief, episode: EpisodeState) -> np.ndarray:
         """`LARGEST_OFFSET` after the onset, else zero."""
-        return np.where(sample >= metrics.sample_at(self.onset), LARGEST_OFFSET, 0.0)
+        return np.where(episode.sample >= metrics.sample_at(self.onset), LARGEST_OFFSET, 0.0)
 
 
 class ClosedLoopRun(NamedTuple):
@@ -217,7 +207,7 @@ def _known_onset_figures(
     runs: Mapping[str, ClosedLoopRun], truth: Truth, threshold: float, seed: int
 ) -> dict[str, Any]:
     """Figures of the isolation time on the lanes with faults of hull and propellers."""
-    lanes = is_of_hull_or_propellers()[truth.fault]
+    lanes = is_of_hull_or_propellers(classes())[truth.fault]
     times = {}
     for name, run in runs.items():
         isolation = isolation_times(run, truth.fault, truth.onset, threshold)
