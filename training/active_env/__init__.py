@@ -1,9 +1,7 @@
 """The active environment: every second an agent chooses the speed, to identify a fault sooner.
 
-Importing this package registers ``auv_fault_env/ActiveDiagnosis-v0``. Gymnasium imports it where
-the name of the environment has the package in front:
-``gym.make("training.active_env:auv_fault_env/ActiveDiagnosis-v0")``; ``gym.make_vec`` takes the
-same name. (`auv_fault_env` never imports this package, so its import alone registers nothing here.)
+Importing this package registers ``auv_fault_env/ActiveDiagnosis-v0``. Gymnasium imports it by the
+name ``training.active_env:auv_fault_env/ActiveDiagnosis-v0``, for `gym.make` and `gym.make_vec`.
 """
 
 import gymnasium as gym

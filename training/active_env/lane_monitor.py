@@ -18,20 +18,13 @@ class MonitorState(NamedTuple):
 
 
 class LaneMonitor:
-    """What is believed and estimated of every lane after its last sample.
-
-    Parameters
-    ----------
-    diagnoser
-        Must be `Recursive`, so that single lanes can start anew.
-    """
+    """What is believed and estimated of every lane after its last sample."""
 
     def __init__(self, diagnoser: Recursive):
         if not isinstance(diagnoser, Recursive):
             allowed = "a diagnoser that is `Recursive`, so that single lanes can start anew"
-            raise refusal(
-                "diagnoser", type(diagnoser).__name__, allowed, "subclass diagnosers.Recursive"
-            )
+            remedy = "subclass diagnosers.Recursive"
+            raise refusal("diagnoser", type(diagnoser).__name__, allowed, remedy)
         self._diagnoser = diagnoser
         self._filter = ParameterFilter()
         self._state: MonitorState | None = None
@@ -51,20 +44,17 @@ class LaneMonitor:
 
         ``observation`` is that of all lanes, (n_lanes, n_channels).
         """
-        fresh = self._after(
-            self._diagnoser.initial(lanes.size),
-            self._filter.initial(lanes.size),
-            np.asarray(observation[lanes], np.float64),
-        )
+        state = self._diagnoser.initial(lanes.size)
+        fresh = self._after(state, self._filter.initial(lanes.size), observation[lanes])
         is_first = self._state is None
         self._state = fresh if is_first else with_fresh_lanes(self._state, lanes, fresh)
 
     def update(self, observation: np.ndarray) -> None:
         """Take the next sample of every lane, (n_lanes, n_channels)."""
-        observation = np.asarray(observation, np.float64)
         self._state = self._after(self._state.diagnoser, self._state.estimate, observation)
 
     def _after(self, state: Any, estimate: Estimate, observation: np.ndarray) -> MonitorState:
+        observation = np.asarray(observation, np.float64)
         state, belief = self._diagnoser.step(state, observation)
         return MonitorState(state, belief, self._filter.update(estimate, observation))
 

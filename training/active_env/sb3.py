@@ -23,12 +23,7 @@ class ActiveVecEnv(VecEnv):
     `terminal_observation`, and `TimeLimit.truncated` says whether time ended it; `reset_infos` has
     the information of its new start. Seeds and options (`seed`, `set_options`) count for the next
     reset, as with any `VecEnv`. Attributes and methods are those of the one vector environment, the
-    same for every index.
-
-    Parameters
-    ----------
-    env
-        The vehicles; must reset within the same step, its default.
+    same for every index; it must reset within the same step, its default.
     """
 
     def __init__(self, env: ActiveDiagnosisVectorEnv):
@@ -104,14 +99,8 @@ class ActiveVecEnv(VecEnv):
 class LaneView(Mapping):
     """The truth of one lane as plain numbers and words, each converted only when it is read.
 
-    To convert all of it would take longer than a decision.
-
-    Parameters
-    ----------
-    truth
-        By name lists with an entry for each lane, or dictionaries of arrays, lanes first.
-    lane
-        Index of the lane.
+    To convert all of it would take longer than a decision. By name the truth has lists with an
+    entry for each lane, or dictionaries of arrays, lanes first.
     """
 
     def __init__(self, truth: dict[str, Any], lane: int):
@@ -153,11 +142,7 @@ def _joined(options: list[dict[str, Any]]) -> dict[str, Any] | None:
     joined = {}
     for name in names:
         if not all(name in lane_options for lane_options in options):
-            raise refusal(
-                f"reset option {name}",
-                "some lanes",
-                "all lanes or none",
-                f"give every lane its {name}",
-            )
+            remedy = f"give every lane its {name}"
+            raise refusal(f"reset option {name}", "some lanes", "all lanes or none", remedy)
         joined[f"{name}s"] = [lane_options[name] for lane_options in options]
     return joined or None

@@ -28,9 +28,7 @@ class ActiveDiagnosisEnv(gym.Env):
 
     ## Observation Space
     `Box(29)`, float32, named by `FEATURES`, bounded by `training.stimuli.policy_inputs.BOUNDS`.
-    A fault that joins the catalogue before the environment is made adds one `log_odds:CLASS`, after
-    those of the other classes; `training.stimuli.policy_inputs.feature_names(classes())` gives the
-    names.
+    A class that joins the catalogue before adds one `log_odds:CLASS`, after those of the others.
 
     | Names | Meaning |
     |---|---|
@@ -45,11 +43,10 @@ class ActiveDiagnosisEnv(gym.Env):
 
     ## Rewards
     ``l(after) - l(before) - cost_weight * (mean squared deviation of the true speed from the
-    mission speed)``. l(t) is the log probability in the belief of time t of what is true *at time
-    t*: `normal` before the onset and after a repair, else the class of the worst fault (an
-    intermittent fault is there between its bursts, too). It counts from -20 on. Since each end has
-    the truth of its own time, the rewards of an episode sum exactly to l(end) - l(start) minus the
-    cost. The second in which the truth changes thus pays l(fault) - l(normal), about -9, whatever
+    mission speed)``. l(t) is the log probability, at least -20, in the belief of time t of what is
+    true *at time t*: `normal` before the onset and after a repair, else the class of the worst
+    fault (an intermittent one also between its bursts). So the rewards of an episode sum to
+    l(end) - l(start) minus the cost. The second in which the truth changes pays about -9, whatever
     the agent does: for a learner that is noise, but no bias.
 
     ## Starting State
@@ -110,16 +107,8 @@ class ActiveDiagnosisEnv(gym.Env):
         declare: float = DECLARATION_PROBABILITY,
         horizon: int = MAX_DECISIONS,
     ):
-        self.lane = ActiveDiagnosisVectorEnv(
-            1,
-            horizon,
-            diagnoser,
-            amplitude,
-            budget,
-            cost_weight,
-            declare,
-            AutoresetMode.NEXT_STEP,
-        )
+        settings = (diagnoser, amplitude, budget, cost_weight, declare)
+        self.lane = ActiveDiagnosisVectorEnv(1, horizon, *settings, AutoresetMode.NEXT_STEP)
         self.action_space = self.lane.single_action_space
         self.observation_space = self.lane.single_observation_space
 
@@ -131,14 +120,9 @@ class ActiveDiagnosisEnv(gym.Env):
 
     def step(self, action):
         """Hold the action for one second."""
-        observation, reward, terminated, truncated, info = self.lane.step(np.asarray(action)[None])
-        return (
-            observation[0],
-            reward.item(),
-            terminated.item(),
-            truncated.item(),
-            lane_info(info, 0),
-        )
+        observation, *results, info = self.lane.step(np.asarray(action)[None])
+        reward, terminated, truncated = (result.item() for result in results)
+        return observation[0], reward, terminated, truncated, lane_info(info, 0)
 
     def close(self):
         """End the threads of the fleet."""

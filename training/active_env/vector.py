@@ -97,7 +97,6 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         self.single_observation_space = gym.spaces.Box(low, high, dtype=np.float32)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self._class_names = np.array(self.classes)
         self._catalogue_classes = classes()
         self._declaration = Declaration(self.num_envs, declare)
         self._lanes = np.arange(self.num_envs)
@@ -109,12 +108,7 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         self._last_action = np.zeros(self.num_envs)
         self._total_cost = np.zeros(self.num_envs)
 
-    def reset(
-        self,
-        *,
-        seed: int | Sequence[int | None] | None = None,
-        options: dict[str, Any] | None = None,
-    ):
+    def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict | None = None):
         """Start an episode on every lane."""
         self._check_catalogue()
         super().reset(seed=seed if isinstance(seed, int) else None)
@@ -209,25 +203,19 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         masks = {f"_{name}": ended for name in info}
         final_info = info | {"truth": dict(info["truth"])} | masks
         self._restart(ended)
-        cost = np.where(ended, 0.0, info["cost"])
-        energy = np.where(ended, 0.0, info["energy"])
-        info = self._info(cost, energy) | {
-            "final_obs": final_observation,
-            "_final_obs": ended,
-            "final_info": final_info,
-            "_final_info": ended,
-        }
+        cost, energy = (np.where(ended, 0.0, info[name]) for name in ("cost", "energy"))
+        info = self._info(cost, energy)
+        info |= {"final_obs": final_observation, "_final_obs": ended}
+        info |= {"final_info": final_info, "_final_info": ended}
         return self._features(), info
 
     def _features(self) -> np.ndarray:
         allowance = self.budget**2 * EPISODE_TIME - self._total_cost * DECISION_TIME
+        left = np.maximum(allowance, 0.0)
+        time = self._n_decisions * DECISION_TIME
+        monitor = self._monitor
         return policy_features(
-            self._monitor.belief,
-            self._monitor.estimate,
-            self._readings,
-            self._last_action,
-            self._n_decisions * DECISION_TIME,
-            np.maximum(allowance, 0.0),
+            monitor.belief, monitor.estimate, self._readings, self._last_action, time, left
         )
 
     def _info(self, cost: np.ndarray, energy: np.ndarray) -> dict[str, Any]:
@@ -236,7 +224,7 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
             "mission_speed": self._readings[:, MISSION_SPEED].astype(np.float64),
             "energy": energy,
             "cost": cost,
-            "declared": self._class_names[self._declaration.declared],
+            "declared": np.array(self.classes)[self._declaration.declared],
             "truth": FleetTruth(self.fleet),
         }
 
@@ -260,13 +248,11 @@ def _checked(actions, shape: tuple[int, ...]) -> np.ndarray:
     try:
         actions = np.array(actions, np.float64)
     except (TypeError, ValueError):
-        raise refusal(
-            "action", actions, f"numbers of shape {shape}", "give the speed offset"
-        ) from None
+        allowed = f"numbers of shape {shape}"
+        raise refusal("action", actions, allowed, "give the speed offset") from None
     if actions.shape != shape:
-        raise refusal(
-            "shape of the action", actions.shape, shape, "give the speed offset, one per lane"
-        )
+        remedy = "give the speed offset, one per lane"
+        raise refusal("shape of the action", actions.shape, shape, remedy)
     if not np.isfinite(actions).all():
         raise refusal("action", actions.tolist(), "finite numbers", "check the policy")
     return np.clip(actions, -1.0, 1.0)

@@ -47,3 +47,17 @@ class AdamTraining:
         for name, parameter in self.network.named_parameters():
             for moment in MOMENTS:
                 yield f"{name}.{moment}", self.optimiser.state[parameter][moment]
+
+
+class AdamTrainer:
+    """State of a trainer that is the state of its `training`: weights and moments of Adam."""
+
+    training: AdamTraining
+
+    def state(self) -> dict[str, np.ndarray]:
+        """All that the next epoch depends on, by name."""
+        return self.training.state()
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Take over a result of `state`."""
+        self.training.restore(state)

@@ -53,13 +53,10 @@ def unfinished_folder(output: Path) -> Path:
     folder = output.with_name(f"{output.name}-unfinished")
     names = {path.name for path in folder.glob("*")}
     own = {name for name in names if name in (FILE, LOG) or name.startswith(f".{FILE}-")}
-    is_foreign = names != own or (folder.exists() and not folder.is_dir())
-    if is_foreign:
+    if names != own or (folder.exists() and not folder.is_dir()):
+        allowed = "a free place for the checkpoint"
         raise refusal(
-            "folder of the unfinished run",
-            str(folder),
-            "a free place for the checkpoint",
-            "choose another --output",
+            "folder of the unfinished run", str(folder), allowed, "choose another --output"
         )
     return folder
 
@@ -93,8 +90,5 @@ def read(folder: Path, origin: Mapping[str, Any]) -> Progress:
 
 
 def _with_prefix(tensors: Tensors, prefix: str) -> Tensors:
-    return {
-        name.removeprefix(prefix): tensor
-        for name, tensor in tensors.items()
-        if name.startswith(prefix)
-    }
+    own = [name for name in tensors if name.startswith(prefix)]
+    return {name.removeprefix(prefix): tensors[name] for name in own}

@@ -29,27 +29,15 @@ class ConstrainedVecEnv(VecEnvWrapper):
     so that the agent learns all smaller ones as well.
 
     The aim is the largest reward subject to a mean cost of healthy vehicles of at most
-    ``(HEALTHY_SHARE budget)^2``. That is the largest reward after the price, a Lagrange multiplier,
-    at which the constraint just holds. Dual ascent finds it while the agent learns (Altman 1999,
-    Constrained Markov Decision Processes, ch. 3; as PPO-Lagrangian in Ray, Achiam & Amodei 2019):
-    after each rollout ``price = max(0, price + PRICE_RATE overdraft)``, ``overdraft = mean(cost /
+    ``(HEALTHY_SHARE budget)^2``. The price is a Lagrange multiplier, which dual ascent finds while
+    the agent learns (Altman 1999, Constrained Markov Decision Processes, ch. 3; as PPO-Lagrangian
+    in Ray, Achiam & Amodei 2019): after each rollout ``price = max(0, price + PRICE_RATE overdraft)``, ``overdraft = mean(cost /
     budget^2) / HEALTHY_SHARE^2 - 1``, at most 1, with the budget of each episode. The mean is over
     the decisions at whose end the vehicle is healthy; the cost is that of the policy's mean action,
     without the noise of exploration.
 
-    Parameters
-    ----------
-    venv
-        The environment; its own `cost_weight` should be 0.
-    least_share
-        Of the budget, from which the budgets of the episodes begin.
-
-    Attributes
-    ----------
-    price
-        In nats per decision at full budget; rewards are in nats.
-    outcomes
-        Of the episodes since the last reset.
+    The environment's own `cost_weight` should be 0. `price` is in nats per decision at full budget;
+    `outcomes` are those of the episodes since the last reset.
     """
 
     def __init__(self, venv: ActiveVecEnv, least_share: float = 1.0):
@@ -117,14 +105,9 @@ class ConstrainedVecEnv(VecEnvWrapper):
         return observation
 
     def update_price(self, observations: np.ndarray, actions: np.ndarray) -> None:
-        """Adapt the price to the costs of the mean actions since the last update.
+        """Adapt the price to the costs of actions without noise since the last update.
 
-        Parameters
-        ----------
-        observations
-            (n_steps, n_lanes, n_features).
-        actions
-            Of the policy without noise, (n_steps, n_lanes).
+        Of the observations (n_steps, n_lanes, n_features), and the actions (n_steps, n_lanes).
         """
         allowance = allowance_of(observations[..., ALLOWANCE])
         cost = np.minimum(np.square(self.amplitude * actions), allowance)

@@ -28,15 +28,7 @@ OTHER_SIDE = {"port": "starboard", "starboard": "port"}
 
 
 class EpisodeSet(NamedTuple):
-    """Episodes as the network sees them.
-
-    Attributes
-    ----------
-    features
-        (n_samples, n_lanes, n_features).
-    label, severity
-        True class and its severity, (n_samples, n_lanes).
-    """
+    """Features (n_samples, n_lanes, n_features), true class and severity (n_samples, n_lanes)."""
 
     features: torch.Tensor
     label: torch.Tensor
@@ -65,13 +57,10 @@ def simulated_sets(purpose: str, firsts: Iterable[int]) -> Iterator[EpisodeSet]:
 
 def simulate_set(purpose: str, first: int) -> EpisodeSet:
     """`LANES` episodes from the first-th seed of a purpose on."""
-    rollouts = list(training_episodes(purpose, LANES, first, SCHEDULES))
-    features = np.concatenate([features_of(rollout) for rollout in rollouts], axis=1)
-    label = np.concatenate([rollout.label for rollout in rollouts], axis=1)
-    severity = np.concatenate([rollout.severity for rollout in rollouts], axis=1)
-    return EpisodeSet(
-        torch.from_numpy(features), torch.from_numpy(label), torch.from_numpy(severity)
-    )
+    rollouts = training_episodes(purpose, LANES, first, SCHEDULES)
+    parts = [(features_of(rollout), rollout.label, rollout.severity) for rollout in rollouts]
+    arrays = [np.concatenate(part, axis=1) for part in zip(*parts, strict=True)]
+    return EpisodeSet(*map(torch.from_numpy, arrays))
 
 
 def features_of(rollout: Rollout) -> np.ndarray:
@@ -93,8 +82,7 @@ def batches(episodes: EpisodeSet) -> Iterator[EpisodeSet]:
 
 def single_samples(episodes: EpisodeSet, start: int, stride: int) -> EpisodeSet:
     """Every so many-th sample, all lanes in one row of (n,), with features in half precision."""
-    chosen = slice(start, None, stride)
-    features, label, severity = (part[chosen].flatten(0, 1) for part in episodes)
+    features, label, severity = (part[start::stride].flatten(0, 1) for part in episodes)
     return EpisodeSet(features.half(), label.clone(), severity.clone())
 
 

@@ -14,19 +14,10 @@ N_SAMPLES = 600  # 60 s
 def training_episodes(
     purpose: str, n_lanes: int, first: int = 0, schedules: ScheduleSampler | None = None
 ) -> Iterator[Rollout]:
-    """Two rollouts of 60 s, each of half of the lanes.
+    """Two rollouts of 60 s, each of half of the lanes (an even number).
 
-    The first has the thesis' speed changes, the second random missions and manoeuvres. Band and
-    noise are the fleet's defaults.
-
-    Parameters
-    ----------
-    purpose, first
-        The seeds: `training.seeds.seeds` from the first-th on.
-    n_lanes
-        Lanes of both together, an even number.
-    schedules
-        Distribution of the faults, by default the fleet's own.
+    The first has the thesis' speed changes, the second random missions and manoeuvres. The seeds
+    are those of `training.seeds.seeds` from the first-th on.
     """
     chosen = seeds(purpose, n_lanes, first)
     half = n_lanes // 2

@@ -1,5 +1,6 @@
 """A start for the agent: it imitates the rule of `training.stimuli.triggered_surge`."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,16 +19,9 @@ VALUE_WEIGHT = 0.1  # of the error of the critic beside that of the actor
 
 
 class Demonstration(NamedTuple):
-    """Decisions of the rule, to learn from.
+    """Observations (n, n_features), actions (n, 1) and returns (n,) of the rule, to learn from.
 
-    Attributes
-    ----------
-    observations
-        (n, n_features).
-    actions
-        (n, 1).
-    returns
-        Discounted sum of the rewards from the decision on, (n,).
+    A return is the discounted sum of the rewards from the decision on.
     """
 
     observations: torch.Tensor
@@ -37,24 +31,17 @@ class Demonstration(NamedTuple):
 
 def demonstrate(env: ConstrainedVecEnv, n_decisions: int, discount: float) -> Demonstration:
     """The rule at work on every lane for so many decisions."""
-    observations = []
-    actions = []
-    rewards = []
-    ends = []
+    decisions = []
     observation = env.reset()
     for _ in range(n_decisions):
-        action = _rule(observation, env)
-        observations.append(observation.copy())
-        actions.append(action)
+        seen = observation.copy()
+        action = _rule(seen, env)
         observation, reward, done, _ = env.step(action)
-        rewards.append(reward)
-        ends.append(done)
+        decisions.append((seen, action, reward, done))
+    observations, actions, rewards, ends = zip(*decisions, strict=True)
     returns = _discounted_sums(rewards, ends, discount)
-    return Demonstration(
-        torch.from_numpy(np.concatenate(observations)),
-        torch.from_numpy(np.concatenate(actions)),
-        torch.from_numpy(returns.ravel()),
-    )
+    arrays = (np.concatenate(observations), np.concatenate(actions), returns.ravel())
+    return Demonstration(*map(torch.from_numpy, arrays))
 
 
 def _rule(observation: np.ndarray, env: ConstrainedVecEnv) -> np.ndarray:
@@ -65,7 +52,7 @@ def _rule(observation: np.ndarray, env: ConstrainedVecEnv) -> np.ndarray:
 
 
 def _discounted_sums(
-    rewards: list[np.ndarray], ends: list[np.ndarray], discount: float
+    rewards: Sequence[np.ndarray], ends: Sequence[np.ndarray], discount: float
 ) -> np.ndarray:
     """Sum of the rewards from each decision to the end of its episode, (n_decisions, n_lanes)."""
     sums = np.zeros((len(rewards), len(rewards[0])), np.float32)

@@ -14,7 +14,7 @@ from auv_fault_env.faults import classes
 from diagnosers.integrated import Integrated
 from diagnosers.networks.integrated_network import Network
 from diagnosers.networks.numpy_network import smooth_opinion
-from training.learning.adam import AdamTraining
+from training.learning.adam import AdamTrainer, AdamTraining
 from training.learning.episode_sets import (
     LANES,
     EpisodeSet,
@@ -44,7 +44,7 @@ BANK_WEIGHT = 0.4  # of the bank in the pool of both; chosen on calibration lane
 CALIBRATION_STRIDE = 10  # samples: neighbours are alike
 
 
-class IntegratedTrainer:
+class IntegratedTrainer(AdamTrainer):
     """Cross-entropy of the class and Gaussian likelihood of the severity, at every sample.
 
     The encoder learns in many small steps from random samples of many episodes: samples of few
@@ -88,11 +88,9 @@ class IntegratedTrainer:
                 encoder_losses += self._train_encoder(ENCODER_RATE * fall, random)
                 if number >= ENCODER_EPOCHS:
                     memory_losses += self._train_memory(episodes, MEMORY_RATE * fall)
-        return {
-            "loss": float(np.mean(memory_losses or encoder_losses)),
-            # the name in the cards of the weights
-            "glance_loss": float(np.mean(encoder_losses)),
-        }
+        loss = float(np.mean(memory_losses or encoder_losses))
+        # the name in the cards of the weights
+        return {"loss": loss, "glance_loss": float(np.mean(encoder_losses))}
 
     def _sets_of(self, number: int) -> Iterator[EpisodeSet]:
         """The sets of an epoch, from an iterator over those of all epochs to come."""
@@ -129,9 +127,9 @@ class IntegratedTrainer:
         """Random samples of random sets of the replay."""
         numbers = random.integers(len(self.replay), size=SETS_PER_STEP)
         chosen = []
-        for samples in [self.replay[number] for number in numbers]:
-            places = random.integers(len(samples.label), size=SAMPLES_PER_SET)
-            places = torch.from_numpy(places)
+        for number in numbers:
+            samples = self.replay[number]
+            places = torch.from_numpy(random.integers(len(samples.label), size=SAMPLES_PER_SET))
             chosen.append([part[places] for part in samples])
         features, label, severity = (torch.cat(parts) for parts in zip(*chosen, strict=True))
         return EpisodeSet(features.float(), label, severity)
@@ -164,14 +162,13 @@ class IntegratedTrainer:
         self, outputs: torch.Tensor, samples: EpisodeSet
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Mean negative log-likelihoods of the class, and of the severity of a fault."""
-        log_probability, mean, std = self.network.decode(outputs, samples.features)
         label = samples.label[..., None]
-        mean = mean.gather(-1, label)[..., 0]
-        std = std.gather(-1, label)[..., 0]
+        of_every_class = self.network.decode(outputs, samples.features)
+        log_probability, mean, std = (part.gather(-1, label)[..., 0] for part in of_every_class)
         is_faulty = (samples.label > 0).float()
         severity_loss = 0.5 * ((samples.severity - mean) / std) ** 2 + std.log()
         n_faulty = is_faulty.sum().clamp(min=1.0)
-        class_loss = -log_probability.gather(-1, label).mean()
+        class_loss = -log_probability.mean()
         return class_loss, (severity_loss * is_faulty).sum() / n_faulty
 
     def validate(self) -> dict[str, float]:
@@ -186,14 +183,6 @@ class IntegratedTrainer:
         class_loss, severity_loss = np.mean(losses, axis=0).tolist()
         return {"loss": class_loss, "severity_loss": severity_loss}
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Weights and moments of Adam, by name."""
-        return self.training.state()
-
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Take over a result of `state`."""
-        self.training.restore(state)
-
     def finish(self) -> tuple[Integrated, dict[str, Any]]:
         """The calibrated diagnoser, and its losses on the calibration seeds before and after."""
         network = self.network
@@ -207,11 +196,8 @@ class IntegratedTrainer:
                     scores.append(pooled[::CALIBRATION_STRIDE].flatten(0, 1))
                     label.append(batch.label[::CALIBRATION_STRIDE].flatten())
         before, after = calibrate(network, torch.cat(scores), torch.cat(label))
-        figures = {
-            "calibration_loss_before": before,
-            "calibration_loss": after,
-            "sharpness": float(network.sharpness),
-        }
+        figures = {"calibration_loss_before": before, "calibration_loss": after}
+        figures["sharpness"] = float(network.sharpness)
         return Integrated(weights=network.tensors(), trained_classes=classes()), figures
 
 
@@ -228,10 +214,7 @@ def validation_seeds() -> list[int]:
 def calibrate(network: Network, scores: torch.Tensor, label: torch.Tensor) -> tuple[float, float]:
     """Fit sharpness and bias of the network; returns the losses before and after.
 
-    Parameters
-    ----------
-    scores, label
-        Of lanes that are not trained on, (n, n_classes) and (n,).
+    Scores (n, n_classes) and label (n,) are of lanes that are not trained on.
     """
     sharpness = torch.ones(1, requires_grad=True)
     bias = torch.zeros(scores.shape[1], requires_grad=True)

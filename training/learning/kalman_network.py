@@ -118,34 +118,28 @@ def share_right(network: FeedForward) -> float:
     """Share of the map on which the largest output is the right mode."""
     inputs = grid(VALIDATION_POINTS)
     chosen = network.evaluate(inputs).argmax(axis=1)
-    right = fault_map(inputs).argmax(axis=1)
-    return float(np.mean(chosen == right))
+    return float(np.mean(chosen == fault_map(inputs).argmax(axis=1)))
 
 
 def _calibration_samples(network: FeedForward) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Sums of the output nodes (n, n_modes), true class and severity (n,) of episodes."""
-    sums = []
-    label = []
-    true_severity = []
+    samples = []
     parameters = ParameterFilter()
     for rollout in training_episodes("calibration", LANES):
         estimate = parameters.initial(rollout.observations.shape[1])
         for k, observation in enumerate(rollout.observations):
             estimate = parameters.update(estimate, observation)
             if k % STRIDE == 0:
-                sums.append(network.evaluate(points(estimate)))
-                label.append(rollout.label[k])
-                true_severity.append(rollout.severity[k])
-    return np.concatenate(sums), np.concatenate(label), np.concatenate(true_severity)
+                sums = network.evaluate(points(estimate))
+                samples.append((sums, rollout.label[k], rollout.severity[k]))
+    sums, label, true_severity = map(np.concatenate, zip(*samples, strict=True))
+    return sums, label, true_severity
 
 
 def calibrate(sums: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Slopes and offsets (n_modes,) with the largest likelihood of the true classes, and the loss.
+    """Slopes and offsets (n_modes,) with the largest likelihood, and the loss.
 
-    Parameters
-    ----------
-    sums, label
-        Of the output nodes (n, n_modes), and true classes (n,).
+    Of the sums of the output nodes (n, n_modes) and the true classes (n,).
     """
     with np.errstate(divide="ignore"):
         log_share = np.log(class_shares(labels(), MODES_5_2)).T[label]
@@ -166,16 +160,9 @@ def calibrate(sums: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def severity_lines(height: np.ndarray, label: np.ndarray, true_severity: np.ndarray) -> np.ndarray:
-    """Straight lines of the severity over the height in the map, one for each mode.
+    """Intercept, slope and scatter (n_modes, 3) of the severity over the height in the map.
 
-    Parameters
-    ----------
-    height, label, true_severity
-        Of samples, (n,) each.
-
-    Returns
-    -------
-    Intercept, slope and scatter (n_modes, 3); zeros for `normal`.
+    Each argument is (n,), of samples; the line of `normal` is zeros.
     """
     mode_of_class = [MODES_5_2.index(name) if name else -1 for name in labels().values()]
     mode = np.array(mode_of_class)[label]

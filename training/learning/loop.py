@@ -35,14 +35,7 @@ def train(
     folder
         Of checkpoint and TensorBoard log; created if it is missing.
     epochs
-        Most epochs, by default the trainer's own number. A smaller number does not change the
-        epochs that are trained.
-
-    Raises
-    ------
-    InputError
-        For a checkpoint that is damaged or of another origin, a place that cannot be written, and a
-        loss that is not finite.
+        Most epochs, by default the trainer's own number; the epochs stay the same.
     """
     last = trainer.epochs if epochs is None else epochs
     origin = {"diagnoser": name, "seed": seed, "code": digest(Path(inspect.getfile(type(trainer))))}

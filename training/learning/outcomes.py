@@ -9,37 +9,21 @@ import numpy as np
 from auv_fault_env.faults import NORMAL
 from training.metrics.records import HORIZON
 
-# Of the budget: root mean square of the offsets of a healthy vehicle. Half of what is aimed at
-# beside the whole bank, which doubts more often than the light one.
+# Of the budget: root mean square of the offsets of a healthy vehicle. It is half of the aim beside
+# the whole bank, which doubts more often than the light one.
 HEALTHY_SHARE = 0.05
 CENSORED = HORIZON  # s from onset
 
 
 class Outcome(NamedTuple):
-    """The end of one episode.
-
-    Attributes
-    ----------
-    lane
-        Index of the lane.
-    decisions
-        Length of the episode [s].
-    cost
-        Sum of the mean squared offsets of the decisions [m^2/s^2].
-    faulty
-        Whether it has a fault, even one that has not begun.
-    declared
-        Whether a fault was declared.
-    delay
-        From onset to the right declaration, else `CENSORED` [s].
-    """
+    """The end of one episode of a lane."""
 
     lane: int
-    decisions: int
-    cost: float
-    faulty: bool
-    declared: bool
-    delay: float
+    decisions: int  # each of a second
+    cost: float  # sum of the mean squared offsets of the decisions [m^2/s^2]
+    faulty: bool  # even if the fault has not begun
+    declared: bool  # right or wrong
+    delay: float  # s, from onset to the right declaration, else `CENSORED`
 
 
 def true_labels(infos: Sequence[dict[str, Any]]) -> np.ndarray:
@@ -78,9 +62,8 @@ class Outcomes:
 
     def _outcome(self, lane: int, info: dict[str, Any]) -> Outcome:
         onset = info["truth"]["onset"]
-        declared = info["declared"]
-        is_declared = declared != NORMAL
-        is_right = is_declared and declared == self._last_fault[lane]
+        is_declared = info["declared"] != NORMAL
+        is_right = is_declared and info["declared"] == self._last_fault[lane]
         delay = float(self._decisions[lane]) - onset
         return Outcome(
             lane=lane,

@@ -9,7 +9,7 @@ import torch
 from diagnosers.networks.feed_forward import FeedForward, random_tensors
 from diagnosers.networks.modes import class_shares
 from diagnosers.raw_network import ARCHITECTURE, HYPOTHESES, RawNetwork, inputs, labels, scores
-from training.learning.adam import AdamTraining
+from training.learning.adam import AdamTrainer, AdamTraining
 from training.learning.episodes import training_episodes
 from training.seeds import SPAN
 
@@ -19,7 +19,7 @@ BATCH = 1024
 RATE = 0.01  # of Adam at the start; falls to zero as a cosine over all epochs
 
 
-class RawNetworkTrainer:
+class RawNetworkTrainer(AdamTrainer):
     """Cross-entropy of the belief over all classes, on random samples of episodes.
 
     The thesis trains on squared error with four modes only. Here the loss is the negative
@@ -40,8 +40,7 @@ class RawNetworkTrainer:
         self.seed = seed
         self.training = AdamTraining(FeedForward(random_tensors(ARCHITECTURE, seed)))
         with np.errstate(divide="ignore"):
-            shares = class_shares(labels(), tuple(HYPOTHESES))
-            log_shares = np.log(shares)
+            log_shares = np.log(class_shares(labels(), tuple(HYPOTHESES)))
         self.log_shares = torch.from_numpy(log_shares).float().T.contiguous()
         self.validation: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -62,13 +61,7 @@ class RawNetworkTrainer:
         return {"loss": float(np.mean(losses))}
 
     def loss(self, observations: np.ndarray, label: np.ndarray) -> torch.Tensor:
-        """Mean negative log-probability of the true classes.
-
-        Parameters
-        ----------
-        observations, label
-            (n, n_channels) and (n,).
-        """
+        """Mean negative log-probability of the true classes (n,), from (n, n_channels)."""
         network_inputs = torch.from_numpy(inputs(observations).astype(np.float32))
         outputs = self.training.network(network_inputs)
         log_modes = torch.log_softmax(scores(outputs), dim=1)
@@ -85,32 +78,21 @@ class RawNetworkTrainer:
             loss = self.loss(observations, label)
         return {"loss": loss.item()}
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Weights and moments of Adam, by name."""
-        return self.training.state()
-
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Take over a result of `state`."""
-        self.training.restore(state)
-
     def finish(self) -> tuple[RawNetwork, dict[str, Any]]:
         """The diagnoser, and its loss on the calibration seeds."""
-        random = np.random.default_rng(0)
-        observations, label = samples("calibration", LANES, 0, random)
+        observations, label = samples("calibration", LANES, 0, np.random.default_rng(0))
         with torch.inference_mode():
             loss = self.loss(observations, label)
-        diagnoser = RawNetwork(self.training.network.tensors())
-        return diagnoser, {"calibration_loss": loss.item()}
+        return RawNetwork(self.training.network.tensors()), {"calibration_loss": loss.item()}
 
 
 def samples(
     purpose: str, n_lanes: int, first: int, random: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Random samples of training episodes: observations (n, n_channels) and classes (n,)."""
-    observations = []
-    label = []
+    parts = []
     for rollout in training_episodes(purpose, n_lanes, first):
         chosen = random.uniform(size=rollout.label.shape) < 1.0 / STRIDE
-        observations.append(rollout.observations[chosen])
-        label.append(rollout.label[chosen])
+        parts.append((rollout.observations[chosen], rollout.label[chosen]))
+    observations, label = zip(*parts, strict=True)
     return np.concatenate(observations), np.concatenate(label)

@@ -50,18 +50,8 @@ class StimulusTrainer:
     Every epoch begins new episodes, whose seeds depend on (seed, epoch) alone, so that an
     interrupted training continues bit for bit. The price of the constraint replaces the
     environment's own price of speed. The light bank (`training.stimuli.light_bank`) replaces the
-    filter bank.
-
-    Parameters
-    ----------
-    seed
-        Of all that is random.
-    budget
-        Largest root mean square of the offsets of the policy [m/s].
-    diagnoser
-        Name of the diagnoser in the environment.
-    steps
-        Decisions to train on, rounded up to whole epochs.
+    filter bank. The budget limits the root mean square of the offsets [m/s]; `steps` are decisions,
+    rounded up to whole epochs.
     """
 
     @property
@@ -152,9 +142,8 @@ class StimulusTrainer:
     def policy(self) -> LearnedPolicy:
         """The policy so far."""
         tensors = self.model.policy.policy_tensors()
-        return LearnedPolicy(
-            tensors, self.diagnoser, self.budget, self.env.amplitude, self.env.classes
-        )
+        settings = (self.diagnoser, self.budget, self.env.amplitude, self.env.classes)
+        return LearnedPolicy(tensors, *settings)
 
     def state(self) -> dict[str, np.ndarray]:
         """Weights of actor and critic, moments of Adam, and the price, by name."""

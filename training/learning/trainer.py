@@ -12,18 +12,14 @@ from diagnosers import Recursive
 class Trainer(Protocol):
     """Trains one diagnoser, epoch by epoch; the loop in `training.learning.loop` does the rest.
 
-    The loop logs, keeps the best state, stops early, and writes a checkpoint after every epoch. It
-    may be killed at any moment: a new trainer of the same seed with the old `state()`, through
+    It may be killed at any moment: a new trainer of the same seed with the old `state()`, through
     `restore`, must continue bit for bit. So `state()` has all that outlives an epoch; a running
     random generator must not.
     """
 
-    epochs: int
-    """Most epochs to train; a run may have fewer, which are the same."""
-    patience: int
-    """The training stops after so many epochs in a row without a better validation loss."""
-    data: str
-    """One sentence for the card: the data for training, validation and calibration."""
+    epochs: int  # most epochs to train; a run may have fewer, which are the same
+    patience: int  # the training stops after so many epochs without a better validation loss
+    data: str  # for the card: the data for training, validation and calibration
 
     def __init__(self, seed: int) -> None:
         """Initial weights from the seed (0 or larger) alone; fast, without simulations."""
@@ -32,8 +28,7 @@ class Trainer(Protocol):
     def epoch(self, number: int) -> dict[str, float]:
         """Train an epoch on data that depend on (seed, number) alone; finite scalars to log.
 
-        Numbers start at 0. The entry ``loss`` is the training loss; it should be comparable with
-        that of `validate`.
+        Numbers start at 0. The training loss ``loss`` should be comparable with that of `validate`.
         """
         ...
 

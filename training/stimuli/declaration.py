@@ -15,18 +15,13 @@ UNDECLARED = 0  # index of `normal`
 class Declaration:
     """Which fault is declared on every lane.
 
+    `declared` (n_lanes,) is the index of the class or `UNDECLARED`; the first declaration stands.
+
     Parameters
     ----------
-    n_lanes
-        Number of lanes.
     threshold
         Probability that a fault class must have at every sample of `DECLARATION_TIME`; 0.5 or more,
         so that only one class can have it.
-
-    Attributes
-    ----------
-    declared
-        Index of the declared class, (n_lanes,), or `UNDECLARED`; the first declaration stands.
     """
 
     def __init__(self, n_lanes: int, threshold: float):

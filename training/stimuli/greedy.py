@@ -36,14 +36,11 @@ COMMAND = INDEX["speed_command"]
 
 
 class GreedyMemory(NamedTuple):
-    """Measured speed as the controller filters it, and the current offset, each (n_lanes,) [m/s].
+    """The memory of an episode."""
 
-    effects: `fault_effects` at the start of the episode.
-    """
-
-    filtered_speed: np.ndarray
-    offset: np.ndarray
-    effects: tuple[np.ndarray, np.ndarray]
+    filtered_speed: np.ndarray  # (n_lanes,) [m/s], as the controller filters the measured speed
+    offset: np.ndarray  # (n_lanes,) [m/s], the current one
+    effects: tuple[np.ndarray, np.ndarray]  # `fault_effects` at the start
 
 
 def fault_effects() -> tuple[np.ndarray, np.ndarray]:

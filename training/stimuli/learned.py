@@ -22,15 +22,12 @@ from training.stimuli.policy_inputs import policy_features
 
 @dataclass
 class LearnedMemory:
-    """Parameter filter's estimate, declaration, and current action (n_lanes,) of an episode.
+    """The memory of an episode."""
 
-    seen_classes: columns of the policy's classes in the belief.
-    """
-
-    estimate: Estimate
+    estimate: Estimate  # of the parameter filter
     declaration: Declaration
-    action: np.ndarray
-    seen_classes: list[int]
+    action: np.ndarray  # the current one, (n_lanes,)
+    seen_classes: list[int]  # columns of the policy's classes in the belief
 
 
 class Learned(ClosedLoop):

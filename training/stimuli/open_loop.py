@@ -26,8 +26,7 @@ class Cruise(Stimulus):
 class OpenLoop(Stimulus):
     """A wave of root mean square 1 times the budget, the same on all lanes.
 
-    Over whole periods the root mean square is the budget. Where the amplitude of the wave varies,
-    `EPISODE_TIME` is a whole number of periods; over another time the root mean square may differ.
+    Only over whole periods, as in `EPISODE_TIME`, is the root mean square the budget.
     """
 
     wave: ClassVar[Callable[[], np.ndarray]]
@@ -41,10 +40,7 @@ class OpenLoop(Stimulus):
 
 
 class Thesis(OpenLoop):
-    """The square wave of the thesis (V.D): ten seconds slower, ten seconds faster by the budget.
-
-    It does not depend on the belief, and so costs as much on a healthy vehicle.
-    """
+    """The square wave of the thesis (V.D): ten seconds slower, ten seconds faster by the budget."""
 
     name = "thesis"
     seed_block = 1

@@ -37,9 +37,8 @@ def policy_name(diagnoser: str, seed: int) -> str:
 class LearnedPolicy:
     """Two hidden layers, all tanh, from the features of the active environment to its action.
 
-    It has learned beside one diagnoser and within one budget. Beside another diagnoser, with other
-    beliefs, it may excite without a reason. The mean over its training episodes keeps the budget,
-    not every single one.
+    Beside another diagnoser than that of its training, with other beliefs, it may excite without a
+    reason. The mean over its training episodes keeps the budget, not every single one.
 
     Attributes
     ----------
@@ -70,27 +69,16 @@ class LearnedPolicy:
         return feature_names(self.classes)
 
     def action(self, features: np.ndarray) -> np.ndarray:
-        """The actions of every lane, without noise.
+        """The actions (n_lanes, 1), float32 within -1 to 1, without noise.
 
-        Parameters
-        ----------
-        features
-            (n_lanes, n_features) as in `features`.
-
-        Returns
-        -------
-        (n_lanes, 1) float32, within -1 to 1.
+        Of `features` (n_lanes, n_features).
         """
         import torch  # takes a second, and only policies need it
 
         features = np.asarray(features, np.float32)
         if features.ndim != 2 or features.shape[1] != len(self.features):
-            raise refusal(
-                "shape of the features",
-                features.shape,
-                f"(n_lanes, {len(self.features)})",
-                "one row per lane",
-            )
+            allowed = f"(n_lanes, {len(self.features)})"
+            raise refusal("shape of the features", features.shape, allowed, "one row per lane")
         with torch.inference_mode():
             values = torch.from_numpy(features)
             for layer in LAYERS:
@@ -103,23 +91,13 @@ class LearnedPolicy:
 
     def save(self, path: str | Path) -> None:
         """Write a safetensors file for `load`; its header names the features in their order."""
-        header = {
-            "features": self.features,
-            "diagnoser": self.diagnoser,
-            "budget": self.budget,
-            "amplitude": self.amplitude,
-        }
+        settings = ("features", "diagnoser", "budget", "amplitude")
+        header = {name: getattr(self, name) for name in settings}
         storage.write(path, self.tensors, header)
 
     @classmethod
     def load(cls, path: str | Path) -> "LearnedPolicy":
-        """The policy in a file of `save`.
-
-        Raises
-        ------
-        InputError
-            For a damaged file, or a policy with other features.
-        """
+        """The policy in a file of `save`; a damaged one or one of other features is refused."""
         tensors, header = storage.read(path)
         header = header if isinstance(header, dict) else {}
         features = header.get("features")
@@ -130,9 +108,8 @@ class LearnedPolicy:
         if not is_layout or trained_classes[:1] != (NORMAL,):
             where = "training.stimuli.policy_inputs.FEATURES"
             allowed = f"the {len(FEATURES)} of {where} in their order"
-            raise refusal(
-                f"features of the policy {path}", _first_difference(features), allowed, remedy
-            )
+            got = _first_difference(features)
+            raise refusal(f"features of the policy {path}", got, allowed, remedy)
         diagnoser = header.get("diagnoser")
         if not isinstance(diagnoser, str):
             raise refusal(f"diagnoser of the policy {path}", diagnoser, "a name", remedy)

@@ -60,10 +60,7 @@ BOUNDS = dict(zip(FEATURES, zip(LOW.tolist(), HIGH.tolist(), strict=True), stric
 
 
 def compressed_log_odds(log_probability: np.ndarray) -> np.ndarray:
-    """The asinh of the log odds of every class, (n_lanes, n_classes).
-
-    Its resolution is best around even odds.
-    """
+    """The asinh of the log odds of every class, (n_lanes, n_classes): finest around even odds."""
     below_one = np.minimum(log_probability, -np.finfo(float).tiny)
     log_odds = below_one - np.log(-np.expm1(below_one))
     return np.arcsinh(np.clip(log_odds, FLOOR, -FLOOR))
@@ -98,22 +95,17 @@ def policy_features(
 
     Parameters
     ----------
-    belief, estimate
-        Of the diagnoser and of the parameter filter; the feature `severity` is that of the most
-        probable fault.
-    observation
-        The last one, (n_lanes, n_channels).
+    belief, estimate, observation
+        Of the diagnoser, of the parameter filter, and the last one (n_lanes, n_channels).
     last_action
         (n_lanes,), -1 to 1.
     time
-        Since the start of the episode, (n_lanes,) [s]; the feature is log(1 + time).
+        Since the start of the episode, (n_lanes,) [s].
     allowance
-        Squared offsets that the budget has left, (n_lanes,) [m^2/s]; the feature `left` is
-        `compressed_allowance`.
+        Squared offsets that the budget has left, (n_lanes,) [m^2/s].
     seen_classes
-        Columns of the classes that the agent sees in the belief, (n_seen,). The odds of a class are
-        those against all others, so a class that the agent does not see only lowers the odds of
-        `normal`, as any fault does.
+        Columns of the classes that the agent sees in the belief, (n_seen,). A class that it does
+        not see only lowers the odds of `normal`, as any fault does.
 
     Returns
     -------
