@@ -63,7 +63,7 @@ def test_both_checkers_pass_without_a_warning():
         warnings.simplefilter("always")
         check_env(gym.make(NAME).unwrapped, skip_render_check=True)
         env_checker.check_env(gym.make(NAME))
-    assert not caught, [str(one.message) for one in caught]
+    assert not caught, [str(warning.message) for warning in caught]
 
 
 def test_gymnasium_finds_it_by_the_name_of_its_module():
@@ -266,24 +266,24 @@ def test_reset_on_the_next_step_is_the_same_with_a_step_between():
     assert same.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
     assert later.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
     still = {"schedule": [], "mission": "cruise"}
-    one = ride(same, np.delete(actions, [6, 13], axis=0), seed=SEED, options=still)
-    two = ride(later, actions, seed=SEED, options=still)
-    for k, row in enumerate(one[1:], start=1):
+    same_step = ride(same, np.delete(actions, [6, 13], axis=0), seed=SEED, options=still)
+    next_step = ride(later, actions, seed=SEED, options=still)
+    for k, row in enumerate(same_step[1:], start=1):
         shifted = k + (k - 1) // 6
-        assert row[1].tobytes() == two[shifted][1].tobytes()
-        assert row[3].tobytes() == two[shifted][3].tobytes()
-    assert one[6][-1]["final_obs"][1].tobytes() == two[6][0][1].tobytes()
-    assert one[6][0].tobytes() == two[7][0].tobytes()
-    assert not two[7][1].any() and not two[7][2].any() and not two[7][3].any()
+        assert row[1].tobytes() == next_step[shifted][1].tobytes()
+        assert row[3].tobytes() == next_step[shifted][3].tobytes()
+    assert same_step[6][-1]["final_obs"][1].tobytes() == next_step[6][0][1].tobytes()
+    assert same_step[6][0].tobytes() == next_step[7][0].tobytes()
+    assert not next_step[7][1].any() and not next_step[7][2].any() and not next_step[7][3].any()
 
 
 def test_vector_wrappers_of_gymnasium_drive_it():
     wrap = gym.wrappers
-    one = gym.make_vec(
+    wrapped_singles = gym.make_vec(
         NAME, 3, "sync", wrappers=[wrap.ClipAction, wrap.NormalizeObservation], max_episode_steps=7
     )
-    many = gym.make_vec(NAME, 3, max_episode_steps=7)
-    for env in (one, many):
+    fleet = gym.make_vec(NAME, 3, max_episode_steps=7)
+    for env in (wrapped_singles, fleet):
         env = wrap.vector.RecordEpisodeStatistics(env)
         env.reset(seed=1)
         lengths = []
@@ -296,8 +296,8 @@ def test_vector_wrappers_of_gymnasium_drive_it():
 
 def test_the_same_seed_gives_the_same_run_and_another_one_another():
     first, again, other = (ride(gym.make(NAME), random_actions(5), seed=seed) for seed in (1, 1, 2))
-    for one, two in zip(first, again, strict=True):
-        assert one[0].tobytes() == two[0].tobytes() and one[1:] == two[1:]
+    for step, repeated in zip(first, again, strict=True):
+        assert step[0].tobytes() == repeated[0].tobytes() and step[1:] == repeated[1:]
     assert first[-1][0].tobytes() != other[-1][0].tobytes()
 
 

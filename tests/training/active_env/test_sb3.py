@@ -19,23 +19,23 @@ GONE = [{"fault": "propeller_loss:port", "onset": 3.0, "severity": 1.0}]
 
 def pair(**settings):
     """The adapter, and what it must equal."""
-    one = ActiveVecEnv(ActiveDiagnosisVectorEnv(LANES, LIMIT, **settings))
-    many = DummyVecEnv(
+    adapter = ActiveVecEnv(ActiveDiagnosisVectorEnv(LANES, LIMIT, **settings))
+    reference = DummyVecEnv(
         [lambda: gym.make(NAME, max_episode_steps=LIMIT, horizon=LIMIT, **settings)] * LANES
     )
-    return one, many
+    return adapter, reference
 
 
-def same(one, two):
+def assert_same(first, second):
     """Equality of arrays, and of nested information that may hold arrays too, types of its values included."""
-    if isinstance(one, Mapping) and isinstance(two, Mapping):
-        assert one.keys() == two.keys()
-        for name in one:
-            same(one[name], two[name])
-    elif isinstance(one, np.ndarray):
-        assert one.dtype == two.dtype and one.tobytes() == two.tobytes()
+    if isinstance(first, Mapping) and isinstance(second, Mapping):
+        assert first.keys() == second.keys()
+        for name in first:
+            assert_same(first[name], second[name])
+    elif isinstance(first, np.ndarray):
+        assert first.dtype == second.dtype and first.tobytes() == second.tobytes()
     else:
-        assert type(one) is type(two) and one == two
+        assert type(first) is type(second) and first == second
 
 
 @pytest.mark.parametrize("given", [False, True], ids=["sampled", "given_fault_and_mission"])
@@ -46,16 +46,16 @@ def test_every_step_equals_dummy_vec_env(given):
     for env in envs:
         env.seed(7)
         env.set_options({"schedule": GONE, "mission": "cruise"} if given else None)
-    same(*(env.reset() for env in envs))
+    assert_same(*(env.reset() for env in envs))
     for _ in range(3 * LIMIT):
         actions = random.uniform(-1.2, 1.2, (LANES, 1)).astype(np.float32)
         ours, theirs = (env.step(actions) for env in envs)
-        for one, two in zip(ours[:3], theirs[:3], strict=True):
-            same(one, two)
-        for one, two in zip(
+        for result, expected in zip(ours[:3], theirs[:3], strict=True):
+            assert_same(result, expected)
+        for result, expected in zip(
             ours[3] + envs[0].reset_infos, theirs[3] + envs[1].reset_infos, strict=True
         ):
-            same(one, two)
+            assert_same(result, expected)
         ends += [
             (info["TimeLimit.truncated"], info["declared"])
             for info in ours[3]
@@ -66,69 +66,69 @@ def test_every_step_equals_dummy_vec_env(given):
 
 
 def test_seeds_and_options_count_once_and_the_next_reset_goes_on():
-    one, many = pair()
-    for env in (one, many):
+    adapter, reference = pair()
+    for env in (adapter, reference):
         env.seed(3)
         env.set_options({"schedule": [], "mission": 0.3})
         env.reset()
-    same(one.reset(), many.reset())
-    for mine, theirs in zip(one.reset_infos, many.reset_infos, strict=True):
-        same(mine, theirs)
+    assert_same(adapter.reset(), reference.reset())
+    for mine, theirs in zip(adapter.reset_infos, reference.reset_infos, strict=True):
+        assert_same(mine, theirs)
 
 
 def test_a_lane_s_truth_can_be_read_after_later_steps():
-    one, _ = pair()
-    one.seed(3)
-    one.set_options({"schedule": GONE, "mission": "cruise"})
-    one.reset()
+    adapter, _ = pair()
+    adapter.seed(3)
+    adapter.set_options({"schedule": GONE, "mission": "cruise"})
+    adapter.reset()
     actions = np.zeros((LANES, 1), np.float32)
-    infos = [one.step(actions)[3][2] for _ in range(4)]
+    infos = [adapter.step(actions)[3][2] for _ in range(4)]
     assert [info["truth"]["label"] for info in infos] == ["normal"] * 3 + ["propeller_loss:port"]
     assert infos[3]["truth"]["severity"]["propeller_loss:port"] == 1.0
 
 
 def test_options_of_each_lane():
-    one, many = pair()
+    adapter, reference = pair()
     options = [{"schedule": GONE if lane % 2 else []} for lane in range(LANES)]
-    for env in (one, many):
+    for env in (adapter, reference):
         env.seed(3)
         env.set_options(options)
-    same(one.reset(), many.reset())
-    assert [info["truth"]["onset"] for info in one.reset_infos] == [
+    assert_same(adapter.reset(), reference.reset())
+    assert [info["truth"]["onset"] for info in adapter.reset_infos] == [
         np.inf,
         3.0,
         np.inf,
         3.0,
         np.inf,
     ]
-    one.set_options([{"mission": "cruise"}, *[{}] * (LANES - 1)])
+    adapter.set_options([{"mission": "cruise"}, *[{}] * (LANES - 1)])
     with pytest.raises(InputError, match=r"reset option mission.*all lanes or none"):
-        one.reset()
+        adapter.reset()
 
 
 def test_what_a_step_returns_is_the_caller_s_own():
-    one, many = pair()
-    for env in (one, many):
+    adapter, reference = pair()
+    for env in (adapter, reference):
         env.seed(1)
         env.reset()
     for _ in range(LIMIT + 1):
-        mine, theirs = (env.step(np.ones((LANES, 1), np.float32)) for env in (one, many))
-        same(mine[0], theirs[0])
+        mine, theirs = (env.step(np.ones((LANES, 1), np.float32)) for env in (adapter, reference))
+        assert_same(mine[0], theirs[0])
         for values in mine[:3]:
             values[:] = 1
 
 
 def test_attributes_and_methods():
-    one, _ = pair(amplitude=0.1)
+    adapter, _ = pair(amplitude=0.1)
     assert (
-        one.get_attr("amplitude") == [0.1] * LANES
-        and one.get_attr("amplitude", [0, 2]) == [0.1] * 2
+        adapter.get_attr("amplitude") == [0.1] * LANES
+        and adapter.get_attr("amplitude", [0, 2]) == [0.1] * 2
     )
-    one.set_attr("cost_weight", 2.0)
-    assert one.env.cost_weight == 2.0
-    assert one.env_is_wrapped(gym.Wrapper) == [False] * LANES
-    assert one.env_method("__repr__", indices=1) == ["ActiveDiagnosisVectorEnv(num_envs=5)"]
-    one.close()
+    adapter.set_attr("cost_weight", 2.0)
+    assert adapter.env.cost_weight == 2.0
+    assert adapter.env_is_wrapped(gym.Wrapper) == [False] * LANES
+    assert adapter.env_method("__repr__", indices=1) == ["ActiveDiagnosisVectorEnv(num_envs=5)"]
+    adapter.close()
 
 
 def test_an_environment_that_resets_on_the_next_step_is_refused():

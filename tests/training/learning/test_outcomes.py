@@ -15,18 +15,18 @@ def info(label="normal", declared="normal", onset=INF, cost=0.0):
 
 
 def followed(*seconds):
-    """Outcomes of one lane that ends with the last of these."""
+    """Outcomes of second lane that ends with the last of these."""
     outcomes = Outcomes(1)
-    for k, one in enumerate(seconds, start=1):
-        outcomes.update([one], np.array([k == len(seconds)]))
+    for k, second in enumerate(seconds, start=1):
+        outcomes.update([second], np.array([k == len(seconds)]))
     return outcomes.ended
 
 
 def test_right_declaration_counts_from_onset():
-    one = info(onset=1.5, cost=0.01)
-    two = info(PORT, onset=1.5, cost=0.02)
+    first = info(onset=1.5, cost=0.01)
+    second = info(PORT, onset=1.5, cost=0.02)
     last = info(PORT, PORT, onset=1.5, cost=0.03)
-    assert followed(one, two, last) == [Outcome(0, 3, pytest.approx(0.06), True, True, 1.5)]
+    assert followed(first, second, last) == [Outcome(0, 3, pytest.approx(0.06), True, True, 1.5)]
 
 
 def test_a_burst_may_be_over_when_it_is_declared():
@@ -56,12 +56,12 @@ def test_lanes_begin_anew_by_themselves():
     assert cost.tolist() == [0.1, 0.2] and label.tolist() == [PORT, "normal"]
     outcomes.update([info(cost=0.4), info(cost=0.3)], np.array([True, True]))
     ended = outcomes.ended
-    assert [(one.lane, one.decisions, one.faulty) for one in ended] == [
+    assert [(outcome.lane, outcome.decisions, outcome.faulty) for outcome in ended] == [
         (0, 1, True),
         (0, 1, False),
         (1, 2, False),
     ]
-    assert [one.cost for one in ended] == pytest.approx([0.1, 0.4, 0.5])
+    assert [outcome.cost for outcome in ended] == pytest.approx([0.1, 0.4, 0.5])
 
 
 def test_figures_by_hand():
