@@ -36,8 +36,7 @@ class ActiveVecEnv(VecEnv):
 
     def reset(self) -> np.ndarray:
         """Start an episode on every lane, with the current seeds and options; (n_lanes, n)."""
-        has_no_seed = all(seed is None for seed in self._seeds)
-        seeds = None if has_no_seed else self._seeds
+        seeds = None if set(self._seeds) == {None} else self._seeds
         observation, info = self.env.reset(seed=seeds, options=_joined(self._options))
         self.reset_infos = _split(info, range(self.num_envs))
         self._reset_seeds()

@@ -64,16 +64,6 @@ class ActiveDiagnosisEnv(gym.Env):
     `normal` between the bursts of an intermittent fault).
 
     ## Arguments
-    ```python
-    gym.make(
-        "training.active_env:auv_fault_env/ActiveDiagnosis-v0",
-        diagnoser="filter_bank",
-        amplitude=0.25,
-        budget=0.0762,
-        cost_weight=10.0,
-        declare=0.9,
-    )
-    ```
     `diagnoser`: a name of `diagnosers.NAMES` or a `Recursive`. `amplitude`: offset [m/s] of the
     action 1. `budget`: root mean square of the offsets over 65 s [m/s], which `left` counts down;
     the environment does not enforce it. `cost_weight` [s^2/m^2]. `declare`: probability, 0.5 or
@@ -91,9 +81,6 @@ class ActiveDiagnosisEnv(gym.Env):
     ...     observation, reward, terminated, truncated, info = env.step([1.0])
     >>> print(info["declared"], round(info["cost"], 4))
     propeller_loss:port 0.0625
-
-    ## Version History
-    * v0: first version
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": []}

@@ -15,20 +15,11 @@ Tensors = dict[str, np.ndarray]
 
 
 class Progress(NamedTuple):
-    """The progress of a training.
+    """The progress of a training; before the first epoch the states are the initial one."""
 
-    Attributes
-    ----------
-    history
-        An entry per epoch with seconds and the scalars of train and validation.
-    current, best
-        The trainer's state after the last epoch, and after the one with the lowest validation loss;
-        the initial one before the first.
-    """
-
-    history: list[dict[str, Any]]
-    current: Tensors
-    best: Tensors
+    history: list[dict[str, Any]]  # per epoch seconds and the scalars of train and validation
+    current: Tensors  # the trainer's state after the last epoch
+    best: Tensors  # after the epoch with the lowest validation loss
 
     @property
     def losses(self) -> list[float]:

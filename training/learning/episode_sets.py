@@ -24,6 +24,7 @@ LANES = 512  # episodes of a set
 SIMULATORS = 2  # threads; the filter bank among the features takes more time than all else
 SIMULATED_AHEAD = 4  # sets
 BATCH = 32  # episodes
+REPLAY_STRIDE = 6
 OTHER_SIDE = {"port": "starboard", "starboard": "port"}
 
 
@@ -80,9 +81,10 @@ def batches(episodes: EpisodeSet) -> Iterator[EpisodeSet]:
         yield EpisodeSet(*(part[:, k::n_batches].contiguous() for part in episodes))
 
 
-def single_samples(episodes: EpisodeSet, start: int, stride: int) -> EpisodeSet:
-    """Every so many-th sample, all lanes in one row of (n,), with features in half precision."""
-    features, label, severity = (part[start::stride].flatten(0, 1) for part in episodes)
+def replay_samples(episodes: EpisodeSet, number: int) -> EpisodeSet:
+    """Samples of a set, others for each set of an epoch: (n,), with features in half precision."""
+    chosen = slice(number % REPLAY_STRIDE, None, REPLAY_STRIDE)
+    features, label, severity = (part[chosen].flatten(0, 1) for part in episodes)
     return EpisodeSet(features.half(), label.clone(), severity.clone())
 
 

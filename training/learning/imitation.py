@@ -19,14 +19,11 @@ VALUE_WEIGHT = 0.1  # of the error of the critic beside that of the actor
 
 
 class Demonstration(NamedTuple):
-    """Observations (n, n_features), actions (n, 1) and returns (n,) of the rule, to learn from.
+    """Decisions of the rule, to learn from."""
 
-    A return is the discounted sum of the rewards from the decision on.
-    """
-
-    observations: torch.Tensor
-    actions: torch.Tensor
-    returns: torch.Tensor
+    observations: torch.Tensor  # (n, n_features)
+    actions: torch.Tensor  # (n, 1)
+    returns: torch.Tensor  # (n,), discounted sum of the rewards from the decision on
 
 
 def demonstrate(env: ConstrainedVecEnv, n_decisions: int, discount: float) -> Demonstration:

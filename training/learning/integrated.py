@@ -20,20 +20,17 @@ from training.learning.episode_sets import (
     EpisodeSet,
     batches,
     mirrored,
+    replay_samples,
     simulated_sets,
-    single_samples,
 )
 from training.learning.reproducible import one_thread
 from training.seeds import SPAN
 
 SETS = 4  # simulated sets of episodes per epoch
 VALIDATION_SETS = 2  # to validate and to calibrate on
-# the encoder learns from single samples of the last epochs
-REPLAY_EPOCHS = 6
-REPLAY_STRIDE = 6
+REPLAY_EPOCHS = 6  # the last, from whose single samples the encoder learns
 ENCODER_STEPS = 150  # per set
-# of a step of the encoder
-SETS_PER_STEP = 8
+SETS_PER_STEP = 8  # of the encoder
 SAMPLES_PER_SET = 256
 ENCODER_EPOCHS = 6  # in which the encoder learns alone
 # of Adam at the highest; both rates fall to zero as a cosine over all epochs
@@ -199,11 +196,6 @@ class IntegratedTrainer(AdamTrainer):
         figures = {"calibration_loss_before": before, "calibration_loss": after}
         figures["sharpness"] = float(network.sharpness)
         return Integrated(weights=network.tensors(), trained_classes=classes()), figures
-
-
-def replay_samples(episodes: EpisodeSet, number: int) -> EpisodeSet:
-    """The samples of a set for the replay, others for each set of an epoch."""
-    return single_samples(episodes, number % REPLAY_STRIDE, REPLAY_STRIDE)
 
 
 def validation_seeds() -> list[int]:

@@ -46,12 +46,9 @@ class KalmanNetworkTrainer:
     def epoch(self, number: int) -> dict[str, float]:
         """Continue the descent; the data are the same in every epoch."""
         inputs, target = _map_points(POINTS)
-        optimiser = torch.optim.LBFGS(
-            self.network.parameters(),
-            max_iter=ITERATIONS,
-            tolerance_change=0.0,
-            line_search_fn="strong_wolfe",
-        )
+        settings = {"tolerance_change": 0.0, "line_search_fn": "strong_wolfe"}
+        parameters = self.network.parameters()
+        optimiser = torch.optim.LBFGS(parameters, max_iter=ITERATIONS, **settings)
 
         def closure() -> torch.Tensor:
             optimiser.zero_grad()
@@ -87,11 +84,9 @@ class KalmanNetworkTrainer:
         slope, offset, loss = calibrate(sums, label)
         height = severity(outputs(sums))
         lines = severity_lines(height, label, true_severity)
-        tensors = self.network.tensors() | {
-            "slope": slope.astype(np.float32),
-            "offset": offset.astype(np.float32),
-            "severity": lines.astype(np.float32),
-        }
+        calibration = {"slope": slope, "offset": offset, "severity": lines}
+        tensors = self.network.tensors()
+        tensors |= {name: array.astype(np.float32) for name, array in calibration.items()}
         figures = {"calibration_loss": loss, "share_of_map_right": share_right(self.network)}
         return KalmanNetwork(weights=tensors), figures
 

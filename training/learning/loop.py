@@ -40,10 +40,8 @@ def train(
     last = trainer.epochs if epochs is None else epochs
     origin = {"diagnoser": name, "seed": seed, "code": digest(Path(inspect.getfile(type(trainer))))}
     progress = _initial_progress(trainer, folder, origin)
-    with (
-        _tensorboard_log(folder / LOG, progress) as log,
-        tqdm(initial=len(progress.history), total=last, unit="epoch") as bar,
-    ):
+    bar = tqdm(initial=len(progress.history), total=last, unit="epoch")
+    with bar, _tensorboard_log(folder / LOG, progress) as log:
         while len(progress.history) < last and not _is_stalled(progress, trainer.patience):
             epoch = _run_epoch(trainer, len(progress.history))
             progress = progress.after(epoch, trainer.state())

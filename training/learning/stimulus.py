@@ -28,18 +28,13 @@ ROLLOUTS = 8  # per epoch
 PASSES = 4  # of an update over its rollout
 BATCH = 2048
 RATE = 1e-3  # of Adam
-LARGEST_DIVERGENCE = 0.02  # nats, of the policy from that before the update, which it ends
+DIVERGENCE = 0.02  # nats, of the policy from that before the update, which it ends
 DISCOUNT = 0.9  # per decision: a reward 10 s sooner is worth three times as much
 LEAST_BUDGET = 0.4  # share of the budget, from which training episodes begin
 VALIDATION_LANES = 384
 # after so many decisions every delay is known or censored
 VALIDATION_DECISIONS = round(SCHEDULES.onset[1] + HORIZON)
-SETTINGS = {
-    "n_epochs": PASSES,
-    "batch_size": BATCH,
-    "gamma": DISCOUNT,
-    "target_kl": LARGEST_DIVERGENCE,
-}
+SETTINGS = {"n_epochs": PASSES, "batch_size": BATCH, "gamma": DISCOUNT, "target_kl": DIVERGENCE}
 LOGGED = ("value_loss", "approx_kl", "clip_fraction", "std")  # of the scalars of PPO
 GLOBAL_SEEDS = 2**32  # seeds of numpy's global generator
 
@@ -83,14 +78,9 @@ class StimulusTrainer:
     def _environment(
         self, n_lanes: int, max_decisions: int, least_share: float
     ) -> ConstrainedVecEnv:
-        is_bank = self.diagnoser == FilterBank.name
-        env = ActiveDiagnosisVectorEnv(
-            n_lanes,
-            max_decisions,
-            diagnoser=light_bank() if is_bank else self.diagnoser,
-            budget=self.budget,
-            cost_weight=0.0,
-        )
+        diagnoser = light_bank() if self.diagnoser == FilterBank.name else self.diagnoser
+        settings = {"diagnoser": diagnoser, "budget": self.budget, "cost_weight": 0.0}
+        env = ActiveDiagnosisVectorEnv(n_lanes, max_decisions, **settings)
         env.fleet.schedules = replace(SCHEDULES, prior=plant_prior())
         return ConstrainedVecEnv(ActiveVecEnv(env), least_share)
 

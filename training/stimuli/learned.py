@@ -34,8 +34,7 @@ class Learned(ClosedLoop):
     """The policy of a training with `auv-fault train-stimulus`; the policies come with the package.
 
     It ends with the first declaration, as the episodes of its training did. Those had one decision
-    per second; here the policy decides at every sample, and so starts as soon as there is doubt and
-    stops as soon as there is none.
+    per second; here the policy decides at every sample.
 
     The training had the beliefs of one filter bank on simulated vehicles at 0.2 to 0.5 m/s. Beside
     another diagnoser, with other beliefs, a policy may excite without a reason, or not excite where

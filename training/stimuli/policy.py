@@ -39,26 +39,13 @@ class LearnedPolicy:
 
     Beside another diagnoser than that of its training, with other beliefs, it may excite without a
     reason. The mean over its training episodes keeps the budget, not every single one.
-
-    Attributes
-    ----------
-    tensors
-        Weights and biases, float32, of the shapes of `policy_shapes`.
-    diagnoser
-        Name of the diagnoser beside which it has learned.
-    budget
-        Root mean square of the speed offsets in its training [m/s].
-    amplitude
-        Speed offset [m/s] of the action 1.
-    classes
-        Diagnosis classes whose log odds it sees: those of its training.
     """
 
-    tensors: dict[str, np.ndarray]
-    diagnoser: str
-    budget: float
-    amplitude: float
-    classes: tuple[str, ...] = SHIPPED_CLASSES
+    tensors: dict[str, np.ndarray]  # weights and biases, float32, shaped as `policy_shapes`
+    diagnoser: str  # name of that beside which it has learned
+    budget: float  # root mean square of the speed offsets in its training [m/s]
+    amplitude: float  # speed offset of the action 1 [m/s]
+    classes: tuple[str, ...] = SHIPPED_CLASSES  # of its training, whose log odds it sees
 
     def __post_init__(self):
         storage.check_tensors("the policy", self.tensors, policy_shapes(len(self.features)))
@@ -69,10 +56,7 @@ class LearnedPolicy:
         return feature_names(self.classes)
 
     def action(self, features: np.ndarray) -> np.ndarray:
-        """The actions (n_lanes, 1), float32 within -1 to 1, without noise.
-
-        Of `features` (n_lanes, n_features).
-        """
+        """Actions (n_lanes, 1) float32, -1 to 1, without noise, of features (n_lanes, n)."""
         import torch  # takes a second, and only policies need it
 
         features = np.asarray(features, np.float32)

@@ -30,9 +30,8 @@ class Excitation(NamedTuple):
 class Triggered(ClosedLoop):
     """Cruise until p(normal) < 0.5, then a wave for `EXCITATION_TIME` or until p(normal) > 0.9.
 
-    The amplitude spends the whole allowance within the excitation, up to `LARGEST_OFFSET`. So a
-    small budget buys a strong stimulus for a short time, and an early false suspicion takes from a
-    later true one.
+    The amplitude spends the whole allowance within the excitation, up to `LARGEST_OFFSET`. So an
+    early false suspicion takes from a later true one.
     """
 
     wave: ClassVar[Callable[[], np.ndarray]]

@@ -1,9 +1,8 @@
 """A rule by hand, from which the training of an agent starts: faster by the odds of a plant fault.
 
 At twice the speed drag and thrust are four times as large, so that faults of hull and propellers
-stand out of noise and disturbance; a slower vehicle hides them. A healthy vehicle pays the square
-of an offset, a faulty one gains about in proportion to it. So the best offset grows with the odds
-and with the budget.
+stand out of noise and disturbance. A healthy vehicle pays the square of an offset, a faulty one
+gains about in proportion to it. So the best offset grows with the odds and with the budget.
 """
 
 from functools import cache
