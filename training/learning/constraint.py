@@ -31,10 +31,11 @@ class ConstrainedVecEnv(VecEnvWrapper):
     The aim is the largest reward subject to a mean cost of healthy vehicles of at most
     ``(HEALTHY_SHARE budget)^2``. The price is a Lagrange multiplier, which dual ascent finds while
     the agent learns (Altman 1999, Constrained Markov Decision Processes, ch. 3; as PPO-Lagrangian
-    in Ray, Achiam & Amodei 2019): after each rollout ``price = max(0, price + PRICE_RATE overdraft)``, ``overdraft = mean(cost /
-    budget^2) / HEALTHY_SHARE^2 - 1``, at most 1, with the budget of each episode. The mean is over
-    the decisions at whose end the vehicle is healthy; the cost is that of the policy's mean action,
-    without the noise of exploration.
+    in Ray, Achiam & Amodei 2019): after each rollout
+    ``price = max(0, price + PRICE_RATE overdraft)``, where
+    ``overdraft = mean(cost / budget^2) / HEALTHY_SHARE^2 - 1``, at most 1, with the budget of each
+    episode. The mean is over the decisions at whose end the vehicle is healthy; the cost is that of
+    the policy's mean action, without the noise of exploration.
 
     The environment's own `cost_weight` should be 0. `price` is in nats per decision at full budget;
     `outcomes` are those of the episodes since the last reset.

@@ -127,8 +127,7 @@ def _calibration_samples(network: FeedForward) -> tuple[np.ndarray, np.ndarray, 
             if k % STRIDE == 0:
                 sums = network.evaluate(points(estimate))
                 samples.append((sums, rollout.label[k], rollout.severity[k]))
-    sums, label, true_severity = map(np.concatenate, zip(*samples, strict=True))
-    return sums, label, true_severity
+    return tuple(map(np.concatenate, zip(*samples, strict=True)))
 
 
 def calibrate(sums: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

@@ -35,7 +35,7 @@ def light_classes() -> tuple[str, ...]:
 
 
 def light_bank() -> FilterBank:
-    """A bank with a ninth of the filters, whose belief moves like `restrict_belief` of the whole."""
+    """A bank of a ninth of the filters, with a belief like `restrict_belief` of the whole one."""
     return FilterBank(grades=GRADES, faults=(*plant_faults(), *SENSOR_FAULTS))
 
 

@@ -21,10 +21,10 @@ STOP_ABOVE = math.log(0.9)  # and above which it stops
 
 
 class Excitation(NamedTuple):
-    """The excitation of every lane: samples since its start, -1 without one, and amplitude [m/s]."""
+    """The excitation of every lane, (n_lanes,) each."""
 
-    age: np.ndarray
-    amplitude: np.ndarray
+    age: np.ndarray  # samples since its start; -1 without one
+    amplitude: np.ndarray  # root mean square of its offsets [m/s]
 
 
 class Triggered(ClosedLoop):
