@@ -22,8 +22,7 @@ FAULTS = (
 )
 SCHEDULES = ((), (), *((FaultEvent(fault, onset=5.0, severity=0.8),) for fault in FAULTS))
 N_SHORT = 25  # samples of the checks with many runs
-# networks compute in float32
-ROUNDING = 1e-6
+ROUNDING = 1e-6  # networks compute in float32
 BATCH_TOLERANCE = 1e-4
 
 

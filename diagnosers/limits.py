@@ -24,8 +24,7 @@ LEVELS = ("port_voltage", "port_load", "starboard_voltage", "starboard_load", "p
 # a load below that of a damaged propeller; voltage and load together
 SIDE_SYMPTOMS = [f"{side}_{kind}" for kind in ("damage", "supply") for side in SIDES]
 SYMPTOMS = (*LEVELS, *SIDE_SYMPTOMS, "trend", "step", *sensor_symptoms.SYMPTOMS)
-# columns of the levels
-VOLTAGES = [0, 2]
+VOLTAGES = [0, 2]  # columns of the levels
 LOADS = [1, 3]
 SPEED = INDEX["speed"]
 ACCELERATION = INDEX["acceleration"]

@@ -20,8 +20,7 @@ from diagnosers.raw_network import RawNetwork
 from diagnosers.storage import Weights, load_tensors
 
 PRIOR_NORMAL = 0.5  # all faults share the rest evenly
-# prefixes of the names of their tensors
-RAW = "raw_network."
+RAW = "raw_network."  # prefix of the names of its tensors
 KALMAN = "kalman_network."
 
 

@@ -33,8 +33,7 @@ def write(path: str | Path, tensors: Mapping[str, np.ndarray], header: Mapping[s
             os.replace(temporary, path)
         finally:
             Path(temporary).unlink(missing_ok=True)
-    # safetensors reports a full disk by an exception of its own
-    except (OSError, SafetensorError) as error:
+    except (OSError, SafetensorError) as error:  # the latter for a full disk
         allowed = f"a place that can be written ({getattr(error, 'strerror', None) or error})"
         raise refusal("weights file", str(path), allowed, "choose another path") from None
 

@@ -11,10 +11,9 @@ An installed package that declares an entry point in its pyproject.toml; it then
     mine = "my_package.my_module:MyDiagnoser"
 
 A file that imports its neighbours needs their folder in PYTHONPATH. A benchmark that runs again
-reuses the trials of an unchanged file: choose another --output after a change in what the file
-imports or reads. The class takes no arguments. One with a method `set_truth` receives the truth
-about the vehicles, as the oracle does, and is not ranked. It is a `Diagnoser`, most easily a
-subclass of `Recursive`, or has the interface of the DX competitions (see `SampleSystem`)::
+reuses the trials of an unchanged file: choose another --output after a change in what it imports.
+The class takes no arguments. One with a method `set_truth` receives the truth as the oracle does,
+and is not ranked. It is a `Diagnoser`, or has the interface of the DX competitions::
 
     class MyDiagnoser(Recursive):
         name = "mine"

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import expit
@@ -12,7 +12,6 @@ from diagnosers.networks.modes import log_softmax
 from diagnosers.networks.smoothing import update_share
 from diagnosers.storage import Shapes
 
-Array = TypeVar("Array")
 Arrays = tuple[np.ndarray, ...]
 WIDTHS = (256, 128)  # of the encoder's hidden layers
 N_MEMORY = 64  # units of the recurrent layer, and of the encoder's last
@@ -30,7 +29,7 @@ def encoder_widths(trained_classes: Sequence[str]) -> tuple[int, ...]:
     return len(feature_names(trained_classes)), *WIDTHS, N_MEMORY
 
 
-def smooth_opinion(opinion: Array, previous: Array) -> Array:
+def smooth_opinion(opinion: Any, previous: Any) -> Any:
     """The running mean of the opinion (n_lanes, n_outputs), arrays of numpy or torch."""
     return previous + (opinion - previous) * update_share(OPINION_SMOOTHING)
 

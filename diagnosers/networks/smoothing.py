@@ -47,6 +47,4 @@ class SmoothedBelief(NamedTuple):
 
 def initial_smoothing(n_lanes: int, n_faults: int) -> SmoothedBelief:
     """The state before any sample."""
-    odds = np.full(n_lanes, np.nan)
-    faults = np.zeros((n_lanes, n_faults))
-    return SmoothedBelief(odds, faults)
+    return SmoothedBelief(np.full(n_lanes, np.nan), np.zeros((n_lanes, n_faults)))
