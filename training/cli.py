@@ -21,9 +21,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(name, command)
     except KeyboardInterrupt as stop:
-        print(
-            f"auv-fault {name}: stopped; {str(stop) or 'nothing was left behind'}", file=sys.stderr
-        )
+        reason = str(stop) or "nothing was left behind"
+        print(f"auv-fault {name}: stopped; {reason}", file=sys.stderr)
         return 130
 
 
@@ -40,10 +39,8 @@ def _run(name: str, command: Any) -> int:
     from auv_fault_env.errors import InputError
 
     try:
-        return (
-            importlib.import_module(f"training.commands.{name.replace('-', '_')}").main(command)
-            or 0
-        )
+        module = importlib.import_module(f"training.commands.{name.replace('-', '_')}")
+        return module.main(command) or 0
     except InputError as error:
         print(f"auv-fault {name}: {error}", file=sys.stderr)
         return 2

@@ -18,17 +18,8 @@ from auv_fault_env.faults import CATALOGUE, NORMAL, classes
 from auv_fault_env.missions import Mission, MissionSampler
 from auv_fault_env.parameters import FOOT
 from auv_fault_env.schedules import FaultEvent
-from training.benchmark.suites import (
-    FOLDER,
-    NAMES,
-    ONE_FAULT,
-    Conditions,
-    Episode,
-    Steering,
-    Suite,
-    parse,
-    read,
-)
+from training.benchmark import suites
+from training.benchmark.suites import NAMES, ONE_FAULT, Conditions, Episode, Steering, Suite
 from training.seeds import seeds
 
 BLOCK = 20_000_000  # test seeds of a suite; the second half counts false alarms on healthy lanes
@@ -44,12 +35,22 @@ THESIS_SPEED = 0.75 * FOOT  # m/s: the thesis' 0.5 and 1.0 ft/s lie a budget bel
 PLANT = dict(preset="thesis1992", sensor_noise=1.0, disturbance=1.0, healthy_band=1.0)
 STANDARD = Conditions(PLANT, 65.0, (CONSTANT, MissionSampler()), Steering(1.0 / 3.0, 0.3))
 
+ABOUT = {
+    "thesis": "faults of the thesis, nominal vehicles at its mean speed",
+    "standard": "every class and severity, within what diagnosers are trained for",
+    "ood_noise": "shift: sensors twice as noisy",
+    "ood_disturbance": "shift: disturbance twice as strong",
+    "ood_vehicle": "shift: healthy vehicles twice as different",
+    "ood_severity": "shift: severity 0.05 to 0.2",
+    "ood_compound": "shift: a second, lesser fault 2 to 10 s after the one to find",
+    "ood_mission": "shift: fast short legs, half from rest, large rudder and plane deflections",
+}
+
 
 @dataclass(frozen=True)
 class Recipe:
     """What a suite is sampled from; `cells` are pairs (fault, full severity), one per episode."""
 
-    about: str
     cells: Sequence[tuple[str, float]]
     conditions: Conditions = STANDARD
     compound: bool = False
@@ -59,9 +60,9 @@ def even_cells(per_class: int, low: float = 0.2, high: float = 1.0) -> list[tupl
     """As many cells of every class, its faults in turn, severities evenly spaced for each fault."""
     cells = []
     for diagnosis in classes():
-        faults = [fault.name for fault in CATALOGUE.values() if fault.diagnosis == diagnosis]
         if diagnosis == NORMAL:
             continue
+        faults = [fault.name for fault in CATALOGUE.values() if fault.diagnosis == diagnosis]
         for k, fault in enumerate(faults):
             n = len(range(k, per_class, len(faults)))
             for i in range(n):
@@ -73,11 +74,9 @@ def thesis_cells() -> list[tuple[str, float]]:
     """The thesis' faults, at its severities where it states them."""
     faults = {"increased_drag": 0.35, "decreased_drag": 0.7}
     for side in ("port", "starboard"):
-        faults |= {
-            f"propeller_damage:{side}": 0.7,
-            f"propeller_loss:{side}": 1.0,
-            f"seal_friction:{side}": 0.5,
-        }
+        faults[f"propeller_damage:{side}"] = 0.7
+        faults[f"propeller_loss:{side}"] = 1.0
+        faults[f"seal_friction:{side}"] = 0.5
     return [cell for cell in faults.items() for _ in range(PER_FAULT_OF_THE_THESIS)]
 
 
@@ -89,44 +88,24 @@ def shifted(**plant: float) -> Conditions:
 def recipes() -> dict[str, Recipe]:
     """The recipe of every suite."""
     shift_cells = even_cells(PER_CLASS_OF_A_SHIFT)
+    slight_cells = even_cells(PER_CLASS_OF_A_SHIFT, 0.05, 0.2)
     thesis_speed = MissionSampler(speed=(THESIS_SPEED, THESIS_SPEED), n_legs=1, from_rest=0.0)
     fast_legs = MissionSampler(speed=(0.5, 0.9), duration=(4.0, 8.0), n_legs=16, from_rest=0.5)
-    nominal_conditions = Conditions(
-        PLANT | {"healthy_band": 0.0}, 65.0, (thesis_speed,), Steering(0.0, 0.0)
-    )
-    fast_conditions = replace(STANDARD, missions=(fast_legs,), steering=Steering(1.0, 0.4))
+    nominal_plant = PLANT | {"healthy_band": 0.0}
+    nominal = Conditions(nominal_plant, 65.0, (thesis_speed,), Steering(0.0, 0.0))
+    fast = replace(STANDARD, missions=(fast_legs,), steering=Steering(1.0, 0.4))
+    noisy = shifted(sensor_noise=2.0)
+    disturbed = shifted(disturbance=2.0)
+    different = shifted(healthy_band=2.0)
     return {
-        "thesis": Recipe(
-            "faults of the thesis, nominal vehicles at its mean speed",
-            thesis_cells(),
-            nominal_conditions,
-        ),
-        "standard": Recipe(
-            "every class and severity, within what diagnosers are trained for",
-            even_cells(PER_CLASS),
-        ),
-        "ood_noise": Recipe(
-            "shift: sensors twice as noisy", shift_cells, shifted(sensor_noise=2.0)
-        ),
-        "ood_disturbance": Recipe(
-            "shift: disturbance twice as strong", shift_cells, shifted(disturbance=2.0)
-        ),
-        "ood_vehicle": Recipe(
-            "shift: healthy vehicles twice as different", shift_cells, shifted(healthy_band=2.0)
-        ),
-        "ood_severity": Recipe(
-            "shift: severity 0.05 to 0.2", even_cells(PER_CLASS_OF_A_SHIFT, 0.05, 0.2)
-        ),
-        "ood_compound": Recipe(
-            "shift: a second, lesser fault 2 to 10 s after the one to find",
-            shift_cells,
-            compound=True,
-        ),
-        "ood_mission": Recipe(
-            "shift: fast short legs, half from rest, large rudder and plane deflections",
-            shift_cells,
-            fast_conditions,
-        ),
+        "thesis": Recipe(thesis_cells(), nominal),
+        "standard": Recipe(even_cells(PER_CLASS)),
+        "ood_noise": Recipe(shift_cells, noisy),
+        "ood_disturbance": Recipe(shift_cells, disturbed),
+        "ood_vehicle": Recipe(shift_cells, different),
+        "ood_severity": Recipe(slight_cells),
+        "ood_compound": Recipe(shift_cells, compound=True),
+        "ood_mission": Recipe(shift_cells, fast),
     }
 
 
@@ -145,7 +124,7 @@ def frozen(name: str, recipe: Recipe) -> Suite:
         for seed, k in zip(chosen, order, strict=True)
     ]
     episodes = tuple(map(Episode, chosen, schedules, missions))
-    return Suite(name, recipe.about, recipe.conditions, healthy, episodes)
+    return Suite(name, ABOUT[name], recipe.conditions, healthy, episodes)
 
 
 def schedule(seed: int, fault: str, severity: float, compound: bool) -> tuple[FaultEvent, ...]:
@@ -181,9 +160,9 @@ def rounded(mission: Mission) -> Mission:
 def main(paths: Sequence[str]) -> None:
     """Write the packaged suites, or seal the given files as they are."""
     for path in map(Path, paths):
-        path.write_bytes(parse(read(path), path).text().encode())
+        path.write_bytes(suites.parse(suites.read(path), path).text().encode())
     for name, recipe in () if paths else recipes().items():
-        (FOLDER / f"{name}.json").write_bytes(frozen(name, recipe).text().encode())
+        (suites.FOLDER / f"{name}.json").write_bytes(frozen(name, recipe).text().encode())
 
 
 if __name__ == "__main__":

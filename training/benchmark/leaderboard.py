@@ -5,6 +5,7 @@ from typing import Any
 
 from training.benchmark.scores import METRICS, Score
 from training.report.cells import percent, row_name, with_interval
+from training.report.sections import table_section
 
 Scores = Mapping[str, Score]
 ORACLE = "oracle"
@@ -40,18 +41,17 @@ def leaderboard(scores: Scores, references: Collection[str], heading: str) -> di
     for name in in_order(scores, references):
         cells = [column.cell(scores[name]) for column in COLUMNS]
         rows.append([row_name(name, references), *cells, _relative_to_oracle(scores, name)])
-    return {
-        "heading": heading,
-        "text": [
-            "By restricted mean isolation time. A short time with few faults isolated means that "
-            "some faults are missed and the rest isolated at once. Macro-F1 is over the classes "
-            "and normal, one healthy vehicle to four faulty ones. Severity error and coverage of "
-            "the 90 % interval are those of the estimate given the true class. Calibration error "
-            "(ECE) and log loss are of beliefs at random instants of the same vehicles. The last "
-            "column is the isolation time divided by the oracle's."
-        ],
-        "table": {"columns": ["diagnoser", *headings, "× oracle"], "rows": rows},
-    }
+    return table_section(
+        heading,
+        ["diagnoser", *headings, "× oracle"],
+        rows,
+        "By restricted mean isolation time. A short time with few faults isolated means that "
+        "some faults are missed and the rest isolated at once. Macro-F1 is over the classes "
+        "and normal, one healthy vehicle to four faulty ones. Severity error and coverage of "
+        "the 90 % interval are those of the estimate given the true class. Calibration error "
+        "(ECE) and log loss are of beliefs at random instants of the same vehicles. The last "
+        "column is the isolation time divided by the oracle's.",
+    )
 
 
 def _relative_to_oracle(scores: Scores, name: str) -> str:
@@ -90,14 +90,13 @@ def compute_table(
     for name in names:
         cells = [_microseconds(costs[name][key]) for key in COMPUTE_COLUMNS]
         rows.append([row_name(name, references), *cells])
-    return {
-        "heading": "Compute",
-        "text": [
-            "Wall-clock microseconds of an update; a sample comes every 100,000 microseconds. "
-            "Other work on the machine makes them longer."
-        ],
-        "table": {"columns": ["diagnoser", *COMPUTE_COLUMNS.values()], "rows": rows},
-    }
+    return table_section(
+        "Compute",
+        ["diagnoser", *COMPUTE_COLUMNS.values()],
+        rows,
+        "Wall-clock microseconds of an update; a sample comes every 100,000 microseconds. Other "
+        "work on the machine makes them longer.",
+    )
 
 
 def _microseconds(duration: float) -> str:
@@ -106,11 +105,6 @@ def _microseconds(duration: float) -> str:
 
 def failures_table(failures: Mapping[str, str]) -> dict[str, Any]:
     """Diagnosers that could not be compared."""
-    return {
-        "heading": "Left out",
-        "text": ["These could not be created, or failed during the run; they have no results."],
-        "table": {
-            "columns": ["diagnoser", "reason"],
-            "rows": [list(item) for item in failures.items()],
-        },
-    }
+    text = "These could not be created, or failed during the run; they have no results."
+    rows = [list(item) for item in failures.items()]
+    return table_section("Left out", ["diagnoser", "reason"], rows, text)

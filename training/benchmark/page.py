@@ -21,6 +21,7 @@ from training.benchmark.results import RESULTS
 from training.benchmark.scores import MEAN_TIMES, METRICS, RANKED_AT, RATE_METRICS
 from training.metrics import Times
 from training.report.cells import number, row_name, with_interval
+from training.report.sections import table_section
 
 N_CLOSEST = 8  # comparisons with a bound that are shown where none is beaten
 
@@ -105,11 +106,7 @@ def what_was_run(view: BenchmarkView) -> dict[str, Any]:
     }
     for name, origin in results["third_parties"].items():
         rows[f"third party: {name}"] = origin
-    return {
-        "heading": "What was run",
-        "text": [],
-        "table": {"columns": ["item", "value"], "rows": [list(item) for item in rows.items()]},
-    }
+    return table_section("What was run", ["item", "value"], [list(item) for item in rows.items()])
 
 
 def _listed(values: Mapping[str, Any]) -> str:
@@ -159,15 +156,14 @@ def best_two(view: BenchmarkView) -> dict[str, Any]:
         f1 = with_interval(paired.macro_f1[0], paired.macro_f1[1:], 3, "+")
         rows.append([stimulus, *two, time, f1, "yes" if paired.is_better else "no"])
     columns = ["stimulus", "best", "second", "isolation time [s]", "macro-F1", "better"]
-    return {
-        "heading": "Is the best one better?",
-        "text": [
-            "The best by isolation time minus the second on the same episodes, with 95 % paired "
-            "bootstrap intervals. A negative time and a positive macro-F1 favour the best. It is "
-            "better if neither interval contains zero."
-        ],
-        "table": {"columns": columns, "rows": rows},
-    }
+    return table_section(
+        "Is the best one better?",
+        columns,
+        rows,
+        "The best by isolation time minus the second on the same episodes, with 95 % paired "
+        "bootstrap intervals. A negative time and a positive macro-F1 favour the best. It is "
+        "better if neither interval contains zero.",
+    )
 
 
 def _lane_results(view: BenchmarkView, stimulus: str, name: str) -> LaneResults:
@@ -189,21 +185,17 @@ def against_bounds(view: BenchmarkView) -> dict[str, Any]:
     if beaten:
         conclusion = "These comparisons, or the bound, are wrong."
     columns = ["stimulus", "diagnoser", "time", "class", "measured [s]", "bound [s]", "beaten"]
-    return {
-        "heading": "Does any diagnoser beat a bound?",
-        "text": [
-            f"{len(beaten)} of {len(comparisons)} comparisons beat their bound by more than the "
-            f"sampling intervals. {conclusion}",
-            "Mean delays of abrupt faults against the least that any diagnoser can have. The bound "
-            f"of detection is by class where there are {FEWEST} episodes, for a diagnoser with no "
-            "more false alarms that knows the vehicle and the severity. The bound of isolation is "
-            "over all classes, for one that knows the vehicle but not the severity.",
-        ],
-        "table": {
-            "columns": columns,
-            "rows": [_check_cells(view, row) for row in beaten or closest[:N_CLOSEST]],
-        },
-    }
+    return table_section(
+        "Does any diagnoser beat a bound?",
+        columns,
+        [_check_cells(view, row) for row in beaten or closest[:N_CLOSEST]],
+        f"{len(beaten)} of {len(comparisons)} comparisons beat their bound by more than the "
+        f"sampling intervals. {conclusion}",
+        "Mean delays of abrupt faults against the least that any diagnoser can have. The bound "
+        f"of detection is by class where there are {FEWEST} episodes, for a diagnoser with no "
+        "more false alarms that knows the vehicle and the severity. The bound of isolation is "
+        "over all classes, for one that knows the vehicle but not the severity.",
+    )
 
 
 def bounds(stimulus: str, of_stimulus: Mapping[str, Any]) -> dict[str, Any]:
@@ -218,22 +210,20 @@ def bounds(stimulus: str, of_stimulus: Mapping[str, Any]) -> dict[str, Any]:
     columns = ["class", "information [nat/s]", f"log(γ)/I, {rates[0]}"]
     columns += [f"detection, {rate}" for rate in rates]
     columns += ["rival", "apart [nat/s]", "isolation"]
-    return {
-        "heading": f"Bounds under {stimulus}",
-        "text": [
-            "The least mean delays [s] of abrupt faults for any diagnoser that knows the vehicle "
-            "and the severity. Detection: with no more than one false alarm in the time named. "
-            "Isolation: against the rival, the class that looks most alike and whose severity is "
-            "unknown, with at most one confusion in a hundred; a diagnoser that confuses them more "
-            "often may be sooner. log(γ)/I holds for rare false alarms and may be beaten. From "
-            f"{of_stimulus['lanes']} episodes.",
-            "The likelihood ratios come from Kalman filters and are approximate. Their mean "
-            f"inverse is {', '.join(ratios)} (exact: 1; above it, bounds may be too high). Shares "
-            f"of healthy vehicles whose ratio is high: {', '.join(shares)} (exact: at most the "
-            "level).",
-        ],
-        "table": {"columns": columns, "rows": rows},
-    }
+    return table_section(
+        f"Bounds under {stimulus}",
+        columns,
+        rows,
+        "The least mean delays [s] of abrupt faults for any diagnoser that knows the vehicle "
+        "and the severity. Detection: with no more than one false alarm in the time named. "
+        "Isolation: against the rival, the class that looks most alike and whose severity is "
+        "unknown, with at most one confusion in a hundred; a diagnoser that confuses them more "
+        "often may be sooner. log(γ)/I holds for rare false alarms and may be beaten. From "
+        f"{of_stimulus['lanes']} episodes.",
+        "The likelihood ratios come from Kalman filters and are approximate. Their mean "
+        f"inverse is {', '.join(ratios)} (exact: 1; above it, bounds may be too high). Shares "
+        f"of healthy vehicles whose ratio is high: {', '.join(shares)} (exact: at most the level).",
+    )
 
 
 def _bound_cells(name: str, of_class: Mapping[str, Any], rates: Sequence[str]) -> list[str]:
@@ -268,17 +258,16 @@ def false_alarms(view: BenchmarkView) -> dict[str, Any]:
             for rate, score in scores[name]["rates"].items():
                 start = [row_name(name, view.references), stimulus, rate]
                 rows.append(start + alarm_cells(score, MEAN_TIMES[rate]))
-    return {
-        "heading": "False alarms",
-        "text": [
-            "Counted by stimulus on healthy vehicles that did not serve to set the threshold. The "
-            "aim is one false alarm in the time of the third column. The interval is that of the "
-            "count (Poisson). The threshold rests on few alarms and is the same under every "
-            "stimulus, so a rate may be above the aim under one stimulus and below it under "
-            "another. 'As set' says whether the interval contains the aim."
-        ],
-        "table": {"columns": ["diagnoser", "stimulus", "one per", *ALARM_COLUMNS], "rows": rows},
-    }
+    return table_section(
+        "False alarms",
+        ["diagnoser", "stimulus", "one per", *ALARM_COLUMNS],
+        rows,
+        "Counted by stimulus on healthy vehicles that did not serve to set the threshold. The "
+        "aim is one false alarm in the time of the third column. The interval is that of the "
+        "count (Poisson). The threshold rests on few alarms and is the same under every "
+        "stimulus, so a rate may be above the aim under one stimulus and below it under "
+        "another. 'As set' says whether the interval contains the aim.",
+    )
 
 
 def compute_and_weights(view: BenchmarkView) -> dict[str, Any]:
@@ -303,16 +292,15 @@ def compatibility(view: BenchmarkView) -> dict[str, Any]:
             values = scores[name]["compatibility"]
             cells = [number(values[column], 3, "–") for column in columns]
             rows.append([row_name(name, view.references), stimulus, *cells])
-    return {
-        "heading": "Scores of other benchmarks",
-        "text": [
-            "The same decisions, at one false alarm per hour, scored as fddbenchmark, the DX 2025 "
-            "competition and DXC'26 score them; training/metrics/compatibility.py defines the "
-            "scores and says how they mislead. FAR counts samples, not alarms. A diagnoser that "
-            f"never alarms has an m_utl of {silent_utility:.3f}."
-        ],
-        "table": {"columns": ["diagnoser", "stimulus", *columns], "rows": rows},
-    }
+    return table_section(
+        "Scores of other benchmarks",
+        ["diagnoser", "stimulus", *columns],
+        rows,
+        "The same decisions, at one false alarm per hour, scored as fddbenchmark, the DX 2025 "
+        "competition and DXC'26 score them; training/metrics/compatibility.py defines the "
+        "scores and says how they mislead. FAR counts samples, not alarms. A diagnoser that "
+        f"never alarms has an m_utl of {silent_utility:.3f}.",
+    )
 
 
 def meanings() -> dict[str, Any]:
@@ -320,11 +308,10 @@ def meanings() -> dict[str, Any]:
     rows = [[key, meaning, ""] for key, meaning in RESULTS.items()]
     rows += [[f"scores: {one.key}", one.meaning, one.misleads] for one in METRICS]
     rows += [[f"rates: {one.key}", one.meaning, one.misleads] for one in RATE_METRICS]
-    return {
-        "heading": "What results.json holds",
-        "text": [
-            "Every figure of this page is made from results.json beside it; results.csv has the "
-            "main figures as a table. Intervals are [low, high]."
-        ],
-        "table": {"columns": ["key", "meaning", "how it misleads"], "rows": rows},
-    }
+    return table_section(
+        "What results.json holds",
+        ["key", "meaning", "how it misleads"],
+        rows,
+        "Every figure of this page is made from results.json beside it; results.csv has the main "
+        "figures as a table. Intervals are [low, high].",
+    )

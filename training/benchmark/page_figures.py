@@ -9,7 +9,7 @@ import numpy as np
 from training.benchmark.leaderboard import Scores, in_order
 from training.benchmark.scores import RANKED_AT, Score
 from training.report.cells import file_name, number, row_name
-from training.report.sections import figure_section
+from training.report.sections import figure, figure_section
 
 N_EPISODES_SHOWN = 3  # of each diagnoser
 N_CONFUSIONS_SHOWN = 2  # diagnosers
@@ -86,19 +86,17 @@ def isolation_over_time(view: BenchmarkView) -> dict[str, Any]:
         curve = score["isolation_over_time"]
         return curve["time"], curve["share"]
 
-    return figure_section(
-        "How soon are faults isolated?",
-        "curves",
-        "isolation",
+    data = {
+        "panels": view.lines(line),
+        "references": list(view.references),
+        "labels": ("time since onset [s]", "share of the faults isolated"),
+        "top": 1.0,
+    }
+    caption = (
         "Share of the faults isolated for good by a time since onset, at one false alarm per hour; "
-        "the area above a line is its restricted mean.",
-        {
-            "panels": view.lines(line),
-            "references": list(view.references),
-            "labels": ("time since onset [s]", "share of the faults isolated"),
-            "top": 1.0,
-        },
+        "the area above a line is its restricted mean."
     )
+    return figure_section("How soon are faults isolated?", "curves", "isolation", caption, data)
 
 
 def alarms_against_delay(view: BenchmarkView) -> dict[str, Any]:
@@ -138,36 +136,27 @@ def alarms_against_delay(view: BenchmarkView) -> dict[str, Any]:
             "it knows the vehicle and the severity. It is that of abrupt faults; ramped faults "
             "take longer."
         )
-    section = figure_section(
-        "Delay against false alarms", "curves", "amoc-delay", caption, delay | shared
-    )
-    section["figures"].append(
-        {
-            "plot": "curves",
-            "name": "amoc-detected",
-            "caption": "Share of the faults detected against the same rate.",
-            "data": detected | shared,
-        }
-    )
-    return section
+    second_caption = "Share of the faults detected against the same rate."
+    figures = [
+        figure("curves", "amoc-delay", caption, delay | shared),
+        figure("curves", "amoc-detected", second_caption, detected | shared),
+    ]
+    return {"heading": "Delay against false alarms", "text": [], "figures": figures}
 
 
 def f1_over_time(view: BenchmarkView) -> dict[str, Any]:
     """Macro-F1 at the times of decision."""
     times = view.results["settings"]["decided_at"]
     listed = ", ".join(f"{time:g}" for time in times)
-    return figure_section(
-        "How good are the decisions, and when?",
-        "curves",
-        "macro-f1",
-        f"Macro-F1 over the classes and normal {listed} s after onset.",
-        {
-            "panels": view.lines(lambda score: (times, score["macro_f1_over_time"])),
-            "references": list(view.references),
-            "labels": ("time since onset [s]", "macro-F1"),
-            "top": 1.0,
-        },
-    )
+    data = {
+        "panels": view.lines(lambda score: (times, score["macro_f1_over_time"])),
+        "references": list(view.references),
+        "labels": ("time since onset [s]", "macro-F1"),
+        "top": 1.0,
+    }
+    heading = "How good are the decisions, and when?"
+    caption = f"Macro-F1 over the classes and normal {listed} s after onset."
+    return figure_section(heading, "curves", "macro-f1", caption, data)
 
 
 def by_class(view: BenchmarkView) -> Iterable[dict[str, Any]]:
@@ -179,14 +168,9 @@ def by_class(view: BenchmarkView) -> Iterable[dict[str, Any]]:
             caption += "never within the horizon."
             if stimulus in view.bounds:
                 caption += BOUND_NOTES[kind]
-            figures.append(
-                {
-                    "plot": "class_delays",
-                    "name": f"{kind}-by-class-{file_name(stimulus)}",
-                    "caption": caption,
-                    "data": _class_delays(view, kind, stimulus),
-                }
-            )
+            name = f"{kind}-by-class-{file_name(stimulus)}"
+            data = _class_delays(view, kind, stimulus)
+            figures.append(figure("class_delays", name, caption, data))
         yield {"heading": f"{words} by class", "text": [], "figures": figures}
 
 
@@ -219,19 +203,13 @@ def confusions(view: BenchmarkView) -> dict[str, Any]:
         stimulus = view.best_stimulus(name)
         counts = np.array(view.scores[stimulus][name]["confusion"], float)
         shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
-        figures.append(
-            {
-                "plot": "confusion_matrix",
-                "name": f"confusion-{file_name(name)}",
-                "caption": f"Decisions of {name} under {stimulus} 10 s after onset, in per cent of "
-                "each true class (row); normal means that no alarm stands. Shares below 0.5 % are "
-                "left empty.",
-                "data": {
-                    "classes": view.results["classes"],
-                    "shares": np.round(shares, 4).tolist(),
-                },
-            }
+        caption = (
+            f"Decisions of {name} under {stimulus} 10 s after onset, in per cent of each true "
+            "class (row); normal means that no alarm stands. Shares below 0.5 % are left empty."
         )
+        data = {"classes": view.results["classes"], "shares": np.round(shares, 4).tolist()}
+        file = f"confusion-{file_name(name)}"
+        figures.append(figure("confusion_matrix", file, caption, data))
     return {"heading": "Which classes are confused?", "text": [], "figures": figures}
 
 
@@ -251,15 +229,13 @@ def costs(view: BenchmarkView) -> dict[str, Any]:
         "speed_rms": "RMS deviation from the mission's speed [m/s]",
         "energy": "energy [J per episode]",
     }
-    section = figure_section(
-        "Cost and delay",
-        "cost_delay",
-        "cost-delay",
+    data = {"points": points, "references": list(view.references), "costs": axes}
+    caption = (
         "Isolation time against what the stimulus costs: deviation of the true speed from the "
         "mission's, and electrical energy. Each line is a diagnoser, each marker a stimulus; down "
-        "and left is better.",
-        {"points": points, "references": list(view.references), "costs": axes},
+        "and left is better."
     )
+    section = figure_section("Cost and delay", "cost_delay", "cost-delay", caption, data)
     section["table"] = {
         "columns": ["stimulus", "speed RMS [m/s]", "× cruise", "energy [J]", "× cruise"],
         "rows": [_cost_cells(stimulus, scores) for stimulus, scores in view.scores.items()],
@@ -287,16 +263,13 @@ def calibration(view: BenchmarkView) -> dict[str, Any]:
     figures = []
     for stimulus, scores in view.scores.items():
         diagrams = {name: scores[name]["reliability"] for name in view.names}
-        figures.append(
-            {
-                "plot": "reliability_diagrams",
-                "name": f"reliability-{file_name(stimulus)}",
-                "caption": "Share of beliefs that were right against their confidence, at random "
-                f"instants under {stimulus}. The area of a point is the share of the beliefs in "
-                "its bin. Below the diagonal the diagnoser is overconfident.",
-                "data": {"diagrams": diagrams},
-            }
+        caption = (
+            "Share of beliefs that were right against their confidence, at random instants under "
+            f"{stimulus}. The area of a point is the share of the beliefs in its bin. Below the "
+            "diagonal the diagnoser is overconfident."
         )
+        name = f"reliability-{file_name(stimulus)}"
+        figures.append(figure("reliability_diagrams", name, caption, {"diagrams": diagrams}))
     return {"heading": "Are beliefs calibrated?", "text": [], "figures": figures}
 
 
@@ -328,14 +301,8 @@ def worst(view: BenchmarkView) -> dict[str, Any]:
         ]
         episodes.sort(key=lambda item: -_isolation_time(item[1]))
         shown = [_episode(view, *item) for item in episodes[:N_EPISODES_SHOWN]]
-        figures.append(
-            {
-                "plot": "episodes",
-                "name": f"worst-{file_name(name)}",
-                "caption": f"{name}: the episodes that it isolated last, of all stimuli.",
-                "data": {"drawn": shown},
-            }
-        )
+        caption = f"{name}: the episodes that it isolated last, of all stimuli."
+        figures.append(figure("episodes", f"worst-{file_name(name)}", caption, {"drawn": shown}))
     text = [
         "Three of each diagnoser; equal ones in the order of the stimuli and then of the episodes. "
         "The strip below each episode shows whether an alarm stands and whether the most probable "

@@ -32,11 +32,8 @@ def compute_cost(diagnoser: Diagnoser, first_seed: int) -> dict[str, Any]:
     single = update_durations(diagnoser, one_lane, WARM_UP + ONE_BY_ONE)[WARM_UP:]
     together = update_durations(diagnoser, many_lanes, MANY_SAMPLES)
     p50, p99 = np.percentile(single, [50, 99])
-    return {
-        "p50_us": float(p50),
-        "p99_us": float(p99),
-        "many_lanes_us": float(np.median(together) / MANY_LANES),
-    }
+    per_lane = np.median(together) / MANY_LANES
+    return {"p50_us": float(p50), "p99_us": float(p99), "many_lanes_us": float(per_lane)}
 
 
 def update_durations(diagnoser: Diagnoser, rollout: Rollout, n_updates: int) -> np.ndarray:

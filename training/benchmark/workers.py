@@ -72,10 +72,8 @@ def run_missing(trials: Mapping[Path, Trial], workers: int, backend: str) -> dic
         for path, trial in missing.items()
         if trial.entrant.name not in failures
     )
-    bar = tqdm(
-        total=n_total, initial=n_total - n_missing, unit="lane", desc="trials", smoothing=0.05
-    )
-    with bar:
+    n_done = n_total - n_missing
+    with tqdm(total=n_total, initial=n_done, unit="lane", desc="trials", smoothing=0.05) as bar:
         for path, name, outcome in _outcomes(jobs, workers, backend):
             bar.update(n_lanes[path])
             bar.set_postfix_str(name)

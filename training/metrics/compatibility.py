@@ -129,17 +129,10 @@ def scores(
     log_probability: np.ndarray,
     n_classes: int,
 ) -> dict[str, float | None]:
-    """All scores by name, None for NaN.
+    """All scores by name, None for NaN; label and decision (n_samples, n_lanes).
 
-    Parameters
-    ----------
-    label, decision
-        (n_samples, n_lanes) over time.
-    instants
-        (n_instants, n_lanes) samples drawn at random, where the whole belief is known; FIA is
-        estimated from them.
-    log_probability
-        (n_instants, n_lanes, n_classes) there.
+    FIA is estimated at random `instants` (n_instants, n_lanes), where the whole belief is known:
+    log_probability (n_instants, n_lanes, n_classes).
     """
     there = instants, np.arange(label.shape[1])
     fdd = fddbenchmark(label, decision, n_classes)
