@@ -124,8 +124,8 @@ def test_broken_off_run_goes_on_bit_for_bit(whole, tmp_path, monkeypatch, capsys
     )
     assert run(output) == 0
     assert numbers == [2]
-    one, two = ((folder / f"{NAME}.safetensors").read_bytes() for folder in (output, whole))
-    assert one == two
+    files = [folder / f"{NAME}.safetensors" for folder in (output, whole)]
+    assert files[0].read_bytes() == files[1].read_bytes()
     strip = lambda made: [epoch | {"seconds": 0} for epoch in made["history"]]  # noqa: E731
     assert strip(card(output)) == strip(card(whole))
 
@@ -144,19 +144,19 @@ def test_finished_run_is_kept_and_can_be_installed(whole, tmp_path, monkeypatch,
 
 
 def test_a_trainer_learns_and_restores_all_that_the_next_epoch_needs():
-    one = StimulusTrainer(3)
-    other = StimulusTrainer(4)
-    before = {name: np.array(tensor) for name, tensor in one.state().items()}
-    one.epoch(0)
-    after = {name: np.array(tensor) for name, tensor in one.state().items()}
+    trainer = StimulusTrainer(3)
+    restored = StimulusTrainer(4)
+    before = {name: np.array(tensor) for name, tensor in trainer.state().items()}
+    trainer.epoch(0)
+    after = {name: np.array(tensor) for name, tensor in trainer.state().items()}
     assert not np.array_equal(before["action_net.0.weight"], after["action_net.0.weight"])
     assert not np.array_equal(before["value_net.weight"], after["value_net.weight"])
-    other.restore(after)
-    other.seed = 3
-    assert one.epoch(1) == other.epoch(1)
-    assert one.validate() == other.validate()
-    for name, tensor in one.state().items():
-        np.testing.assert_array_equal(other.state()[name], tensor, strict=True)
+    restored.restore(after)
+    restored.seed = 3
+    assert trainer.epoch(1) == restored.epoch(1)
+    assert trainer.validate() == restored.validate()
+    for name, tensor in trainer.state().items():
+        np.testing.assert_array_equal(restored.state()[name], tensor, strict=True)
 
 
 def test_validation_counts_one_whole_episode_of_each_vehicle(monkeypatch):
@@ -168,8 +168,8 @@ def test_validation_counts_one_whole_episode_of_each_vehicle(monkeypatch):
     )
     trainer = StimulusTrainer(0, budget=0.05)
     assert trainer.validate() == {"loss": 0.05}
-    assert sorted(one.lane for one in seen) == list(range(12))
-    assert all(one.decisions == VALIDATION_DECISIONS or one.declared for one in seen)
+    assert sorted(outcome.lane for outcome in seen) == list(range(12))
+    assert all(outcome.decisions == VALIDATION_DECISIONS or outcome.declared for outcome in seen)
     assert len(trainer.validation_env.outcomes.ended) > 12
 
 
@@ -187,7 +187,7 @@ def test_training_and_validation_have_seeds_of_their_own(monkeypatch):
     trainer.epoch(0)
     trainer.epoch(1)
     trainer.validate()
-    imitated, first, second, tried = (one for one in used if one is not None)
+    imitated, first, second, tried = (run for run in used if run is not None)
     assert {purpose_of(seed) for seed in (*imitated, *first, *second)} == {"training"}
     assert not set(imitated) & set(first) and set(first) != set(second)
     assert {purpose_of(seed) for seed in tried} == {"validation"}

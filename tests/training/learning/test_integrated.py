@@ -28,14 +28,14 @@ def small(monkeypatch):
 
 
 def test_a_restored_trainer_goes_on_bit_for_bit():
-    one = IntegratedTrainer(3)
-    other = IntegratedTrainer(3)
-    one.epoch(0)
-    other.restore({name: np.array(tensor) for name, tensor in one.state().items()})
-    assert one.epoch(1) == other.epoch(1)
-    assert one.validate() == other.validate()
-    for name, tensor in one.state().items():
-        np.testing.assert_array_equal(other.state()[name], tensor, strict=True)
+    trainer = IntegratedTrainer(3)
+    restored = IntegratedTrainer(3)
+    trainer.epoch(0)
+    restored.restore({name: np.array(tensor) for name, tensor in trainer.state().items()})
+    assert trainer.epoch(1) == restored.epoch(1)
+    assert trainer.validate() == restored.validate()
+    for name, tensor in trainer.state().items():
+        np.testing.assert_array_equal(restored.state()[name], tensor, strict=True)
 
 
 def test_memory_learns_only_after_the_encoder():
