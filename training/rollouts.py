@@ -18,19 +18,13 @@ TIME_TOLERANCE = 1e-9  # s, by which a sample time may miss an onset at that tim
 
 
 class Rollout(NamedTuple):
-    """Episodes of many lanes, time first.
+    """Episodes of many lanes, time first."""
 
-    observations (n_samples, n_lanes, n_channels) float32; label (n_samples, n_lanes), index in
-    `classes()` of the worst fault present, 0 for normal; severity (n_samples, n_lanes) of that
-    fault; onset (n_lanes,) [s] of the first fault, infinite if there is none; healthy (n_lanes,
-    n_parameters), the vehicle without its faults.
-    """
-
-    observations: np.ndarray
-    label: np.ndarray
-    severity: np.ndarray
-    onset: np.ndarray
-    healthy: np.ndarray
+    observations: np.ndarray  # (n_samples, n_lanes, n_channels) float32
+    label: np.ndarray  # (n_samples, n_lanes) index in `classes()` of the worst fault present
+    severity: np.ndarray  # (n_samples, n_lanes) of that fault
+    onset: np.ndarray  # (n_lanes,) of the first fault [s], infinite if there is none
+    healthy: np.ndarray  # (n_lanes, n_parameters) the vehicle without its faults
 
 
 def roll_out(
@@ -41,21 +35,11 @@ def roll_out(
     schedules: Sequence[Schedule] | None = None,
     missions: Sequence[Mission] | None = None,
 ) -> Rollout:
-    """Run an episode on every lane.
+    """Run an episode of n_samples, the reading at the start included, on every lane.
 
-    Parameters
-    ----------
-    fleet
-        The vehicles; it samples schedules and missions that are not passed.
-    seeds
-        One per lane.
-    n_samples
-        Length of the episodes, the reading at the start included.
-    actions
-        (n_samples, n_lanes, 3) added to (mission speed [m/s], rudder 0, stern plane 0); None
-        follows the mission.
-    schedules, missions
-        One per lane, as for `Fleet.reset`.
+    Seeds, schedules and missions are one per lane, as for `Fleet.reset`. Actions (n_samples,
+    n_lanes, 3) are added to (mission speed [m/s], rudder 0, stern plane 0); None follows the
+    mission.
     """
     observation = fleet.reset(seeds, schedules=schedules, missions=missions)
     observations = np.empty((n_samples, fleet.n_lanes, len(CHANNELS)), np.float32)

@@ -33,9 +33,11 @@ from training.bounds.information import (
     simulate_suite_lanes,
 )
 from training.metrics.intervals import interval
+from training.metrics.plain import rounded
 from training.metrics.records import HORIZON
 from training.stimuli import Stimulus
 
+PlainData = Mapping[str, Any]
 PER_HOUR = 3600.0 * SAMPLE_RATE  # samples
 # samples between false alarms
 RATES = {rate: time * SAMPLE_RATE for rate, time in MEAN_TIMES.items()}
@@ -84,17 +86,13 @@ def bounds_of(stimulus: Stimulus, seed: int, n_lanes: int) -> dict[str, Any]:
     detection = {}
     isolation = {}
     for rate, samples in RATES.items():
-        of_classes = [bounds["detection_delay"][rate] for bounds in by_class.values()]
-        detection[rate] = _mean(of_classes)
+        detection[rate] = _mean([bounds["detection_delay"][rate] for bounds in by_class.values()])
         isolation[rate] = _isolation_of_all(unknown, true_class, diagnosis, samples, seed)
-    mean_delay = np.mean([bounds["delay_by_rate"] for bounds in by_class.values()], axis=0)
+    delay = np.mean([bounds["delay_by_rate"] for bounds in by_class.values()], axis=0)
     return {
         "classes": by_class,
         "all": {"detection_delay": detection, "isolation_delay": isolation},
-        "amoc": {
-            "false_alarms_per_hour": AMOC_RATES.round(4).tolist(),
-            "delay": mean_delay.round(4).tolist(),
-        },
+        "amoc": {"false_alarms_per_hour": rounded(AMOC_RATES), "delay": rounded(delay)},
         "calibration": _calibration(true_class, healthy),
         "lanes": n_lanes,
     }
@@ -190,19 +188,14 @@ def _calibration(true_class: np.ndarray, healthy: np.ndarray) -> dict[str, dict[
     return {"inverse_ratio": inverse_ratio, "healthy_beyond": beyond}
 
 
-def check(results: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Whether any diagnoser has beaten a bound, by stimulus, diagnoser and class.
+def check(results: PlainData) -> list[dict[str, Any]]:
+    """Whether any diagnoser has beaten a bound, from the results of a benchmark that has bounds.
 
     Only abrupt faults count, and classes with at least `FEWEST` of them. A bound is beaten when the
     intervals do not overlap and the measured one is lower. Detection is compared at the rate of
     false alarms that the diagnoser may really have, the upper end of its interval. Among hundreds
     of comparisons some intervals miss their truth: one narrow miss proves nothing, several of one
     diagnoser do.
-
-    Parameters
-    ----------
-    results
-        Those of a benchmark, with `bounds` by stimulus.
     """
     rows = []
     for stimulus, bounds in results["bounds"].items():
@@ -212,11 +205,7 @@ def check(results: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _comparisons(
-    stimulus: str,
-    name: str,
-    score: Mapping[str, Any],
-    bounds: Mapping[str, Any],
-    results: Mapping[str, Any],
+    stimulus: str, name: str, score: PlainData, bounds: PlainData, results: PlainData
 ) -> Iterator[dict[str, Any]]:
     lanes = score["by_lane"]
     seed = results["seeds"]["bootstrap"]
@@ -239,7 +228,7 @@ def _comparisons(
     yield who | {"what": "isolation", "class": "all"} | comparison
 
 
-def _bound_at_rate(of_class: Mapping[str, Any], rates: list[float], rate: float) -> list[float]:
+def _bound_at_rate(of_class: PlainData, rates: list[float], rate: float) -> list[float]:
     """The detection bound of a class at a rate per hour, its interval that of one per hour."""
     value, low, high = of_class["detection_delay"][RANKED_AT]
     at_rate = float(np.interp(np.log(rate), np.log(rates), of_class["delay_by_rate"]))

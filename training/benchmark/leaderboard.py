@@ -27,11 +27,8 @@ COMPUTE_COLUMNS = {
 
 def in_order(scores: Scores, references: Collection[str]) -> list[str]:
     """Names by restricted mean isolation time, references last."""
-
-    def rank(name: str) -> tuple[bool, float]:
-        return name in references, scores[name]["isolation"]["restricted_mean"]
-
-    return sorted(scores, key=rank)
+    times = {name: score["isolation"]["restricted_mean"] for name, score in scores.items()}
+    return sorted(scores, key=lambda name: (name in references, times[name]))
 
 
 def leaderboard(scores: Scores, references: Collection[str], heading: str) -> dict[str, Any]:
@@ -66,20 +63,15 @@ def alarm_cells(score: Score, mean_time: float) -> list[str]:
     """Cells of `ALARM_COLUMNS`, the threshold set for one false alarm per mean time [s]."""
     threshold = score["threshold"]
     per_hour = score["false_alarms_per_hour"]
+    direction = "more" if per_hour > 3600.0 / mean_time else "fewer"
     return [
         "none, no alarm" if threshold is None else f"{threshold:.3g}",
         f"{score['isolation']['restricted_mean']:.2f}",
         percent(score["detection"]["probability"]),
         f"{score['false_alarms']} ({score['false_alarm_vehicles']})",
         with_interval(per_hour, score["false_alarms_per_hour_interval"], 2),
-        _as_set_cell(score["rate_as_set"], per_hour, 3600.0 / mean_time),
+        "yes" if score["rate_as_set"] else f"no, {direction}",
     ]
-
-
-def _as_set_cell(rate_as_set: bool, per_hour: float, aim: float) -> str:
-    if rate_as_set:
-        return "yes"
-    return "no, more" if per_hour > aim else "no, fewer"
 
 
 def compute_table(

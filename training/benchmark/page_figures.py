@@ -62,11 +62,8 @@ class BenchmarkView(NamedTuple):
 
     def best_stimulus(self, name: str) -> str:
         """The stimulus under which a diagnoser isolates soonest."""
-
-        def isolation_time(stimulus: str) -> float:
-            return self.scores[stimulus][name]["isolation"]["restricted_mean"]
-
-        return min(self.scores, key=isolation_time)
+        isolation = {stimulus: of[name]["isolation"] for stimulus, of in self.scores.items()}
+        return min(isolation, key=lambda stimulus: isolation[stimulus]["restricted_mean"])
 
     def lines(self, line: Callable[[Score], tuple[Any, Any]]) -> dict[str, dict[str, Any]]:
         """By stimulus and diagnoser the line {x, y} from a function of the score."""
@@ -179,10 +176,9 @@ def _class_delays(view: BenchmarkView, kind: str, stimulus: str) -> dict[str, An
     classes = list(scores[view.names[0]][f"{kind}_by_class"])
     columns: dict[str, list[float | None]] = {}
     if stimulus in view.bounds:
-        bounds = view.bounds[stimulus]["classes"]
-        columns[BOUND_COLUMNS[kind]] = [
-            _bound(bounds[name], kind) if name in bounds else None for name in classes
-        ]
+        of_classes = view.bounds[stimulus]["classes"]
+        bounds = {name: _bound(of_class, kind) for name, of_class in of_classes.items()}
+        columns[BOUND_COLUMNS[kind]] = [bounds.get(name) for name in classes]
     for name in view.names:
         delays = scores[name][f"{kind}_by_class"]
         columns[row_name(name, view.references)] = [delays[of_class] for of_class in classes]
@@ -215,16 +211,13 @@ def confusions(view: BenchmarkView) -> dict[str, Any]:
 
 def costs(view: BenchmarkView) -> dict[str, Any]:
     """What the stimuli cost, and how much sooner faults are isolated."""
-    points: dict[str, dict[str, Any]] = {}
-    for name in view.names:
-        points[name] = {}
-        for stimulus, scores in view.scores.items():
-            score = scores[name]
-            points[name][stimulus] = {
-                "speed_rms": score["cost"]["speed_rms"],
-                "energy": score["cost"]["energy"],
-                "delay": score["isolation"]["restricted_mean"],
-            }
+    points: dict[str, dict[str, Any]] = {name: {} for name in view.names}
+    for stimulus, scores in view.scores.items():
+        for name in view.names:
+            cost = scores[name]["cost"]
+            delay = scores[name]["isolation"]["restricted_mean"]
+            paid = {key: cost[key] for key in ("speed_rms", "energy")}
+            points[name][stimulus] = paid | {"delay": delay}
     axes = {
         "speed_rms": "RMS deviation from the mission's speed [m/s]",
         "energy": "energy [J per episode]",
@@ -276,11 +269,9 @@ def calibration(view: BenchmarkView) -> dict[str, Any]:
 def severity(view: BenchmarkView) -> dict[str, Any]:
     """Estimated against true severity for the best diagnosers, under one stimulus."""
     stimulus = view.best_stimulus(view.names[0])
-    scatters = {
-        name: view.scores[stimulus][name]["severity_scatter"]
-        for name in view.names[:N_SCATTERS_SHOWN]
-    }
-    truth = scatters[view.names[0]]["truth"]
+    shown = view.names[:N_SCATTERS_SHOWN]
+    scatters = {name: view.scores[stimulus][name]["severity_scatter"] for name in shown}
+    truth = scatters[shown[0]]["truth"]
     estimates = {name: scatter["estimate"] for name, scatter in scatters.items()}
     caption = (
         f"Severity estimated {view.results['settings']['severity_at']:g} s after onset under "

@@ -28,6 +28,7 @@ from training.benchmark.scores import (
 from training.benchmark.trials import (
     COUNTING,
     FAULTY,
+    PARTS,
     THRESHOLD,
     Entrant,
     LaneTruth,
@@ -106,12 +107,7 @@ def header(
             "listed": len(suite.episodes),
             "every": plan.every,
         },
-        "seeds": {
-            FAULTY: _first_and_last_seed(plan, FAULTY),
-            THRESHOLD: _first_and_last_seed(plan, THRESHOLD),
-            COUNTING: _first_and_last_seed(plan, COUNTING),
-            "bootstrap": seed,
-        },
+        "seeds": {part: _first_and_last_seed(plan, part) for part in PARTS} | {"bootstrap": seed},
         "settings": {
             "persistence": PERSISTENCE,
             "horizon": HORIZON,
@@ -141,10 +137,7 @@ def _first_and_last_seed(plan: BenchmarkPlan, part: str) -> list[int]:
 def scored(
     plan: BenchmarkPlan, paths: Mapping[Path, Trial], seed: int, failures: dict[str, str]
 ) -> dict[str, Any]:
-    """Thresholds, the truth and every score.
-
-    The worst episodes run once more; a diagnoser that fails on them joins the failures.
-    """
+    """Thresholds, truth, every score; a diagnoser that fails in its worst episodes is left out."""
     files = _files(paths)
     names = dict.fromkeys(name for name, _, _ in files)
     truth = lane_truth(plan.suite.conditions, plan.faulty_episodes)
@@ -171,8 +164,7 @@ def scored(
         except (Exception, SystemExit) as error:
             note_failure(failures, name, one_line(error))
             continue
-        setting = next(iter(outcomes.values())).threshold
-        levels = thresholds(setting)
+        levels = thresholds(next(iter(outcomes.values())).threshold)
         results["thresholds"][name] = {rate: finite(level) for rate, level in levels.items()}
         for stimulus, of_stimulus in inputs.items():
             results["decided"][stimulus] = of_stimulus.ranked.label.tolist()
@@ -195,13 +187,12 @@ def _outcomes(
     """By stimulus what a diagnoser is scored on."""
     setting_files = [files[name, stimulus, THRESHOLD] for stimulus in stimuli]
     setting = trial_store.read(list(chain(*setting_files)), THRESHOLD)
-    faulty = {
-        stimulus: trial_store.read(files[name, stimulus, FAULTY], FAULTY) for stimulus in stimuli
-    }
+    faulty_files = {stimulus: files[name, stimulus, FAULTY] for stimulus in stimuli}
+    faulty = {stimulus: trial_store.read(of, FAULTY) for stimulus, of in faulty_files.items()}
+    under_cruise = faulty.get(Cruise.name)
     outcomes = {}
     for stimulus in stimuli:
         counting = trial_store.read(files[name, stimulus, COUNTING], COUNTING)
-        under_cruise = faulty.get(Cruise.name)
         outcomes[stimulus] = TrialOutcomes(setting, counting, faulty[stimulus], under_cruise)
     return outcomes
 

@@ -119,13 +119,22 @@ def calibration_error(assessment: Assessment) -> float:
     return metrics.expected_calibration_error(assessment.confidence, assessment.right)
 
 
-def _interval_cell(score: Score, key: str, digits: int) -> str:
-    return with_interval(score[key], score[f"{key}_interval"], digits)
+def _interval_column(heading: str, key: str, digits: int) -> Column:
+    """The column of a metric that has an interval under `key`_interval."""
+
+    def cell(score: Score) -> str:
+        return with_interval(score[key], score[f"{key}_interval"], digits)
+
+    return Column(heading, cell)
 
 
 def _isolation_cell(score: Score) -> str:
     isolation = score["isolation"]
     return with_interval(isolation["restricted_mean"], isolation["interval"], 2)
+
+
+def _detection_cell(score: Score) -> str:
+    return f"{score['detection']['restricted_mean']:.2f}"
 
 
 TIMES = "{restricted_mean, interval, probability, median} in seconds, censored at the horizon"
@@ -191,12 +200,7 @@ RATE_METRICS = (
         f"time from onset to the first alarm after it: {TIMES}",
         "An alarm for the wrong reason counts; read it beside the rate of false alarms.",
         csv=("detection_restricted_mean", "detection_probability", "detection_median"),
-        columns=(
-            Column(
-                "detection, restricted mean [s]",
-                lambda score: f"{score['detection']['restricted_mean']:.2f}",
-            ),
-        ),
+        columns=(Column("detection, restricted mean [s]", _detection_cell),),
     ),
 )
 
@@ -209,10 +213,8 @@ def rate_score(assessment: Assessment, rate: str, seed: int) -> dict[str, Any]:
 
 def scores_by_rate(inputs: ScoreInputs) -> dict[str, dict[str, Any]]:
     """`rate_score` for every rate."""
-    return {
-        rate: rate_score(assessment, rate, inputs.seed)
-        for rate, assessment in inputs.assessments.items()
-    }
+    assessments = inputs.assessments.items()
+    return {rate: rate_score(assessment, rate, inputs.seed) for rate, assessment in assessments}
 
 
 def at_ranked_rate(metric: Metric) -> Metric:
@@ -252,12 +254,7 @@ METRICS = (
         "one healthy lane to four faulty ones",
         "Depends on the share of healthy lanes; an early instant punishes caution.",
         csv=("macro_f1",),
-        columns=(
-            Column(
-                f"macro-F1 at {DECISION_TIME:g} s",
-                lambda score: _interval_cell(score, "macro_f1", 2),
-            ),
-        ),
+        columns=(_interval_column(f"macro-F1 at {DECISION_TIME:g} s", "macro_f1", 2),),
     ),
     Metric("macro_f1_interval", macro_f1_interval, "its 95 % bootstrap interval over lanes"),
     Metric(
@@ -271,12 +268,7 @@ METRICS = (
         f"mean absolute error of the severity {SEVERITY_AT:g} s after onset, given the true class",
         "Says nothing of whether the class is found; the middle of all severities has 0.2.",
         csv=("severity_mae",),
-        columns=(
-            Column(
-                f"severity MAE at {SEVERITY_AT:g} s",
-                lambda score: _interval_cell(score, "severity_mae", 3),
-            ),
-        ),
+        columns=(_interval_column(f"severity MAE at {SEVERITY_AT:g} s", "severity_mae", 3),),
     ),
     Metric(
         "severity_mae_interval",
@@ -379,11 +371,10 @@ def thresholds(setting: HealthyOutcome) -> dict[str, float]:
     """Thresholds of log p(normal) for each mean time between false alarms, set on these lanes."""
     seconds_run = 3600.0 * float(setting.hours.sum())
     alarms = Edges(setting.low, setting.high)
-    levels = {}
-    for rate, mean_time in MEAN_TIMES.items():
-        allowed = metrics.allowed_alarms(seconds_run, mean_time)
-        levels[rate] = metrics.threshold_within(alarms, allowed)
-    return levels
+    return {
+        rate: metrics.threshold_within(alarms, metrics.allowed_alarms(seconds_run, mean_time))
+        for rate, mean_time in MEAN_TIMES.items()
+    }
 
 
 def assess_at_rates(outcomes: TrialOutcomes, truth: LaneTruth) -> dict[str, Assessment]:

@@ -6,15 +6,8 @@ equally likely, severity 0.2 to 1, onset 5 to 30 s, abrupt or ramped.
 
 from dataclasses import replace
 
-from training.benchmark.suites import (
-    CLOSING,
-    HEALTHY_PARTS,
-    ONE_FAULT,
-    STANDARD,
-    Episode,
-    Suite,
-    load,
-)
+from training.benchmark import suites
+from training.benchmark.suites import HEALTHY_PARTS, ONE_FAULT, Episode, Suite
 from training.seeds import seeds
 
 NAME = "validation"
@@ -25,7 +18,7 @@ LAST_OFFSET = 90_000_000  # the parts are 100 million seeds apart
 
 def validation_suite(n_lanes: int, offset: int) -> Suite:
     """The suite with so many faulty lanes, at an offset within the seeds of validation."""
-    conditions = load(STANDARD).conditions
+    conditions = suites.load(suites.STANDARD).conditions
     faulty_seeds = seeds("validation", n_lanes, FIRST_SEED["faulty"] + offset)
     missions = conditions.sample_missions(faulty_seeds)
     healthy = {part: seeds("validation", 1, FIRST_SEED[part] + offset)[0] for part in HEALTHY_PARTS}
@@ -41,5 +34,5 @@ def validation_suite(n_lanes: int, offset: int) -> Suite:
         episodes=tuple(episodes),
         purpose="validation",
     )
-    closing = CLOSING.search(suite.text())
+    closing = suites.CLOSING.search(suite.text())
     return replace(suite, hash=closing[1])
