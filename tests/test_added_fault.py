@@ -1,4 +1,6 @@
-"""A fault that joins the catalogue is a class of every diagnoser, stimulus, environment and benchmark."""
+"""A fault that joins the catalogue is a class of every diagnoser, stimulus, environment and
+benchmark.
+"""
 
 import json
 import subprocess

@@ -1,4 +1,5 @@
-"""An independent solution of the plant's equations: written from the thesis, calls nothing of `physics`.
+"""An independent solution of the plant's equations: written from the thesis, calls nothing of
+`physics`.
 
 Voltages, angles and disturbance are constant over each sample; scipy's DOP853 goes from event to event,
 an event being a shaft that stops. A stopped shaft stays until the motor's torque exceeds the
@@ -35,7 +36,9 @@ class Inputs(NamedTuple):
 
 
 def stepwise_voltage(rng: np.random.Generator, n_samples: int) -> np.ndarray:
-    """A voltage sequence of segments: nothing, everything, anything, or about what breaks the shaft away."""
+    """A voltage sequence of segments: nothing, everything, anything, or about what breaks the shaft
+    away.
+    """
     levels = lambda: [0.0, FULL, rng.uniform(0, FULL), rng.uniform(0, 1.0)]  # noqa: E731
     segments = [np.full(rng.integers(1, 12), levels()[rng.integers(4)]) for _ in range(n_samples)]
     return np.concatenate(segments)[:n_samples]

@@ -158,7 +158,9 @@ def compiled(module):
 
 
 def reached(function, seen):
-    """Files that define what a compiled function uses: other compiled functions, classes and modules."""
+    """Files that define what a compiled function uses: other compiled functions, classes and
+    modules.
+    """
     names = function.py_func.__code__.co_names
     for value in map(function.py_func.__globals__.get, names):
         if isinstance(value, Dispatcher) and value not in seen:

@@ -1,4 +1,6 @@
-"""Bad input is refused in one line that names the thing, the value got, what is allowed and the remedy."""
+"""Bad input is refused in one line that names the thing, the value got, what is allowed and the
+remedy.
+"""
 
 import dataclasses
 import math

@@ -48,7 +48,9 @@ every_fault = pytest.mark.parametrize("name", CATALOGUE)
 
 
 def simulate(*schedules, seed=5, steps=300, **factors):
-    """Observations (steps + 1, n_lanes, n_channels) and parameters at the end; all lanes have one seed."""
+    """Observations (steps + 1, n_lanes, n_channels) and parameters at the end; all lanes have one
+    seed.
+    """
     fleet = Fleet(len(schedules), **factors)
     n = len(schedules)
     rows = [fleet.reset([seed] * n, schedules=schedules, missions=[MISSIONS["thesis"]] * n)]

@@ -1,4 +1,6 @@
-"""A lane is the same vehicle, bit for bit, in any fleet, block and thread; its disturbance is what it claims."""
+"""A lane is the same vehicle, bit for bit, in any fleet, block and thread; its disturbance is what
+it claims.
+"""
 
 import math
 import pickle
@@ -25,7 +27,9 @@ def actions_of(seeds, n_steps):
 
 
 def history(seeds, n_steps, parallel=False, keep=slice(None)):
-    """Observations and outcomes of the lanes `keep`, (n_steps + 1, n_kept, n_channels) and (n_steps, n_kept, 4)."""
+    """Observations and outcomes of the lanes `keep`, (n_steps + 1, n_kept, n_channels) and
+    (n_steps, n_kept, 4).
+    """
     fleet = Fleet(len(seeds), parallel=parallel)
     if parallel and fleet.table.shape[0] > 1:
         middle = fleet.table.shape[0] // 2

@@ -1,4 +1,6 @@
-"""Nothing that an agent sees at the start tells the fault to come; the same classifier finds faults where they show."""
+"""Nothing that an agent sees at the start tells the fault to come; the same classifier finds faults
+where they show.
+"""
 
 import numpy as np
 import pytest
@@ -12,7 +14,9 @@ LATE = 320  # steps: every sampled fault has begun
 
 
 def accuracy(features, labels):
-    """Held-out accuracy of least squares on the standardised features and their products, one output per class."""
+    """Held-out accuracy of least squares on the standardised features and their products, one
+    output per class.
+    """
     scale = features.std(axis=0)
     training = len(labels) // 2
     scaled = (features - features.mean(axis=0))[:, scale > 0] / scale[scale > 0]
@@ -49,7 +53,9 @@ def episodes():
 
 @pytest.fixture(scope="module", params=["which_class", "faulty_or_healthy"])
 def task(request, episodes):
-    """Observations at the reset, late ones and labels; the second task on as many faulty lanes as healthy ones."""
+    """Observations at the reset, late ones and labels; the second task on as many faulty lanes as
+    healthy ones.
+    """
     first, late, labels = episodes
     if request.param == "which_class":
         return episodes

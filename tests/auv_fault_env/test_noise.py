@@ -1,4 +1,6 @@
-"""The counter-based noise: its functions against libm, its draws against the distributions they claim."""
+"""The counter-based noise: its functions against libm, its draws against the distributions they
+claim.
+"""
 
 import math
 
@@ -15,7 +17,9 @@ N_NORMALS = 10
 
 @pytest.fixture(scope="module")
 def draws():
-    """Normals (n_steps, 10 channels, 64 lanes) of neighbouring keys and consecutive steps: a million."""
+    """Normals (n_steps, 10 channels, 64 lanes) of neighbouring keys and consecutive steps: a
+    million.
+    """
     scratch = np.zeros(layout.N_SCRATCH * layout.LANES)
     key = np.arange(1, layout.LANES + 1, dtype=np.uint64)
     out = []

@@ -1,4 +1,6 @@
-"""The equations against an independent solution, closed forms, textbook formulas and hostile inputs."""
+"""The equations against an independent solution, closed forms, textbook formulas and hostile
+inputs.
+"""
 
 from dataclasses import replace
 from functools import cache, partial
@@ -108,7 +110,9 @@ def test_random_vehicle_with_compound_faults_follows_the_exact_solution(seed):
 
 @pytest.mark.parametrize("severity", [0.0, 0.5, 1.0])
 def test_shaft_braked_from_full_speed_to_almost_nothing(severity):
-    """The hardest sample: all of 200 rad/s is lost within it, and the error counts relative to the 1 rad/s left."""
+    """The hardest sample: all of 200 rad/s is lost within it, and the error counts relative to the
+    1 rad/s left.
+    """
     faults = {"motor_overheating:port": severity, "seal_friction:starboard": severity}
     parameters = reference.faulted(nominal(THESIS), faults)
     n = 60
@@ -247,7 +251,9 @@ def textbook_shaft_speed(start, side, speed, time):
 
 
 def random_shafts(n, rng, lost=False):
-    """Motor coefficients at random voltages under random faults, a random start and surge speed each."""
+    """Motor coefficients at random voltages under random faults, a random start and surge speed
+    each.
+    """
     for _ in range(n):
         faults = {
             name: rng.uniform()

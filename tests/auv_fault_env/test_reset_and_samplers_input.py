@@ -1,4 +1,6 @@
-"""Bad input to resets and samplers: seeds, options, lanes, distributions; refused before anything changes."""
+"""Bad input to resets and samplers: seeds, options, lanes, distributions; refused before anything
+changes.
+"""
 
 import math
 import re

@@ -1,4 +1,6 @@
-"""What the samplers draw, against the declared distributions, in bands that an honest sampler leaves once in 10^4."""
+"""What the samplers draw, against the declared distributions, in bands that an honest sampler
+leaves once in 10^4.
+"""
 
 import numpy as np
 import pytest

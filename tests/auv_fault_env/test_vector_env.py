@@ -1,4 +1,6 @@
-"""The vectorised environment against the single one, bit for bit, and its own manners: auto-reset, truth, seeds."""
+"""The vectorised environment against the single one, bit for bit, and its own manners: auto-reset,
+truth, seeds.
+"""
 
 import gymnasium as gym
 import numpy as np
@@ -31,7 +33,9 @@ def lane_of(values, lane):
 
 
 def single_ride(lane, actions, **options):
-    """(observation, reward, terminated, truncated, info) of a single environment that resets when it is truncated."""
+    """(observation, reward, terminated, truncated, info) of a single environment that resets when
+    it is truncated.
+    """
     env = gym.make(NAME, max_episode_steps=LIMIT)
     rows = []
     truncated = False

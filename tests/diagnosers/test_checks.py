@@ -1,4 +1,6 @@
-"""`check_diagnoser` catches diagnosers that break one rule each; a good one of one's own joins by one line."""
+"""`check_diagnoser` catches diagnosers that break one rule each; a good one of one's own joins by
+one line.
+"""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,6 @@
-"""What all diagnosers share: missing readings are filled, nonsense is refused, a belief becomes a decision."""
+"""What all diagnosers share: missing readings are filled, nonsense is refused, a belief becomes a
+decision.
+"""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,6 @@
-"""The integrated network: what its weights must be, and what it says of faults it knows and does not know."""
+"""The integrated network: what its weights must be, and what it says of faults it knows and does
+not know.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""Weights files: written whole or not at all; a file from outside is refused in one line, whatever is wrong with it."""
+"""Weights files: written whole or not at all; a file from outside is refused in one line, whatever
+is wrong with it.
+"""
 
 import json
 

@@ -1,4 +1,6 @@
-"""Diagnosers of other people join by module, by file or by entry point, and break in one line if they must."""
+"""Diagnosers of other people join by module, by file or by entry point, and break in one line if
+they must.
+"""
 
 import pickle
 import sys

@@ -1,4 +1,6 @@
-"""The residuals are zero on the nominal vehicle, as noisy as they say, and of a fault's physical size under it."""
+"""The residuals are zero on the nominal vehicle, as noisy as they say, and of a fault's physical
+size under it.
+"""
 
 import itertools
 from dataclasses import replace

@@ -1,4 +1,6 @@
-"""The active environment: contract, rewards that sum up, truth, ends, seeds, and lanes that start anew."""
+"""The active environment: contract, rewards that sum up, truth, ends, seeds, and lanes that start
+anew.
+"""
 
 import subprocess
 import sys
@@ -36,7 +38,9 @@ BURSTS = [
 
 
 def ride(env, actions, **reset):
-    """Everything that a run gives, the reset first, as (observation, reward, terminated, truncated, info)."""
+    """Everything that a run gives, the reset first, as (observation, reward, terminated, truncated,
+    info).
+    """
     observation, info = env.reset(**reset)
     return [(observation, 0.0, False, False, info), *(env.step(action) for action in actions)]
 
@@ -90,7 +94,9 @@ def test_spaces_and_features_are_the_documented_ones():
 
 
 def by_hand(seed, offsets, schedule):
-    """The same seconds with fleet, diagnoser and filter driven by hand: beliefs, estimates and readings of each end."""
+    """The same seconds with fleet, diagnoser and filter driven by hand: beliefs, estimates and
+    readings of each end.
+    """
     fleet = Fleet(1)
     bank = diagnosers.make("filter_bank")
     kalman = ParameterFilter()

@@ -1,4 +1,6 @@
-"""A PPO that knows nothing but Gymnasium's vector interface drives the active environment by its registered name."""
+"""A PPO that knows nothing but Gymnasium's vector interface drives the active environment by its
+registered name.
+"""
 
 import gymnasium as gym
 import numpy as np
@@ -32,7 +34,9 @@ class ActorCritic(nn.Module):
 
 
 def collected(envs, network, observation):
-    """A rollout, time first: observations, actions, their log probabilities, values, rewards, ends; and where it is."""
+    """A rollout, time first: observations, actions, their log probabilities, values, rewards, ends;
+    and where it is.
+    """
     rows = []
     for _ in range(ROLLOUT):
         with torch.no_grad():

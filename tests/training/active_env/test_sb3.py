@@ -1,4 +1,6 @@
-"""The fleet as a `VecEnv` against stable-baselines3's own `DummyVecEnv` over single environments, step by step."""
+"""The fleet as a `VecEnv` against stable-baselines3's own `DummyVecEnv` over single environments,
+step by step.
+"""
 
 from collections.abc import Mapping
 
@@ -27,7 +29,9 @@ def pair(**settings):
 
 
 def assert_same(first, second):
-    """Equality of arrays, and of nested information that may hold arrays too, types of its values included."""
+    """Equality of arrays, and of nested information that may hold arrays too, types of its values
+    included.
+    """
     if isinstance(first, Mapping) and isinstance(second, Mapping):
         assert first.keys() == second.keys()
         for name in first:

@@ -85,7 +85,9 @@ def log_normal(name, lanes):
 
 
 def results(delay, isolation, upper=1.5):
-    """Abrupt episodes of the first class and an incipient one, a diagnoser's, and bounds of 3 s and of 5 s."""
+    """Abrupt episodes of the first class and an incipient one, a diagnoser's, and bounds of 3 s and
+    of 5 s.
+    """
     kind = classes()[1]
     bound = {
         "classes": {

@@ -184,7 +184,9 @@ def bound(least):
 
 
 def made_up(stimuli=STIMULI, names=NAMES, least=None):
-    """Results as `training.benchmark.results.RESULTS` has them, of skills that fall with the place of the name."""
+    """Results as `training.benchmark.results.RESULTS` has them, of skills that fall with the place
+    of the name.
+    """
     skills = dict(zip(names, (0.97, 0.9, 0.7, 0.5, 1.0, 0.0), strict=False))
     results = {
         "command": "auv-fault benchmark --suite standard",

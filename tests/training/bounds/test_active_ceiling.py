@@ -34,9 +34,9 @@ def test_profiles_keep_the_budget_and_the_mean(profile):
 
 
 def test_the_best_stimulus_of_a_lag_is_the_slowest_sine():
-    """Lag x' = a (u - x): evidence gathers as mean(x^2), and of all u with mean 0 and mean square 1 the slowest sine,
-    with 1 / (1 + (omega / a)^2), gives the most: every other one has a share in higher frequencies,
-    which lag more.
+    """Lag x' = a (u - x): evidence gathers as mean(x^2), and of all u with mean 0 and mean square 1
+    the slowest sine, with 1 / (1 + (omega / a)^2), gives the most: every other one has a share in
+    higher frequencies, which lag more.
     """
     a = 1.0
     n = 1000
@@ -73,7 +73,9 @@ def test_free_profiles_keep_the_budget_and_the_mean():
 
 
 def test_a_free_profile_gets_nearer_to_the_best_and_never_further():
-    """What counts is how alike the levels are to a ramp: the rate is at most BUDGET, and 0 to start from."""
+    """What counts is how alike the levels are to a ramp: the rate is at most BUDGET, and 0 to start
+    from.
+    """
     ramp = scale_to_budget(np.arange(LEVELS)[None] * 1.0, 1.0)[0]
     start = scale_to_budget(np.square(np.arange(LEVELS) - 7.0)[None], BUDGET)[0]
     seen = []

@@ -35,7 +35,9 @@ def test_a_constant_speed_is_known_as_the_mean_of_its_readings():
 
 
 def test_a_random_walk_settles_where_the_riccati_equation_says():
-    """Scalar random walk of variance q a sample, read with variance r: p = (sqrt(q^2 + 4 q r) - q) / 2 in the end."""
+    """Scalar random walk of variance q a sample, read with variance r: p = (sqrt(q^2 + 4 q r) - q)
+    / 2 in the end.
+    """
     vehicle = PRESETS["thesis1992"]
     r = CHANNELS["speed"].noise ** 2
     q = 2.0 * (SAMPLE_TIME * vehicle.beta * RPM * CHANNELS["port_rpm"].noise) ** 2
@@ -62,7 +64,9 @@ def test_severity_is_known_as_well_as_the_parameter_that_it_moves():
 
 
 def test_at_constant_speed_only_the_ratio_of_thrust_and_drag_is_known():
-    """Of two numbers with the same prior, whose difference alone is known, each is known to prior / sqrt(2)."""
+    """Of two numbers with the same prior, whose difference alone is known, each is known to prior /
+    sqrt(2).
+    """
     errors = cramer_rao.compare_filters_with_bound(range(8), n_samples=600)["errors"]
     for parameter in ("alpha", "beta"):
         cruise, thesis = (errors[name][parameter][-1] for name in ("bound in cruise", "bound"))

@@ -1,4 +1,6 @@
-"""The bounds against cases solved by hand: readings that are independent Gaussians, shifted by the fault."""
+"""The bounds against cases solved by hand: readings that are independent Gaussians, shifted by the
+fault.
+"""
 
 import numpy as np
 import pytest
@@ -70,7 +72,9 @@ def test_delay_bound_is_the_area_above_the_power():
 
 
 def test_cusum_which_is_optimal_does_not_beat_the_bound_but_comes_near():
-    """Page's CUSUM: its worst mean delay is the least there is, Moustakides, Ann. Stat. 14 (1986) 1379."""
+    """Page's CUSUM: its worst mean delay is the least there is, Moustakides, Ann. Stat. 14 (1986)
+    1379.
+    """
     samples = 1000.0
     _, healthy = ratios(SHIFT, n_samples=20_000, n_lanes=200, faulty=False, seed=1)
     low = 0.0

@@ -43,7 +43,9 @@ def test_the_fault_shows_first_where_the_lanes_say():
 
 
 def test_evidence_for_a_current_sensors_bias_gathers_as_its_noise_allows():
-    """At most shift^2 / 2 noise^2 a sample; half of that if the voltage's noise, alike in amperes, came on top."""
+    """At most shift^2 / 2 noise^2 a sample; half of that if the voltage's noise, alike in amperes,
+    came on top.
+    """
     lanes = lanes_of("sensor_bias:port_current", 0.1, n_lanes=40)
     shift = 0.1 * CATALOGUE["sensor_bias:port_current"].offset["port_current_bias"]
     noise = CHANNELS["port_current"].noise

@@ -77,7 +77,9 @@ class Doubtless(Even):
 
 
 class BreakingAgain(Even):
-    """Breaks the second time that it is to watch three lanes: those to count alarms on, and then the worst."""
+    """Breaks the second time that it is to watch three lanes: those to count alarms on, and then
+    the worst.
+    """
 
     seen = []
 

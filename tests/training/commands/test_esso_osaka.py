@@ -25,7 +25,9 @@ def steps(random, n_samples, values, hold=150):
 
 
 def made_run(seed, seconds=400, noise=0.0, coefficients=TRUTH, name=None):
-    """A ship with these coefficients, driven at random; noise [m/s^2] of an acceleration that lasts five seconds."""
+    """A ship with these coefficients, driven at random; noise [m/s^2] of an acceleration that lasts
+    five seconds.
+    """
     random = np.random.default_rng(seed)
     n_samples = round(seconds / STEP)
     rpm = steps(random, n_samples, [-400.0, 0.0, 300.0, 600.0])

@@ -70,7 +70,9 @@ def rollout():
 
 
 def assert_alike(got, expected):
-    """Within 1e-5, relative where a value is larger than 1: logarithms of probabilities reach -100 and beyond."""
+    """Within 1e-5, relative where a value is larger than 1: logarithms of probabilities reach -100
+    and beyond.
+    """
     assert set(got) == set(expected)
     for name, values in expected.items():
         assert np.isfinite(values).all() and np.ptp(values) > 0.0

@@ -19,7 +19,9 @@ RUNS = 10  # of a class: half before 18:00, half after
 
 
 def write_run(path, clock, seed, session=0.0, fault=0.0):
-    """A run whose yaw rate oscillates the faster the larger `fault`, and whose readings the session offsets."""
+    """A run whose yaw rate oscillates the faster the larger `fault`, and whose readings the session
+    offsets.
+    """
     random = np.random.default_rng(seed)
     readings = 0.1 * random.normal(size=(ROWS, len(READINGS)))
     moving = np.arange(ROWS) > 2

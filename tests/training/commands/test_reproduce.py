@@ -79,7 +79,9 @@ def test_mean_innovation_of_a_healthy_vehicle_is_one(noisy):
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
-    """The whole command with few seeds and networks, a hundredth of the training and a small comparison."""
+    """The whole command with few seeds and networks, a hundredth of the training and a small
+    comparison.
+    """
     folder = tmp_path_factory.mktemp("reproduce") / "report"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(raw_networks, "CHECKPOINTS", (240, 600, 900, 1_500))

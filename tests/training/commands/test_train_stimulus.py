@@ -1,4 +1,6 @@
-"""``auv-fault train-stimulus`` on a handful of vehicles: it runs, goes on after a break, and refuses bad input."""
+"""``auv-fault train-stimulus`` on a handful of vehicles: it runs, goes on after a break, and
+refuses bad input.
+"""
 
 import json
 

@@ -26,7 +26,9 @@ VEHICLE = VehicleFile(
 def episode(
     fault: str | None = None, severity: float = 0.9, n_samples: int = 200, seed: int = 11
 ) -> np.ndarray:
-    """Observations (n_samples, n_channels) of a vehicle on the thesis' stimulus; the fault begins at 5 s."""
+    """Observations (n_samples, n_channels) of a vehicle on the thesis' stimulus; the fault begins
+    at 5 s.
+    """
     schedule = (FaultEvent(fault, onset=5.0, severity=severity),) if fault else ()
     rolled = roll_out(
         Fleet(1), [seed], n_samples, schedules=[schedule], missions=[MISSIONS["thesis"]]

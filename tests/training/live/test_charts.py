@@ -14,7 +14,9 @@ PORT_LOSS = classes().index("propeller_loss:port")
 
 @pytest.fixture
 def history():
-    """Four samples: from the second on the port propeller is gone, from the third on that is believed and alarmed."""
+    """Four samples: from the second on the port propeller is gone, from the third on that is
+    believed and alarmed.
+    """
     probability = np.full((4, len(classes())), 1e-3 / (len(classes()) - 1))
     probability[:2, 0] = probability[2:, PORT_LOSS] = 1.0 - 1e-3
     mean = np.full(probability.shape, 0.5)

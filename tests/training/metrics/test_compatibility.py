@@ -102,7 +102,9 @@ def added_delay(label, decision, step):
 
 
 def test_what_another_average_delay_does_not_see():
-    """Three runs with a fault from sample 10 on: an alarm before that stays, one 20 samples late, none at all."""
+    """Three runs with a fault from sample 10 on: an alarm before that stays, one 20 samples late,
+    none at all.
+    """
     n_samples = 100
     step = 10
     label = np.repeat(np.arange(n_samples)[:, None] >= 10, 3, axis=1).astype(int)

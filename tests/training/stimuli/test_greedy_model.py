@@ -1,4 +1,6 @@
-"""The cheap model of the greedy stimulus against the plant it stands for, and its bound against the exact value."""
+"""The cheap model of the greedy stimulus against the plant it stands for, and its bound against the
+exact value.
+"""
 
 import numpy as np
 import pytest

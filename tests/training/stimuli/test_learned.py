@@ -1,4 +1,6 @@
-"""The learned stimulus: the same closed loop as the environment it was trained in, and policies that are data."""
+"""The learned stimulus: the same closed loop as the environment it was trained in, and policies
+that are data.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""The learned policy: equal to what PPO has trained, kept on disk as data, and run without stable-baselines3."""
+"""The learned policy: equal to what PPO has trained, kept on disk as data, and run without
+stable-baselines3.
+"""
 
 import subprocess
 import sys

@@ -1,4 +1,6 @@
-"""The speed benchmark: complete tables and JSON at tiny sizes. No speed is asserted; a busy machine must not fail."""
+"""The speed benchmark: complete tables and JSON at tiny sizes. No speed is asserted; a busy machine
+must not fail.
+"""
 
 import contextlib
 import importlib.util

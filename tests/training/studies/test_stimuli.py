@@ -1,4 +1,6 @@
-"""Comparisons by hand, targets met and missed, input that is none, and a page made from results alone."""
+"""Comparisons by hand, targets met and missed, input that is none, and a page made from results
+alone.
+"""
 
 import json
 import re
@@ -110,7 +112,9 @@ def test_a_stimulus_that_is_always_as_much_sooner_is_surely_so():
 
 
 def test_the_interval_of_the_agent_knows_that_its_seeds_differ():
-    """Two seeds of 1 s and 3 s on all lanes: a quarter of the resamples has 1 s, half 2 s, a quarter 3 s."""
+    """Two seeds of 1 s and 3 s on all lanes: a quarter of the resamples has 1 s, half 2 s, a
+    quarter 3 s.
+    """
     values = np.array([[1.0] * 10, [3.0] * 10])
     lanes = np.random.default_rng(0).multinomial(10, np.full(10, 0.1), size=4000)
     drawn, share = np.unique(resampled_means(values, lanes, 0).round(9), return_counts=True)

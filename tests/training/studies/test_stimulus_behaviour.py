@@ -79,7 +79,9 @@ def run_of(offset, **more):
 
 
 def test_offsets_are_averaged_by_class_over_the_time_since_onset():
-    """One lane goes 0.1 m/s faster from its onset on, one of the same class 0.1 m/s slower, another 0.2 m/s faster."""
+    """One lane goes 0.1 m/s faster from its onset on, one of the same class 0.1 m/s slower, another
+    0.2 m/s faster.
+    """
     onset = np.array([10.0, 20.0, 30.0])
     fault = np.array([1, 1, 5])
     began = np.arange(N_SAMPLES)[:, None] * SAMPLE_TIME >= onset - 1e-9

@@ -17,7 +17,9 @@ def comparison():
 
 
 def assessment(time, right):
-    """What the page needs of a diagnoser that isolates all after this time, or whose decisions are all wrong."""
+    """What the page needs of a diagnoser that isolates all after this time, or whose decisions are
+    all wrong.
+    """
     times = Times(np.full(40, time), np.full(40, not right))
     return SimpleNamespace(
         isolation=times, label=LABEL, decision=LABEL if right else np.roll(LABEL, 1)

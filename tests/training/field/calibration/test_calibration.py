@@ -116,7 +116,9 @@ def test_without_speed_no_hull_parameter_is_fitted(logs):
 
 
 def test_one_shaft_at_one_hertz_without_rpm(logs):
-    """The thrust rests on shaft speeds that the motors' fit makes of the voltage, and its interval knows of it."""
+    """The thrust rests on shaft speeds that the motors' fit makes of the voltage, and its interval
+    knows of it.
+    """
     truth = replace(
         PRESET, coulomb_friction=1.3 * PRESET.coulomb_friction, alpha=1.2 * PRESET.alpha
     )

@@ -14,7 +14,9 @@ VEHICLE = PRESETS["thesis1992"]
 
 
 def readings(fault=None, **fleet):
-    """Voltage, current and speed of the port side, (n_samples,) each, over 30 s; the fault is there from the start."""
+    """Voltage, current and speed of the port side, (n_samples,) each, over 30 s; the fault is there
+    from the start.
+    """
     schedule = (FaultEvent(fault, 0.0, 1.0),) if fault else ()
     fleet = Fleet(1, healthy_band=0.0, **fleet)
     rolled = roll_out(fleet, [5], 300, schedules=[schedule], missions=[MISSIONS["thesis"]])

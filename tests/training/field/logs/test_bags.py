@@ -1,4 +1,6 @@
-"""Bags: every number of every message, where and when it was; what is no bag is refused in one line."""
+"""Bags: every number of every message, where and when it was; what is no bag is refused in one
+line.
+"""
 
 import sys
 

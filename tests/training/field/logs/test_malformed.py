@@ -44,7 +44,9 @@ def text(rows=ROWS, names=NAMES, mark=",", end="\n"):
 
 
 def changed(column, cell, rows=slice(None)):
-    """The table with a column's cells replaced in some rows; `cell` is a text or a function of the number."""
+    """The table with a column's cells replaced in some rows; `cell` is a text or a function of the
+    number.
+    """
     k = NAMES.index(column)
     new = [list(row) for row in ROWS]
     for number in range(200)[rows]:
@@ -246,7 +248,9 @@ def read(path, content) -> Log:
 
 
 def assert_sound(log: Log) -> None:
-    """A log is a grid within its segments, which follow on each other, and names each repair in one line."""
+    """A log is a grid within its segments, which follow on each other, and names each repair in one
+    line.
+    """
     assert log.observation.shape == (len(log.time), len(CHANNELS))
     assert [part.start for part in log.segments] == [0, *(part.stop for part in log.segments[:-1])]
     assert log.segments[-1].stop == len(log.time)
