@@ -20,7 +20,7 @@ import onnxruntime
 def run(
     session: onnxruntime.InferenceSession, episode: dict[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """The network's answers, sample by sample as on a vehicle; its state begins at zeros and goes round."""
+    """The outputs of the network, sample by sample; its state starts at zeros."""
     inputs = session.get_inputs()
     outputs = [output.name for output in session.get_outputs()]
     fed = {entry.name: episode[entry.name] for entry in inputs if entry.name != "state"}
@@ -41,7 +41,7 @@ def run(
 
 
 def show(answers: dict[str, np.ndarray], about: dict[str, str]) -> None:
-    """Print what the network says of the first lane: once per second of a diagnosis, every action of a policy."""
+    """Print the outputs of the first lane: a diagnosis once per second, or every action of a policy."""
     if "action" in answers:
         print(" ".join(f"{action:+.2f}" for action in answers["action"][:, 0, 0]))
         return

@@ -1,4 +1,4 @@
-"""A ROS 2 node that diagnoses a vehicle: readings in at 10 Hz, the diagnosis out as `diagnostic_msgs`.
+"""A ROS 2 node that diagnoses a vehicle: readings in at 10 Hz, `diagnostic_msgs` out.
 
     python ros2_node.py --ros-args -p diagnoser:=integrated -r readings:=/vehicle/readings
 

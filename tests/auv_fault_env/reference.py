@@ -1,7 +1,7 @@
 """An independent solution of the plant's equations: written from the thesis, calls nothing of
 `physics`.
 
-Voltages, angles and disturbance are constant over each sample; scipy's DOP853 goes from event to event,
+Voltages, angles and disturbance are constant over each sample; scipy's DOP853 runs between events,
 an event being a shaft that stops. A stopped shaft stays until the motor's torque exceeds the
 Coulomb friction.
 """

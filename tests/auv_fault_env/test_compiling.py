@@ -120,7 +120,7 @@ def module_name(path):
 
 
 def imported(path):
-    """Files of the project whose names a file imports, found as Python's import system finds them."""
+    """Files of the project whose names a file imports, as Python's import system finds them."""
     package = (
         module_name(path)
         if path.name == "__init__.py"

@@ -1,4 +1,4 @@
-"""Missions: every form that a user may give, legs at exact instants, starts at rest and in motion."""
+"""Missions: every form that a user may give, exact legs, starts at rest and in motion."""
 
 import numpy as np
 import pytest

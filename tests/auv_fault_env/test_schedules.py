@@ -26,7 +26,7 @@ def truths(*events, steps, **options):
 
 
 def expected_severity(step, onset, severity, ramp, end, period, duty):
-    """The profile of the documentation at the start of a step, decimal times taken at their word."""
+    """The documented severity profile at the start of a step, with exact decimal times."""
     time, onset, ramp, period, duty = (
         Fraction(str(x)) for x in (step / 10, onset, ramp, period, duty)
     )

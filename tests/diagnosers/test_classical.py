@@ -52,7 +52,7 @@ def test_healthy_vehicles_stay_normal(diagnoser):
 
 
 def surest(diagnoser, observations):
-    """Per lane the log probabilities (n_lanes, n_classes) of the moment at which a fault is surest."""
+    """Log probabilities (n_lanes, n_classes) when the fault of each lane is most probable."""
     beliefs = np.array([belief.log_probability for belief in follow(diagnoser, observations)])
     return beliefs[beliefs[..., 0].argmin(axis=0), np.arange(beliefs.shape[1])]
 

@@ -6,7 +6,7 @@ from diagnosers.networks.smoothing import ODDS_SMOOTHING, initial_smoothing
 
 
 def belief_of(fault, probability):
-    """Log probabilities (1, 4) of normal and three faults, `fault` having all that normal has not."""
+    """Log probabilities (1, 4) of normal and three faults; only `fault` shares with normal."""
     shares = np.full(3, 1e-6)
     shares[fault] = 1.0
     return np.log(np.concatenate([[1.0 - probability], probability * shares / shares.sum()]))[None]

@@ -1,4 +1,4 @@
-"""The bank beside which stimuli are trained: few filters, and beliefs like those of the whole one."""
+"""The light bank for training stimuli: few filters, beliefs like those of the whole bank."""
 
 import numpy as np
 
