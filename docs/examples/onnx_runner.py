@@ -41,7 +41,7 @@ def run(
 
 
 def show(answers: dict[str, np.ndarray], about: dict[str, str]) -> None:
-    """Print the outputs of the first lane: a diagnosis once per second, or every action of a policy."""
+    """Print the outputs of the first lane: a diagnosis per second, or every action."""
     if "action" in answers:
         print(" ".join(f"{action:+.2f}" for action in answers["action"][:, 0, 0]))
         return
