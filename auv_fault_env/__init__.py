@@ -10,7 +10,13 @@ from auv_fault_env.faults import CATALOGUE, Fault, classes, labels
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS, Mission, MissionSampler
 from auv_fault_env.parameters import PARAMETERS, PRESETS, Vehicle
-from auv_fault_env.schedules import FaultEvent, ScheduleSampler, from_json, load_schedule, to_json
+from auv_fault_env.schedules import (
+    FaultEvent,
+    ScheduleSampler,
+    from_json,
+    load_schedule,
+    to_json,
+)
 
 __all__ = [
     "CATALOGUE",

@@ -71,7 +71,13 @@ class Canvas:
         self.pygame.draw.circle(self.surface, colour, centre, radius, width)
 
     def box(
-        self, left: float, top: float, width: float, height: float, fill: Colour, radius: int = 0
+        self,
+        left: float,
+        top: float,
+        width: float,
+        height: float,
+        fill: Colour,
+        radius: int = 0,
     ):
         """A filled rectangle with rounded corners."""
         rectangle = (left, top, width, height)
@@ -82,7 +88,12 @@ class Canvas:
         return self._text(words, INK, MEDIUM).get_width()
 
     def text(
-        self, words: str, place: Point, colour: Colour = INK, align: float = 0.0, size: int = MEDIUM
+        self,
+        words: str,
+        place: Point,
+        colour: Colour = INK,
+        align: float = 0.0,
+        size: int = MEDIUM,
     ):
         """Words at the height of `place`: right of it (align 0), centred (0.5) or left (1)."""
         text = self._text(words, colour, size)

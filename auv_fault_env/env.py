@@ -12,7 +12,13 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from auv_fault_env.channels import CHANNELS, COMMANDS
-from auv_fault_env.errors import finite_in_range, known_name, one_per_lane, refusal, whole_number
+from auv_fault_env.errors import (
+    finite_in_range,
+    known_name,
+    one_per_lane,
+    refusal,
+    whole_number,
+)
 from auv_fault_env.fleet import Fleet, checked_actions
 from auv_fault_env.missions import Mission, mission_of
 from auv_fault_env.parameters import SAMPLE_RATE, Vehicle
@@ -43,7 +49,12 @@ def _checked_schedule(value, end: float) -> Schedule:
 def _info(outcomes: Sequence, truth: Mapping[str, Any]) -> dict[str, Any]:
     """The information of a step, from the `outcomes` of the fleet."""
     _, energy, cost, mission_speed = outcomes
-    return {"mission_speed": mission_speed, "energy": energy, "cost": cost, "truth": truth}
+    return {
+        "mission_speed": mission_speed,
+        "energy": energy,
+        "cost": cost,
+        "truth": truth,
+    }
 
 
 def _need_reset(started: bool):
@@ -272,7 +283,13 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
             self.fleet.reset(lanes=np.flatnonzero(self._done), observations=observations)
         self._done = self.fleet.time * SAMPLE_RATE >= self.max_episode_steps
         reward = self.fleet.outcomes[0]
-        return observations, reward, self._terminated.copy(), self._done.copy(), self._info()
+        return (
+            observations,
+            reward,
+            self._terminated.copy(),
+            self._done.copy(),
+            self._info(),
+        )
 
     def close_extras(self, **kwargs):
         """End the fleet's threads."""

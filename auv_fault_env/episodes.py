@@ -150,7 +150,15 @@ def start_shaft(block, k, shaft, first_state, shaft_speed, speed, constants):
 
 @kernel
 def start_episodes(
-    state, started, start_speed, plan, catalogue, limits, constants, observations, outcomes
+    state,
+    started,
+    start_speed,
+    plan,
+    catalogue,
+    limits,
+    constants,
+    observations,
+    outcomes,
 ):
     """Start an episode on the lanes `started` (m,), at a constant `start_speed` (m,) [m/s].
 
@@ -172,7 +180,15 @@ def start_episodes(
         alpha = block[row.ALPHA * LANES + k]
         shaft_speed = physics.equilibrium_shaft_speed(alpha, beta, speed, shared)
         start_shaft(block, k, row.PORT_SHAFT, row.PORT_STATE, shaft_speed, speed, shared)
-        start_shaft(block, k, row.STARBOARD_SHAFT, row.STARBOARD_STATE, shaft_speed, speed, shared)
+        start_shaft(
+            block,
+            k,
+            row.STARBOARD_SHAFT,
+            row.STARBOARD_STATE,
+            shaft_speed,
+            speed,
+            shared,
+        )
         block[row.SPEED * LANES + k] = speed
         block[row.FILTERED_SPEED * LANES + k] = speed
         block[row.SPEED_COMMAND * LANES + k] = block[row.MISSION_SPEED * LANES + k]

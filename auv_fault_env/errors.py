@@ -54,7 +54,12 @@ def finite_in_range(thing: str, value, low: float, high: float) -> float:
         with contextlib.suppress(OverflowError):
             number = float(value)
     if not low <= number <= high:
-        raise refusal(thing, value, f"a number from {low:g} to {high:g}", "give one in that range")
+        raise refusal(
+            thing,
+            value,
+            f"a number from {low:g} to {high:g}",
+            "give one in that range",
+        )
     return number
 
 

@@ -129,7 +129,11 @@ def _sensor_faults(channel: str) -> list[Fault]:
     noise = CHANNELS[channel].noise
     cited = "de Benito 1990, as cited by the thesis"
     kinds: dict[str, dict[str, Any]] = {
-        "bias": dict(offset={f"{channel}_bias": bias}, about="The zero shifts.", source="estimate"),
+        "bias": dict(
+            offset={f"{channel}_bias": bias},
+            about="The zero shifts.",
+            source="estimate",
+        ),
         "scale": dict(
             scale={f"{channel}_gain": 0.6},
             about="Calibration lost; on the paddle wheel, fouling.",
@@ -159,7 +163,11 @@ def _sensor_faults(channel: str) -> list[Fault]:
 
 CATALOGUE: dict[str, Fault] = {
     fault.name: fault
-    for family in (_hull_faults(), *map(_side_faults, SIDES), *map(_sensor_faults, READINGS))
+    for family in (
+        _hull_faults(),
+        *map(_side_faults, SIDES),
+        *map(_sensor_faults, READINGS),
+    )
     for fault in family
 }
 

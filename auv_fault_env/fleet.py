@@ -15,7 +15,13 @@ from auv_fault_env.errors import finite_in_range, one_per_lane, refusal, whole_n
 from auv_fault_env.faults import CATALOGUE, matrices
 from auv_fault_env.missions import Mission, MissionSampler, mission_of
 from auv_fault_env.noise import STREAMS, episode_keys, uniforms
-from auv_fault_env.parameters import PARAMETERS, SAMPLE_RATE, Vehicle, nominal, vehicle_of
+from auv_fault_env.parameters import (
+    PARAMETERS,
+    SAMPLE_RATE,
+    Vehicle,
+    nominal,
+    vehicle_of,
+)
 from auv_fault_env.physics import plant_constants
 from auv_fault_env.schedules import (
     Events,
@@ -243,7 +249,14 @@ class Fleet:
             self.changes += 1
         observations = np.empty((self.n_lanes, len(CHANNELS)), np.float32)
         self.outcomes = np.empty((4, self.n_lanes))
-        arrays = (*self.state, actions, self.limits, self.constants, observations, self.outcomes)
+        arrays = (
+            *self.state,
+            actions,
+            self.limits,
+            self.constants,
+            observations,
+            self.outcomes,
+        )
         self._n_due = self._step_blocks(arrays)
         return observations
 
@@ -281,7 +294,9 @@ class Fleet:
         self._update_all()
 
     def replan(
-        self, schedules: Sequence[Schedule] | None = None, missions: Sequence[Mission] | None = None
+        self,
+        schedules: Sequence[Schedule] | None = None,
+        missions: Sequence[Mission] | None = None,
     ) -> None:
         """Replace schedules, missions or both, one per lane; times still count from the reset."""
         if not self.changes:
@@ -354,7 +369,9 @@ def _widened(columns: np.ndarray, blank: np.ndarray) -> np.ndarray:
 
 
 def _events_and_legs(
-    schedules: Sequence[Schedule] | None, missions: Sequence[Mission] | None, n_lanes: int
+    schedules: Sequence[Schedule] | None,
+    missions: Sequence[Mission] | None,
+    n_lanes: int,
 ) -> tuple[Events | None, tuple[np.ndarray, np.ndarray] | None]:
     """Events of the schedules, legs and start speeds of the missions; None for what is None."""
     events = None

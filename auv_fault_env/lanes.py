@@ -73,7 +73,12 @@ def run_controllers(block, width, constants):
         command = physics.rpm_command(constants, speed_command, speed, delta_squared(block, k))
         run_shaft_controller(block, k, constants, command, row.PORT_RPM_READING, row.PORT_STATE)
         run_shaft_controller(
-            block, k, constants, command, row.STARBOARD_RPM_READING, row.STARBOARD_STATE
+            block,
+            k,
+            constants,
+            command,
+            row.STARBOARD_RPM_READING,
+            row.STARBOARD_STATE,
         )
 
 
@@ -215,18 +220,75 @@ def read_sensors(block, scratch, width, key, step, limits):
     two = words[1]
     w = width
     read_sensor(block, scratch, w, one, row.SPEED_READING, row.SPEED, 1.0, limits)
-    read_sensor(block, scratch, w, one, row.ACCELERATION_READING, row.ACCELERATION, 1.0, limits)
-    read_sensor(block, scratch, w, one, row.PORT_VOLTAGE_READING, row.PORT_VOLTAGE, 1.0, limits)
-    read_sensor(block, scratch, w, one, row.PORT_CURRENT_READING, row.PORT_CURRENT, 1.0, limits)
-    read_sensor(block, scratch, w, two, row.PORT_RPM_READING, row.PORT_SHAFT_SPEED, RPM, limits)
     read_sensor(
-        block, scratch, w, two, row.STARBOARD_VOLTAGE_READING, row.STARBOARD_VOLTAGE, 1.0, limits
+        block,
+        scratch,
+        w,
+        one,
+        row.ACCELERATION_READING,
+        row.ACCELERATION,
+        1.0,
+        limits,
     )
     read_sensor(
-        block, scratch, w, two, row.STARBOARD_CURRENT_READING, row.STARBOARD_CURRENT, 1.0, limits
+        block,
+        scratch,
+        w,
+        one,
+        row.PORT_VOLTAGE_READING,
+        row.PORT_VOLTAGE,
+        1.0,
+        limits,
     )
     read_sensor(
-        block, scratch, w, two, row.STARBOARD_RPM_READING, row.STARBOARD_SHAFT_SPEED, RPM, limits
+        block,
+        scratch,
+        w,
+        one,
+        row.PORT_CURRENT_READING,
+        row.PORT_CURRENT,
+        1.0,
+        limits,
+    )
+    read_sensor(
+        block,
+        scratch,
+        w,
+        two,
+        row.PORT_RPM_READING,
+        row.PORT_SHAFT_SPEED,
+        RPM,
+        limits,
+    )
+    read_sensor(
+        block,
+        scratch,
+        w,
+        two,
+        row.STARBOARD_VOLTAGE_READING,
+        row.STARBOARD_VOLTAGE,
+        1.0,
+        limits,
+    )
+    read_sensor(
+        block,
+        scratch,
+        w,
+        two,
+        row.STARBOARD_CURRENT_READING,
+        row.STARBOARD_CURRENT,
+        1.0,
+        limits,
+    )
+    read_sensor(
+        block,
+        scratch,
+        w,
+        two,
+        row.STARBOARD_RPM_READING,
+        row.STARBOARD_SHAFT_SPEED,
+        RPM,
+        limits,
     )
 
 
@@ -276,7 +338,16 @@ def copy_results(block, width, first, observations, outcomes):
 
 @kernel
 def step_block(
-    block, first, key, step, next_update, actions, limits, constants, observations, outcomes
+    block,
+    first,
+    key,
+    step,
+    next_update,
+    actions,
+    limits,
+    constants,
+    observations,
+    outcomes,
 ):
     """One sample of the block from lane `first` on; returns how many lanes need an update."""
     width = min(LANES, key.size - first)
@@ -301,7 +372,17 @@ def step_block(
 
 @kernel
 def step_blocks(
-    first, last, memory, key, step, next_update, actions, limits, constants, observations, outcomes
+    first,
+    last,
+    memory,
+    key,
+    step,
+    next_update,
+    actions,
+    limits,
+    constants,
+    observations,
+    outcomes,
 ):
     """One sample of the blocks `first` to `last` - 1; returns how many lanes need an update.
 
@@ -314,6 +395,15 @@ def step_blocks(
         block = memory[b]
         start = b * LANES
         count += step_block(
-            block, start, key, step, next_update, actions, limits, shared, observations, outcomes
+            block,
+            start,
+            key,
+            step,
+            next_update,
+            actions,
+            limits,
+            shared,
+            observations,
+            outcomes,
         )
     return count

@@ -43,7 +43,13 @@ def blade_pair_inertia(
 
 
 def quantity(
-    value: float, unit: str, about: str, source: str, low: float, high: float, band: float = 0.0
+    value: float,
+    unit: str,
+    about: str,
+    source: str,
+    low: float,
+    high: float,
+    band: float = 0.0,
 ):
     """A field of `Vehicle`: physical limits, and half the healthy band relative to the value."""
     metadata = dict(unit=unit, about=about, source=source, low=low, high=high, band=band)

@@ -258,7 +258,13 @@ def shafts_and_acceleration(
         motion.starboard_shaft_speed, starboard, mean, slope, time
     )
     acceleration = surge_acceleration(
-        speed, port_shaft_speed, starboard_shaft_speed, drag, disturbance, port, starboard
+        speed,
+        port_shaft_speed,
+        starboard_shaft_speed,
+        drag,
+        disturbance,
+        port,
+        starboard,
     )
     remainder = (acceleration - start - jerk * time) * (1.0 / (time * time))
     return port_shaft_speed, starboard_shaft_speed, acceleration, remainder
@@ -284,7 +290,16 @@ def substep(motion, drag, disturbance, port, starboard, time):
     )
     twist = (bend_2 - bend_1) * (1.0 / (t_2 - t_1))
     port_3, starboard_3, last, _ = shafts_and_acceleration(
-        motion, first, jerk, bend_1 - twist * t_1, twist, drag, disturbance, port, starboard, time
+        motion,
+        first,
+        jerk,
+        bend_1 - twist * t_1,
+        twist,
+        drag,
+        disturbance,
+        port,
+        starboard,
+        time,
     )
     end = END_WEIGHT * time
     inner = INNER_WEIGHT * time

@@ -27,7 +27,12 @@ from auv_fault_env.charts import (
 from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import SAMPLE_RATE, SIDES
 from auv_fault_env.physics import RPM
-from auv_fault_env.silhouette import PROJECTIONS, draw_ruler, draw_vehicle, vehicle_parts
+from auv_fault_env.silhouette import (
+    PROJECTIONS,
+    draw_ruler,
+    draw_vehicle,
+    vehicle_parts,
+)
 
 # factor by which propellers turn slower on the screen: ten frames a second would show them at rest
 SLOW_MOTION = 20.0

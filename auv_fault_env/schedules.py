@@ -10,14 +10,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.errors import finite_in_range, known_name, pair_in_range, refusal, whole_number
+from auv_fault_env.errors import (
+    finite_in_range,
+    known_name,
+    pair_in_range,
+    refusal,
+    whole_number,
+)
 from auv_fault_env.faults import CATALOGUE, fault_of
 from auv_fault_env.layout import EpisodePlan, SeverityProfile
 from auv_fault_env.noise import STREAMS, episode_keys, uniforms
 
 LONGEST = 1e12  # s
 # largest value of each column of a severity profile but its end
-LIMITS = {"severity": 1.0, "duty": 1.0, "onset": LONGEST, "ramp": LONGEST, "period": LONGEST}
+LIMITS = {
+    "severity": 1.0,
+    "duty": 1.0,
+    "onset": LONGEST,
+    "ramp": LONGEST,
+    "period": LONGEST,
+}
 
 
 @dataclass(frozen=True)
@@ -45,7 +57,8 @@ class FaultEvent:
 Schedule = tuple[FaultEvent, ...]
 # the uniform numbers in (0, 1) that decide one event
 EventUniforms = namedtuple(
-    "EventUniforms", "fault onset severity incipient ramp intermittent period duty repaired life"
+    "EventUniforms",
+    "fault onset severity incipient ramp intermittent period duty repaired life",
 )
 PROFILE = SeverityProfile._fields
 JSON_FORM = "a JSON list of fault events"
@@ -195,7 +208,12 @@ class ScheduleSampler:
             known_name("class of the prior", name, _diagnoses())
             finite_in_range(f"prior of {name}", weight, 0.0, 1e12)
         if self.prior and not any(self.prior.values()):
-            raise refusal("prior", dict(self.prior), "some weight above 0", "give a class weight")
+            raise refusal(
+                "prior",
+                dict(self.prior),
+                "some weight above 0",
+                "give a class weight",
+            )
 
     def weights(self) -> np.ndarray:
         """Probability of every fault of the catalogue, (n_faults,)."""

@@ -143,7 +143,10 @@ def _drive(side: str, angle: float, thrust: float) -> list[Part]:
 
 
 def vehicle_parts(
-    rudder: float, plane: float, angles: Mapping[str, float], shares: Mapping[str, float]
+    rudder: float,
+    plane: float,
+    angles: Mapping[str, float],
+    shares: Mapping[str, float],
 ) -> list[Part]:
     """The hull and all parts on it.
 
@@ -203,7 +206,9 @@ def draw_vehicle(canvas: Canvas, projection: Projection, parts: Sequence[Part], 
         reach = np.ptp(points, axis=0).max() / 2
         # parts within a faulty hull must still stand out
         canvas.polygon(
-            outline, palette.WARNING if reach < 60 else palette.PALE_WARNING, palette.WARNING_EDGE
+            outline,
+            palette.WARNING if reach < 60 else palette.PALE_WARNING,
+            palette.WARNING_EDGE,
         )
         if reach < 12:
             radius = max(1.5 * reach, 11)

@@ -257,7 +257,12 @@ def _advice(assessment: Assessment, level: np.ndarray, proposals: np.ndarray) ->
     energy = assessment.situation.energy_left
     best = assessment.safe_range.argmax(axis=1)
     best_home = assessment.probable_range_home.argmax(axis=1)
-    by_level = [np.full_like(level, MISSION), _derated_speed(assessment), best_home, best]
+    by_level = [
+        np.full_like(level, MISSION),
+        _derated_speed(assessment),
+        best_home,
+        best,
+    ]
     chosen = np.choose(level, by_level)
     at_mission_speed = assessment.outward[:, :, MISSION]
     at_best_speed = assessment.outward[:, lanes, best]

@@ -20,7 +20,11 @@ FAULTS = (
     *("increased_drag", "propeller_loss:port"),
     *("motor_overheating:starboard", "sensor_dropout:speed"),
 )
-SCHEDULES = ((), (), *((FaultEvent(fault, onset=5.0, severity=0.8),) for fault in FAULTS))
+SCHEDULES = (
+    (),
+    (),
+    *((FaultEvent(fault, onset=5.0, severity=0.8),) for fault in FAULTS),
+)
 N_SHORT = 25  # samples of the checks with many runs
 ROUNDING = 1e-6  # networks compute in float32
 BATCH_TOLERANCE = 1e-4
@@ -76,15 +80,33 @@ def _require_beliefs(diagnoser: Diagnoser, observations: np.ndarray, when: str =
     shape = (observations.shape[1], len(diagnoser.classes))
     for k, belief in enumerate(_beliefs(diagnoser, observations, when)):
         at = when or f" after sample {k}"
-        _require(isinstance(belief, Belief), f"belief{at}", belief, "a Belief", "return one")
+        _require(
+            isinstance(belief, Belief),
+            f"belief{at}",
+            belief,
+            "a Belief",
+            "return one",
+        )
         for name, values in zip(Belief._fields, belief, strict=True):
             got = getattr(values, "shape", None)
             remedy = "give a row per lane, a column per class"
             _require(got == shape, f"shape of {name}{at}", got, f"{shape}", remedy)
             is_finite = bool(np.isfinite(values).all())
-            _require(is_finite, f"{name}{at}", "NaN or infinity", "finite numbers", "limit it")
+            _require(
+                is_finite,
+                f"{name}{at}",
+                "NaN or infinity",
+                "finite numbers",
+                "limit it",
+            )
         highest = float(belief.log_probability.max())
-        _require(highest <= ROUNDING, f"log_probability{at}", highest, "at most 0", "normalise it")
+        _require(
+            highest <= ROUNDING,
+            f"log_probability{at}",
+            highest,
+            "at most 0",
+            "normalise it",
+        )
         total = np.exp(belief.log_probability).sum(axis=1)
         worst = float(total[np.abs(total - 1).argmax()])
         is_one = abs(worst - 1) <= ROUNDING
@@ -99,10 +121,21 @@ def _require_beliefs(diagnoser: Diagnoser, observations: np.ndarray, when: str =
 
 
 def _require_equal(
-    got: np.ndarray, wanted: np.ndarray, thing: str, allowed: str, remedy: str, tolerance=0.0
+    got: np.ndarray,
+    wanted: np.ndarray,
+    thing: str,
+    allowed: str,
+    remedy: str,
+    tolerance=0.0,
 ) -> None:
     difference = float(np.abs(got - wanted).max())
-    _require(difference <= tolerance, thing, f"a difference of {difference:.2g}", allowed, remedy)
+    _require(
+        difference <= tolerance,
+        thing,
+        f"a difference of {difference:.2g}",
+        allowed,
+        remedy,
+    )
 
 
 def _check_interface(diagnoser: Diagnoser, observations: np.ndarray) -> None:
@@ -155,7 +188,10 @@ def _check_repetition(diagnoser: Diagnoser, observations: np.ndarray) -> None:
 def _check_channels(diagnoser: Diagnoser, observations: np.ndarray) -> None:
     """Each channel missing (NaN) or dropped (zero) for a whole run, and all at some samples."""
     names = list(CHANNELS)
-    for value, state, channels in ((np.nan, "missing", names), (0.0, "dropped", READINGS)):
+    for value, state, channels in (
+        (np.nan, "missing", names),
+        (0.0, "dropped", READINGS),
+    ):
         for name in channels:
             run = observations[:N_SHORT].copy()
             run[:, :, names.index(name)] = value

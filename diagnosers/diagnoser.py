@@ -129,7 +129,11 @@ class Recursive(ABC):
 
     def save(self, path: str | Path) -> None:
         """Write weights and settings, not the running state, to a file for `diagnosers.load`."""
-        storage.write(path, self.tensors(), {"diagnoser": self.name, "settings": self.settings()})
+        storage.write(
+            path,
+            self.tensors(),
+            {"diagnoser": self.name, "settings": self.settings()},
+        )
 
 
 class Memoryless(Recursive):

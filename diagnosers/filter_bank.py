@@ -16,11 +16,22 @@ from auv_fault_env.channels import CHANNELS, COMMANDS, READINGS
 from auv_fault_env.compiling import n_threads
 from auv_fault_env.errors import finite_in_range, known_name, pair_in_range, refusal
 from auv_fault_env.faults import CATALOGUE, classes, fault_of
-from auv_fault_env.parameters import PARAMETERS, SAMPLE_TIME, SIDES, Vehicle, vehicle_of
+from auv_fault_env.parameters import (
+    PARAMETERS,
+    SAMPLE_TIME,
+    SIDES,
+    Vehicle,
+    vehicle_of,
+)
 from auv_fault_env.physics import PlantConstants, plant_constants
 from diagnosers.bank import algebra
 from diagnosers.bank.algebra import SEVERITY
-from diagnosers.bank.hypotheses import OWN_PARAMETERS, SURGE, HypothesisTable, current_table
+from diagnosers.bank.hypotheses import (
+    OWN_PARAMETERS,
+    SURGE,
+    HypothesisTable,
+    current_table,
+)
 from diagnosers.bank.kernel import BankState, step_lanes
 from diagnosers.bank.motor import DEVIATIONS
 from diagnosers.bank.pack import pack_size, workspace
@@ -267,7 +278,18 @@ class FilterBank(Recursive):
             n_pack = pack_size(last - first, table.hypothesis.size)
             work = workspace(table, n_pack)
             sample = new_sample(n_pack)
-            step_lanes(first, last, state, new, observation, table, constants, belief, work, sample)
+            step_lanes(
+                first,
+                last,
+                state,
+                new,
+                observation,
+                table,
+                constants,
+                belief,
+                work,
+                sample,
+            )
 
         _in_shares(n_lanes, step_share)
         return new, belief

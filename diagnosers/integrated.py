@@ -9,7 +9,11 @@ import numpy as np
 from auv_fault_env.parameters import Vehicle, vehicle_of
 from diagnosers import storage
 from diagnosers.diagnoser import Belief, Recursive
-from diagnosers.networks.class_list import SHIPPED_CLASSES, check_class_list, with_added_classes
+from diagnosers.networks.class_list import (
+    SHIPPED_CLASSES,
+    check_class_list,
+    with_added_classes,
+)
 from diagnosers.networks.features import Features, FeatureState
 from diagnosers.networks.numpy_network import (
     N_MEMORY,
@@ -100,4 +104,7 @@ class Integrated(Recursive):
 
     def settings(self) -> dict[str, Any]:
         """The nominal vehicle and the classes of the training."""
-        return {"vehicle": asdict(self.vehicle), "trained_classes": list(self.trained_classes)}
+        return {
+            "vehicle": asdict(self.vehicle),
+            "trained_classes": list(self.trained_classes),
+        }

@@ -33,7 +33,14 @@ HIGH = 11.0
 PARAMETERS = ("alpha", "beta", "gamma")
 N_STATES = 5  # speed, the three parameters, and one of each filter's own
 U, ALPHA, BETA, GAMMA, OWN = range(N_STATES)
-READINGS = ("speed", "acceleration", "port_rpm", "starboard_rpm", "rudder", "stern_plane")
+READINGS = (
+    "speed",
+    "acceleration",
+    "port_rpm",
+    "starboard_rpm",
+    "rudder",
+    "stern_plane",
+)
 SPEED, ACCELERATION, PORT_RPM, STARBOARD_RPM, RUDDER, STERN_PLANE = range(len(READINGS))
 COLUMNS = tuple(INDEX[name] for name in READINGS)
 CROSS, GAIN, REMAINDER = range(3)  # rows of scratch: P h, K and S K - P h
@@ -252,7 +259,14 @@ def _predict_surge(mean, covariance, last_thrust, readings, constants, gradient,
 
 @kernel
 def _update_parameters(
-    mean, covariance, innovation, variance, last_input, observation, columns, constants
+    mean,
+    covariance,
+    innovation,
+    variance,
+    last_input,
+    observation,
+    columns,
+    constants,
 ):
     """Update every lane of the parameter filter in place."""
     gradient = np.empty(N_STATES)
@@ -273,7 +287,14 @@ def _update_parameters(
 
 @kernel
 def _update_surge(
-    mean, covariance, innovation, variance, last_input, observation, columns, constants
+    mean,
+    covariance,
+    innovation,
+    variance,
+    last_input,
+    observation,
+    columns,
+    constants,
 ):
     """Update every lane of the state-and-parameter filter in place."""
     gradient = np.empty(N_STATES)
@@ -336,7 +357,11 @@ class _Filter:
         constants = self.constants
         zeros = np.zeros(n_lanes)
         mean = np.array([0.0, 1.0, 1.0, 1.0, 0.0])
-        variances = [START_SPEED_STD**2, *constants.ceiling, constants.disturbance_variance]
+        variances = [
+            START_SPEED_STD**2,
+            *constants.ceiling,
+            constants.disturbance_variance,
+        ]
         return Estimate(
             mean=np.tile(mean, (n_lanes, 1)),
             covariance=np.tile(np.diag(variances), (n_lanes, 1, 1)),

@@ -57,7 +57,10 @@ RULES = {  # syntax: see `rulebook`
         "-{side}_voltage +{side}_load ~{side}_supply",
         "+{side}_voltage -{side}_load ~{side}_supply",
     ),
-    "sensor:{side}_rpm": ("+{side}_voltage +{side}_load", "-{side}_voltage -{side}_load"),
+    "sensor:{side}_rpm": (
+        "+{side}_voltage +{side}_load",
+        "-{side}_voltage -{side}_load",
+    ),
     "sensor:acceleration": ("+trend <step", "-trend <step"),
     "sensor:speed": ("+step",),
 }

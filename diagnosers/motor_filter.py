@@ -138,7 +138,17 @@ def _predict_current(mean, shaft_speed, speed, change, shaft, plant, scratch):
 
 @scalar
 def _update_shaft(
-    mean, covariance, readings, speed, change, shaft, plant, noise, innovation, variance, scratch
+    mean,
+    covariance,
+    readings,
+    speed,
+    change,
+    shaft,
+    plant,
+    noise,
+    innovation,
+    variance,
+    scratch,
 ):
     """Condition one moving shaft on its current and on its voltage."""
     shaft_speed = readings[RPM_READING] / RPM
@@ -182,7 +192,15 @@ def _update_shaft(
 
 @kernel
 def _update(
-    mean, covariance, innovation, variance, last_shaft_speed, observation, shaft, plant, tuning
+    mean,
+    covariance,
+    innovation,
+    variance,
+    last_shaft_speed,
+    observation,
+    shaft,
+    plant,
+    tuning,
 ):
     """Update every shaft of every lane in place."""
     scratch = np.empty((5, N_PARAMETERS))

@@ -60,7 +60,10 @@ class Parallel(Recursive):
         prior_fault = (1.0 - PRIOR_NORMAL) / n_faults
         prior = np.array([PRIOR_NORMAL] + [prior_fault] * n_faults)
         self.log_prior = np.log(prior)
-        self.ratios = [_ratios(self.raw.labels, prior), _ratios(self.kalman.labels, prior)]
+        self.ratios = [
+            _ratios(self.raw.labels, prior),
+            _ratios(self.kalman.labels, prior),
+        ]
 
     def initial(self, n_lanes: int) -> Estimate:
         """The filter's state at the start; the raw network has none."""

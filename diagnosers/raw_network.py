@@ -22,7 +22,12 @@ from diagnosers.storage import WEIGHTS, Weights, load_tensors
 
 PACKAGED = WEIGHTS / "raw_network.safetensors"
 ARCHITECTURE = tensor_shapes(4, 6, 4)
-SCALE = (2.0, 0.5, 300.0, 0.3)  # V, A, rpm, m/s: about those of 0.3 m/s, the middle of the missions
+SCALE = (
+    2.0,
+    0.5,
+    300.0,
+    0.3,
+)  # V, A, rpm, m/s: about those of 0.3 m/s, the middle of the missions
 READINGS = ("voltage", "current", "rpm")
 COLUMNS = tuple([INDEX[f"{side}_{name}"] for name in READINGS] for side in SIDES)
 SPEED = INDEX["speed"]

@@ -11,7 +11,10 @@ from auv_fault_env.schedules import ScheduleSampler
 from diagnosers.diagnoser import Belief, Memoryless, same_severity
 
 PRIOR_NORMAL = ScheduleSampler.healthy
-UNIFORM_SEVERITY = 0.5, 12**-0.5  # mean and standard deviation of a uniform one from 0 to 1
+UNIFORM_SEVERITY = (
+    0.5,
+    12**-0.5,
+)  # mean and standard deviation of a uniform one from 0 to 1
 LEAST_LOG_NORMAL = -30.0  # least log probability of `normal` of `Random`
 
 

@@ -28,7 +28,11 @@ def write(path: str | Path, tensors: Mapping[str, np.ndarray], header: Mapping[s
         os.close(handle)
         try:
             contiguous = {name: np.asarray(tensor, order="C") for name, tensor in tensors.items()}
-            save_file(contiguous, temporary, metadata={HEADER: json.dumps(header, sort_keys=True)})
+            save_file(
+                contiguous,
+                temporary,
+                metadata={HEADER: json.dumps(header, sort_keys=True)},
+            )
             os.chmod(temporary, 0o644)
             os.replace(temporary, path)
         finally:

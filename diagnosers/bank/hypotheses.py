@@ -28,7 +28,11 @@ def _of_motor(side: str) -> tuple[str, ...]:
 
 # the parameters of each subsystem, in the order of the rows of its filters
 OWN_PARAMETERS: dict[int, tuple[str, ...]] = {
-    SURGE: (*HULL, *(f"{side}_beta" for side in SIDES), *_of_sensors("speed", "acceleration")),
+    SURGE: (
+        *HULL,
+        *(f"{side}_beta" for side in SIDES),
+        *_of_sensors("speed", "acceleration"),
+    ),
     PORT: _of_motor("port"),
     STARBOARD: _of_motor("starboard"),
 }

@@ -19,7 +19,11 @@ CONSTANT_HAZARD_TIME = 60.0  # s; then the hazard falls as 1/age: an old vehicle
 IMPOSSIBLE = -1e30  # log probability of a class without hypotheses: finite, also as float32
 SPEED_CHANNEL = READINGS.index("speed")
 # first, by subsystem: voltage, then current and rpm
-MOTOR_CHANNEL = (0, READINGS.index("port_voltage"), READINGS.index("starboard_voltage"))
+MOTOR_CHANNEL = (
+    0,
+    READINGS.index("port_voltage"),
+    READINGS.index("starboard_voltage"),
+)
 # rows of `BankState.severity` and of `BankState.prior`
 MEAN, VARIANCE, LEAST = range(3)
 

@@ -30,7 +30,10 @@ CURRENT = 12
 SPEED = 17
 N_MOTOR_ROWS = 22
 # rows that `predict` uses
-PREDICTION_ROWS = (*range(7), *(row + k for row in (VOLTAGE, CURRENT, SPEED) for k in (BIAS, GAIN)))
+PREDICTION_ROWS = (
+    *range(7),
+    *(row + k for row in (VOLTAGE, CURRENT, SPEED) for k in (BIAS, GAIN)),
+)
 # rows that `estimate_shaft_speed` uses
 SHAFT_SPEED_ROWS = (VOLTAGE + NOISE, SPEED + BIAS, SPEED + GAIN, SPEED + NOISE)
 # parameters whose healthy deviation is a state

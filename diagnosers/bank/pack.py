@@ -58,7 +58,10 @@ SINGLE_ROWS = (
     "shaft_speed_slope",
     "shaft_speed_noise",
 )
-EFFECTS = ("slope", "offset")  # of the severity on the parameters: tables of the hypotheses
+EFFECTS = (
+    "slope",
+    "offset",
+)  # of the severity on the parameters: tables of the hypotheses
 LAST_ROWS = list(accumulate(N_ROWS.values()))
 N_ALL_ROWS = LAST_ROWS[-1] + len(SINGLE_ROWS)
 
@@ -85,7 +88,11 @@ def new_workspace(table: HypothesisTable, n_lanes: int) -> Work:
     }
     rows |= {name: memory[row] for row, name in enumerate(SINGLE_ROWS, LAST_ROWS[-1])}
     effects = {name: np.repeat(getattr(table, name), n_lanes, axis=1) for name in EFFECTS}
-    return Work(**rows, **effects, switch_probability=np.zeros((n_lanes, table.log_hazard.size)))
+    return Work(
+        **rows,
+        **effects,
+        switch_probability=np.zeros((n_lanes, table.log_hazard.size)),
+    )
 
 
 def pack_size(n_lanes: int, n_filters: int) -> int:

@@ -248,7 +248,13 @@ def update(columns, sample, constants, work):
     )
     condition_on_speed(columns, work)
     condition_on_availability(
-        work.parameters, columns, ACCELERATION, sample, ACCELERATION_CHANNEL, available, evidence
+        work.parameters,
+        columns,
+        ACCELERATION,
+        sample,
+        ACCELERATION_CHANNEL,
+        available,
+        evidence,
     )
     set_parameters(columns, work)
     compute_thrust(columns, 0.0, work)

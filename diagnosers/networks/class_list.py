@@ -17,7 +17,12 @@ from auv_fault_env.parameters import SIDES
 from diagnosers.diagnoser import Belief
 
 # of weights that do not name theirs
-_OF_SIDE = ("propeller_damage", "propeller_loss", "seal_friction", "motor_overheating")
+_OF_SIDE = (
+    "propeller_damage",
+    "propeller_loss",
+    "seal_friction",
+    "motor_overheating",
+)
 _OF_SENSORS = ("voltage", "current", "rpm")
 SHIPPED_CLASSES = (
     *("normal", "increased_drag", "decreased_drag"),
@@ -35,7 +40,12 @@ def check_class_list(trained: Sequence[str], catalogue: Sequence[str]) -> tuple[
         raise refusal("classes of the weights", trained, allowed, "take other weights")
     if missing := [name for name in trained if name not in catalogue]:
         allowed = f"classes of the catalogue: {', '.join(catalogue)}"
-        raise refusal("classes of the weights", missing, allowed, "add these faults, or train anew")
+        raise refusal(
+            "classes of the weights",
+            missing,
+            allowed,
+            "add these faults, or train anew",
+        )
     return tuple(trained)
 
 

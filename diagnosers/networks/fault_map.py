@@ -15,7 +15,12 @@ import numpy as np
 from auv_fault_env.errors import whole_number
 from auv_fault_env.faults import fault_of
 
-MODES_5_1 = ("normal", "increased seal friction", "increased drag", "degraded propeller")
+MODES_5_1 = (
+    "normal",
+    "increased seal friction",
+    "increased drag",
+    "degraded propeller",
+)
 MODES_5_2 = (
     *("normal", "increased drag", "decreased drag"),
     *("decreased propulsion", "severe propulsion failure"),

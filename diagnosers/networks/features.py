@@ -140,7 +140,15 @@ class Features:
         surge_values = np.stack([disturbance, observation[:, SPEED] - surge_mean[:, 0]], 1)
         running = RunningValues(observation, *(part.copy() for part in state.running[1:]))
         features = np.empty((len(observation), self.n_features), np.float32)
-        _fold(previous, running, signals, *deviations, surge_values, self.mean_shares, features)
+        _fold(
+            previous,
+            running,
+            signals,
+            *deviations,
+            surge_values,
+            self.mean_shares,
+            features,
+        )
         features[:, -2 * len(self._fault_columns) :] = self._bank_features(belief)
         return FeatureState(*estimates, bank, running), features, belief
 

@@ -9,7 +9,12 @@ from torch import Tensor, nn
 
 from diagnosers.networks.class_list import SHIPPED_CLASSES
 from diagnosers.networks.features import EVIDENCE, bank_odds_columns
-from diagnosers.networks.numpy_network import LEAST_STD, N_MEMORY, encoder_widths, n_outputs
+from diagnosers.networks.numpy_network import (
+    LEAST_STD,
+    N_MEMORY,
+    encoder_widths,
+    n_outputs,
+)
 
 Tensors = tuple[Tensor, ...]
 
@@ -24,7 +29,11 @@ class Network(nn.Module):
     `memory` is the kind of the recurrent layer.
     """
 
-    def __init__(self, memory: type[nn.Module] = nn.GRU, classes: Sequence[str] = SHIPPED_CLASSES):
+    def __init__(
+        self,
+        memory: type[nn.Module] = nn.GRU,
+        classes: Sequence[str] = SHIPPED_CLASSES,
+    ):
         super().__init__()
         self.n_classes = len(classes)
         self.bank_odds = bank_odds_columns(self.n_classes)

@@ -115,4 +115,8 @@ class NumpyNetwork:
         scores, severity, scatter = np.split(outputs.astype(np.float64), 3, axis=1)
         scores[:, 1:] += self.pool_weight * features[:, self.bank_odds]
         log_probability = log_softmax(self.sharpness * scores + self.bias)
-        return log_probability, expit(severity), np.logaddexp(0.0, scatter) + LEAST_STD
+        return (
+            log_probability,
+            expit(severity),
+            np.logaddexp(0.0, scatter) + LEAST_STD,
+        )

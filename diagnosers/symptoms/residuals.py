@@ -26,8 +26,18 @@ from auv_fault_env.physics import (
     surge_acceleration,
 )
 
-RESIDUALS = (*(f"{side}_{kind}" for side in SIDES for kind in ("voltage", "torque")), "surge")
-_INPUTS = ("rudder", "stern_plane", "speed", "acceleration", "port_voltage", "starboard_voltage")
+RESIDUALS = (
+    *(f"{side}_{kind}" for side in SIDES for kind in ("voltage", "torque")),
+    "surge",
+)
+_INPUTS = (
+    "rudder",
+    "stern_plane",
+    "speed",
+    "acceleration",
+    "port_voltage",
+    "starboard_voltage",
+)
 _COLUMNS = tuple(map(INDEX.get, _INPUTS))
 _SENSORS = ("speed", "acceleration", "port_voltage", "port_current")
 # standard deviations of a shaft speed reading, below which a shaft counts as standing

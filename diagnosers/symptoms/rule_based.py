@@ -35,7 +35,10 @@ class RuleBased(ModelBased):
         return [self.classes.index(f"sensor:{channel}") for channel in READINGS]
 
     def _belief(
-        self, support: np.ndarray, severity: Severities, sensors: sensor_symptoms.SensorSymptoms
+        self,
+        support: np.ndarray,
+        severity: Severities,
+        sensors: sensor_symptoms.SensorSymptoms,
     ) -> Belief:
         """The belief by `rulebook.support`, severities, and what the sensors alone show."""
         sensor_symptoms.write_severity(severity[0], self._sensor_columns, sensors)

@@ -57,7 +57,9 @@ def rules_of_sides(book: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ..
 
 
 def parse_rules(
-    rules: Mapping[str, Sequence[str]], symptoms: Sequence[str], classes: Sequence[str]
+    rules: Mapping[str, Sequence[str]],
+    symptoms: Sequence[str],
+    classes: Sequence[str],
 ) -> Rulebook:
     """The rulebook of rules by class, one of which suffices.
 

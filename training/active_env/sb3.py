@@ -7,12 +7,20 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import VecEnv
-from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
+from stable_baselines3.common.vec_env.base_vec_env import (
+    VecEnvIndices,
+    VecEnvStepReturn,
+)
 
 from auv_fault_env.errors import refusal
 from training.active_env.vector import ActiveDiagnosisVectorEnv
 
-PLAIN_NAMES = ("mission_speed", "energy", "cost", "declared")  # information beside the truth
+PLAIN_NAMES = (
+    "mission_speed",
+    "energy",
+    "cost",
+    "declared",
+)  # information beside the truth
 BY_TIME = "TimeLimit.truncated"  # stable-baselines3's name for an end by time
 
 
@@ -79,7 +87,11 @@ class ActiveVecEnv(VecEnv):
         setattr(self.env, attr_name, value)
 
     def env_method(
-        self, method_name: str, *method_args, indices: VecEnvIndices = None, **method_kwargs
+        self,
+        method_name: str,
+        *method_args,
+        indices: VecEnvIndices = None,
+        **method_kwargs,
     ) -> list[Any]:
         """Call the vector environment's method once; its result for each index."""
         result = getattr(self.env, method_name)(*method_args, **method_kwargs)

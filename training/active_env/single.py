@@ -7,7 +7,11 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from diagnosers import Recursive
-from training.active_env.vector import MAX_DECISIONS, ActiveDiagnosisVectorEnv, lane_info
+from training.active_env.vector import (
+    MAX_DECISIONS,
+    ActiveDiagnosisVectorEnv,
+    lane_info,
+)
 from training.stimuli.base import BUDGET, LARGEST_OFFSET
 from training.stimuli.declaration import DECLARATION_PROBABILITY
 

@@ -21,7 +21,11 @@ from diagnosers import Recursive, make
 from training.active_env.lane_monitor import LaneMonitor
 from training.rollouts import label_and_severity
 from training.stimuli.base import BUDGET, EPISODE_TIME, LARGEST_OFFSET, MISSION_SPEED
-from training.stimuli.declaration import DECLARATION_PROBABILITY, UNDECLARED, Declaration
+from training.stimuli.declaration import (
+    DECLARATION_PROBABILITY,
+    UNDECLARED,
+    Declaration,
+)
 from training.stimuli.policy_inputs import FLOOR, feature_bounds, policy_features
 
 DECISION = round(SAMPLE_RATE)  # samples of a decision, one second
@@ -108,7 +112,12 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         self._last_action = np.zeros(self.num_envs)
         self._total_cost = np.zeros(self.num_envs)
 
-    def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict | None = None):
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict | None = None,
+    ):
         """Start an episode on every lane."""
         self._check_catalogue()
         super().reset(seed=seed if isinstance(seed, int) else None)
@@ -215,7 +224,12 @@ class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
         time = self._n_decisions * DECISION_TIME
         monitor = self._monitor
         return policy_features(
-            monitor.belief, monitor.estimate, self._readings, self._last_action, time, left
+            monitor.belief,
+            monitor.estimate,
+            self._readings,
+            self._last_action,
+            time,
+            left,
         )
 
     def _info(self, cost: np.ndarray, energy: np.ndarray) -> dict[str, Any]:

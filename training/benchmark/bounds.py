@@ -92,7 +92,10 @@ def bounds_of(stimulus: Stimulus, seed: int, n_lanes: int) -> dict[str, Any]:
     return {
         "classes": by_class,
         "all": {"detection_delay": detection, "isolation_delay": isolation},
-        "amoc": {"false_alarms_per_hour": rounded(AMOC_RATES), "delay": rounded(delay)},
+        "amoc": {
+            "false_alarms_per_hour": rounded(AMOC_RATES),
+            "delay": rounded(delay),
+        },
         "calibration": _calibration(true_class, healthy),
         "lanes": n_lanes,
     }
@@ -159,7 +162,11 @@ def _mean(bounds: list[list[float]]) -> list[float]:
 
 
 def _isolation_of_all(
-    unknown: np.ndarray, true_class: np.ndarray, diagnosis: np.ndarray, samples: float, seed: int
+    unknown: np.ndarray,
+    true_class: np.ndarray,
+    diagnosis: np.ndarray,
+    samples: float,
+    seed: int,
 ) -> list[float]:
     """Least mean isolation time: only the most likely fault is named, once it has been detected."""
     is_right = unknown[:, :, 1:].argmax(axis=2) + 1 == diagnosis

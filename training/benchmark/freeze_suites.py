@@ -19,7 +19,14 @@ from auv_fault_env.missions import Mission, MissionSampler
 from auv_fault_env.parameters import FOOT
 from auv_fault_env.schedules import FaultEvent
 from training.benchmark import suites
-from training.benchmark.suites import NAMES, ONE_FAULT, Conditions, Episode, Steering, Suite
+from training.benchmark.suites import (
+    NAMES,
+    ONE_FAULT,
+    Conditions,
+    Episode,
+    Steering,
+    Suite,
+)
 from training.seeds import seeds
 
 BLOCK = 20_000_000  # test seeds of a suite; the second half counts false alarms on healthy lanes

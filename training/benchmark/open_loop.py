@@ -37,7 +37,10 @@ class OpenLoopEpisodes(NamedTuple):
 
 
 def both_halves(
-    seeds: range, faulty: bool, vehicle: str | Vehicle = "thesis1992", healthy_band: float = 1.0
+    seeds: range,
+    faulty: bool,
+    vehicle: str | Vehicle = "thesis1992",
+    healthy_band: float = 1.0,
 ) -> tuple[OpenLoopEpisodes, OpenLoopEpisodes]:
     """The lanes with the thesis' stimulus, and those with random missions and manoeuvres.
 
@@ -50,7 +53,11 @@ def both_halves(
 
 
 def _episodes(
-    seeds: range, thesis_stimulus: bool, faulty: bool, vehicle: str | Vehicle, healthy_band: float
+    seeds: range,
+    thesis_stimulus: bool,
+    faulty: bool,
+    vehicle: str | Vehicle,
+    healthy_band: float,
 ) -> OpenLoopEpisodes:
     n_lanes = len(seeds)
     fleet = Fleet(n_lanes, vehicle, healthy_band=healthy_band, schedules=ONE_FAULT)

@@ -155,7 +155,14 @@ def best_two(view: BenchmarkView) -> dict[str, Any]:
         time = with_interval(paired.isolation[0], paired.isolation[1:], 2, "+")
         f1 = with_interval(paired.macro_f1[0], paired.macro_f1[1:], 3, "+")
         rows.append([stimulus, *two, time, f1, "yes" if paired.is_better else "no"])
-    columns = ["stimulus", "best", "second", "isolation time [s]", "macro-F1", "better"]
+    columns = [
+        "stimulus",
+        "best",
+        "second",
+        "isolation time [s]",
+        "macro-F1",
+        "better",
+    ]
     return table_section(
         "Is the best one better?",
         columns,
@@ -184,7 +191,15 @@ def against_bounds(view: BenchmarkView) -> dict[str, Any]:
     conclusion = "The closest are shown."
     if beaten:
         conclusion = "These comparisons, or the bound, are wrong."
-    columns = ["stimulus", "diagnoser", "time", "class", "measured [s]", "bound [s]", "beaten"]
+    columns = [
+        "stimulus",
+        "diagnoser",
+        "time",
+        "class",
+        "measured [s]",
+        "bound [s]",
+        "beaten",
+    ]
     return table_section(
         "Does any diagnoser beat a bound?",
         columns,
@@ -277,7 +292,10 @@ def compute_and_weights(view: BenchmarkView) -> dict[str, Any]:
     section["table"]["columns"] += ["numbers in the weights", "digest of the weights"]
     for name, row in zip(view.names, section["table"]["rows"], strict=True):
         digest = view.results["weights"][name]
-        row += [f"{costs[name]['numbers']:,}", digest[:16] if digest else "no weights"]
+        row += [
+            f"{costs[name]['numbers']:,}",
+            digest[:16] if digest else "no weights",
+        ]
     return section
 
 

@@ -105,7 +105,11 @@ def alarms_against_delay(view: BenchmarkView) -> dict[str, Any]:
     def share_line(score: Score) -> tuple[Any, Any]:
         return score["amoc"]["false_alarms_per_hour"], score["amoc"]["probability"]
 
-    shared = {"references": list(view.references), "logarithmic": True, "marks": [0.1, 1.0]}
+    shared = {
+        "references": list(view.references),
+        "logarithmic": True,
+        "marks": [0.1, 1.0],
+    }
     x_label = "false alarms per hour, as set"
     bounds = {}
     for stimulus, bound in view.bounds.items():
@@ -158,7 +162,10 @@ def f1_over_time(view: BenchmarkView) -> dict[str, Any]:
 
 def by_class(view: BenchmarkView) -> Iterable[dict[str, Any]]:
     """Isolation time and detection delay by class, with the bounds on the left."""
-    for kind, words in (("isolation", "Isolation time"), ("detection", "Detection delay")):
+    for kind, words in (
+        ("isolation", "Isolation time"),
+        ("detection", "Detection delay"),
+    ):
         figures = []
         for stimulus in view.scores:
             caption = f"{words} under {stimulus}, restricted mean [s]; {view.horizon:g} means "
@@ -203,7 +210,10 @@ def confusions(view: BenchmarkView) -> dict[str, Any]:
             f"Decisions of {name} under {stimulus} 10 s after onset, in per cent of each true "
             "class (row); normal means that no alarm stands. Shares below 0.5 % are left empty."
         )
-        data = {"classes": view.results["classes"], "shares": np.round(shares, 4).tolist()}
+        data = {
+            "classes": view.results["classes"],
+            "shares": np.round(shares, 4).tolist(),
+        }
         file = f"confusion-{file_name(name)}"
         figures.append(figure("confusion_matrix", file, caption, data))
     return {"heading": "Which classes are confused?", "text": [], "figures": figures}
@@ -230,7 +240,13 @@ def costs(view: BenchmarkView) -> dict[str, Any]:
     )
     section = figure_section("Cost and delay", "cost_delay", "cost-delay", caption, data)
     section["table"] = {
-        "columns": ["stimulus", "speed RMS [m/s]", "× cruise", "energy [J]", "× cruise"],
+        "columns": [
+            "stimulus",
+            "speed RMS [m/s]",
+            "× cruise",
+            "energy [J]",
+            "× cruise",
+        ],
         "rows": [_cost_cells(stimulus, scores) for stimulus, scores in view.scores.items()],
     }
     return section

@@ -135,7 +135,10 @@ def _first_and_last_seed(plan: BenchmarkPlan, part: str) -> list[int]:
 
 
 def scored(
-    plan: BenchmarkPlan, paths: Mapping[Path, Trial], seed: int, failures: dict[str, str]
+    plan: BenchmarkPlan,
+    paths: Mapping[Path, Trial],
+    seed: int,
+    failures: dict[str, str],
 ) -> dict[str, Any]:
     """Thresholds, truth, every score; a diagnoser that fails in its worst episodes is left out."""
     files = _files(paths)
@@ -182,7 +185,9 @@ def _files(paths: Mapping[Path, Trial]) -> dict[tuple[str, str, str], list[Path]
 
 
 def _outcomes(
-    files: Mapping[tuple[str, str, str], list[Path]], name: str, stimuli: Sequence[str]
+    files: Mapping[tuple[str, str, str], list[Path]],
+    name: str,
+    stimuli: Sequence[str],
 ) -> dict[str, TrialOutcomes]:
     """By stimulus what a diagnoser is scored on."""
     setting_files = [files[name, stimulus, THRESHOLD] for stimulus in stimuli]
@@ -232,7 +237,12 @@ def write_csv(path: Path, results: Mapping[str, Any]) -> None:
     for stimulus, scores in results["scores"].items():
         for name, of_score in scores.items():
             for rate, at_rate in of_score["rates"].items():
-                row = {"suite": suite, "stimulus": stimulus, "diagnoser": name, "mtbfa": rate}
+                row = {
+                    "suite": suite,
+                    "stimulus": stimulus,
+                    "diagnoser": name,
+                    "mtbfa": rate,
+                }
                 row |= csv_cells(RATE_METRICS, at_rate)
                 row |= csv_cells(METRICS, of_score)
                 rows.append(row)

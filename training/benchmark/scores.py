@@ -20,7 +20,10 @@ from training.metrics.plain import finite
 from training.metrics.records import HORIZON, SEVERITY_AT, HealthyOutcome
 from training.report.cells import number, percent, seconds, with_interval
 
-MEAN_TIMES = {"1 h": 3600.0, "10 h": 36000.0}  # s between false alarms that thresholds are set for
+MEAN_TIMES = {
+    "1 h": 3600.0,
+    "10 h": 36000.0,
+}  # s between false alarms that thresholds are set for
 RANKED_AT = "1 h"
 Score = Mapping[str, Any]
 
@@ -187,11 +190,18 @@ RATE_METRICS = (
         lambda at: time_figures(at.assessment.isolation, at.seed),
         f"time from onset to the last interval with the right class: {TIMES}",
         "A right answer one sample before the horizon counts; read the mean beside the share.",
-        csv=("isolation_restricted_mean", "isolation_probability", "isolation_median"),
+        csv=(
+            "isolation_restricted_mean",
+            "isolation_probability",
+            "isolation_median",
+        ),
         columns=(
             Column("isolation, restricted mean [s]", _isolation_cell),
             Column("isolated", lambda score: percent(score["isolation"]["probability"])),
-            Column("median [s]", lambda score: seconds(score["isolation"]["median"], HORIZON)),
+            Column(
+                "median [s]",
+                lambda score: seconds(score["isolation"]["median"], HORIZON),
+            ),
         ),
     ),
     Metric(
@@ -199,7 +209,11 @@ RATE_METRICS = (
         lambda at: time_figures(at.assessment.detection, at.seed),
         f"time from onset to the first alarm after it: {TIMES}",
         "An alarm for the wrong reason counts; read it beside the rate of false alarms.",
-        csv=("detection_restricted_mean", "detection_probability", "detection_median"),
+        csv=(
+            "detection_restricted_mean",
+            "detection_probability",
+            "detection_median",
+        ),
         columns=(Column("detection, restricted mean [s]", _detection_cell),),
     ),
 )
@@ -256,7 +270,11 @@ METRICS = (
         csv=("macro_f1",),
         columns=(_interval_column(f"macro-F1 at {DECISION_TIME:g} s", "macro_f1", 2),),
     ),
-    Metric("macro_f1_interval", macro_f1_interval, "its 95 % bootstrap interval over lanes"),
+    Metric(
+        "macro_f1_interval",
+        macro_f1_interval,
+        "its 95 % bootstrap interval over lanes",
+    ),
     Metric(
         "macro_f1_over_time",
         lambda score: score_series.f1_over_time(score.ranked),
@@ -322,7 +340,9 @@ METRICS = (
     Metric(
         "amoc",
         lambda score: score_series.amoc(
-            score.outcomes.threshold, score.outcomes.faulty, score.truth.at_instants.onset
+            score.outcomes.threshold,
+            score.outcomes.faulty,
+            score.truth.at_instants.onset,
         ),
         "{false_alarms_per_hour, delay, probability}: restricted mean delay [s] and share detected "
         "against the rate of false alarms that the threshold is set for",

@@ -17,7 +17,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_fault_env.channels import MAXIMUM_DEFLECTION
-from auv_fault_env.errors import InputError, finite_in_range, known_name, refusal, whole_number
+from auv_fault_env.errors import (
+    InputError,
+    finite_in_range,
+    known_name,
+    refusal,
+    whole_number,
+)
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import Mission, MissionSampler
 from auv_fault_env.noise import STREAMS, episode_keys, uniforms
@@ -161,7 +167,12 @@ def _check_seed(thing: str, seed: Any, purpose: str) -> None:
 def _check_faults(episode: Episode, last_onset: float) -> None:
     thing = f"faults of the episode with seed {episode.seed}"
     if not any(event.severity > 0.0 for event in episode.schedule):
-        raise refusal(thing, episode.schedule, "at least one, its severity above 0", "name a fault")
+        raise refusal(
+            thing,
+            episode.schedule,
+            "at least one, its severity above 0",
+            "name a fault",
+        )
     first_onset = min(event.onset for event in episode.schedule)
     finite_in_range(f"{thing}, first onset", first_onset, SAMPLE_TIME, last_onset)
 
@@ -204,7 +215,12 @@ def load(suite: str) -> Suite:
         thing = f"suite {path}, hash of its text"
         allowed = f"that written in it, {written_hash}"
         sealing = f"python -m training.benchmark.freeze_suites {path}"
-        raise refusal(thing, digest(body), allowed, f"restore the file, or seal it with {sealing}")
+        raise refusal(
+            thing,
+            digest(body),
+            allowed,
+            f"restore the file, or seal it with {sealing}",
+        )
     return parse(text, path)
 
 

@@ -33,7 +33,11 @@ def compute_cost(diagnoser: Diagnoser, first_seed: int) -> dict[str, Any]:
     together = update_durations(diagnoser, many_lanes, MANY_SAMPLES)
     p50, p99 = np.percentile(single, [50, 99])
     per_lane = np.median(together) / MANY_LANES
-    return {"p50_us": float(p50), "p99_us": float(p99), "many_lanes_us": float(per_lane)}
+    return {
+        "p50_us": float(p50),
+        "p99_us": float(p99),
+        "many_lanes_us": float(per_lane),
+    }
 
 
 def update_durations(diagnoser: Diagnoser, rollout: Rollout, n_updates: int) -> np.ndarray:

@@ -26,7 +26,15 @@ from training.benchmark.trials import FAULTY, Entrant, FaultyOutcome, Trial
 from training.metrics.records import HealthyOutcome, concatenate_lanes
 
 NOT_IN_FILE_NAMES = re.compile(r"\W+")
-READ_ERRORS = OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile, zlib.error
+READ_ERRORS = (
+    OSError,
+    EOFError,
+    KeyError,
+    TypeError,
+    ValueError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 
 
 def weights_digest(diagnoser: Diagnoser) -> str | None:

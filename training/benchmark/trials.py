@@ -15,7 +15,12 @@ from auv_fault_env.noise import STREAMS, uniforms
 from auv_fault_env.schedules import events_of, first_onset
 from auv_fault_env.truth import FleetTruth
 from diagnosers import Belief, Diagnoser
-from training.benchmark.suites import LAST_STAND_IN_ONSET, Conditions, Episode, noise_keys
+from training.benchmark.suites import (
+    LAST_STAND_IN_ONSET,
+    Conditions,
+    Episode,
+    noise_keys,
+)
 from training.metrics import sample_at
 from training.metrics.records import (
     SEVERITY_AT,
@@ -129,7 +134,10 @@ def lane_truth(conditions: Conditions, episodes: Sequence[Episode]) -> LaneTruth
 
 
 def run_closed_loop(
-    diagnoser: Diagnoser, stimulus: Stimulus, conditions: Conditions, episodes: Sequence[Episode]
+    diagnoser: Diagnoser,
+    stimulus: Stimulus,
+    conditions: Conditions,
+    episodes: Sequence[Episode],
 ) -> Iterator[LoopSample]:
     """Simulate the episodes with diagnoser and stimulus in the loop, and yield every sample.
 
@@ -160,7 +168,13 @@ def run_closed_loop(
         next_observation = fleet.step(command)
         _, energy, squared_deviation, _ = fleet.outcomes
         yield LoopSample(
-            observation, belief, mission_speed, offset, true_speed, energy, squared_deviation
+            observation,
+            belief,
+            mission_speed,
+            offset,
+            true_speed,
+            energy,
+            squared_deviation,
         )
         observation = next_observation
 

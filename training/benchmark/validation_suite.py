@@ -12,7 +12,11 @@ from training.seeds import seeds
 
 NAME = "validation"
 # the first validation seeds belong to the trainers
-FIRST_SEED = {"faulty": 100_000_000, "threshold": 200_000_000, "counting": 300_000_000}
+FIRST_SEED = {
+    "faulty": 100_000_000,
+    "threshold": 200_000_000,
+    "counting": 300_000_000,
+}
 LAST_OFFSET = 90_000_000  # the parts are 100 million seeds apart
 
 

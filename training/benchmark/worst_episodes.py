@@ -16,7 +16,14 @@ from training.metrics.records import HORIZON, PERSISTENCE
 
 N_WORST = 3
 # channels whose readings are shown
-SHOWN = ("speed", "speed_command", "port_rpm", "starboard_rpm", "port_current", "starboard_current")
+SHOWN = (
+    "speed",
+    "speed_command",
+    "port_rpm",
+    "starboard_rpm",
+    "port_current",
+    "starboard_current",
+)
 STRIDE = 5  # samples from one shown to the next
 
 

@@ -19,7 +19,10 @@ from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import Belief
 from training.bounds.delays import late_rate
-from training.bounds.information import log_likelihoods_unknown_severity, simulate_lanes
+from training.bounds.information import (
+    log_likelihoods_unknown_severity,
+    simulate_lanes,
+)
 from training.metrics.records import HORIZON
 from training.seeds import seeds
 from training.stimuli import BUDGET, Cruise, Stimulus, Thesis

@@ -22,7 +22,12 @@ from diagnosers.kalman import ParameterFilter, SurgeFilter
 PRIOR = (0.3, 0.3, 0.5)
 # the parameters are constant
 NO_WALK = (0.0, 0.0, 0.0)
-FAULTS = ("increased_drag", "decreased_drag", "propeller_damage:port", "propeller_loss:port")
+FAULTS = (
+    "increased_drag",
+    "decreased_drag",
+    "propeller_damage:port",
+    "propeller_loss:port",
+)
 # true states (n_samples, n_lanes, n_states) and observations (n_samples, n_lanes, n_channels)
 Record = tuple[np.ndarray, np.ndarray]
 

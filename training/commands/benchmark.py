@@ -184,7 +184,9 @@ def trials_folder(run: Run) -> Path:
     return folder
 
 
-def prepare(entrants: Mapping[str, Entrant]) -> tuple[dict[str, PreparedEntrant], dict[str, str]]:
+def prepare(
+    entrants: Mapping[str, Entrant],
+) -> tuple[dict[str, PreparedEntrant], dict[str, str]]:
     """The diagnosers that can be created and timed, and why others cannot."""
     prepared: dict[str, PreparedEntrant] = {}
     failures: dict[str, str] = {}

@@ -8,7 +8,11 @@ from tqdm import tqdm
 
 from auv_fault_env.errors import refusal
 from training.arguments import Calibrate
-from training.field.calibration.calibration import NAMES, Calibration, calibrate_samples
+from training.field.calibration.calibration import (
+    NAMES,
+    Calibration,
+    calibrate_samples,
+)
 from training.field.calibration.checks import leave_one_out
 from training.field.calibration.page import REPAIRS, page, plain
 from training.field.calibration.samples import samples_of
@@ -44,7 +48,13 @@ def calibrate(arguments: Calibrate) -> tuple[Calibration, dict[str, Any]]:
     calibration = calibrate_samples(samples, vehicle)
     left_out = leave_one_out(samples, calibration, [log.name for log in logs])
     results = page(logs, samples, calibration, left_out) | plain(calibration, left_out, logs)
-    command = ("auv-fault", "calibrate", "--vehicle", arguments.vehicle, *arguments.logs)
+    command = (
+        "auv-fault",
+        "calibrate",
+        "--vehicle",
+        arguments.vehicle,
+        *arguments.logs,
+    )
     results["command"] = shlex.join(map(str, command))
     return calibration, results
 

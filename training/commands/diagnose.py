@@ -77,7 +77,11 @@ def threshold_of(healthy_logs: Sequence[Log], name: str, vehicle: VehicleFile) -
 
 
 def write_verdicts(
-    folder: Path, arguments: Diagnose, vehicle: VehicleFile, threshold: float, limits: Limits
+    folder: Path,
+    arguments: Diagnose,
+    vehicle: VehicleFile,
+    threshold: float,
+    limits: Limits,
 ) -> list[Verdict]:
     """Diagnose every log and write results and report; refused if none is usable."""
     verdicts: list[Verdict] = []
@@ -104,7 +108,13 @@ def write_verdicts(
 
 def command_of(arguments: Diagnose) -> str:
     """The command line that makes the same page."""
-    options = ["--vehicle", arguments.vehicle, "--diagnoser", arguments.diagnoser, *arguments.logs]
+    options = [
+        "--vehicle",
+        arguments.vehicle,
+        "--diagnoser",
+        arguments.diagnoser,
+        *arguments.logs,
+    ]
     if arguments.healthy:
         options += ["--healthy", *arguments.healthy]
     return shlex.join(map(str, ("auv-fault", "diagnose", *options)))

@@ -45,10 +45,18 @@ def main(arguments: EssoOsaka) -> None:
     """Fit every form, the model to every run, run the filter, and write the report."""
     whole = load(arguments.folder)
     if len(whole) < 2:
-        raise refusal("runs", len(whole), "two or more, to leave one out", "get the whole data set")
+        raise refusal(
+            "runs",
+            len(whole),
+            "two or more, to leave one out",
+            "get the whole data set",
+        )
     with run_folder(arguments.output, "esso-osaka", arguments) as folder:
         findings = study(whole, arguments.seed)
-        results = page(f"auv-fault esso-osaka {arguments.folder} --seed {arguments.seed}", findings)
+        results = page(
+            f"auv-fault esso-osaka {arguments.folder} --seed {arguments.seed}",
+            findings,
+        )
         write_json(folder / "results.json", results)
         write_report(results, folder)
     print_tables(results["sections"])
@@ -58,7 +66,10 @@ def main(arguments: EssoOsaka) -> None:
 def study(whole: Sequence[ShipRun], seed: int) -> dict[str, Any]:
     """All results of the page, from the runs with their ends."""
     runs = [free_running(run) for run in whole]
-    fits = {"without wind": fit_runs(runs, TURNING, seed), "model": fit_runs(runs, MODEL, seed)}
+    fits = {
+        "without wind": fit_runs(runs, TURNING, seed),
+        "model": fit_runs(runs, MODEL, seed),
+    }
     pooled = np.array(fits["model"]["pooled"]["coefficients"])
     return {
         "model": MODEL,
@@ -160,7 +171,10 @@ def follow(runs: Sequence[ShipRun], pooled: np.ndarray) -> dict[str, Any]:
             "last_std": estimates.std[-1].tolist(),
             "nis": estimates.nis.tolist(),
         }
-    return {"disturbance": [vehicle.disturbance_std, vehicle.disturbance_time], "runs": tracks}
+    return {
+        "disturbance": [vehicle.disturbance_std, vehicle.disturbance_time],
+        "runs": tracks,
+    }
 
 
 def example(run: ShipRun, pooled: np.ndarray) -> dict[str, Any]:

@@ -12,7 +12,13 @@ import numpy as np
 
 from auv_fault_env.errors import finite_in_range, refusal
 from training.arguments import Export
-from training.formats.onnx_export import WEIGHTS, evaluate, graph_of, n_columns, to_onnx
+from training.formats.onnx_export import (
+    WEIGHTS,
+    evaluate,
+    graph_of,
+    n_columns,
+    to_onnx,
+)
 
 
 def main(arguments: Export) -> None:

@@ -11,7 +11,14 @@ from auv_fault_env.errors import refusal
 from training.arguments import Haizhe
 from training.datasets.forests import cross_decide, forest, shuffled_folds
 from training.datasets.haizhe_page import page
-from training.datasets.haizhe_runs import CLASSES, INPUTS, Run, is_evening, load, time_blocks
+from training.datasets.haizhe_runs import (
+    CLASSES,
+    INPUTS,
+    Run,
+    is_evening,
+    load,
+    time_blocks,
+)
 from training.metrics import confusion, macro_f1
 from training.metrics.intervals import f1_interval
 from training.report.page import print_tables, write_report

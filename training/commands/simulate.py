@@ -17,7 +17,13 @@ from auv_fault_env.errors import finite_in_range, refusal
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import Mission, mission_of
 from auv_fault_env.parameters import SAMPLE_RATE
-from auv_fault_env.schedules import Events, Schedule, load_schedule, schedules_of, to_json
+from auv_fault_env.schedules import (
+    Events,
+    Schedule,
+    load_schedule,
+    schedules_of,
+    to_json,
+)
 from auv_fault_env.truth import FleetTruth
 from training.arguments import Simulate
 from training.commands.simulate_page import report
@@ -60,7 +66,12 @@ def _checked_steps(arguments: Simulate) -> int:
         remedy = "ask for at least one vehicle"
         raise refusal("vehicles", arguments.vehicles, "a whole number from 1", remedy)
     if not arguments.formats:
-        raise refusal("formats", arguments.formats, "csv, parquet, minari or several", "name one")
+        raise refusal(
+            "formats",
+            arguments.formats,
+            "csv, parquet, minari or several",
+            "name one",
+        )
     finite_in_range("seed", arguments.seed, 0, 2**62)
     _fleet(1, arguments)
     duration = finite_in_range("duration", arguments.duration, 1 / SAMPLE_RATE, 1e5)
@@ -126,7 +137,10 @@ def write_tables(
     schedules: dict[int, Schedule] = {}
     storage = new_storage(folder, arguments) if MINARI in arguments.formats else None
     n_samples = arguments.vehicles * n_steps
-    with ExitStack() as stack, tqdm(total=n_samples, unit="sample", unit_scale=True) as bar:
+    with (
+        ExitStack() as stack,
+        tqdm(total=n_samples, unit="sample", unit_scale=True) as bar,
+    ):
         files = TableFiles(folder, arguments.formats, stack)
         for chunk in _chunks(arguments, n_steps, schedule, mission, bar):
             table = _table(chunk)
@@ -149,7 +163,11 @@ def _first_vehicle(table: pa.Table, n_steps: int) -> dict[str, np.ndarray]:
 
 
 def _chunks(
-    arguments: Simulate, n_steps: int, schedule: Schedule | None, mission: Mission | None, bar: tqdm
+    arguments: Simulate,
+    n_steps: int,
+    schedule: Schedule | None,
+    mission: Mission | None,
+    bar: tqdm,
 ) -> Iterator[Chunk]:
     n_lanes = max(1, ROWS_AT_ONCE // n_steps)
     for first in range(0, arguments.vehicles, n_lanes):

@@ -42,8 +42,19 @@ def main(arguments: Train) -> None:
     finite_in_range("seed", arguments.seed, 0, 2**62)
     trainer = make_trainer(arguments.name, arguments.seed)
     if arguments.epochs is not None and whole_number("epochs", arguments.epochs) > trainer.epochs:
-        raise refusal("epochs", arguments.epochs, f"1 to {trainer.epochs}", "leave it out for all")
-    run_training("train", arguments, SETTINGS, arguments.name, partial(_run, arguments, trainer))
+        raise refusal(
+            "epochs",
+            arguments.epochs,
+            f"1 to {trainer.epochs}",
+            "leave it out for all",
+        )
+    run_training(
+        "train",
+        arguments,
+        SETTINGS,
+        arguments.name,
+        partial(_run, arguments, trainer),
+    )
 
 
 def run_training(
@@ -116,7 +127,11 @@ def _run(arguments: Train, trainer: Trainer, output: Path, unfinished: Path) -> 
 
 
 def card(
-    arguments: Train, data: str, progress: Progress, figures: dict[str, Any], seconds: float
+    arguments: Train,
+    data: str,
+    progress: Progress,
+    figures: dict[str, Any],
+    seconds: float,
 ) -> dict[str, Any]:
     """The card of the weights as plain data: command, seed, data, versions, effort and figures."""
     shortened = "" if arguments.epochs is None else f" --epochs {arguments.epochs}"

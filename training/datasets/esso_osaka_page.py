@@ -94,7 +94,11 @@ def forms_section(compared: Sequence[Findings]) -> Section:
         [form["form"], f"{1e3 * form['fitted']:.2f}", f"{1e3 * form['left_out']:.2f}"]
         for form in compared
     ]
-    columns = ["form", "fitted to all runs [mm/s]", "each run left out of its fit [mm/s]"]
+    columns = [
+        "form",
+        "fitted to all runs [mm/s]",
+        "each run left out of its fit [mm/s]",
+    ]
     return table_section("Which form predicts", columns, rows, *FORMS_TEXT)
 
 
@@ -139,7 +143,10 @@ def band_section(model: Sequence[str], fits: Mapping[str, Findings]) -> Section:
         series = {}
         for form, fit in fits.items():
             values, intervals = relative(name, model, fit)
-            series[form] = {"values": values.tolist(), "intervals": intervals.tolist()}
+            series[form] = {
+                "values": values.tolist(),
+                "intervals": intervals.tolist(),
+            }
             rows.append([name, form, *range_cells(values, intervals, default)])
         band = [1 - default, 1 + default]
         panels[name] = {"series": series, "band": band, "window": WINDOWS[name]}

@@ -10,8 +10,21 @@ KNOT = 1852 / 3600  # m/s
 
 # Factors to the unit of the channels, by that unit, which comes first.
 UNITS: dict[str, dict[str, float]] = {
-    "m/s": {"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3, "km/h": 1 / 3.6, "kn": KNOT, "ft/s": FOOT},
-    "m/s^2": {"m/s^2": 1.0, "cm/s^2": 0.01, "ft/s^2": FOOT, "g": GRAVITY, "mg": 0.001 * GRAVITY},
+    "m/s": {
+        "m/s": 1.0,
+        "cm/s": 0.01,
+        "mm/s": 1e-3,
+        "km/h": 1 / 3.6,
+        "kn": KNOT,
+        "ft/s": FOOT,
+    },
+    "m/s^2": {
+        "m/s^2": 1.0,
+        "cm/s^2": 0.01,
+        "ft/s^2": FOOT,
+        "g": GRAVITY,
+        "mg": 0.001 * GRAVITY,
+    },
     "rad": {"rad": 1.0, "deg": math.pi / 180, "mrad": 0.001},
     "V": {"V": 1.0, "mV": 0.001},
     "A": {"A": 1.0, "mA": 0.001},

@@ -26,7 +26,12 @@ GENERAL = {
     "hotel_load": "W",
     "battery": "Wh",
 }
-VEHICLE_KEYS = ("shafts", "sample_rate", "hotel_load", "battery")  # as in `VehicleFile`
+VEHICLE_KEYS = (
+    "shafts",
+    "sample_rate",
+    "hotel_load",
+    "battery",
+)  # as in `VehicleFile`
 TABLES = ("vehicle", "parameters", "healthy_band", "noise", "time", "channels")
 COLUMN = ("column", "unit", "scale", "offset")
 
@@ -130,7 +135,12 @@ def read_vehicle(path: Path) -> VehicleFile:
         known_name("table of the vehicle file", name, TABLES)
     general = _table(content, "vehicle", GENERAL)
     if "sample_rate" not in general:
-        raise refusal("vehicle file", str(path), "one with sample_rate [Hz] in [vehicle]", "add it")
+        raise refusal(
+            "vehicle file",
+            str(path),
+            "one with sample_rate [Hz] in [vehicle]",
+            "add it",
+        )
     channels = _table(content, "channels", CHANNELS)
     columns = {
         name: _column(f"channels.{name}", entry, CHANNELS[name].unit)
@@ -184,7 +194,9 @@ def _column(where: str, entry: Any, kind: str) -> Column:
 
 
 def write_vehicle(
-    path: Path, vehicle: VehicleFile, comments: Mapping[str, str] = MappingProxyType({})
+    path: Path,
+    vehicle: VehicleFile,
+    comments: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Write the file, which `read_vehicle` reads as an equal vehicle; one that exists is replaced.
 

@@ -27,7 +27,11 @@ from diagnosers.networks.features import Features, feature_names
 from diagnosers.networks.integrated_network import Network
 from diagnosers.networks.modes import PRIOR_SEVERITY
 from diagnosers.networks.numpy_network import N_MEMORY, n_outputs, smooth_opinion
-from diagnosers.networks.smoothing import FAULT_SMOOTHING, ODDS_SMOOTHING, update_share
+from diagnosers.networks.smoothing import (
+    FAULT_SMOOTHING,
+    ODDS_SMOOTHING,
+    update_share,
+)
 from diagnosers.parallel import Parallel
 from diagnosers.raw_network import COLUMNS, PORT, SCALE, SPEED, STARBOARD, RawNetwork
 from training.active_env.vector import ActiveDiagnosisVectorEnv
@@ -70,7 +74,11 @@ class DiagnoserGraph(Graph):
     def __init__(self, source: Diagnoser, **constants: Any):
         super().__init__(source, **constants)
         self.tensors = source.tensors()
-        self.notes = {"diagnoser": source.name, "classes": source.classes, **source.settings()}
+        self.notes = {
+            "diagnoser": source.name,
+            "classes": source.classes,
+            **source.settings(),
+        }
 
     @abstractmethod
     def feed(self, observations: np.ndarray) -> dict[str, np.ndarray]:
@@ -118,7 +126,10 @@ class KalmanGraph(DiagnoserGraph):
 
     def __init__(self, source: KalmanNetwork):
         calibration = {name: source.learnt[name] for name in ("slope", "offset")}
-        constants = calibration | {"severity": source.severity.T, "log_shares": _log(source.shares)}
+        constants = calibration | {
+            "severity": source.severity.T,
+            "log_shares": _log(source.shares),
+        }
         super().__init__(source, **constants)
         self.network = source.network
 

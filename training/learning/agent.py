@@ -12,7 +12,11 @@ from training.stimuli.policy import HIDDEN, LAYERS
 # standard deviation of an action, constant: 0.25, or 0.06 m/s; less is lost in the disturbance
 LOG_STD = -1.4
 # names of the actor's layers in stable-baselines3
-SB3_LAYERS = ("mlp_extractor.policy_net.0", "mlp_extractor.policy_net.2", "action_net.0")
+SB3_LAYERS = (
+    "mlp_extractor.policy_net.0",
+    "mlp_extractor.policy_net.2",
+    "action_net.0",
+)
 
 
 class Agent(ActorCriticPolicy):

@@ -47,7 +47,10 @@ def unfinished_folder(output: Path) -> Path:
     if names != own or (folder.exists() and not folder.is_dir()):
         allowed = "a free place for the checkpoint"
         raise refusal(
-            "folder of the unfinished run", str(folder), allowed, "choose another --output"
+            "folder of the unfinished run",
+            str(folder),
+            allowed,
+            "choose another --output",
         )
     return folder
 

@@ -12,7 +12,10 @@ N_SAMPLES = 600  # 60 s
 
 
 def training_episodes(
-    purpose: str, n_lanes: int, first: int = 0, schedules: ScheduleSampler | None = None
+    purpose: str,
+    n_lanes: int,
+    first: int = 0,
+    schedules: ScheduleSampler | None = None,
 ) -> Iterator[Rollout]:
     """Two rollouts of 60 s, each of half of the lanes (an even number).
 

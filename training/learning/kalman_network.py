@@ -8,7 +8,13 @@ from scipy.optimize import minimize
 from scipy.special import logsumexp
 
 from diagnosers.kalman import ParameterFilter
-from diagnosers.kalman_network import ARCHITECTURE, KalmanNetwork, labels, outputs, points
+from diagnosers.kalman_network import (
+    ARCHITECTURE,
+    KalmanNetwork,
+    labels,
+    outputs,
+    points,
+)
 from diagnosers.networks.fault_map import MODES_5_2, fault_map, grid, severity
 from diagnosers.networks.feed_forward import FeedForward, random_tensors
 from diagnosers.networks.modes import class_shares, log_softmax
@@ -87,7 +93,10 @@ class KalmanNetworkTrainer:
         calibration = {"slope": slope, "offset": offset, "severity": lines}
         tensors = self.network.tensors()
         tensors |= {name: array.astype(np.float32) for name, array in calibration.items()}
-        figures = {"calibration_loss": loss, "share_of_map_right": share_right(self.network)}
+        figures = {
+            "calibration_loss": loss,
+            "share_of_map_right": share_right(self.network),
+        }
         return KalmanNetwork(weights=tensors), figures
 
 
@@ -116,7 +125,9 @@ def share_right(network: FeedForward) -> float:
     return float(np.mean(chosen == fault_map(inputs).argmax(axis=1)))
 
 
-def _calibration_samples(network: FeedForward) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _calibration_samples(
+    network: FeedForward,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Sums of the output nodes (n, n_modes), true class and severity (n,) of episodes."""
     samples = []
     parameters = ParameterFilter()

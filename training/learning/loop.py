@@ -38,7 +38,11 @@ def train(
         Most epochs, by default the trainer's own number; the epochs stay the same.
     """
     last = trainer.epochs if epochs is None else epochs
-    origin = {"diagnoser": name, "seed": seed, "code": digest(Path(inspect.getfile(type(trainer))))}
+    origin = {
+        "diagnoser": name,
+        "seed": seed,
+        "code": digest(Path(inspect.getfile(type(trainer)))),
+    }
     progress = _initial_progress(trainer, folder, origin)
     bar = tqdm(initial=len(progress.history), total=last, unit="epoch")
     with bar, _tensorboard_log(folder / LOG, progress) as log:

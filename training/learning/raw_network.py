@@ -8,7 +8,14 @@ import torch
 
 from diagnosers.networks.feed_forward import FeedForward, random_tensors
 from diagnosers.networks.modes import class_shares
-from diagnosers.raw_network import ARCHITECTURE, HYPOTHESES, RawNetwork, inputs, labels, scores
+from diagnosers.raw_network import (
+    ARCHITECTURE,
+    HYPOTHESES,
+    RawNetwork,
+    inputs,
+    labels,
+    scores,
+)
 from training.learning.adam import AdamTrainer, AdamTraining
 from training.learning.episodes import training_episodes
 from training.seeds import SPAN

@@ -10,7 +10,11 @@ from stable_baselines3.common.logger import Logger
 
 from diagnosers.filter_bank import FilterBank
 from training.active_env.sb3 import ActiveVecEnv
-from training.active_env.vector import MAX_DECISIONS, SCHEDULES, ActiveDiagnosisVectorEnv
+from training.active_env.vector import (
+    MAX_DECISIONS,
+    SCHEDULES,
+    ActiveDiagnosisVectorEnv,
+)
 from training.learning.adam import AdamTraining
 from training.learning.agent import Agent
 from training.learning.constraint import ConstrainedVecEnv, DualAscent
@@ -34,7 +38,12 @@ LEAST_BUDGET = 0.4  # share of the budget, from which training episodes begin
 VALIDATION_LANES = 384
 # after so many decisions every delay is known or censored
 VALIDATION_DECISIONS = round(SCHEDULES.onset[1] + HORIZON)
-SETTINGS = {"n_epochs": PASSES, "batch_size": BATCH, "gamma": DISCOUNT, "target_kl": DIVERGENCE}
+SETTINGS = {
+    "n_epochs": PASSES,
+    "batch_size": BATCH,
+    "gamma": DISCOUNT,
+    "target_kl": DIVERGENCE,
+}
 LOGGED = ("value_loss", "approx_kl", "clip_fraction", "std")  # of the scalars of PPO
 GLOBAL_SEEDS = 2**32  # seeds of numpy's global generator
 
@@ -60,7 +69,11 @@ class StimulusTrainer:
         )
 
     def __init__(
-        self, seed: int, budget: float = 0.1, diagnoser: str = "filter_bank", steps: int = 650_000
+        self,
+        seed: int,
+        budget: float = 0.1,
+        diagnoser: str = "filter_bank",
+        steps: int = 650_000,
     ):
         self.seed = seed
         self.budget = budget

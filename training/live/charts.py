@@ -23,7 +23,13 @@ CLASS_COLOURS = (
     "#c0392b #2874a6 #b9770e #117864 #7d3c98 #a04000 #5d6d7e #d81b60 #1e8449 #00838f".split()
 )
 SMALL = {"fontSize": 11}
-LEGEND = {"top": 24, "itemWidth": 18, "itemHeight": 8, "itemGap": 8, "textStyle": SMALL}
+LEGEND = {
+    "top": 24,
+    "itemWidth": 18,
+    "itemHeight": 8,
+    "itemGap": 8,
+    "textStyle": SMALL,
+}
 MARK_COLOURS = {"fault": "#111111", "repair": "#1e8449"}
 
 
@@ -71,7 +77,12 @@ def severity(history: History, show_truth: bool) -> Options:
     is_likely = history.probability[:, index] >= LEAST_PROBABILITY
     mean, low, high = (np.where(is_likely, line, np.nan) for line in history.severity(index))
     colour = _class_style(index)["colour"]
-    area = {"stack": "interval", "symbol": "none", "lineStyle": {"width": 0}, "color": colour}
+    area = {
+        "stack": "interval",
+        "symbol": "none",
+        "lineStyle": {"width": 0},
+        "color": colour,
+    }
     lines = {
         "low": _line(low, colour) | area,
         "95 % interval": _line(high - low, colour) | area | {"areaStyle": {"opacity": 0.2}},
@@ -94,9 +105,19 @@ def ranking(history: History, show_truth: bool) -> Options:
     return {
         "animation": False,
         "title": _title("belief now [%]"),
-        "grid": {"left": 8, "right": 48, "top": 34, "bottom": 8, "containLabel": True},
+        "grid": {
+            "left": 8,
+            "right": 48,
+            "top": 34,
+            "bottom": 8,
+            "containLabel": True,
+        },
         "xAxis": {"type": "value", "min": 0, "max": 100},
-        "yAxis": {"type": "category", "data": [classes()[k] for k in order], "axisLabel": SMALL},
+        "yAxis": {
+            "type": "category",
+            "data": [classes()[k] for k in order],
+            "axisLabel": SMALL,
+        },
         "series": [{"type": "bar", "data": bars, "label": label, "barCategoryGap": "35%"}],
     }
 
@@ -127,11 +148,20 @@ def _class_style(index: int) -> dict[str, str]:
 
 def _line(values: np.ndarray, colour: str, dash: str = "solid", width: int = 1) -> Options:
     style = {"width": width, "type": dash}
-    return {"type": "line", "data": values, "symbol": "none", "color": colour, "lineStyle": style}
+    return {
+        "type": "line",
+        "data": values,
+        "symbol": "none",
+        "color": colour,
+        "lineStyle": style,
+    }
 
 
 def _over_time(
-    title: str, history: History, lines: Mapping[str, Options], top: float | None = None
+    title: str,
+    history: History,
+    lines: Mapping[str, Options],
+    top: float | None = None,
 ) -> Options:
     """Lines over the last minute, alarms as areas, and faults and repairs as vertical lines."""
     end = max(WINDOW, float(history.time[-1]))
@@ -155,7 +185,10 @@ def _over_time(
             "min": round(end - WINDOW, 1),
             "max": round(end, 1),
             "splitLine": {"show": False},
-            "axisLabel": {"showMinLabel": has_round_ends, "showMaxLabel": has_round_ends},
+            "axisLabel": {
+                "showMinLabel": has_round_ends,
+                "showMaxLabel": has_round_ends,
+            },
         },
         "yAxis": {"type": "value"} | limits,
         "series": series,

@@ -193,5 +193,10 @@ class Session:
         alarm = alarms(belief.log_probability[:, :1], threshold, PERSISTENCE)[:, 0]
         marks = tuple(mark for mark in self._marks if mark.time >= time[0])
         return History(
-            np.array(time), np.concatenate(observation), belief, alarm, np.array(true_speed), marks
+            np.array(time),
+            np.concatenate(observation),
+            belief,
+            alarm,
+            np.array(true_speed),
+            marks,
         )

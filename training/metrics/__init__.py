@@ -213,7 +213,10 @@ def kaplan_meier_median(times: Times) -> float:
 
 
 def confusion(
-    label: np.ndarray, decision: np.ndarray, n_classes: int, weights: np.ndarray | None = None
+    label: np.ndarray,
+    decision: np.ndarray,
+    n_classes: int,
+    weights: np.ndarray | None = None,
 ) -> np.ndarray:
     """Counts of true class (row) against decided class (column), (n_classes, n_classes).
 

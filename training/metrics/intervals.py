@@ -31,7 +31,11 @@ def paired_bootstrap(a: np.ndarray, b: np.ndarray, seed: int, n: int = RESAMPLES
 
 
 def f1_interval(
-    label: np.ndarray, decision: np.ndarray, n_classes: int, seed: int, n: int = RESAMPLES
+    label: np.ndarray,
+    decision: np.ndarray,
+    n_classes: int,
+    seed: int,
+    n: int = RESAMPLES,
 ) -> Interval:
     """Interval of macro-F1 by resampling lanes; label and decision (n_lanes,)."""
     values = _resampled_f1(label, decision, n_classes, seed, n)
@@ -39,7 +43,12 @@ def f1_interval(
 
 
 def paired_f1(
-    label: np.ndarray, a: np.ndarray, b: np.ndarray, n_classes: int, seed: int, n: int = RESAMPLES
+    label: np.ndarray,
+    a: np.ndarray,
+    b: np.ndarray,
+    n_classes: int,
+    seed: int,
+    n: int = RESAMPLES,
 ) -> Interval:
     """Interval of the macro-F1 of decisions a minus that of b, (n_lanes,), resampled together."""
     first = _resampled_f1(label, a, n_classes, seed, n)

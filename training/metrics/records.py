@@ -8,11 +8,23 @@ import numpy as np
 from auv_fault_env.faults import classes
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers import Belief
-from training.metrics import class_order, edges, running_maximum, sample_at, threshold_within
+from training.metrics import (
+    class_order,
+    edges,
+    running_maximum,
+    sample_at,
+    threshold_within,
+)
 
 # samples in a row for an alarm, the same for all: outlives a spike, and costs 0.2 s
 PERSISTENCE = 3
-DECISION_TIMES = (1.0, 2.0, 5.0, 10.0, 20.0)  # s after onset, at which decisions are judged
+DECISION_TIMES = (
+    1.0,
+    2.0,
+    5.0,
+    10.0,
+    20.0,
+)  # s after onset, at which decisions are judged
 SEVERITY_AT = 20.0  # s after onset, at which the estimate of severity is judged
 HORIZON = 30.0  # s after onset, at which delays are censored
 MOST_UNNORMALISED = 1e-3  # how far a sum of probabilities may be from 1

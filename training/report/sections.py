@@ -18,7 +18,11 @@ def figure_section(
     heading: str, plot: str, name: str, caption: str, data: Mapping[str, Any]
 ) -> Section:
     """A section of one figure."""
-    return {"heading": heading, "text": [], "figures": [figure(plot, name, caption, data)]}
+    return {
+        "heading": heading,
+        "text": [],
+        "figures": [figure(plot, name, caption, data)],
+    }
 
 
 def figure(plot: str, name: str, caption: str, data: Mapping[str, Any]) -> dict[str, Any]:

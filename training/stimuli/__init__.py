@@ -2,9 +2,20 @@
 
 from training.stimuli.base import BUDGET, EPISODE_TIME, Stimulus
 from training.stimuli.greedy import Greedy
-from training.stimuli.learned import Learned, Learned1, Learned2, Learned3, Learned4, LearnedHeld
+from training.stimuli.learned import (
+    Learned,
+    Learned1,
+    Learned2,
+    Learned3,
+    Learned4,
+    LearnedHeld,
+)
 from training.stimuli.open_loop import Cruise, DOptimal, Multisine, Prbs, Thesis
-from training.stimuli.triggered import TriggeredDOptimal, TriggeredPrbs, TriggeredThesis
+from training.stimuli.triggered import (
+    TriggeredDOptimal,
+    TriggeredPrbs,
+    TriggeredThesis,
+)
 from training.stimuli.triggered_surge import TriggeredSurge
 
 __all__ = ["BUDGET", "EPISODE_TIME", "STIMULI", "Cruise", "Stimulus", "Thesis"]

@@ -17,7 +17,12 @@ from training.stimuli.base import BUDGET, MISSION_SPEED
 
 SHORTEST_PERIOD = 5.0  # s: the speed hardly follows a faster change
 DUTIES = (0.1, 0.2, 0.3, 0.4, 0.5)  # share of the first level in a period
-ON_SHARES = (0.25, 0.5, 0.75, 1.0)  # of a level, before the speed returns to the mission speed
+ON_SHARES = (
+    0.25,
+    0.5,
+    0.75,
+    1.0,
+)  # of a level, before the speed returns to the mission speed
 SIGNS = (-1.0, 1.0)
 
 

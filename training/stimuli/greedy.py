@@ -109,10 +109,17 @@ class Greedy(ClosedLoop):
 
 
 def _best_offset(
-    observation: np.ndarray, belief: Belief, allowance: np.ndarray, memory: GreedyMemory
+    observation: np.ndarray,
+    belief: Belief,
+    allowance: np.ndarray,
+    memory: GreedyMemory,
 ) -> np.ndarray:
     """The best of `OFFSETS` on each lane."""
-    present = (memory.filtered_speed, observation[:, ACCELERATION], observation[:, COMMAND])
+    present = (
+        memory.filtered_speed,
+        observation[:, ACCELERATION],
+        observation[:, COMMAND],
+    )
     order = np.argsort(-belief.log_probability, axis=1, kind="stable")
     likeliest = order[:, :N_HYPOTHESES]
     log_probability = np.take_along_axis(belief.log_probability, likeliest, axis=1)

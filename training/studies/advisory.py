@@ -117,7 +117,9 @@ def sample_schedules(part: str, lane_seeds: Sequence[int]) -> list[Schedule]:
 
 
 def summary(
-    arguments: AdvisoryStudy, plan: MissionPlan, runs_by_arm: Mapping[str, MissionRuns]
+    arguments: AdvisoryStudy,
+    plan: MissionPlan,
+    runs_by_arm: Mapping[str, MissionRuns],
 ) -> dict[str, Any]:
     """All results as plain data."""
     part_of_lane = np.repeat(list(PARTS), arguments.missions)

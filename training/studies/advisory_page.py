@@ -24,7 +24,12 @@ def page(results: Results) -> dict[str, Any]:
         "title": "What following the advice saves",
         "command": results["command"],
         "intro": _intro(results),
-        "sections": [_ends(results), _differences(results), _classes(results), _limits()],
+        "sections": [
+            _ends(results),
+            _differences(results),
+            _classes(results),
+            _limits(),
+        ],
     }
 
 

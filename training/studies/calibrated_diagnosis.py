@@ -147,7 +147,11 @@ def section(
         ]
         for name, score in scores.items()
     ]
-    columns = ["vehicle and parameters of the bank", "macro-F1 at 10 s (95 %)", "isolation [s]"]
+    columns = [
+        "vehicle and parameters of the bank",
+        "macro-F1 at 10 s (95 %)",
+        "isolation [s]",
+    ]
     heading = f"{n_vehicles} vehicles: macro-F1 calibrated is {ratio:.3f} of that on the preset"
     return table_section(heading, [*columns, "false alarms", "episodes"], rows)
 

@@ -23,7 +23,12 @@ from auv_fault_env.parameters import PRESETS, SAMPLE_RATE, Vehicle
 from training.field.calibration.calibration import Calibration, calibrate
 from training.field.logs.log import Log, read_log
 from training.field.units import UNITS
-from training.field.vehicle_file import Column, VehicleFile, read_vehicle, write_vehicle
+from training.field.vehicle_file import (
+    Column,
+    VehicleFile,
+    read_vehicle,
+    write_vehicle,
+)
 from training.report.sections import table_section
 from training.rollouts import roll_out
 from training.seeds import seeds
@@ -102,7 +107,10 @@ def simulated_logs(vehicle: Vehicle, seed: int) -> tuple[list[Log], VehicleFile]
         folder = Path(name)
         write_vehicle(folder / "vehicle.toml", foreign_file(PRESETS[vehicle.name]))
         file = read_vehicle(folder / "vehicle.toml")
-        halves = (log_seeds[:LOGS], [MISSIONS["thesis"]] * LOGS), (log_seeds[LOGS:], None)
+        halves = (
+            (log_seeds[:LOGS], [MISSIONS["thesis"]] * LOGS),
+            (log_seeds[LOGS:], None),
+        )
         for lanes, missions in halves:
             fleet = Fleet(LOGS, vehicle, healthy_band=0.0)
             rollout = roll_out(fleet, lanes, n_samples, schedules=[()] * LOGS, missions=missions)
@@ -185,7 +193,12 @@ def page(rows: Mapping[str, Mapping[str, Any]], n_vehicles: int) -> dict[str, An
     for name, row in rows.items():
         share_cells = [f"{100 * row[key]:.2f} %" if key in row else "" for key in shares]
         cells.append([name, str(row["inside"]), *share_cells])
-    columns = ["parameter", f"inside, of {n_vehicles}", "median half-width", "median error"]
+    columns = [
+        "parameter",
+        f"inside, of {n_vehicles}",
+        "median half-width",
+        "median error",
+    ]
     intro = (
         f"{n_vehicles} vehicles with {', '.join(SAMPLED)} within {100 * HALF_WIDTH:.0f} % of the "
         f"preset. Each is calibrated on {2 * LOGS} logs of {DURATION:g} s with default noise and "

@@ -132,7 +132,14 @@ def study(logs: Sequence[Log], folder: Path) -> dict[str, Any]:
         ["healthy, calibrated without it", *summary_cells(verdicts)],
         ["faulty", *summary_cells([faulty])],
     ]
-    columns = ["missions", "number", "with alarm", "first alarm [s]", "fault", "load of the shaft"]
+    columns = [
+        "missions",
+        "number",
+        "with alarm",
+        "first alarm [s]",
+        "fault",
+        "load of the shaft",
+    ]
     return {
         "title": "Is one faulty mission found among healthy ones?",
         "verdicts": {verdict.log: verdict.verdict for verdict in (*verdicts, faulty)},

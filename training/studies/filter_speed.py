@@ -45,7 +45,12 @@ def update_lanes(filters, last_rpm, last, observation, constants, work, sample):
     """Update the surge filters of every lane, (n_lanes, 20, n_filters), by one sample."""
     columns = (np.uint64(0), np.uint64(filters.shape[2]))
     for lane in range(len(filters)):
-        fill_sample(observation[lane : lane + 1], last[lane : lane + 1], constants.sensors, sample)
+        fill_sample(
+            observation[lane : lane + 1],
+            last[lane : lane + 1],
+            constants.sensors,
+            sample,
+        )
         for side, shaft in enumerate((work.port, work.starboard)):
             rpm = observation[lane, CHANNEL_OF_RPM[side]]
             shaft[surge.RPM_NOW] = rpm
@@ -142,7 +147,11 @@ class SurgeModel:
         variance = self.counter_noise_variance(x) + (BETWEEN_STD * jump) ** 2
         noise[0, 0] += SAMPLE_TIME**2 * variance
         x[0] += SAMPLE_TIME * middle
-        return x, jacobian @ np.diag([1.0, c.disturbance_memory, 1.0, 1.0, 1.0]), noise
+        return (
+            x,
+            jacobian @ np.diag([1.0, c.disturbance_memory, 1.0, 1.0, 1.0]),
+            noise,
+        )
 
     def reading(self, x: np.ndarray, row: int) -> tuple[float, np.ndarray]:
         """Predicted reading of the sensor whose parameters begin at `row`, and its gradient."""
@@ -180,7 +189,10 @@ def filterpy_filter(model: SurgeModel, mean: np.ndarray, covariance: np.ndarray)
         model.rpm = observation[list(CHANNEL_OF_RPM)]
         model.deflection = observation[RUDDER] ** 2 + observation[STERN_PLANE] ** 2
         kalman.predict()
-        for row, channel in ((surge.SPEED, SPEED), (surge.ACCELERATION, ACCELERATION)):
+        for row, channel in (
+            (surge.SPEED, SPEED),
+            (surge.ACCELERATION, ACCELERATION),
+        ):
             parameters, _ = model.parameters(kalman.x)
             variance = parameters[row + 2] ** 2
             if channel == ACCELERATION:

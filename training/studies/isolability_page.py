@@ -94,7 +94,13 @@ def _band(results: Results) -> dict[str, Any]:
         "the healthy band is known. The longer the observation, the smaller the difference: the "
         "bank estimates what is constant."
     )
-    columns = ["class", "against normal", "band only", "most dangerous rival", "band only"]
+    columns = [
+        "class",
+        "against normal",
+        "band only",
+        "most dangerous rival",
+        "band only",
+    ]
     return table_section("What not knowing the vehicle costs", columns, rows, text)
 
 
@@ -148,7 +154,13 @@ def _ceiling(results: Results) -> dict[str, Any]:
         "and tries no other profiles. Profiles: period, share of the period above the mission "
         "speed, and roundness from square (0) to sine (1)."
     )
-    columns = ["fault", "cruise [nat/s] (rival)", "best [nat/s]", "speed-up", "best profile"]
+    columns = [
+        "fault",
+        "cruise [nat/s] (rival)",
+        "best [nat/s]",
+        "speed-up",
+        "best profile",
+    ]
     return table_section("How much a stimulus can help", columns, rows, text)
 
 

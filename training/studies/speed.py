@@ -27,7 +27,13 @@ from auv_fault_env.errors import finite_in_range, whole_number
 from training.report.sections import table_section
 from training.studies.run import command_line, run_study
 from training.studies.speed_profiles import ENVIRONMENT, batch_profile, single_profile
-from training.studies.speed_runs import Rates, Run, batch_run, rates_in_turn, single_run
+from training.studies.speed_runs import (
+    Rates,
+    Run,
+    batch_run,
+    rates_in_turn,
+    single_run,
+)
 
 CARTPOLE = "CartPole-v1"
 GEM_MISSING = (
@@ -41,7 +47,13 @@ NOTES = (
     "CartPole-v1 is hand-vectorised over many lanes, where the aim is 60 times its single rate. A "
     "lane-step is a step of one lane. Both profiles are of one thread."
 )
-VERSIONED_PACKAGES = ("auv-fault", "gymnasium", "numpy", "numba", "gym-electric-motor")
+VERSIONED_PACKAGES = (
+    "auv-fault",
+    "gymnasium",
+    "numpy",
+    "numba",
+    "gym-electric-motor",
+)
 TARGET_WORDS = {True: "met", False: "missed", None: ""}
 # steps of a run of gym-electric-motor
 GEM_STEPS = 100
@@ -237,7 +249,10 @@ def page(results: dict[str, Any]) -> dict[str, Any]:
     columns = ["what", "rate [1/s]", "ratio", "to", "target", "met"]
     return {
         "title": "How fast the environments are",
-        "intro": [f"{about['processor']}, {about['cores']} cores; {versions}.", NOTES],
+        "intro": [
+            f"{about['processor']}, {about['cores']} cores; {versions}.",
+            NOTES,
+        ],
         "command": results["command"],
         "sections": [
             table_section("Rates", columns, rows),

@@ -124,7 +124,12 @@ def load_benchmarks(paths: Sequence[Path]) -> dict[float, dict[str, Any]]:
     keys = {(suite["name"], suite["hash"], suite["every"]) for suite in suites}
     if len(keys) != 1:
         allowed = "the same episodes in all"
-        raise refusal("suites of the results", sorted(keys), allowed, "take results of one suite")
+        raise refusal(
+            "suites of the results",
+            sorted(keys),
+            allowed,
+            "take results of one suite",
+        )
     return dict(sorted(benchmarks.items()))
 
 

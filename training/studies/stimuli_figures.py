@@ -80,7 +80,12 @@ def delay_cost_plane(results: Results) -> dict[str, Any]:
         "episodes. Down and left is better; no stimulus is better in both than the dotted ones. By "
         f"speed: {names['speed_rms']}. By energy: {names['energy']}."
     )
-    data = {"points": points, "fronts": fronts, "costs": COST_LABELS, "colours": colours(results)}
+    data = {
+        "points": points,
+        "fronts": fronts,
+        "costs": COST_LABELS,
+        "colours": colours(results),
+    }
     return figure_section("Delay and cost", "delay_cost_plane", "delay-cost", caption, data)
 
 
@@ -120,7 +125,11 @@ def around_onset(results: Results) -> dict[str, Any]:
             caption = f"{beginning} around the onset, budget {budget} m/s."
             data = common | {"panels": offsets[kind], "label": label}
             figures.append(figure("around_onset", f"onset-{kind}-{budget}", caption, data))
-    return {"heading": "What they do around the onset", "text": [text], "figures": figures}
+    return {
+        "heading": "What they do around the onset",
+        "text": [text],
+        "figures": figures,
+    }
 
 
 def episodes(results: Results) -> dict[str, Any]:

@@ -68,7 +68,10 @@ def page(results: Results) -> dict[str, Any]:
         "title": "What the stimuli achieve",
         "intro": introduction(results),
         "command": results["command"],
-        "sections": [*summaries, *(section | {"printed": False} for section in details)],
+        "sections": [
+            *summaries,
+            *(section | {"printed": False} for section in details),
+        ],
     }
 
 
@@ -152,7 +155,11 @@ def verdicts(of_budget: Mapping[str, Any], diagnoser: str) -> list[list[str]]:
 
 
 def _verdict_row(
-    target: str, triple: Triple | None, limit: float, unit: str = "times", sign: str = ""
+    target: str,
+    triple: Triple | None,
+    limit: float,
+    unit: str = "times",
+    sign: str = "",
 ) -> list[str]:
     if not triple:
         return [target, OPEN, "The agent did not take part."]
@@ -269,8 +276,19 @@ def ceilings(results: Results, budget: str) -> dict[str, Any]:
         ]
         for fault, ceiling in of_budget["ceilings"].items()
     ]
-    columns = ["fault", "cruise [nat/s] (rival)", "thesis [nat/s]", "best periodic", "best free"]
-    columns += ["D*/D cruise", "D*/D thesis", "agent: × sooner than cruise", "than thesis"]
+    columns = [
+        "fault",
+        "cruise [nat/s] (rival)",
+        "thesis [nat/s]",
+        "best periodic",
+        "best free",
+    ]
+    columns += [
+        "D*/D cruise",
+        "D*/D thesis",
+        "agent: × sooner than cruise",
+        "than thesis",
+    ]
     rates = (
         "Rates at which evidence against the most dangerous rival grows, with the vehicle known: "
         "in cruise at 1 ft/s, under the thesis' stimulus, and under the best profile of the "

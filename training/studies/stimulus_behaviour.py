@@ -30,7 +30,11 @@ from training.stimuli.base import LARGEST_OFFSET
 from training.stimuli.closed_loop import ClosedLoop, EpisodeState
 from training.stimuli.open_loop import Cruise
 from training.stimuli.triggered_surge import is_of_hull_or_propellers
-from training.studies.stimulus_comparisons import paired_figures, resampled_means, with_agent
+from training.studies.stimulus_comparisons import (
+    paired_figures,
+    resampled_means,
+    with_agent,
+)
 
 # lanes
 PER_CLASS = 20
@@ -98,7 +102,10 @@ class ClosedLoopRun(NamedTuple):
 
 
 def record_closed_loop(
-    stimulus: Stimulus, diagnoser: str, episodes: Sequence[Episode], conditions: Conditions
+    stimulus: Stimulus,
+    diagnoser: str,
+    episodes: Sequence[Episode],
+    conditions: Conditions,
 ) -> ClosedLoopRun:
     """Simulate the episodes; the stimulus gets the beliefs of a diagnoser of the registry."""
     lanes = np.arange(len(episodes))
@@ -195,7 +202,10 @@ def behaviour(
     return {
         "around_onset": offsets_around_onset(shown_runs, truth.fault, truth.onset),
         "told": _known_onset_figures(faulty_runs, truth, threshold, seed),
-        "healthy": {"lanes": len(healthy), "share": budget_shares(mean_squares, budget, seed)},
+        "healthy": {
+            "lanes": len(healthy),
+            "share": budget_shares(mean_squares, budget, seed),
+        },
         "episodes": {
             "stimulus": last,
             "drawn": median_episodes(shown_runs[last], truth.fault, truth.onset, threshold),

@@ -60,7 +60,13 @@ def main(arguments: StreamStudy) -> None:
 
 def study(arguments: StreamStudy, vehicle: Path) -> dict[str, Any]:
     """Quantiles of the time to an answer [us], and resident memory [MB] by lines written."""
-    options = ["--vehicle", str(vehicle), "--follow", "--diagnoser", arguments.diagnoser]
+    options = [
+        "--vehicle",
+        str(vehicle),
+        "--follow",
+        "--diagnoser",
+        arguments.diagnoser,
+    ]
     command = [sys.executable, "-m", "training.cli", "diagnose", *options]
     durations = np.empty(arguments.lines)
     memory = {}

@@ -99,7 +99,15 @@ def constants_section(vehicle: Vehicle) -> dict[str, Any]:
     """Section with every constant of the vehicle and its source."""
     rows = []
     for row in describe(vehicle):
-        rows.append([row["name"], f"{row['value']:.5g}", row["unit"], row["about"], row["source"]])
+        rows.append(
+            [
+                row["name"],
+                f"{row['value']:.5g}",
+                row["unit"],
+                row["about"],
+                row["source"],
+            ]
+        )
     text = (
         "T: the thesis. N: NPSNET hydrodynamic file, 1995. H: Healey & Lienard 1993. E: estimate "
         "or default."

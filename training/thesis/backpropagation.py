@@ -121,7 +121,17 @@ def _train_to_checkpoints(
         while done < checkpoint:
             count = min(PRESENTATIONS_PER_CALL, checkpoint - done)
             order = np.stack([random.integers(len(targets), size=count) for random in streams])
-            _train(*networks, *last_steps, inputs, targets, order, stream, data_set, rate, momentum)
+            _train(
+                *networks,
+                *last_steps,
+                inputs,
+                targets,
+                order,
+                stream,
+                data_set,
+                rate,
+                momentum,
+            )
             done += count
             bar.update(count)
         yield done
@@ -149,7 +159,15 @@ def _train(
         n = n_hidden[k]
         samples = inputs[data_set[k]]
         for sample in order[stream[k]]:
-            _present(hidden[k], output[k], n, samples[sample], targets[sample], activity, error)
+            _present(
+                hidden[k],
+                output[k],
+                n,
+                samples[sample],
+                targets[sample],
+                activity,
+                error,
+            )
             _learn(hidden[k], output[k], n, samples[sample], activity, error,
                    hidden_step[k], output_step[k], rate[k], momentum[k])  # fmt: skip
 
@@ -179,7 +197,18 @@ def _present(hidden, output, size, sample, target, activity, error):
 
 
 @scalar
-def _learn(hidden, output, size, sample, activity, error, hidden_step, output_step, rate, momentum):
+def _learn(
+    hidden,
+    output,
+    size,
+    sample,
+    activity,
+    error,
+    hidden_step,
+    output_step,
+    rate,
+    momentum,
+):
     """One step of gradient descent with momentum, the hidden layer first."""
     n_inputs = len(sample)
     bias = output.shape[1] - 1

@@ -68,7 +68,14 @@ class Comparison:
         return f"With noise the filter itself expects ± {percent:.1f} %."
 
     def row(
-        self, where: str, quantity: str, thesis: str, clean: str, noisy: str, agrees: bool, why: str
+        self,
+        where: str,
+        quantity: str,
+        thesis: str,
+        clean: str,
+        noisy: str,
+        agrees: bool,
+        why: str,
     ) -> list[str]:
         """One row of the comparison."""
         verdict = "agrees" if agrees else "differs"

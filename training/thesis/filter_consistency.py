@@ -22,9 +22,19 @@ from training.report.sections import figure, table_section
 SETTLED = 50  # samples before the first test: the speed is known by then
 PRIOR = (0.1, 0.1, 0.1)  # relative, so that no vehicle is absurd
 # class and disturbance
-FILTERS = {"parameter filter": (ParameterFilter, 0.0), "surge filter": (SurgeFilter, 1.0)}
-N_TRUE = {"parameter filter": 4, "surge filter": 5}  # leading states whose truth is compared
-PLANT_ROWS = {"alpha": ("alpha",), "beta": ("port_beta", "starboard_beta"), "gamma": ("gamma",)}
+FILTERS = {
+    "parameter filter": (ParameterFilter, 0.0),
+    "surge filter": (SurgeFilter, 1.0),
+}
+N_TRUE = {
+    "parameter filter": 4,
+    "surge filter": 5,
+}  # leading states whose truth is compared
+PLANT_ROWS = {
+    "alpha": ("alpha",),
+    "beta": ("port_beta", "starboard_beta"),
+    "gamma": ("gamma",),
+}
 
 
 class WalkingTruth:
@@ -66,7 +76,9 @@ def run(
     kalman = make_filter(disturbance=disturbance, prior_std=PRIOR)
     fleet = Fleet(seeds, disturbance=disturbance, healthy_band=0.0)
     observation = fleet.reset(
-        range(seed, seed + seeds), schedules=[()] * seeds, missions=[MISSIONS["thesis"]] * seeds
+        range(seed, seed + seeds),
+        schedules=[()] * seeds,
+        missions=[MISSIONS["thesis"]] * seeds,
     )
     truth = WalkingTruth(kalman, seeds, seed)
     estimate = kalman.update(kalman.initial(seeds), observation)
@@ -138,7 +150,14 @@ def section(seeds: int, seed: int) -> dict[str, Any]:
     caption = "NEES and NIS of both filters over time, with their 95 % bands."
     data = {"time": time, "summaries": summaries}
     figures = [figure("consistency", "consistency", caption, data)]
-    columns = ["filter", "quantity", "expected", "mean", "95 % band", "instants inside"]
+    columns = [
+        "filter",
+        "quantity",
+        "expected",
+        "mean",
+        "95 % band",
+        "instants inside",
+    ]
     heading = "Do the filters know their own errors?"
     return table_section(heading, columns, rows, text) | {"figures": figures}
 
@@ -146,4 +165,11 @@ def section(seeds: int, seed: int) -> dict[str, Any]:
 def _row(name: str, key: str, statistic: dict[str, Any]) -> list[str]:
     limits = f"{statistic['low']:.2f} to {statistic['high']:.2f}"
     inside = f"{100 * statistic['inside']:.0f} %"
-    return [name, key, str(statistic["freedom"]), f"{statistic['mean']:.3f}", limits, inside]
+    return [
+        name,
+        key,
+        str(statistic["freedom"]),
+        f"{statistic['mean']:.3f}",
+        limits,
+        inside,
+    ]

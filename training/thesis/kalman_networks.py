@@ -7,8 +7,20 @@ import numpy as np
 from tqdm import tqdm
 
 from auv_fault_env.parameters import SAMPLE_RATE
-from diagnosers.networks.fault_map import MODES_5_2, fault_map, grid, normalise, severity
-from training.thesis.backpropagation import Networks, NetworkSettings, evaluate, rms_error, train
+from diagnosers.networks.fault_map import (
+    MODES_5_2,
+    fault_map,
+    grid,
+    normalise,
+    severity,
+)
+from training.thesis.backpropagation import (
+    Networks,
+    NetworkSettings,
+    evaluate,
+    rms_error,
+    train,
+)
 from training.thesis.comparison import ALPHA, BETA, Comparison
 
 SIZES = (4, 8)  # hidden nodes, thesis V.D.1

@@ -6,7 +6,13 @@ import numpy as np
 
 from auv_fault_env.faults import labels
 from auv_fault_env.parameters import SAMPLE_RATE
-from diagnosers.networks.fault_map import ALPHA_WINDOW, BETA_WINDOW, MODES_5_2, NOMINAL, severity
+from diagnosers.networks.fault_map import (
+    ALPHA_WINDOW,
+    BETA_WINDOW,
+    MODES_5_2,
+    NOMINAL,
+    severity,
+)
 from training.report.sections import figure, table_section
 from training.thesis.backpropagation import rms_error
 from training.thesis.comparison import (
@@ -121,8 +127,20 @@ def map_rows(comparison: Comparison, study: KalmanStudy) -> list[list[str]]:
         "Of 1, over the faulty points; most of it where modes meet and at small severities."
     )
     cases = (
-        (FEW, f"Weakest: {weakest}, {least}; {rms[FEW]}.", "not reliable", ratio > 1.25, few_why),
-        (ENOUGH, f"{rms[ENOUGH]}.", "reliable", error[ENOUGH].mean() < 0.05, enough_why),
+        (
+            FEW,
+            f"Weakest: {weakest}, {least}; {rms[FEW]}.",
+            "not reliable",
+            ratio > 1.25,
+            few_why,
+        ),
+        (
+            ENOUGH,
+            f"{rms[ENOUGH]}.",
+            "reliable",
+            error[ENOUGH].mean() < 0.05,
+            enough_why,
+        ),
     )
     where = "V.D.1, Fig. 5.12"
     rows = []
@@ -229,7 +247,10 @@ def trajectory_row(comparison: Comparison, both: Responses) -> list[str]:
     noisy_alpha = mean_and_std(noisy[:, -1, ALPHA], ".2f")
     noisy_beta = mean_and_std(noisy[:, -1, BETA], ".2f")
     thesis = "from normal (0.5, 0.9) to increased drag"
-    texts = (f"from {_point(clean[0, 100])} to {_point(end)}", f"to {noisy_alpha}, {noisy_beta}")
+    texts = (
+        f"from {_point(clean[0, 100])} to {_point(end)}",
+        f"to {noisy_alpha}, {noisy_beta}",
+    )
     agrees = end[ALPHA] > ALPHA_WINDOW[1] and end[BETA] > BETA_WINDOW[0]
     why = (
         "Alpha, then beta. The text at Fig. 5.17 swaps the two normal values; V.B states alpha 0.5 "
@@ -300,7 +321,14 @@ def loss_rows(comparison: Comparison, both: Responses) -> list[list[str]]:
     named_from = "named severe propulsion failure to the end from"
     return [
         row("fault value at 60 s (0 to 1)", "high", at_end, [".2f"], is_high, end_why),
-        row("fault value above 0.5 first at", "after 10 s", risen, time, risen_in_time, risen_why),
+        row(
+            "fault value above 0.5 first at",
+            "after 10 s",
+            risen,
+            time,
+            risen_in_time,
+            risen_why,
+        ),
         row(named_from, "after 10 s", named, time, late, named_why),
     ]
 
@@ -318,7 +346,10 @@ def response_figure(both: Responses, name: str, caption: str) -> dict[str, Any]:
     data = {
         "time": (np.arange(both[0].outputs.shape[1]) / SAMPLE_RATE).tolist(),
         "modes": list(MODES_5_2),
-        "panels": {"noise-free estimates": clean, "estimates under default noise": noisy},
+        "panels": {
+            "noise-free estimates": clean,
+            "estimates under default noise": noisy,
+        },
         "onset": ONSET,
         "speed_changes": SPEED_CHANGES,
     }

@@ -140,8 +140,20 @@ def identification_rows(comparison: Comparison, case: Identification) -> list[li
     return [
         row(f"{case.change}: estimate at 50 s", thesis, ours, is_met, std),
         row("the same in SI units", thesis_si, ours_si, is_met, ""),
-        row(f"{case.change}: error at 50 s", f"{case.limit} %", error_texts(*at_end), is_met, std),
-        row(f"{case.change}: {later}", "within 2 %", error_texts(*after_two), largest < 2.0, why),
+        row(
+            f"{case.change}: error at 50 s",
+            f"{case.limit} %",
+            error_texts(*at_end),
+            is_met,
+            std,
+        ),
+        row(
+            f"{case.change}: {later}",
+            "within 2 %",
+            error_texts(*after_two),
+            largest < 2.0,
+            why,
+        ),
     ]
 
 
@@ -174,7 +186,10 @@ def normal_row(comparison: Comparison) -> list[str]:
     largest = max(errors)
     alpha = comparison.error("normal", ALPHA, 60.0)[1].std(ddof=1)
     beta = comparison.error("normal", BETA, 60.0)[1].std(ddof=1)
-    texts = (f"{largest:.2f} %", f"at 60 s alpha ± {alpha:.1f} %, beta ± {beta:.1f} %")
+    texts = (
+        f"{largest:.2f} %",
+        f"at 60 s alpha ± {alpha:.1f} %, beta ± {beta:.1f} %",
+    )
     quantity = "normal run: largest deviation"
     why = "The thesis' normal window is 20 % for alpha, 25 % for beta."
     return comparison.row("V.D, Fig. 5.14", quantity, "stays normal", *texts, largest < 2, why)
@@ -224,7 +239,12 @@ def response_figure(comparison: Comparison, run: str, name: str, caption: str) -
     clean = comparison.clean.mean[:, row, 0]
     noisy = comparison.noisy.mean[:, row]
     time = np.arange(len(clean)) / SAMPLE_RATE
-    lines: dict[str, dict] = {"truth": {}, "clean": {}, "noisy_mean": {}, "noisy_std": {}}
+    lines: dict[str, dict] = {
+        "truth": {},
+        "clean": {},
+        "noisy_mean": {},
+        "noisy_std": {},
+    }
     for column, (parameter, scale) in enumerate(scales.items()):
         true = np.where(time < 10, 1.0, TRUE_PARAMETERS[run][column]) * scale
         lines["truth"][parameter] = true.tolist()
@@ -232,7 +252,12 @@ def response_figure(comparison: Comparison, run: str, name: str, caption: str) -
         lines["noisy_mean"][parameter] = (noisy.mean(axis=1)[:, column] * scale).tolist()
         lines["noisy_std"][parameter] = (noisy.std(axis=1)[:, column] * abs(scale)).tolist()
     caption += " Dotted: changes of the speed command."
-    data = {"time": time.tolist(), **lines, "units": units, "speed_changes": SPEED_CHANGES}
+    data = {
+        "time": time.tolist(),
+        **lines,
+        "units": units,
+        "speed_changes": SPEED_CHANGES,
+    }
     return figure("filter_response", name, caption, data)
 
 
@@ -322,7 +347,10 @@ def start_section(comparison: Comparison) -> dict[str, Any]:
         "less torque), drag +35 %."
     )
     caption = "Figs 5.3 to 5.6: acceleration from rest in the operating modes of Table 5.1."
-    data = {"time": (np.arange(START_SAMPLES) / SAMPLE_RATE).tolist(), "panels": panels}
+    data = {
+        "time": (np.arange(START_SAMPLES) / SAMPLE_RATE).tolist(),
+        "panels": panels,
+    }
     figures = [figure("transients", "fig-5-3-to-5-6", caption + LINES, data)]
     heading = "V.C: transients that trained the raw-data network"
     return table_section(heading, columns, rows, text) | {"figures": figures}

@@ -25,7 +25,12 @@ from training.thesis.comparison import Comparison
 from training.thesis.runs import TEST_RUNS
 
 POINTS = 400  # of each operating mode, thesis Figs 5.7 to 5.10
-CHECKPOINTS = (24_000, 60_000, 90_000, 150_000)  # presentations, thesis Figs 5.7 to 5.10
+CHECKPOINTS = (
+    24_000,
+    60_000,
+    90_000,
+    150_000,
+)  # presentations, thesis Figs 5.7 to 5.10
 SIZES = (2, 3, 4, 5, 6, 7, 8)  # hidden nodes
 ENOUGH = 6  # hidden nodes, thesis V.C.1
 LEARNING_RATES = (0.1, 0.3, 0.5, 0.9)
@@ -34,7 +39,12 @@ MOMENTA = (0.0, 0.4, 0.9)
 RUNS = ("start_normal", "start_friction", "start_drag", "start_propeller")
 # What the readings are divided by: just above the largest of the runs, so that all inputs lie in
 # [0, 1] but for noise.
-FULL_SCALE = {"port_voltage": 6.0, "port_current": 1.5, "port_rpm": 650.0, "speed": 0.5}
+FULL_SCALE = {
+    "port_voltage": 6.0,
+    "port_current": 1.5,
+    "port_rpm": 650.0,
+    "speed": 0.5,
+}
 COLUMNS = [INDEX[name] for name in FULL_SCALE]
 TARGETS = np.repeat(np.eye(len(MODES_5_1)), POINTS, axis=0)
 TRUE_MODE = np.repeat(np.arange(len(MODES_5_1)), POINTS)
@@ -85,7 +95,12 @@ def run_study(comparison: Comparison, seeds: Sequence[int], bar: tqdm) -> RawStu
     inputs = np.concatenate([clean, variant_sets(), noisy])
     groups = _groups(seeds, len(noisy))
     networks = train(groups, inputs, TARGETS, CHECKPOINTS, bar)
-    outputs: dict[str, dict] = {"size": {}, "noisy": {}, "settings": {}, "variant": {}}
+    outputs: dict[str, dict] = {
+        "size": {},
+        "noisy": {},
+        "settings": {},
+        "variant": {},
+    }
     for (kind, case), trained in networks.items():
         data_sets = [network.data_set for network in groups[kind, case]]
         outputs[kind][case] = evaluate(trained, inputs[data_sets]).astype(np.float32)

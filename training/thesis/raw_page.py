@@ -11,7 +11,12 @@ from auv_fault_env.parameters import SAMPLE_RATE
 from diagnosers.networks.fault_map import MODES_5_1
 from training.report.sections import figure, table_section
 from training.thesis.backpropagation import INITIAL_RANGE, LEARNING_RATE, MOMENTUM
-from training.thesis.comparison import COLUMNS, Comparison, mean_and_std, mean_and_std_percent
+from training.thesis.comparison import (
+    COLUMNS,
+    Comparison,
+    mean_and_std,
+    mean_and_std_percent,
+)
 from training.thesis.raw_networks import (
     CHECKPOINTS,
     DRAG_SEVERITIES,
@@ -373,7 +378,12 @@ def confusion_figure(study: RawStudy) -> dict[str, Any]:
         "over networks."
     )
     drags = [f"+{100 * drag:.0f} %" for drag in DRAG_SEVERITIES]
-    data = {"drags": drags, "propellers": list(PROPELLER_FAULTS), "count": counts, "text": texts}
+    data = {
+        "drags": drags,
+        "propellers": list(PROPELLER_FAULTS),
+        "count": counts,
+        "text": texts,
+    }
     return figure("confusion_by_size", "drag-and-propeller", caption, data)
 
 

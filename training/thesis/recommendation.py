@@ -12,7 +12,13 @@ from training import metrics
 from training.benchmark.assessment import Assessment, assess
 from training.benchmark.failures import note_failure, one_line
 from training.benchmark.open_loop import N_SAMPLES, believed, both_halves, true_of
-from training.benchmark.scores import MEAN_TIMES, RANKED_AT, calibration_error, macro_f1, rate_score
+from training.benchmark.scores import (
+    MEAN_TIMES,
+    RANKED_AT,
+    calibration_error,
+    macro_f1,
+    rate_score,
+)
 from training.benchmark.validation_suite import FIRST_SEED
 from training.metrics.records import PERSISTENCE, Truth, healthy_outcome
 from training.seeds import seeds

@@ -15,7 +15,11 @@ from training.thesis.comparison import COLUMNS, Comparison
 from training.thesis.recommendation import compare
 
 NAMES = ("raw_network", "kalman_network", "parallel", "integrated")
-PAIRS = [("parallel", "raw_network"), ("parallel", "kalman_network"), ("integrated", "parallel")]
+PAIRS = [
+    ("parallel", "raw_network"),
+    ("parallel", "kalman_network"),
+    ("integrated", "parallel"),
+]
 THESIS = {"parallel": "would certainly be capable", "integrated": "another approach"}
 LANES = 400  # faulty vehicles
 HOURS = 8.0  # healthy operation, twice
@@ -98,12 +102,21 @@ def _score_texts(score: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def difference_row(
-    comparison: Comparison, assessments: Mapping[str, Assessment], name: str, rival: str
+    comparison: Comparison,
+    assessments: Mapping[str, Assessment],
+    name: str,
+    rival: str,
 ) -> list[str]:
     """Whether one diagnoser beats another on the same vehicles."""
     quantity = f"{name} minus {rival}: isolation time; macro-F1 at {DECISION_TIME:g} s"
     if name not in assessments or rival not in assessments:
-        texts = [THESIS[name], "-", "-", "not judged", "One of them could not take part."]
+        texts = [
+            THESIS[name],
+            "-",
+            "-",
+            "not judged",
+            "One of them could not take part.",
+        ]
         return ["VI.B", quantity, *texts, comparison.command]
     paired = difference(assessments[name], assessments[rival], SEED)
     time, time_low, time_high = paired.isolation

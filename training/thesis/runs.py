@@ -80,7 +80,10 @@ def record(sensor_noise: float, seeds: list[int], bar: tqdm) -> Recording:
 
 
 def _recording(
-    readings: list[np.ndarray], estimates: list[Estimate], kalman: ParameterFilter, n_seeds: int
+    readings: list[np.ndarray],
+    estimates: list[Estimate],
+    kalman: ParameterFilter,
+    n_seeds: int,
 ) -> Recording:
     columns = [kalman.states.index(name) for name in PARAMETERS]
 

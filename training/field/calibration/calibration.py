@@ -19,7 +19,11 @@ from training.field.calibration.samples import Samples, noise_levels, samples_of
 from training.field.logs.log import Log
 from training.field.vehicle_file import NOISE, QUANTITIES, VehicleFile
 
-NAMES = (*reversed(surge_fit.PARAMETERS), *reversed(motor_fit.PARAMETERS), *surge_fit.DISTURBANCE)
+NAMES = (
+    *reversed(surge_fit.PARAMETERS),
+    *reversed(motor_fit.PARAMETERS),
+    *surge_fit.DISTURBANCE,
+)
 # parameters of the file that one parameter of the fit multiplies
 FILE_PARAMETERS = {"propeller_torque": ("c1", "c2")}
 

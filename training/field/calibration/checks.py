@@ -8,7 +8,11 @@ from tqdm import tqdm
 
 from auv_fault_env.parameters import SAMPLE_RATE, SIDES
 from training.field.calibration import motor_fit, surge_fit
-from training.field.calibration.calibration import NAMES, Calibration, calibrate_samples
+from training.field.calibration.calibration import (
+    NAMES,
+    Calibration,
+    calibrate_samples,
+)
 from training.field.calibration.samples import Samples
 from training.field.vehicle_file import VehicleFile
 

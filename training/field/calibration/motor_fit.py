@@ -7,7 +7,12 @@ import numpy as np
 
 from auv_fault_env.parameters import SIDES, Vehicle
 from auv_fault_env.physics import RPM, nominal_shaft, plant_constants
-from training.field.calibration.model_fit import ModelFit, factor_limits, model_fit, no_model_fit
+from training.field.calibration.model_fit import (
+    ModelFit,
+    factor_limits,
+    model_fit,
+    no_model_fit,
+)
 from training.field.calibration.prediction import shaft_residuals
 from training.field.calibration.robust_fit import Problem, Residuals, Values
 from training.field.calibration.samples import Samples

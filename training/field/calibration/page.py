@@ -14,7 +14,12 @@ from training.field.calibration.calibration import (
     ParameterFit,
     side_differences,
 )
-from training.field.calibration.checks import KINDS, LeftOut, prediction_errors, simulated_readings
+from training.field.calibration.checks import (
+    KINDS,
+    LeftOut,
+    prediction_errors,
+    simulated_readings,
+)
 from training.field.calibration.healthy_band import PRIOR_UNITS
 from training.field.calibration.robust_fit import LARGEST_STD
 from training.field.calibration.samples import BLOCK, Samples
@@ -30,7 +35,10 @@ LARGEST_MISSION_STD = 0.5
 
 
 def page(
-    logs: Sequence[Log], samples: Samples, calibration: Calibration, left_out: Sequence[LeftOut]
+    logs: Sequence[Log],
+    samples: Samples,
+    calibration: Calibration,
+    left_out: Sequence[LeftOut],
 ) -> dict[str, Any]:
     """The report as plain data."""
     parameters = [calibration.parameter(name) for name in NAMES]
@@ -137,7 +145,10 @@ def readings_section(log: str, samples: Samples, calibration: Calibration) -> Se
     for name, values in simulated.items():
         label = f"{name.replace('_', ' ')} [{CHANNELS[name].unit}]"
         measured = mission.channel(name)
-        panels[label] = {"measured": rounded(measured[shown]), "simulated": rounded(values[shown])}
+        panels[label] = {
+            "measured": rounded(measured[shown]),
+            "simulated": rounded(values[shown]),
+        }
     caption = f"{log}: readings, the calibrated model, and the difference."
     data = {"time": rounded(SAMPLE_TIME * shown), "panels": panels}
     return figure_section("Fit", "measured_and_simulated", "fit", caption, data)
@@ -160,7 +171,10 @@ def missions_section(calibration: Calibration) -> Section | None:
     for name in NAMES:
         band = calibration.parameter(name).band
         if calibration.is_fitted(name) and band:
-            panels[name] = {"band": band, "sides": _estimates_by_side(calibration, name)}
+            panels[name] = {
+                "band": band,
+                "sides": _estimates_by_side(calibration, name),
+            }
     if not panels:
         return None
     heading = "How much the missions differ"
@@ -221,7 +235,14 @@ def noise_section(samples: Samples, calibration: Calibration) -> Section:
         "reading minus simulation as above: its root mean square, and the range of its mean over "
         "the missions."
     )
-    columns = ["reading", "noise", "in the file", "residual", "means by mission", "unit"]
+    columns = [
+        "reading",
+        "noise",
+        "in the file",
+        "residual",
+        "means by mission",
+        "unit",
+    ]
     return table_section("Noise and residuals", columns, rows, text)
 
 
@@ -232,7 +253,10 @@ def _residual_cells(errors: np.ndarray | None, mission: np.ndarray) -> list[str]
     known = errors[is_known]
     mission = mission[is_known]
     means = [known[mission == number].mean() for number in np.unique(mission)]
-    return [f"{np.sqrt(np.mean(known**2)):.3g}", f"{min(means):+.2g} to {max(means):+.2g}"]
+    return [
+        f"{np.sqrt(np.mean(known**2)):.3g}",
+        f"{min(means):+.2g} to {max(means):+.2g}",
+    ]
 
 
 def remarks_section(logs: Sequence[Log]) -> Section | None:

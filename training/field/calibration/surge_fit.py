@@ -14,7 +14,12 @@ import numpy as np
 from auv_fault_env.parameters import Vehicle
 from auv_fault_env.physics import nominal_shaft, plant_constants
 from diagnosers.kalman import opening_share
-from training.field.calibration.model_fit import ModelFit, factor_limits, model_fit, no_model_fit
+from training.field.calibration.model_fit import (
+    ModelFit,
+    factor_limits,
+    model_fit,
+    no_model_fit,
+)
 from training.field.calibration.prediction import speed_innovations
 from training.field.calibration.robust_fit import Problem, Residuals, Values
 from training.field.calibration.samples import Samples
@@ -32,7 +37,10 @@ REMEDIES = {
 
 
 def surge_fit(
-    samples: Samples, vehicle: Vehicle, noise: float, shaft_speeds: Sequence[np.ndarray]
+    samples: Samples,
+    vehicle: Vehicle,
+    noise: float,
+    shaft_speeds: Sequence[np.ndarray],
 ) -> ModelFit:
     """Fit what the readings identify of the hull and the thrust.
 
@@ -54,7 +62,10 @@ def surge_fit(
 
 
 def surge_problem(
-    samples: Samples, vehicle: Vehicle, noise: float, shaft_speeds: Sequence[np.ndarray]
+    samples: Samples,
+    vehicle: Vehicle,
+    noise: float,
+    shaft_speeds: Sequence[np.ndarray],
 ) -> Problem:
     """Whitened prediction errors of the speed as a function of factors on `PARAMETERS`.
 

@@ -23,7 +23,14 @@ from training.metrics import alarms
 from training.metrics.records import PERSISTENCE
 
 # diagnosers that take the parameters of a vehicle file
-VEHICLE_DIAGNOSERS = ("filter_bank", "integrated", "cusum", "rules", "limits", "kalman_network")
+VEHICLE_DIAGNOSERS = (
+    "filter_bank",
+    "integrated",
+    "cusum",
+    "rules",
+    "limits",
+    "kalman_network",
+)
 THRESHOLDS: dict[str, float] = {name: ONE_PER_10_HOURS[name] for name in VEHICLE_DIAGNOSERS}
 HEALTHY = "healthy"
 FAULT = "fault"
@@ -186,7 +193,11 @@ def alarm_intervals(log: Log, alarmed: np.ndarray) -> tuple[tuple[float, float],
 def side_of(fault: str) -> str | None:
     """The side that a class names, None if it names none.
 
-    >>> side_of("seal_friction:port"), side_of("sensor:starboard_rpm"), side_of("sensor:speed")
+    >>> (
+    ...     side_of("seal_friction:port"),
+    ...     side_of("sensor:starboard_rpm"),
+    ...     side_of("sensor:speed"),
+    ... )
     ('port', 'starboard', None)
     """
     return next((side for side in SIDES if f":{side}" in fault), None)

@@ -11,7 +11,10 @@ from training.field.logs.log import Log
 from training.field.vehicle_file import VehicleFile
 
 # states of both filters
-STATES = {"drag": 1 + PARAMETERS.index("alpha"), "thrust": 1 + PARAMETERS.index("beta")}
+STATES = {
+    "drag": 1 + PARAMETERS.index("alpha"),
+    "thrust": 1 + PARAMETERS.index("beta"),
+}
 
 
 def hull_history(log: Log, vehicle: VehicleFile) -> dict[str, np.ndarray]:

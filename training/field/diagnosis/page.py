@@ -54,11 +54,20 @@ def page(
     figure_text = "Faulty logs first. Dotted: currents of healthy motors. Estimates: ±1 std."
     sections = [
         table_section("Verdicts", COLUMNS, rows, verdict_text),
-        {"heading": "Logs in detail", "text": [figure_text], "figures": list(figures)},
+        {
+            "heading": "Logs in detail",
+            "text": [figure_text],
+            "figures": list(figures),
+        },
         remarks_section(verdicts),
     ]
     intro = [summary, warning]
-    return {"title": "Diagnosis", "command": command, "intro": intro, "sections": sections}
+    return {
+        "title": "Diagnosis",
+        "command": command,
+        "intro": intro,
+        "sections": sections,
+    }
 
 
 def verdict_row(verdict: Verdict) -> list[str]:
@@ -91,7 +100,12 @@ def remarks_section(verdicts: Sequence[Verdict]) -> Section:
 
 
 def log_figure(
-    number: int, verdict: Verdict, log: Log, belief: Belief, threshold: float, vehicle: VehicleFile
+    number: int,
+    verdict: Verdict,
+    log: Log,
+    belief: Belief,
+    threshold: float,
+    vehicle: VehicleFile,
 ) -> dict[str, Any]:
     """The figure of a log as plain data for `write_report`."""
     panels = {label: measured_lines(log, channels) for label, channels in PANELS.items()}

@@ -71,7 +71,11 @@ def _is_value(cell: str) -> bool:
 def decimal_mark(rows: Sequence[Sequence[str]]) -> str | None:
     """Comma or point, whichever the numbers of the rows have; the point if both; None if neither.
 
-    >>> decimal_mark([["1", "0,5"]]), decimal_mark([["0.5", "1,5"]]), decimal_mark([["1"]])
+    >>> (
+    ...     decimal_mark([["1", "0,5"]]),
+    ...     decimal_mark([["0.5", "1,5"]]),
+    ...     decimal_mark([["1"]]),
+    ... )
     (',', '.', None)
     """
     cells = [cell for row in rows for cell in row]
@@ -126,7 +130,11 @@ def seconds(cell: str) -> float | None:
 
     A stamp is in ISO form, or its date is written with points or slashes.
 
-    >>> seconds("1970-01-02T00:00:01.5Z"), seconds("02.01.1970 00:00:01"), seconds("00:01:00")
+    >>> (
+    ...     seconds("1970-01-02T00:00:01.5Z"),
+    ...     seconds("02.01.1970 00:00:01"),
+    ...     seconds("00:01:00"),
+    ... )
     (86401.5, 86401.0, 60.0)
     """
     text = DAY_FIRST.sub(r"\3-\2-\1", cell).replace("/", "-")

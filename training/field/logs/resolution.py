@@ -56,7 +56,10 @@ def resolution(values: np.ndarray, noise: float) -> float:
 def printed_resolution(text: str, scale: float, noise: float) -> float:
     """Step between the values that a number printed like this can take, times the column's scale.
 
-    >>> printed_resolution("12.50", 1.0, noise=1.0), printed_resolution("3", 0.1, noise=0.05)
+    >>> (
+    ...     printed_resolution("12.50", 1.0, noise=1.0),
+    ...     printed_resolution("3", 0.1, noise=0.05),
+    ... )
     (0.01, 0.1)
     """
     mantissa, _, exponent = text.strip().lower().partition("e")

@@ -69,7 +69,8 @@ def _cells_by_column(
         lines = ["\t".join(line.split()) for line in lines]
     labels = [str(k) for k in range(len(dialect.names))]
     parse_options = pyarrow.csv.ParseOptions(
-        delimiter=separator, invalid_row_handler=lambda row: skipped.append(row.text) or "skip"
+        delimiter=separator,
+        invalid_row_handler=lambda row: skipped.append(row.text) or "skip",
     )
     try:
         table = pyarrow.csv.read_csv(

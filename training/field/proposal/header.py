@@ -7,7 +7,10 @@ from training.field.units import is_unit, spelt
 
 # By quantity: the kind of its unit (the unit of the channel), and words that name it.
 QUANTITIES = {
-    "time": ("s", "time t timestamp stamp datetime date clock epoch utc sec secs seconds"),
+    "time": (
+        "s",
+        "time t timestamp stamp datetime date clock epoch utc sec secs seconds",
+    ),
     "speed": ("m/s", "speed velocity velo vel u surge spd stw"),
     "acceleration": ("m/s^2", "acceleration accel acc ax udot"),
     "voltage": ("V", "voltage volt volts v"),
@@ -20,7 +23,11 @@ QUANTITIES = {
 COMMANDED = frozenset(
     "cmd command commanded setpoint set sp desired des ref reference demand target goal".split()
 )
-COMMANDS = {"speed": "speed_command", "rpm": "motor_command", "voltage": "motor_command"}
+COMMANDS = {
+    "speed": "speed_command",
+    "rpm": "motor_command",
+    "voltage": "motor_command",
+}
 SHAFT = frozenset("motor shaft prop propeller thruster engine screw".split())
 SIDED = ("voltage", "current", "rpm", "motor_command")
 SIDES = {

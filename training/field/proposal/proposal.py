@@ -129,7 +129,10 @@ def _varies(values: np.ndarray) -> bool:
 
 
 def _guesses(
-    table: Table, meanings: Mapping[str, Meaning], labels: Mapping[str, str], vehicle: Vehicle
+    table: Table,
+    meanings: Mapping[str, Meaning],
+    labels: Mapping[str, str],
+    vehicle: Vehicle,
 ) -> dict[str, Guess]:
     """Columns with unit and sign.
 

@@ -10,7 +10,12 @@ from matplotlib.patches import Patch
 
 from training.report.colours import COMMAND, MARKERS, PORT, SPEED, STARBOARD, TRUTH
 from training.report.figures.scores import Series, heat_map, line_styles
-from training.report.figures.style import legend_above, marker_legend, new_panels, panel_grid
+from training.report.figures.style import (
+    legend_above,
+    marker_legend,
+    new_panels,
+    panel_grid,
+)
 
 LOWEST = -1000.0  # ln p(normal) that is shown
 # colour by whether the most probable fault is the right one, and whether the alarm stands
@@ -106,7 +111,11 @@ def episodes(drawn: Sequence[Mapping[str, Any]]) -> Figure:
     Each has title, onset [s], time [s], readings by channel, log_normal, threshold, alarm (bools)
     and right (whether the most probable fault is the true one, bools).
     """
-    options = {"sharex": "col", "sharey": "row", "height_ratios": [1.0, 1.0, 1.0, 1.2, 0.18]}
+    options = {
+        "sharex": "col",
+        "sharey": "row",
+        "height_ratios": [1.0, 1.0, 1.0, 1.2, 0.18],
+    }
     figure, grid = new_panels(6.6, 5, len(drawn), squeeze=False, **options)
     for axes, episode in zip(grid.T, drawn, strict=True):
         _readings(axes[:3], episode)
@@ -130,7 +139,14 @@ def _readings(axes: Sequence[Axes], episode: Mapping[str, Any]) -> None:
     time = episode["time"]
     readings = episode["readings"]
     axes[0].plot(time, readings["speed"], color=SPEED, lw=1.0, label="speed")
-    axes[0].plot(time, readings["speed_command"], color=COMMAND, lw=1.0, ls="--", label="command")
+    axes[0].plot(
+        time,
+        readings["speed_command"],
+        color=COMMAND,
+        lw=1.0,
+        ls="--",
+        label="command",
+    )
     for axis, kind in zip(axes[1:], ("rpm", "current"), strict=True):
         port = readings[f"port_{kind}"]
         starboard = readings[f"starboard_{kind}"]

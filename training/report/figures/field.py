@@ -7,7 +7,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from training.report.colours import COLOURS, COMMAND, PORT, SPEED, STARBOARD, TRUTH
-from training.report.figures.style import fill_band, legend_above, new_panels, panel_grid
+from training.report.figures.style import (
+    fill_band,
+    legend_above,
+    new_panels,
+    panel_grid,
+)
 
 Series = Sequence[float | None]
 LINE_COLOURS = {
@@ -89,7 +94,12 @@ def diagnosed_log(
             axis.axvspan(begin, max(end, begin + 0.1), color=PORT, alpha=0.10, lw=0)
         axis.set_ylabel(label)
         if lines:
-            axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
+            axis.legend(
+                loc="center left",
+                bbox_to_anchor=(1.0, 0.5),
+                frameon=False,
+                fontsize=8,
+            )
     axes[-1].set_xlabel("time [s]; shaded: alarm")
     return figure
 

@@ -11,7 +11,12 @@ from training.report.figures.style import fill_band, legend_above, new_panels
 
 Series = Sequence[float]
 Lines = Mapping[str, Series]  # clean, mean and std over time
-LINE_COLOURS = {"port": PORT, "starboard": STARBOARD, "speed": SPEED, "commanded": COMMAND}
+LINE_COLOURS = {
+    "port": PORT,
+    "starboard": STARBOARD,
+    "speed": SPEED,
+    "commanded": COMMAND,
+}
 DASHED = ("starboard", "commanded")
 NOISY_BAND = "noisy, ±1 std"
 
@@ -41,13 +46,19 @@ def filter_response(
         axis.plot(time, truth[name], color=TRUTH, lw=1, ls="--", label="true")
         for change in speed_changes:
             axis.axvline(change, color=COMMAND, lw=0.6, ls=":")
-        axis.set(xlabel="time [s]", ylabel=f"{name} [{units[name]}]", xlim=(time[0], time[-1]))
+        axis.set(
+            xlabel="time [s]",
+            ylabel=f"{name} [{units[name]}]",
+            xlim=(time[0], time[-1]),
+        )
     legend_above(figure, axes.flat)
     return figure
 
 
 def transients(
-    time: Series, panels: Mapping[str, Mapping[str, Lines]], onset: float | None = None
+    time: Series,
+    panels: Mapping[str, Mapping[str, Lines]],
+    onset: float | None = None,
 ) -> Figure:
     """Readings over time, and the onset of the fault [s].
 

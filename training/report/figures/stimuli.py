@@ -9,7 +9,12 @@ from matplotlib.figure import Figure
 
 from training.report.colours import COMMAND, MARKERS, PORT, SPEED, STARBOARD, TRUTH
 from training.report.figures.scores import Series
-from training.report.figures.style import legend_above, marker_legend, new_panels, panel_grid
+from training.report.figures.style import (
+    legend_above,
+    marker_legend,
+    new_panels,
+    panel_grid,
+)
 
 Colours = Mapping[str, str]
 ROW_SHARE = 0.7  # of the row of a class, over which its stimuli are placed
@@ -17,7 +22,9 @@ LABELS = ("speed [m/s]", "offset [m/s]", "probability")  # of an episode's panel
 
 
 def speed_ups(
-    classes: Sequence[str], panels: Mapping[str, Mapping[str, Sequence[Series]]], colours: Colours
+    classes: Sequence[str],
+    panels: Mapping[str, Mapping[str, Sequence[Series]]],
+    colours: Colours,
 ) -> Figure:
     """How many times sooner each class (row) is isolated than under a reference stimulus.
 
@@ -27,7 +34,10 @@ def speed_ups(
     axes = axes[0]
     for axis, (reference, stimuli) in zip(axes, panels.items(), strict=True):
         _ratios(axis, len(classes), stimuli, colours)
-        axis.set(xlabel=f"times sooner than under {reference}", ylim=(len(classes) - 0.5, -0.5))
+        axis.set(
+            xlabel=f"times sooner than under {reference}",
+            ylim=(len(classes) - 0.5, -0.5),
+        )
     axes[0].set_yticks(range(len(classes)), classes)
     legend_above(figure, axes, columns=5)
     return figure
@@ -65,7 +75,13 @@ def delay_cost_plane(
     """
     budgets = dict.fromkeys(point["budget"] for point in points)
     markers = dict(zip(budgets, MARKERS * len(budgets), strict=False))
-    front_style = {"color": TRUTH, "lw": 1.0, "ls": ":", "label": "best trade-offs", "zorder": 1}
+    front_style = {
+        "color": TRUTH,
+        "lw": 1.0,
+        "ls": ":",
+        "label": "best trade-offs",
+        "zorder": 1,
+    }
     figure, axes = new_panels(5.0, 1, len(costs), sharey=True, squeeze=False)
     axes = axes[0]
     for axis, (cost, label) in zip(axes, costs.items(), strict=True):
@@ -85,7 +101,10 @@ def delay_cost_plane(
 
 
 def around_onset(
-    time: Series, panels: Mapping[str, Mapping[str, Series]], label: str, colours: Colours
+    time: Series,
+    panels: Mapping[str, Mapping[str, Series]],
+    label: str,
+    colours: Colours,
 ) -> Figure:
     """Lines over the time since onset, a panel per class, a line per stimulus."""
     n_columns = 4
@@ -111,7 +130,11 @@ def active_episodes(drawn: Sequence[Mapping[str, Any]]) -> Figure:
     """
     n_columns = 3
     n_rows = -(-len(drawn) // n_columns)
-    options = {"sharex": True, "sharey": "row", "height_ratios": [1.3, 0.8, 1.0] * n_rows}
+    options = {
+        "sharex": True,
+        "sharey": "row",
+        "height_ratios": [1.3, 0.8, 1.0] * n_rows,
+    }
     figure, grid = new_panels(0.6 + 4.3 * n_rows, 3 * n_rows, n_columns, **options)
     for k, episode in enumerate(drawn):
         row, column = divmod(k, n_columns)

@@ -42,7 +42,11 @@ def panel_grid(
 
 
 def fill_band(
-    axis: Axes, x: Sequence[float], middle: np.ndarray, half_width: np.ndarray, colour: str
+    axis: Axes,
+    x: Sequence[float],
+    middle: np.ndarray,
+    half_width: np.ndarray,
+    colour: str,
 ) -> None:
     """A transparent band around a line."""
     low = middle - half_width

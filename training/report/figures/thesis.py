@@ -12,11 +12,23 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 
 from training.report.colours import COMMAND, PORT, SPEED, STARBOARD, TRUTH
-from training.report.figures.style import fill_band, legend_above, new_panels, show_map, write_cell
+from training.report.figures.style import (
+    fill_band,
+    legend_above,
+    new_panels,
+    show_map,
+    write_cell,
+)
 
 Series = Sequence[float]
 Rows = Sequence[Series]
-MODE_COLOURS = (STARBOARD, "#b9770e", SPEED, PORT, "#7d3c98")  # by output node, normal first
+MODE_COLOURS = (
+    STARBOARD,
+    "#b9770e",
+    SPEED,
+    PORT,
+    "#7d3c98",
+)  # by output node, normal first
 HEIGHT = {"cmap": "YlOrRd", "vmin": 0.0, "vmax": 1.0}
 SAME_PLACE = 0.05  # on the map, within which instants share a text
 
@@ -58,7 +70,10 @@ def _outputs(axis: Axes, x: Series, modes: Sequence[str], means: Rows, stds: Row
 
 
 def confusion_by_size(
-    drags: Sequence[str], propellers: Sequence[str], count: Rows, text: Sequence[Sequence[str]]
+    drags: Sequence[str],
+    propellers: Sequence[str],
+    count: Rows,
+    text: Sequence[Sequence[str]],
 ) -> Figure:
     """How many of 100 points are confused, by drag fault (rows) and propeller fault (columns)."""
     counts = np.array(count)
