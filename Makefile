@@ -19,7 +19,7 @@ run: .venv/.dev
 	@$(BIN)/auv-fault reproduce --output runs/reproduce
 
 test: .venv/.dev
-	@$(BIN)/python -m pytest $(PYTEST_OPTIONS)
+	@$(BIN)/python -m pytest -n auto --dist loadfile $(PYTEST_OPTIONS)
 
 lint: .venv/.dev
 	@$(BIN)/ruff check .
