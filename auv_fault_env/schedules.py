@@ -51,7 +51,7 @@ class FaultEvent:
             object.__setattr__(self, name, value)
         if self.end <= self.onset:
             allowed = f"before its end at {self.end:g} s"
-            raise refusal(f"onset of {self.fault}", self.onset, allowed, "mend one of them")
+            raise refusal(f"onset of {self.fault}", self.onset, allowed, "correct one of them")
 
 
 Schedule = tuple[FaultEvent, ...]
@@ -107,7 +107,7 @@ def from_json(text: str, origin: str = "schedule") -> Schedule:
         events = json.loads(text)
     except json.JSONDecodeError as error:
         place = f"{origin}, line {error.lineno} column {error.colno}"
-        raise refusal(place, error.msg, JSON_FORM, "mend that place") from None
+        raise refusal(place, error.msg, JSON_FORM, "correct that place") from None
     except (RecursionError, ValueError) as error:
         raise refusal(origin, str(error), JSON_FORM, "write plain events") from None
     if not isinstance(events, list):

@@ -67,7 +67,7 @@ class ThirdParty:
             made = diagnoser_class()
         except Exception as error:  # foreign code again
             allowed = "a class to call without arguments"
-            raise refusal(thing, error, allowed, "mend it") from error
+            raise refusal(thing, error, allowed, "correct it") from error
         if isinstance(made, Diagnoser):
             return made
         if callable(getattr(made, "Input", None)):
@@ -84,7 +84,7 @@ class ThirdParty:
             diagnoser_class = getattr(_module(place), name, None)
         except (Exception, SystemExit) as error:  # importing runs foreign code
             allowed = f"what can be imported, {TARGET_FORM}"
-            raise refusal(thing, error, allowed, "mend it") from error
+            raise refusal(thing, error, allowed, "correct it") from error
         if not isinstance(diagnoser_class, type):
             allowed = f"a class, {TARGET_FORM}"
             raise refusal(thing, diagnoser_class, allowed, "check the name of the class")

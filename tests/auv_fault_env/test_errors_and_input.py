@@ -228,7 +228,7 @@ def test_broken_json_file_names_the_file_and_the_place(tmp_path):
         r"broken\.json, line 3 column 11",
         "delimiter",
         "a JSON list",
-        "mend",
+        "correct",
     )
 
 

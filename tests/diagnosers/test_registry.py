@@ -31,5 +31,5 @@ def test_an_unknown_vehicle_is_refused(name):
 
 
 def test_references_do_not_compete():
-    assert set(NAMES) - set(ranked()) == {"oracle", "null", "random"}
+    assert {"oracle", "null", "random"} <= set(NAMES) - set(ranked())
     assert diagnosers.REGISTRY["limits"].ranked

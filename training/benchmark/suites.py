@@ -253,7 +253,7 @@ def parse(text: str, origin: Path) -> Suite:
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         shown = f"{type(error).__name__}: {error}"
         allowed = "a file like those in training/benchmark/suites"
-        raise refusal(f"suite {origin}", shown, allowed, "mend that place") from None
+        raise refusal(f"suite {origin}", shown, allowed, "correct that place") from None
 
 
 def _episode(row: Sequence[Any]) -> Episode:

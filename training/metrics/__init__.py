@@ -49,7 +49,7 @@ def class_order(given: Sequence[str], wanted: Sequence[str]) -> np.ndarray:
     if sorted(given) != sorted(wanted):
         differing = ", ".join(sorted(set(given) ^ set(wanted))) or "doubles"
         allowed = "each of those of the truth, once"
-        raise refusal("classes of the belief", tuple(given), allowed, f"mend {differing}")
+        raise refusal("classes of the belief", tuple(given), allowed, f"correct {differing}")
     return np.array([list(given).index(name) for name in wanted])
 
 

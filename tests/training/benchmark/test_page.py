@@ -85,10 +85,12 @@ def score(skill, stimulus, seed):
     )
     detection = 0.7 * isolation if skill else isolation
     decision = np.where(
-        random.uniform(size=DECIDED.size) < skill, DECIDED, random.integers(0, 19, DECIDED.size)
+        random.uniform(size=DECIDED.size) < skill,
+        DECIDED,
+        random.integers(0, len(classes()), DECIDED.size),
     )
     rates = np.geomspace(0.03, 60.0, 40)
-    matrix = np.zeros((19, 19), int)
+    matrix = np.zeros((len(classes()), len(classes())), int)
     np.add.at(matrix, (DECIDED, decision), 1)
     truth = random.uniform(0.2, 1.0, 60)
     confidence = np.linspace(0.1, 0.95, 9)
@@ -344,7 +346,9 @@ def test_a_bound_that_holds_and_one_that_is_beaten(results, page):
     (verdict,) = [
         section for section in page["sections"] if section["heading"].startswith("Does any")
     ]
-    n_checks = len(STIMULI) * len(NAMES) * 19  # detection of 18 classes, isolation of all
+    n_checks = (
+        len(STIMULI) * len(NAMES) * len(classes())
+    )  # detection of each fault, isolation of all
     assert verdict["text"][0].startswith(f"0 of {n_checks} comparisons beat their bound")
     assert {row[-1] for row in verdict["table"]["rows"]} == {"no"}
     impossible = results | {"bounds": {stimulus: bound(29.0) for stimulus in STIMULI}}

@@ -3,7 +3,13 @@ import math
 from diagnosers import NAMES
 from training.benchmark.thresholds import ONE_PER_10_HOURS, ONE_PER_HOUR
 
+SHIPPED = {
+    *("limits", "cusum", "rules", "filter_bank", "raw_network", "kalman_network"),
+    *("parallel", "integrated", "oracle", "null", "random"),
+}
 
-def test_every_diagnoser_has_thresholds_and_the_rarer_alarm_the_lower_one():
-    assert ONE_PER_HOUR.keys() == ONE_PER_10_HOURS.keys() == NAMES
-    assert all(ONE_PER_10_HOURS[name] <= ONE_PER_HOUR[name] < math.log(0.5) for name in NAMES)
+
+def test_diagnosers_have_two_thresholds_and_the_rarer_alarm_has_the_lower_one():
+    assert SHIPPED <= ONE_PER_HOUR.keys() == ONE_PER_10_HOURS.keys() <= NAMES
+    for name, threshold in ONE_PER_HOUR.items():
+        assert ONE_PER_10_HOURS[name] <= threshold < math.log(0.5)

@@ -10,7 +10,8 @@ import numpy as np
 
 from training.field.units import is_unit
 
-SEPARATORS = ("\t", ";", "|", ",", " ")  # the last: any number of blanks
+# of the cells of a line, by the name in remarks; the last: any number of blanks
+SEPARATORS = {"\t": "tabs", ";": "semicolons", "|": "bars", ",": "commas", " ": "blanks"}
 COMMENT_MARKS = "#%/"
 LONGEST_LINE = 100_000  # characters
 MISSING = ("", *"- -- --- ? * nan null none nil na n/a #n/a nat missing".split())

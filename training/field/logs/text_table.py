@@ -10,13 +10,12 @@ import pyarrow.compute as pc
 import pyarrow.csv
 
 from auv_fault_env.errors import refusal
-from training.field.logs.cells import WORDS, number, seconds, without_stray_quotes
+from training.field.logs.cells import SEPARATORS, WORDS, number, seconds, without_stray_quotes
 from training.field.logs.dialect import Dialect, dialect_of
 from training.field.logs.encoding import decoded
 from training.field.logs.table import Table, named_columns, unique_labels
 
 HEAD = 200  # lines by which the layout is found
-SEPARATOR_NAMES = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks"}
 
 
 def text_table(content: bytes, log: str) -> Table:
@@ -39,8 +38,8 @@ def text_table(content: bytes, log: str) -> Table:
 
 def _layout_remarks(dialect: Dialect) -> list[str]:
     remarks = []
-    if dialect.separator in SEPARATOR_NAMES:
-        remarks.append(f"cells: separated by {SEPARATOR_NAMES[dialect.separator]}")
+    if dialect.separator != ",":
+        remarks.append(f"cells: separated by {SEPARATORS[dialect.separator]}")
     if dialect.decimal_comma:
         remarks.append("numbers: read with decimal commas")
     if dialect.lines_before:
