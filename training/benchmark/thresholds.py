@@ -1,7 +1,7 @@
 """Thresholds of log p(normal) by diagnoser, as `auv-fault benchmark` sets them.
 
 On healthy operation under the conditions of the suite `standard` (``auv-fault benchmark --suite
-standard`` prints them). A diagnoser without an entry works, but the live page does not offer it. The
+standard`` prints them). A diagnoser without an entry works; the live page does not offer it. The
 belief of `null` is constant and never below its threshold.
 """
 
