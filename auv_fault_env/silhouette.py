@@ -175,7 +175,9 @@ def vehicle_parts(
 
 def _turns_right(first: Point, second: Point, third: Point) -> bool:
     """Whether the way along three points turns right on the screen."""
-    (ax, ay), (bx, by), (cx, cy) = first, second, third
+    ax, ay = first
+    bx, by = second
+    cx, cy = third
     return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax) > 0.0
 
 

@@ -100,7 +100,8 @@ BENCHMARK = """
 import sys
 from training.cli import main
 sys.exit(main([
-    "benchmark", "--suite", "ood_noise", "--lanes", "4", "--hours", "0.05", "--counting-hours", "0.05",
+    "benchmark", "--suite", "ood_noise", "--lanes", "4",
+    "--hours", "0.05", "--counting-hours", "0.05",
     "--diagnosers", *sys.argv[2:], "--stimuli", "learned", "--workers", "2",
     "--output", sys.argv[1],
 ]))

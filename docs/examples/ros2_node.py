@@ -40,7 +40,7 @@ def main() -> None:
     diagnoser.reset(1)
     publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
 
-    def heard(message: Float64MultiArray) -> None:
+    def on_readings(message: Float64MultiArray) -> None:
         try:
             belief = diagnoser.update(np.array([message.data]))
         except ValueError as error:  # another number of channels, or an infinite reading
@@ -54,7 +54,7 @@ def main() -> None:
         answer.header.stamp = node.get_clock().now().to_msg()
         publisher.publish(answer)
 
-    node.create_subscription(Float64MultiArray, "readings", heard, 10)
+    node.create_subscription(Float64MultiArray, "readings", on_readings, 10)
     try:
         rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from auv_fault_env.faults import CATALOGUE
-from auv_fault_env.parameters import PARAMETERS, SIDES, Vehicle
+from auv_fault_env.parameters import PARAMETERS, SHAFT, SIDES, Vehicle
 
 SAMPLE = 0.1  # s
 FULL = 24.0  # V
@@ -80,8 +80,7 @@ def shaft(
 ) -> tuple[Callable, Callable, float]:
     """Of one shaft: dw/dt of (u, w, V), whether V breaks it away, and its thrust per (rev/s)^2."""
     beta, c1, c2, resistance, flux, coulomb, viscous, inertia = (
-        parameters[f"{side}_{name}"]
-        for name in "beta c1 c2 resistance torque_constant coulomb_friction viscous_friction inertia".split()
+        parameters[f"{side}_{name}"] for name in SHAFT
     )
     rho = vehicle.density
     diameter = vehicle.diameter

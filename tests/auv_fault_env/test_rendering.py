@@ -238,7 +238,10 @@ def test_no_display_is_opened_off_screen():
 
 
 def test_importing_the_package_and_stepping_leaves_pygame_alone():
-    code = "import sys, auv_fault_env, auv_fault_env.env, auv_fault_env.rendering; assert 'pygame' not in sys.modules"
+    code = (
+        "import sys, auv_fault_env, auv_fault_env.env, auv_fault_env.rendering\n"
+        "assert 'pygame' not in sys.modules"
+    )
     subprocess.run([sys.executable, "-c", code], check=True)
 
 

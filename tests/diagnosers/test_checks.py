@@ -79,7 +79,8 @@ class Forgetless(Mine):
     """Goes on where it was at the last reset."""
 
     def reset(self, n_lanes):
-        state, observation = self.running.state, self.running.observation
+        state = self.running.state
+        observation = self.running.observation
         super().reset(n_lanes)
         if observation is not None and len(observation) == n_lanes:
             self.running.state = state

@@ -136,7 +136,8 @@ def test_a_name_that_is_taken_is_refused(place):
 def test_a_name_is_text_that_a_file_can_have(place):
     text = (
         OURS
-        + "class Other(Mine):\n    name = property(lambda self: 3)\nclass Long(Mine):\n    name = 61 * 'x'"
+        + "class Other(Mine):\n    name = property(lambda self: 3)\n"
+        + "class Long(Mine):\n    name = 61 * 'x'"
     )
     path = written(place, "mine_of_a_test", text)
     assert list(load_third_parties([f"{path}:Other"])) == ["Other"]

@@ -368,7 +368,8 @@ def test_a_process_that_dies_ends_the_run_in_one_line(mine, capfd):
     dying.write_text(
         "import os\nfrom diagnosers.references import Null\n"
         "class Dying(Null):\n    name = 'dying'\n    def initial(self, n):\n"
-        f"        if os.getpid() != {os.getpid()}: os._exit(3)\n        return super().initial(n)\n",
+        f"        if os.getpid() != {os.getpid()}: os._exit(3)\n"
+        "        return super().initial(n)\n",
         encoding="utf-8",
     )
     more = [

@@ -167,7 +167,8 @@ def test_command_writes_two_files_that_need_nothing_but_onnx_runtime_and_numpy(t
     assert "features, state in, log_probability, " in capsys.readouterr().out
     code = (
         "import runpy, sys\n"
-        "for name in ('torch', 'numba', 'scipy', 'auv_fault_env', 'diagnosers', 'training'): sys.modules[name] = None\n"
+        "for name in ('torch', 'numba', 'scipy', 'auv_fault_env', 'diagnosers', 'training'):\n"
+        "    sys.modules[name] = None\n"
         f"sys.argv = ['onnx_runner.py', {str(tmp_path / 'new' / 'it.onnx')!r}]\n"
         f"runpy.run_path({str(RUNNER)!r}, run_name='__main__')"
     )

@@ -294,7 +294,8 @@ def test_card_tells_how_the_weights_were_made(whole, toy):
     [
         (
             ["limits"],
-            "diagnoser to train: got 'limits'; allowed is one of raw_network, kalman_network, integrated",
+            "diagnoser to train: got 'limits'; "
+            "allowed is one of raw_network, kalman_network, integrated",
         ),
         (["integratd"], "did you mean 'integrated'?"),
         ([NAME, "--epochs", "0"], "epochs: got 0"),

@@ -12,7 +12,14 @@ from websockets.sync.client import connect
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
 )
-OPTIONS = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --remote-debugging-port=0".split()
+OPTIONS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--remote-debugging-port=0",
+)
 
 
 class Tab:
@@ -44,7 +51,8 @@ class Tab:
             time.sleep(0.1)
 
     def click(self, text):
-        button = f"[...document.querySelectorAll('button')].find(one => one.innerText.toLowerCase() === '{text}')"
+        has_text = f"button => button.innerText.toLowerCase() === '{text}'"
+        button = f"[...document.querySelectorAll('button')].find({has_text})"
         self.until(f"{button} !== undefined")
         self.evaluate(f"{button}.click()")
 

@@ -23,7 +23,15 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 START = 1_700_000_000_000_000_000  # ns
 PLUGINS = {"mcap": StoragePlugin.MCAP, "db3": StoragePlugin.SQLITE3}
-MOTOR = "std_msgs/Header header\nauv_msgs/msg/Shaft[2] shafts\nbool enabled\nstring name\nfloat32[] temperatures"
+MOTOR = "\n".join(
+    (
+        "std_msgs/Header header",
+        "auv_msgs/msg/Shaft[2] shafts",
+        "bool enabled",
+        "string name",
+        "float32[] temperatures",
+    )
+)
 SHAFT = "float32 rpm\nint32 ticks"
 
 

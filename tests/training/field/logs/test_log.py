@@ -220,15 +220,18 @@ def test_wrong_but_possible_readings_are_accepted(tmp_path):
     [
         (
             {"n": RPM / 60},
-            r"speed is 6\d(\.\d)? times what port_rpm gives with these constants, as if with shaft speed in rev/s; are",
+            r"speed is 6\d(\.\d)? times what port_rpm gives with these constants, "
+            r"as if with shaft speed in rev/s; are",
         ),
         (
             {"u": SPEED * 3.6},
-            r"speed is 3\.\d+ times what port_rpm gives with these constants, as if with speed in km/h; are",
+            r"speed is 3\.\d+ times what port_rpm gives with these constants, "
+            r"as if with speed in km/h; are",
         ),
         (
             {"u": SPEED / 50},
-            r"speed is 0\.02\d* times what port_rpm gives with these constants; are the units right\?",
+            r"speed is 0\.02\d* times what port_rpm gives with these constants; "
+            r"are the units right\?",
         ),
     ],
     ids=["rev/s", "km/h", "neither"],
