@@ -129,7 +129,9 @@ class PropulsionEnv(gym.Env):
     `preset`: `thesis1992`, `npsnet1995` or a `Vehicle`. `sensor_noise`, `disturbance`,
     `healthy_band`: factors on the default noise, the disturbing acceleration and the healthy band;
     0 switches off. `horizon`: end of the episode [s], before which every fault of a schedule must
-    begin; raise it together with `max_episode_steps`.
+    begin; raise it together with `max_episode_steps`. `realism`: factor on the imperfections of
+    real sensors and surroundings, from 0, the default, to 10; `imperfections`: names of those that
+    act (`auv_fault_env.realism.EFFECTS`), None for all.
 
     `reset(options={"schedule": ..., "mission": ...})`: the schedule is a sequence of `FaultEvent`
     or of mappings with their fields, or the path of a JSON file; empty means healthy; without it
@@ -160,12 +162,22 @@ class PropulsionEnv(gym.Env):
         disturbance: float = 1.0,
         healthy_band: float = 1.0,
         horizon: float = 60.0,
+        realism: float = 0.0,
+        imperfections: Sequence[str] | None = None,
     ):
         if render_mode is not None:
             known_name("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
         self._horizon = finite_in_range("horizon", horizon, 0.0, math.inf)
-        self.fleet = Fleet(1, preset, sensor_noise, disturbance, healthy_band)
+        self.fleet = Fleet(
+            1,
+            preset,
+            sensor_noise,
+            disturbance,
+            healthy_band,
+            realism=realism,
+            imperfections=imperfections,
+        )
         self.action_space = _box(ACTIONS)
         self.observation_space = _box(tuple(CHANNELS))
         self._truth = SingleLaneTruth(self.fleet)
@@ -246,8 +258,19 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
         disturbance: float = 1.0,
         healthy_band: float = 1.0,
         parallel: bool | None = None,
+        realism: float = 0.0,
+        imperfections: Sequence[str] | None = None,
     ):
-        self.fleet = Fleet(num_envs, preset, sensor_noise, disturbance, healthy_band, parallel)
+        self.fleet = Fleet(
+            num_envs,
+            preset,
+            sensor_noise,
+            disturbance,
+            healthy_band,
+            parallel,
+            realism=realism,
+            imperfections=imperfections,
+        )
         self.num_envs = self.fleet.n_lanes
         self.max_episode_steps = whole_number("max_episode_steps", max_episode_steps)
         self.single_action_space = _box(ACTIONS)

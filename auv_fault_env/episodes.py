@@ -84,6 +84,13 @@ def update_severities(lane, step, plan):
 
 
 @scalar
+def store_cold_motor(block, k, shaft, cold):
+    """Keep the parameters of one of lane k's motors that change with its temperature."""
+    block[cold * LANES + k] = block[(shaft + row.RESISTANCE) * LANES + k]
+    block[(cold + 1) * LANES + k] = block[(shaft + row.TORQUE_CONSTANT) * LANES + k]
+
+
+@scalar
 def update_parameters(memory, lane, plan, catalogue):
     """Write the parameters of a lane under its faults, within their physical limits."""
     b = lane // LANES
@@ -103,6 +110,8 @@ def update_parameters(memory, lane, plan, catalogue):
         value = plan.healthy[lane, p] * factor + shift
         limited = physics.clipped(value, catalogue.low[p], catalogue.high[p])
         memory[b, (row.PARAMETER + p) * LANES + k] = limited
+    store_cold_motor(memory[b], k, row.PORT_SHAFT, row.PORT_COLD)
+    store_cold_motor(memory[b], k, row.STARBOARD_SHAFT, row.STARBOARD_COLD)
 
 
 @scalar
@@ -157,12 +166,14 @@ def start_episodes(
     catalogue,
     limits,
     constants,
+    effects,
     observations,
     outcomes,
 ):
     """Start an episode on the lanes `started` (m,), at a constant `start_speed` (m,) [m/s].
 
-    Constants are a `PlantConstants` as an array. The sensors are read.
+    Constants are a `PlantConstants` as an array; effects as in `lanes.step_blocks`. The sensors are
+    read.
     """
     scratch = np.empty(row.N_SCRATCH * LANES)
     shared = physics.constants_from_array(constants)
@@ -176,6 +187,11 @@ def start_episodes(
         state.step[lane] = 0
         state.next_update[lane] = UPDATE_NOW
         update_lane(state, lane, plan, catalogue)
+        column = block[k:]
+        key = state.key[lane:]
+        step = state.step[lane:]
+        if effects.size:
+            lanes.start_surroundings(column, 1, key, step, effects)
         beta = block[row.PORT_SHAFT * LANES + k] + block[row.STARBOARD_SHAFT * LANES + k]
         alpha = block[row.ALPHA * LANES + k]
         shaft_speed = physics.equilibrium_shaft_speed(alpha, beta, speed, shared)
@@ -192,12 +208,13 @@ def start_episodes(
         block[row.SPEED * LANES + k] = speed
         block[row.FILTERED_SPEED * LANES + k] = speed
         block[row.SPEED_COMMAND * LANES + k] = block[row.MISSION_SPEED * LANES + k]
-        column = block[k:]
-        key = state.key[lane:]
-        step = state.step[lane:]
         lanes.sample_normals(scratch, 1, key, step)
         lanes.prepare_step(column, scratch, 1, shared)
         normal = scratch[row.DISTURBANCE_NORMAL * LANES]
         block[row.DISTURBANCE * LANES + k] = shared.disturbance_std * normal
-        lanes.read_sensors(column, scratch, 1, key, step, limits)
+        if effects.size:
+            lanes.start_history(column, scratch, 1, effects)
+            lanes.read_real_sensors(column, scratch, 1, key, step, limits, effects)
+        else:
+            lanes.read_sensors(column, scratch, 1, key, step, limits)
         lanes.copy_results(column, 1, lane, observations, outcomes)

@@ -18,7 +18,7 @@ a hypothesis of every filter bank that is made afterwards. A trained network has
 new class: its probability comes from the filter bank until the network is trained again.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -30,6 +30,7 @@ from auv_fault_env.layout import Catalogue
 from auv_fault_env.parameters import PARAMETERS, SIDES
 
 NORMAL = "normal"
+UNKNOWN = "unknown"
 
 
 @dataclass(frozen=True)
@@ -199,12 +200,13 @@ def labels() -> dict[str, tuple[str | None, str | None]]:
     return {NORMAL: (NORMAL, NORMAL), **modes}
 
 
-def matrices() -> Catalogue:
-    """The catalogue as arrays for the kernel, in its order."""
+def matrices(faults: Iterable[Fault] | None = None) -> Catalogue:
+    """The faults, None for those of the catalogue, as arrays for the kernel, in their order."""
+    faults = list(CATALOGUE.values() if faults is None else faults)
     names = list(PARAMETERS)
-    scale = np.ones((len(CATALOGUE), len(names)))
-    offset = np.zeros((len(CATALOGUE), len(names)))
-    for row, fault in enumerate(CATALOGUE.values()):
+    scale = np.ones((len(faults), len(names)))
+    offset = np.zeros((len(faults), len(names)))
+    for row, fault in enumerate(faults):
         for parameter, value in fault.scale.items():
             scale[row, names.index(parameter)] = value
         for parameter, value in fault.offset.items():

@@ -12,7 +12,7 @@ from auv_fault_env import episodes, lanes, layout
 from auv_fault_env.channels import CHANNELS, COMMANDS
 from auv_fault_env.compiling import n_threads
 from auv_fault_env.errors import finite_in_range, one_per_lane, refusal, whole_number
-from auv_fault_env.faults import CATALOGUE, matrices
+from auv_fault_env.faults import matrices
 from auv_fault_env.missions import Mission, MissionSampler, mission_of
 from auv_fault_env.noise import STREAMS, episode_keys, uniforms
 from auv_fault_env.parameters import (
@@ -23,6 +23,7 @@ from auv_fault_env.parameters import (
     vehicle_of,
 )
 from auv_fault_env.physics import plant_constants
+from auv_fault_env.realism import healthy_spread, kernel_values, known_effects
 from auv_fault_env.schedules import (
     Events,
     Schedule,
@@ -31,7 +32,10 @@ from auv_fault_env.schedules import (
     no_events,
     schedule_of,
 )
+from auv_fault_env.unmodelled import plant_faults
 
+# columns of the parameters that only the kernel with imperfections reads
+SIGNAL_PARAMETERS = slice(layout.SIGNALS - layout.PARAMETER, None)
 PARALLEL_LANES = 512  # below, waking the threads costs more than they save
 
 
@@ -55,6 +59,10 @@ class Fleet:
         Whether `compiling.n_threads` threads share the blocks; by default from 512 lanes on.
     schedules, missions
         Distributions for lanes that are reset without a schedule or a mission.
+    realism
+        Factor on the imperfections of real sensors and surroundings, 0 to 10; 0 for none.
+    imperfections
+        Names of the imperfections that act, of `realism.EFFECTS`; None for all.
 
     Attributes
     ----------
@@ -65,7 +73,7 @@ class Fleet:
     constants
         `PlantConstants` as an array.
     diagnoses
-        Diagnosis class of every fault of the catalogue, (n_faults,).
+        Diagnosis class of every fault of `plant_faults`, (n_faults,).
     outcomes
         (4, n_lanes) of the last step: reward, energy [J], cost [m^2/s^2], mission speed [m/s].
     changes
@@ -82,6 +90,8 @@ class Fleet:
         parallel: bool | None = None,
         schedules: ScheduleSampler | None = None,
         missions: MissionSampler | None = None,
+        realism: float = 0.0,
+        imperfections: Sequence[str] | None = None,
     ):
         self.n_lanes = whole_number("number of lanes", n_lanes)
         self.vehicle = vehicle_of(preset)
@@ -90,6 +100,8 @@ class Fleet:
         finite_in_range("sensor_noise", sensor_noise, 0.0, 10.0)
         finite_in_range("disturbance", disturbance, 0.0, 10.0)
         finite_in_range("healthy_band", healthy_band, 0.0, 10.0)
+        finite_in_range("realism", realism, 0.0, 10.0)
+        effects = known_effects(imperfections) if realism > 0.0 else ()
         if parallel is None:
             parallel = self.n_lanes >= PARALLEL_LANES
         n_blocks = -(-self.n_lanes // layout.LANES)
@@ -100,6 +112,10 @@ class Fleet:
         self._nominal = np.array(list(parameters.values()))
         bands = np.array([spec.band for spec in PARAMETERS.values()])
         self._band = healthy_band * bands
+        self._shift, self._latency = healthy_spread(realism, effects)
+        self._realism = kernel_values(realism, effects)
+        self._always_real = bool(effects)
+        self.effects = np.empty(0)
         self.constants = np.array(plant_constants(self.vehicle, disturbance))
         limits = [(channel.low, channel.high) for channel in CHANNELS.values()]
         self.limits = np.array(limits)
@@ -107,8 +123,9 @@ class Fleet:
         self._allocate(n_blocks, self.schedules.EVENTS, self.missions.n_legs)
 
     def _read_catalogue(self):
-        self._faults = tuple(CATALOGUE.values())
-        self.catalogue = matrices()
+        self._faults = tuple(plant_faults().values())
+        self.catalogue = matrices(self._faults)
+        self._changes_signal = self.catalogue.offset[:, SIGNAL_PARAMETERS].any(axis=1)
         self.diagnoses = np.array([fault.diagnosis for fault in self._faults])
 
     def _allocate(self, n_blocks: int, n_events: int, n_legs: int):
@@ -163,16 +180,21 @@ class Fleet:
         events, legs = _events_and_legs(schedules, missions, indices.size)
         key = self._next_episode(indices, seeds)
         place = 2.0 * uniforms(key, STREAMS["healthy_parameters"], len(PARAMETERS)) - 1.0
-        self.plan.healthy[indices] = self._nominal * (1.0 + self._band * place)
+        self.plan.healthy[indices] = self._drawn(place)
         self._set_events(indices, self.schedules.sample_events(key) if events is None else events)
         legs, speeds = self.missions.sample_legs(key) if legs is None else legs
         self._set_legs(indices, legs)
         self.outcomes = self.outcomes.copy()
-        shared = self.plan, self.catalogue, self.limits, self.constants
+        shared = self.plan, self.catalogue, self.limits, self.constants, self.effects
         results = observations, self.outcomes
         episodes.start_episodes(self.state, indices, speeds, *shared, *results)
         self.changes += 1
         return observations
+
+    def _drawn(self, place: np.ndarray) -> np.ndarray:
+        """Healthy parameters from uniform numbers in (-1, 1), both (m, n_parameters)."""
+        late = np.floor(0.5 * (1.0 + place) * (self._latency + 1.0))
+        return self._nominal * (1.0 + self._band * place) + self._shift * place + late
 
     def _next_episode(self, indices: np.ndarray, seeds: list[int] | None) -> np.ndarray:
         """Set and return the noise keys of the next episodes."""
@@ -209,7 +231,7 @@ class Fleet:
         return indices.astype(np.int64)
 
     def _set_events(self, indices: np.ndarray, events: Events):
-        if self._faults != tuple(CATALOGUE.values()):
+        if self._faults != tuple(plant_faults().values()):
             self._read_catalogue()
         plan = self.plan
         n_events = events.fault.shape[1]
@@ -222,6 +244,27 @@ class Fleet:
         profile[indices] = empty.profile[indices]
         profile[indices, :n_events] = events.profile
         self.plan = plan._replace(fault=fault, profile=profile, severity=severity)
+        self._switch_effects()
+
+    def _switch_effects(self):
+        """Let the kernel do the work of `realism` where a lane needs it."""
+        faults = self.plan.fault[self.plan.fault >= 0]
+        is_needed = (
+            self._always_real
+            or self._changes_signal[faults].any()
+            or self.plan.healthy[:, SIGNAL_PARAMETERS].any()
+        )
+        if is_needed and not self.effects.size:
+            self._fill_history()
+        self.effects = self._realism if is_needed else np.empty(0)
+
+    def _fill_history(self):
+        """Let the signals of the sensors be what they are now since long ago."""
+        table = self.table
+        shape = len(table), layout.N_READINGS, layout.N_HISTORY, layout.LANES
+        history = table[:, layout.HISTORY :].reshape(shape)
+        for channel, row in enumerate(lanes.TRUE_ROW):
+            history[:, channel] = lanes.TRUE_FACTOR[channel] * table[:, row, None]
 
     def _set_legs(self, indices: np.ndarray, legs: np.ndarray):
         n_legs = legs.shape[1]
@@ -254,6 +297,7 @@ class Fleet:
             actions,
             self.limits,
             self.constants,
+            self.effects,
             observations,
             self.outcomes,
         )
@@ -291,6 +335,7 @@ class Fleet:
             allowed = f"finite numbers of shape {shape}"
             raise refusal("healthy parameters", values, allowed, "give one row per lane")
         self.plan.healthy[:] = values
+        self._switch_effects()
         self._update_all()
 
     def replan(

@@ -9,12 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.channels import CHANNELS, COMMANDS, READINGS
-from auv_fault_env.parameters import HULL, PARAMETERS, SENSOR, SHAFT
+from auv_fault_env.parameters import HULL, LONGEST_LATENCY, PARAMETERS, SENSOR, SHAFT, SIGNAL
 
 LANES = 256  # lanes of a block: its table stays in the second-level cache
 
-# The first rows are the observation, as in CHANNELS; the last the parameters, as in PARAMETERS.
+# The first rows are the observation, as in CHANNELS; then follow the state, the parameters, as in
+# PARAMETERS, and what `realism` adds.
 N_CHANNELS = len(CHANNELS)
+N_READINGS = len(READINGS)
 N_PARAMETERS = len(PARAMETERS)
 MISSION_SPEED, SPEED_COMMAND, RUDDER, STERN_PLANE = range(4)
 READING = len(COMMANDS)
@@ -44,15 +46,35 @@ PORT_SHAFT = PARAMETER + len(HULL)
 STARBOARD_SHAFT = PARAMETER + len(HULL) + len(SHAFT)
 SENSORS = STARBOARD_SHAFT + len(SHAFT)
 N_SENSOR_PARAMETERS = len(SENSOR)
-N_ROWS = PARAMETER + N_PARAMETERS
+# parameters of a shaft, counted from its first
+RESISTANCE = SHAFT.index("resistance")
+TORQUE_CONSTANT = SHAFT.index("torque_constant")
+SIGNALS = SENSORS + N_READINGS * N_SENSOR_PARAMETERS
+N_SIGNAL_PARAMETERS = len(SIGNAL)
+SURROUNDINGS = PARAMETER + N_PARAMETERS
+# angles [deg], noise of the paddle wheel, current of the water and what it tends to [m/s]
+PITCH, ROLL, WHEEL_NOISE, WATER_CURRENT, WATER_TARGET = range(SURROUNDINGS, SURROUNDINGS + 5)
+# above the water [K]
+PORT_TEMPERATURE = SURROUNDINGS + 5
+STARBOARD_TEMPERATURE = SURROUNDINGS + 6
+# of motors as cold as the water: resistance, then torque constant
+PORT_COLD = SURROUNDINGS + 7
+STARBOARD_COLD = SURROUNDINGS + 9
+# the last signals of each sensor, in a circle
+HISTORY = SURROUNDINGS + 11
+N_HISTORY = LONGEST_LATENCY + 1
+N_ROWS = HISTORY + N_READINGS * N_HISTORY
 
-# Scratch rows of one call: coefficients of both motors, drag of the hull, ten normals.
+# Scratch rows of one call: coefficients of both motors, drag of the hull, ten normals, the signals
+# that the sensors convert, the sine of a ripple.
 PORT_MOTOR = 0
 STARBOARD_MOTOR = 5
 DRAG = 10
 NORMAL = 11
-N_SCRATCH = 21
-DISTURBANCE_NORMAL = NORMAL + len(READINGS)
+DISTURBANCE_NORMAL = NORMAL + N_READINGS
+SIGNAL_VALUE = DISTURBANCE_NORMAL + 2
+RIPPLE = SIGNAL_VALUE + N_READINGS
+N_SCRATCH = RIPPLE + 1
 
 
 class SeverityProfile(NamedTuple):
@@ -79,7 +101,7 @@ class EpisodePlan(NamedTuple):
     """What happens to each lane in its episode, and the severities of the present step."""
 
     healthy: np.ndarray  # (n_lanes, N_PARAMETERS)
-    fault: np.ndarray  # (n_lanes, n_events) row of the catalogue, -1 for none
+    fault: np.ndarray  # (n_lanes, n_events) place in `plant_faults`, -1 for none
     profile: np.ndarray  # (n_lanes, n_events, 6), each a `SeverityProfile`
     severity: np.ndarray  # (n_lanes, n_events), of the present step
     legs: np.ndarray  # (n_lanes, n_legs, 2): start [s], mission speed [m/s]

@@ -22,9 +22,14 @@ STREAMS = {
     "random_instants": 6,
     "constant_speed": 7,
 }
-# random words of one step: five pairs of normals, then the chances of stuck and dropped samples
+# random words of one step: five pairs of normals, the chances of stuck and dropped samples, those
+# of outliers, two pairs of normals of the surroundings, and the change of the water's current
 WORDS_PER_STEP = np.uint64(16)
 CHANCE_WORD = np.uint64(8)
+OUTLIER_WORD = np.uint64(10)
+ANGLE_WORD = np.uint64(12)
+WHEEL_WORD = np.uint64(13)
+WATER_WORD = np.uint64(14)
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 MIX_2 = np.uint64(0x94D049BB133111EB)
@@ -82,15 +87,32 @@ def sine_of_turns(x):
 
 
 @scalar
+def sine(turn):
+    """Sine of 2 pi x for x in [0, 1)."""
+    shifted = turn - 0.25 if turn >= 0.25 else turn + 0.75
+    return sine_of_turns(abs(shifted - 0.5) - 0.25)
+
+
+@scalar
+def upper_half_of_word(word):
+    """A uniform number in [0, 1) from the upper 32 bits of a word."""
+    return float_of_integer(word >> U32) * 2.0**-32
+
+
+@scalar
+def lower_half_of_word(word):
+    """A uniform number in [0, 1) from the lower 32 bits of a word."""
+    return float_of_integer(word & LOW_32) * 2.0**-32
+
+
+@scalar
 def normal_pair(word):
     """Two independent standard normals from 64 random bits (Box & Muller 1958), bounded by 6.8."""
-    uniform = (float_of_integer(word >> U32) + 0.5) * 2.0**-32
+    uniform = upper_half_of_word(word) + 0.5 * 2.0**-32
     radius = math.sqrt(-2.0 * logarithm(uniform))
-    turn = float_of_integer(word & LOW_32) * 2.0**-32
+    turn = lower_half_of_word(word)
     cosine = sine_of_turns(abs(turn - 0.5) - 0.25)
-    shifted = turn - 0.25 if turn >= 0.25 else turn + 0.75
-    sine = sine_of_turns(abs(shifted - 0.5) - 0.25)
-    return radius * cosine, radius * sine
+    return radius * cosine, radius * sine(turn)
 
 
 @scalar

@@ -190,6 +190,10 @@ SHAFT = (
     "inertia",
 )
 SENSOR = ("bias", "gain", "noise", "stuck", "dropout")
+# of a sensor too, after all others
+SIGNAL = ("latency", "ripple")
+LONGEST_LATENCY = 7  # samples
+RIPPLE_FREQUENCY = 1.3  # Hz
 
 
 def _plant_parameter(name: str) -> Parameter:
@@ -209,11 +213,22 @@ def _sensor_parameters(channel: str) -> dict[str, Parameter]:
     }
 
 
+def _signal_parameters(channel: str) -> dict[str, Parameter]:
+    unit, low, high, *_ = CHANNELS[channel]
+    late = "samples by which the reading is late"
+    sine = f"amplitude of a sine of {RIPPLE_FREQUENCY} Hz in the reading"
+    return {
+        f"{channel}_latency": Parameter("1", 0.0, LONGEST_LATENCY, 0.0, late),
+        f"{channel}_ripple": Parameter(unit, 0.0, high - low, 0.0, sine),
+    }
+
+
 # The rows of `layout` follow this order.
 PARAMETERS: dict[str, Parameter] = {
     **{name: _plant_parameter(name) for name in HULL},
     **{f"{side}_{name}": _plant_parameter(name) for side in SIDES for name in SHAFT},
     **{name: spec for channel in READINGS for name, spec in _sensor_parameters(channel).items()},
+    **{name: spec for channel in READINGS for name, spec in _signal_parameters(channel).items()},
 }
 
 
@@ -225,7 +240,7 @@ def nominal(vehicle: Vehicle, sensor_noise: float = 1.0) -> dict[str, float]:
     for channel in READINGS:
         healthy = (0.0, 1.0, sensor_noise * CHANNELS[channel].noise, 0.0, 0.0)
         values |= {f"{channel}_{name}": value for name, value in zip(SENSOR, healthy, strict=True)}
-    return values
+    return values | {f"{channel}_{name}": 0.0 for channel in READINGS for name in SIGNAL}
 
 
 def describe(vehicle: Vehicle) -> list[dict]:

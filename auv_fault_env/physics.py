@@ -21,6 +21,8 @@ from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.parameters import ENERGY_WEIGHT, SAMPLE_TIME, SHAFT, Vehicle
 
 RPM = 30.0 / math.pi  # rpm per rad/s
+GRAVITY = 9.80665  # m/s^2
+LEAST_SUPPLY = 0.5  # share of its voltage that an empty battery still gives
 
 # Graded substeps: short while the shaft answers a new voltage, long once it has settled. Samples
 # stay within 1e-6 of DOP853 at 1e-11 (tests/auv_fault_env/test_physics.py).
@@ -173,10 +175,20 @@ def shaft_acceleration(shaft_speed, speed, side):
 
 
 @scalar
+def coloured_noise(std, time, starts=False):
+    """Share of an Ornstein-Uhlenbeck process left after a sample, and std of the noise that joins.
+
+    The process has this standard deviation and this correlation time [s]; its first sample keeps
+    nothing.
+    """
+    memory = 0.0 if starts else math.exp(-SAMPLE_TIME / time)
+    return memory, std * math.sqrt(1.0 - memory * memory)
+
+
+@scalar
 def disturbance_memory(constants):
     """Share of the disturbance left after a sample, and std of the noise that joins it: exact."""
-    memory = math.exp(-SAMPLE_TIME / constants.disturbance_time)
-    return memory, constants.disturbance_std * math.sqrt(1.0 - memory * memory)
+    return coloured_noise(constants.disturbance_std, constants.disturbance_time)
 
 
 @scalar
@@ -359,11 +371,42 @@ def low_pass(filtered, reading, share):
 
 
 @scalar
-def reading(truth, bias, gain, noise, stuck, dropout, normal, chance, last_reading):
-    """What a sensor reports of the true value.
+def gravity_felt(pitch, roll, cross_axis):
+    """Acceleration [m/s^2] that the accelerometer feels at small angles [deg]."""
+    return GRAVITY * (math.pi / 180.0) * (pitch + cross_axis * roll)
+
+
+@scalar
+def supply_share(fade, droop, hours, current):
+    """Share of its nominal voltage that the supply gives after these hours at this current [A]."""
+    return clipped(1.0 - fade * hours - droop * current, LEAST_SUPPLY, 1.0)
+
+
+@scalar
+def winding_temperature(temperature, current, resistance, thermal_resistance, share):
+    """Temperature [K] above the water a sample later: it moves by `share` to its equilibrium."""
+    loss = current * current * resistance
+    return temperature + share * (thermal_resistance * loss - temperature)
+
+
+@scalar
+def fresh_reading(signal, bias, gain, noise, normal):
+    """What the converter of a sensor gives of its signal."""
+    return gain * signal + bias + noise * normal
+
+
+@scalar
+def converted(value, step, low, high):
+    """The nearest multiple of the step within the range of the converter; step 0 for any number."""
+    limited = clipped(value, low, high)
+    return step * math.floor(limited / step + 0.5) if step > 0.0 else limited
+
+
+@scalar
+def reported(fresh, stuck, dropout, chance, last_reading):
+    """What arrives of a fresh reading.
 
     A dropped sample reads zero, a stuck one repeats the last reading; one chance decides both.
     """
-    fresh = gain * truth + bias + noise * normal
     repeated_or_fresh = last_reading if chance < stuck else fresh
     return 0.0 if chance < dropout else repeated_or_fresh

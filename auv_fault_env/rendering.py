@@ -162,7 +162,7 @@ class Renderer:
         rows = np.array(self._rows)
         row = dict(zip(COLUMNS, self._rows[-1], strict=True))
         components = {fault.diagnosis: fault.component for fault in CATALOGUE.values()}
-        faulty = {components[name] for name in self._severity}
+        faulty = {components[name] for name in self._severity if name in components}
         start = row["time"] - WINDOW
         onsets = [onset for onset in self._onsets.values() if onset >= start]
         full_thrust = self._full_thrust or 1.0

@@ -17,9 +17,10 @@ from auv_fault_env.errors import (
     refusal,
     whole_number,
 )
-from auv_fault_env.faults import CATALOGUE, fault_of
+from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.layout import EpisodePlan, SeverityProfile
 from auv_fault_env.noise import STREAMS, episode_keys, uniforms
+from auv_fault_env.unmodelled import plant_fault, plant_faults
 
 LONGEST = 1e12  # s
 # largest value of each column of a severity profile but its end
@@ -36,7 +37,7 @@ LIMITS = {
 class FaultEvent:
     """One fault of an episode: abrupt, incipient (ramp), intermittent (period), or repaired."""
 
-    fault: str  # name in the catalogue
+    fault: str  # name in the catalogue or in `UNMODELLED`
     onset: float  # s, from the beginning of the episode
     severity: float  # full, 0 to 1
     ramp: float = 0.0  # s, in which the severity grows from zero
@@ -45,7 +46,7 @@ class FaultEvent:
     duty: float = 1.0  # share of each period during which it is present
 
     def __post_init__(self):
-        fault_of(self.fault)
+        plant_fault(self.fault)
         for name, high in {**LIMITS, "end": math.inf}.items():
             value = finite_in_range(f"{name} of {self.fault}", getattr(self, name), 0.0, high)
             object.__setattr__(self, name, value)
@@ -129,7 +130,7 @@ def load_schedule(path: str | Path) -> Schedule:
 class Events(NamedTuple):
     """The schedules of many lanes as arrays."""
 
-    fault: np.ndarray  # (n_lanes, n_events) row of the catalogue, -1 for none
+    fault: np.ndarray  # (n_lanes, n_events) place in `plant_faults`, -1 for none
     profile: np.ndarray  # (n_lanes, n_events, 6), each a `SeverityProfile`
 
 
@@ -153,7 +154,7 @@ def no_events(n_lanes: int, n_events: int) -> Events:
 
 def events_of(schedules: Sequence[Schedule]) -> Events:
     """The schedules (one per lane) as arrays."""
-    rows = {name: row for row, name in enumerate(CATALOGUE)}
+    rows = {name: row for row, name in enumerate(plant_faults())}
     n_events = max(map(len, schedules), default=0)
     events = no_events(len(schedules), n_events)
     for lane, schedule in enumerate(schedules):
@@ -165,7 +166,7 @@ def events_of(schedules: Sequence[Schedule]) -> Events:
 
 def schedules_of(events: Events) -> list[Schedule]:
     """The schedule of every lane: the inverse of `events_of`."""
-    names = list(CATALOGUE)
+    names = list(plant_faults())
     schedules = []
     for faults, profiles in zip(*events, strict=True):
         present = faults >= 0

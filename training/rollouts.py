@@ -7,12 +7,13 @@ import numpy as np
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.episodes import severities_over_time
-from auv_fault_env.faults import CATALOGUE, classes
+from auv_fault_env.faults import UNKNOWN, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.layout import EpisodePlan
 from auv_fault_env.missions import Mission, follow_mission
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.schedules import Events, Schedule, first_onset, profile_of
+from auv_fault_env.unmodelled import plant_faults
 
 TIME_TOLERANCE = 1e-9  # s, by which a sample time may miss an onset at that time
 
@@ -61,8 +62,8 @@ def label_and_severity(plan: EpisodePlan | Events, n_samples: int) -> tuple[np.n
     """
     # a sample shows the severities of the step that led to it
     time = np.arange(-1, n_samples - 1) * SAMPLE_TIME + TIME_TOLERANCE
-    names = list(classes())
-    of_fault = np.array([names.index(fault.diagnosis) for fault in CATALOGUE.values()])
+    names = list(dict.fromkeys((*classes(), UNKNOWN)))
+    of_fault = np.array([names.index(fault.diagnosis) for fault in plant_faults().values()])
     permanent = profile_of(plan)._replace(period=np.zeros(plan.fault.shape))
     profiles = np.stack(permanent, axis=-1)
     label = np.zeros((n_samples, len(plan.fault)), np.int64)

@@ -25,7 +25,8 @@ def draws():
     out = []
     for step in range(N_STEPS):
         sample_normals(scratch, layout.LANES, key, np.full(layout.LANES, step))
-        out.append(scratch.reshape(-1, layout.LANES)[layout.NORMAL :].copy())
+        rows = slice(layout.NORMAL, layout.NORMAL + N_NORMALS)
+        out.append(scratch.reshape(-1, layout.LANES)[rows].copy())
     return np.array(out)
 
 

@@ -11,6 +11,7 @@ from auv_fault_env.parameters import (
     SENSOR,
     SHAFT,
     SIDES,
+    SIGNAL,
     blade_pair_inertia,
     describe,
     nominal,
@@ -96,7 +97,9 @@ def test_inertia_of_the_blades_converges_to_the_integral():
 def test_parameters_of_a_lane_are_hull_shafts_and_sensors():
     shafts = [f"{side}_{name}" for side in SIDES for name in SHAFT]
     sensors = [f"{channel}_{name}" for channel in list(CHANNELS)[4:] for name in SENSOR]
-    assert list(PARAMETERS) == [*HULL, *shafts, *sensors] == list(nominal(PRESETS["thesis1992"]))
+    signals = [f"{channel}_{name}" for channel in list(CHANNELS)[4:] for name in SIGNAL]
+    names = [*HULL, *shafts, *sensors, *signals]
+    assert list(PARAMETERS) == names == list(nominal(PRESETS["thesis1992"]))
 
 
 def test_healthy_bands_are_those_of_the_design():

@@ -88,7 +88,7 @@ def _kernel_runs(fleet: Fleet) -> dict[str, Run]:
     observations = np.empty((n_lanes, len(CHANNELS)), np.float32)
     outcomes = np.empty((4, n_lanes))
     inputs = (actions, fleet.limits, fleet.constants)
-    arguments = (0, len(state.memory), *state, *inputs, observations, outcomes)
+    arguments = (0, len(state.memory), *state, *inputs, fleet.effects, observations, outcomes)
     calls = 1 + 1000 // n_lanes
     return {
         "call": call_run(partial(lanes.step_blocks, *arguments), n_lanes, calls),
