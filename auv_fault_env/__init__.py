@@ -17,6 +17,7 @@ from auv_fault_env.schedules import (
     load_schedule,
     to_json,
 )
+from auv_fault_env.unmodelled import UNMODELLED
 
 __all__ = [
     "CATALOGUE",
@@ -24,6 +25,7 @@ __all__ = [
     "MISSIONS",
     "PARAMETERS",
     "PRESETS",
+    "UNMODELLED",
     "Channel",
     "Fault",
     "FaultEvent",

@@ -68,6 +68,8 @@ class Fleet:
     ----------
     state, plan, catalogue
         What the kernels share, see `layout`.
+    effects
+        `realism.kernel_values`, or empty as long as no lane needs them.
     limits
         Full scale of the channels, (n_channels, 2).
     constants
@@ -101,7 +103,7 @@ class Fleet:
         finite_in_range("disturbance", disturbance, 0.0, 10.0)
         finite_in_range("healthy_band", healthy_band, 0.0, 10.0)
         finite_in_range("realism", realism, 0.0, 10.0)
-        effects = known_effects(imperfections) if realism > 0.0 else ()
+        effects = known_effects(imperfections)
         if parallel is None:
             parallel = self.n_lanes >= PARALLEL_LANES
         n_blocks = -(-self.n_lanes // layout.LANES)
@@ -114,7 +116,7 @@ class Fleet:
         self._band = healthy_band * bands
         self._shift, self._latency = healthy_spread(realism, effects)
         self._realism = kernel_values(realism, effects)
-        self._always_real = bool(effects)
+        self._always_real = realism > 0.0 and bool(effects)
         self.effects = np.empty(0)
         self.constants = np.array(plant_constants(self.vehicle, disturbance))
         limits = [(channel.low, channel.high) for channel in CHANNELS.values()]

@@ -395,31 +395,23 @@ def outlier(chance, probability, size):
 
 
 @kernel
-def read_real_sensors(block, scratch, width, key, step, limits, effects):
-    """As `read_sensors`, with the imperfections of `realism.kernel_values`."""
-    write_true_values(block, scratch, width)
-    write_signals(block, scratch, width, effects)
-    delay_signals(block, scratch, width, step)
+def convert_signals(block, scratch, width, key, step, effects):
+    """Put what the converters give in the place of the signals."""
     probability = surroundings_from_array(effects).outlier_probability
     words = np.empty((2, LANES), np.uint64)
-    sample_words(words, width, key, step, CHANCE_WORD)
-    outlier_words = np.empty((2, LANES), np.uint64)
-    sample_words(outlier_words, width, key, step, OUTLIER_WORD)
+    sample_words(words, width, key, step, OUTLIER_WORD)
     for k in range(width):
         turns = RIPPLE_FREQUENCY * SAMPLE_TIME * step[k]
         scratch[row.RIPPLE * LANES + k] = sine(turns - math.floor(turns))
     for channel in range(row.N_READINGS):
         converter = conversion_from_array(effects, channel)
         chances = words[channel // 4]
-        outlier_chances = outlier_words[channel // 4]
-        read_into = row.READING + channel
+        value = (row.SIGNAL_VALUE + channel) * LANES
         sensor = (row.SENSORS + row.N_SENSOR_PARAMETERS * channel) * LANES
         ripple = (row.SIGNALS + row.N_SIGNAL_PARAMETERS * channel + 1) * LANES
         normal = (row.NORMAL + channel) * LANES
-        low = limits[read_into, 0]
-        high = limits[read_into, 1]
         for k in range(width):
-            signal = scratch[(row.SIGNAL_VALUE + channel) * LANES + k]
+            signal = scratch[value + k]
             fresh = physics.fresh_reading(
                 signal,
                 block[sensor + k],
@@ -428,11 +420,30 @@ def read_real_sensors(block, scratch, width, key, step, limits, effects):
                 scratch[normal + k],
             )
             fresh += block[ripple + k] * scratch[row.RIPPLE * LANES + k]
-            chance = channel_uniform(outlier_chances[k], channel)
+            chance = channel_uniform(chances[k], channel)
             fresh += outlier(chance, probability, converter.outlier)
             counted = fresh if abs(signal) >= converter.least else 0.0
+            scratch[value + k] = physics.converted(counted, converter)
+
+
+@kernel
+def read_real_sensors(block, scratch, width, key, step, limits, effects):
+    """As `read_sensors`, with the imperfections of `realism.kernel_values`."""
+    write_true_values(block, scratch, width)
+    write_signals(block, scratch, width, effects)
+    delay_signals(block, scratch, width, step)
+    convert_signals(block, scratch, width, key, step, effects)
+    words = np.empty((2, LANES), np.uint64)
+    sample_words(words, width, key, step, CHANCE_WORD)
+    for channel in range(row.N_READINGS):
+        chances = words[channel // 4]
+        read_into = row.READING + channel
+        sensor = (row.SENSORS + row.N_SENSOR_PARAMETERS * channel) * LANES
+        low = limits[read_into, 0]
+        high = limits[read_into, 1]
+        for k in range(width):
             unlimited = physics.reported(
-                physics.converted(counted, converter.step, converter.low, converter.high),
+                scratch[(row.SIGNAL_VALUE + channel) * LANES + k],
                 block[sensor + 3 * LANES + k],
                 block[sensor + 4 * LANES + k],
                 channel_uniform(chances[k], channel),

@@ -396,9 +396,10 @@ def fresh_reading(signal, bias, gain, noise, normal):
 
 
 @scalar
-def converted(value, step, low, high):
-    """The nearest multiple of the step within the range of the converter; step 0 for any number."""
-    limited = clipped(value, low, high)
+def converted(value, converter):
+    """The nearest multiple of a converter's step within its range; any number if the step is 0."""
+    limited = clipped(value, converter.low, converter.high)
+    step = converter.step
     return step * math.floor(limited / step + 0.5) if step > 0.0 else limited
 
 
