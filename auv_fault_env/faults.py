@@ -30,7 +30,7 @@ from auv_fault_env.layout import Catalogue
 from auv_fault_env.parameters import PARAMETERS, SIDES
 
 NORMAL = "normal"
-UNKNOWN = "unknown"
+UNKNOWN = "unknown"  # class of the readings that none of the others explains
 
 
 @dataclass(frozen=True)
@@ -183,9 +183,23 @@ def fault_of(name: str) -> Fault:
     return CATALOGUE[known_name("fault", name, CATALOGUE)]
 
 
+def fault_classes() -> tuple[str, ...]:
+    """Diagnosis classes of the faults, in the order of the catalogue."""
+    return tuple(dict.fromkeys(fault.diagnosis for fault in CATALOGUE.values()))
+
+
+def known_classes() -> tuple[str, ...]:
+    """Diagnosis classes that say what the vehicle is like: `normal`, then those of the faults."""
+    return (NORMAL, *fault_classes())
+
+
 def classes() -> tuple[str, ...]:
-    """Diagnosis classes, `normal` first, then in the order of the catalogue."""
-    return tuple(dict.fromkeys((NORMAL, *(fault.diagnosis for fault in CATALOGUE.values()))))
+    """Diagnosis classes, those that a belief is over: the known ones, and last `unknown`.
+
+    The probability of `unknown` is that none of the others explains the readings. No fault of the
+    catalogue belongs to it.
+    """
+    return (*known_classes(), UNKNOWN)
 
 
 def labels() -> dict[str, tuple[str | None, str | None]]:
@@ -197,7 +211,7 @@ def labels() -> dict[str, tuple[str | None, str | None]]:
     ('degraded propeller', 'severe propulsion failure')
     """
     modes = {fault.diagnosis: (fault.table_5_1, fault.table_5_2) for fault in CATALOGUE.values()}
-    return {NORMAL: (NORMAL, NORMAL), **modes}
+    return {NORMAL: (NORMAL, NORMAL), **modes, UNKNOWN: (None, None)}
 
 
 def matrices(faults: Iterable[Fault] | None = None) -> Catalogue:

@@ -8,7 +8,7 @@ import numpy as np
 
 from auv_fault_env import layout
 from auv_fault_env.errors import known_name
-from auv_fault_env.faults import NORMAL, UNKNOWN, classes
+from auv_fault_env.faults import NORMAL, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import PARAMETERS
 from auv_fault_env.physics import RPM
@@ -73,7 +73,7 @@ class FleetTruth(Mapping):
 
     def _severity(self) -> dict[str, np.ndarray]:
         plan = self._fleet.plan
-        names = list(dict.fromkeys((*classes(), UNKNOWN)))
+        names = classes()
         class_of_fault = [names.index(name) for name in self._fleet.diagnoses]
         class_of_fault = np.array(class_of_fault)
         largest = np.zeros((len(names), self._fleet.n_lanes))
@@ -81,7 +81,7 @@ class FleetTruth(Mapping):
         for fault, severity in zip(plan.fault.T, plan.severity.T, strict=True):
             row = np.where(fault >= 0, class_of_fault[fault], 0)
             np.maximum.at(largest, (row, lanes), severity)
-        return {name: largest[names.index(name)] for name in classes()[1:]}
+        return dict(zip(names[1:], largest[1:], strict=True))
 
     def _label(self) -> np.ndarray:
         plan = self._fleet.plan
@@ -128,7 +128,7 @@ class SingleLaneTruth:
         rows = slice(layout.PARAMETER, layout.SURROUNDINGS)
         parameters = self._fleet.table[self._block, rows, self._column]
         self._parameters = dict(zip(PARAMETERS, parameters.tolist(), strict=True))
-        largest = dict.fromkeys((*classes(), UNKNOWN), 0.0)
+        self._severity = dict.fromkeys(classes()[1:], 0.0)
         self._onset = math.inf
         self._label = NORMAL
         worst = 0.0
@@ -139,9 +139,8 @@ class SingleLaneTruth:
             if fault < 0:
                 continue
             name = str(self._fleet.diagnoses[fault])
-            largest[name] = max(largest[name], severity)
+            self._severity[name] = max(self._severity[name], severity)
             self._onset = min(self._onset, onset)
             if severity > worst:  # of equal severities the first event, as in `FleetTruth`
                 self._label = name
                 worst = severity
-        self._severity = {name: largest[name] for name in classes()[1:]}

@@ -23,7 +23,7 @@ import numpy as np
 
 from auv_fault_env.channels import MAXIMUM_COMMAND
 from auv_fault_env.errors import refusal
-from auv_fault_env.faults import classes
+from auv_fault_env.faults import UNKNOWN, classes
 from auv_fault_env.parameters import Vehicle
 from diagnosers.capability import capability, sample_parameters
 from diagnosers.diagnoser import Belief
@@ -319,7 +319,10 @@ def _reason(assessment: Assessment, lane: int, level: int, chosen: int) -> str:
 
 def _named_fault(assessment: Assessment, lane: int) -> str:
     name = classes()[assessment.fault[lane]]
-    likely = f"{name} is likely ({100 * assessment.probability[lane]:.0f} %"
+    percent = f"{100 * assessment.probability[lane]:.0f} %"
+    if name == UNKNOWN:
+        return f"a fault that is none of the known ones is likely ({percent})"
+    likely = f"{name} is likely ({percent}"
     if name == SPEED_SENSOR:
         return f"{likely}): that reading misleads, and at the cheapest speed its error costs least"
     if name.startswith(SENSOR_PREFIX):

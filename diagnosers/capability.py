@@ -15,7 +15,14 @@ from auv_fault_env import physics
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.errors import refusal
-from auv_fault_env.faults import CATALOGUE, classes, fault_effect, matrices
+from auv_fault_env.faults import (
+    CATALOGUE,
+    classes,
+    fault_classes,
+    fault_effect,
+    known_classes,
+    matrices,
+)
 from auv_fault_env.parameters import HULL, PARAMETERS, SHAFT, SIDES, Vehicle, nominal
 from diagnosers.diagnoser import Belief
 
@@ -122,13 +129,17 @@ def sample_parameters(belief: Belief, vehicle: Vehicle, shafts: int = 2) -> np.n
     """Plant parameters of equally likely possible vehicles, (n_lanes, n_vehicles, N_PLANT).
 
     Class and severity follow the belief (severity as a normal distribution within 0 and 1), and the
-    healthy vehicle its band. With one shaft, both sides are as port.
+    healthy vehicle its band. An unknown fault counts as any of the known ones, evenly. With one
+    shaft, both sides are as port.
     """
     probability = np.exp(belief.log_probability)
     if probability.shape[1] != len(classes()):
         allowed = f"{len(classes())}, those of auv_fault_env.classes()"
         remedy = "give a belief over all of them"
         raise refusal("classes of the belief", probability.shape[1], allowed, remedy)
+    unknown = probability[:, -1:]
+    probability = probability[:, :-1]
+    probability[:, 1:] += unknown / len(fault_classes())
     of_class, of_severity = _quantiles()[:, :2].T
     edges = probability.cumsum(axis=1)[:, None, :-1]
     chosen = (of_class[:, None] > edges).sum(axis=2)
@@ -155,11 +166,11 @@ def _quantiles() -> np.ndarray:
 
 
 def _effects(shafts: int) -> tuple[np.ndarray, np.ndarray]:
-    """Factor and shift of each plant parameter at severity 1 by class, (n_classes, N_PLANT)."""
+    """Factor and shift of each plant parameter at severity 1 by known class, (n_known, N_PLANT)."""
     diagnoses = [fault.diagnosis for fault in CATALOGUE.values()]
-    rows = [diagnoses.index(name) for name in classes()[1:]]
+    rows = [diagnoses.index(name) for name in fault_classes()]
     effects = matrices()
-    scale = np.ones((len(classes()), N_PLANT))
+    scale = np.ones((len(known_classes()), N_PLANT))
     offset = np.zeros_like(scale)
     scale[1:] = effects.scale[rows, :N_PLANT]
     offset[1:] = effects.offset[rows, :N_PLANT]

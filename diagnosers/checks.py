@@ -8,7 +8,7 @@ import numpy as np
 
 from auv_fault_env.channels import CHANNELS, READINGS
 from auv_fault_env.errors import refusal, whole_number
-from auv_fault_env.faults import NORMAL
+from auv_fault_env.faults import NORMAL, UNKNOWN
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import follow_mission
 from auv_fault_env.schedules import FaultEvent
@@ -143,9 +143,9 @@ def _check_interface(diagnoser: Diagnoser, observations: np.ndarray) -> None:
     needed = "classes, reset and update"
     _require(is_diagnoser, "diagnoser", type(diagnoser), needed, "add them")
     names = diagnoser.classes
-    is_list = isinstance(names, tuple) and names[:1] == (NORMAL,)
-    is_valid = is_list and len(set(names)) == len(names) > 1
-    allowed = f"a tuple of different names, {NORMAL!r} first"
+    has_ends = isinstance(names, tuple) and (names[:1], names[-1:]) == ((NORMAL,), (UNKNOWN,))
+    is_valid = has_ends and len(set(names)) == len(names) > 2
+    allowed = f"a tuple of different names, {NORMAL!r} first, {UNKNOWN!r} last"
     _require(is_valid, "classes", names, allowed, "see auv_fault_env.classes()")
 
 

@@ -20,7 +20,12 @@ from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import follow_mission
 from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.schedules import FaultEvent
-from diagnosers.diagnoser import Belief, ModelBased, join_odds
+from diagnosers.diagnoser import (
+    Belief,
+    ModelBased,
+    join_odds,
+    with_impossible_unknown,
+)
 from diagnosers.kalman import Estimate, SurgeFilter
 from diagnosers.symptoms.residuals import RESIDUALS, healthy_band, residuals
 
@@ -145,7 +150,9 @@ class Cusum(ModelBased):
         scores = log_density - log_density.max(axis=1, keepdims=True)
         with_normal = ((0, 0), (1, 0))
         severity = np.pad(np.minimum(mean, 1.0), with_normal)
-        return Belief(join_odds(log_odds, scores), severity, np.pad(std, with_normal))
+        log_probability = join_odds(log_odds, scores)
+        known = Belief(log_probability, severity, np.pad(std, with_normal))
+        return with_impossible_unknown(known)
 
     def _by_signatures(self, pattern: np.ndarray) -> Arrays:
         """Log density of patterns, severity mean and std by fault, (n_lanes, n_faults) each."""

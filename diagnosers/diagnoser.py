@@ -11,19 +11,21 @@ import numpy as np
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import refusal, whole_number
-from auv_fault_env.faults import classes
+from auv_fault_env.faults import UNKNOWN, classes
 from auv_fault_env.parameters import Vehicle, vehicle_of
 from diagnosers import storage
 
-UNKNOWN = "unknown"
+IMPOSSIBLE = -1e30  # log probability of a class that cannot be: finite, also as float32
 
 
 class Belief(NamedTuple):
-    """The belief of a diagnoser after a sample, (n_lanes, n_classes) each; class 0 is `normal`.
+    """The belief of a diagnoser after a sample, (n_lanes, n_classes) each.
+
+    Class 0 is `normal`, the last one `unknown`: that no other class explains the readings.
 
     log_probability: natural logarithm, each row's probabilities sum to 1. severity_mean and
     severity_std: severity 0 to 1 *if* that class is the fault, and its standard deviation; both 0
-    for `normal`. Multiply by the probability for the severity to expect.
+    for `normal` and `unknown`. Multiply by the probability for the severity to expect.
     """
 
     log_probability: np.ndarray
@@ -82,8 +84,13 @@ class Recursive(ABC):
 
     @cached_property
     def classes(self) -> tuple[str, ...]:
-        """The classes of its beliefs, `normal` first: those of the catalogue at the first use."""
+        """The classes of its beliefs, `auv_fault_env.classes()` as they are at the first use."""
         return classes()
+
+    @property
+    def known_classes(self) -> tuple[str, ...]:
+        """The classes of its beliefs but `unknown`, which is the last one."""
+        return self.classes[:-1]
 
     @cached_property
     def labels(self) -> Mapping[str, str | None]:
@@ -177,6 +184,16 @@ def join_odds(log_odds: np.ndarray, scores: np.ndarray) -> np.ndarray:
     return np.hstack([-np.logaddexp(0.0, log_odds), faults])
 
 
+def with_impossible_unknown(belief: Belief) -> Belief:
+    """A belief over the known classes, with `unknown` of probability 0 as the last class.
+
+    For diagnosers that cannot know whether their classes explain the readings.
+    """
+    ends = (IMPOSSIBLE, 0.0, 0.0)
+    columns = [np.full((len(values), 1), end) for values, end in zip(belief, ends, strict=True)]
+    return Belief(*map(np.hstack, zip(belief, columns, strict=True)))
+
+
 def fill_missing(
     observation: np.ndarray, previous: np.ndarray, channels: slice = slice(None)
 ) -> np.ndarray:
@@ -200,10 +217,11 @@ def fill_missing(
 def decide(
     belief: Belief, classes: tuple[str, ...], alarm: float = 0.5, name: float = 0.5
 ) -> list[str]:
-    """The decision on every lane: `normal`, a class, or `unknown`, a fault that is not isolated.
+    """The decision on every lane: `normal`, a class, or `unknown`.
 
     There is a fault where the probability of `normal` is below `alarm`; it is that of a class with
-    at least the share `name` of the probability of all faults.
+    at least the share `name` of the probability of all faults. It is unknown if that class is
+    `unknown`, or if no class has that share: the fault is not isolated.
     """
     probability = np.exp(belief.log_probability)
     faults = probability[:, 1:]

@@ -41,8 +41,9 @@ class Integrated(Recursive):
 
     Trained on simulated vehicles (``auv-fault train integrated``; see the card beside the weights).
     A fault that is in no class shows as a belief that is neither `normal` nor any one class:
-    `diagnosers.decide` names it `unknown`. A fault that joined the catalogue after the training
-    gets probability and severity from the filter bank (see `diagnosers.networks.class_list`).
+    `diagnosers.decide` names it `unknown`. A class that is not among those of the training, such as
+    that of a fault that joined the catalogue later, gets probability and severity from the filter
+    bank (see `diagnosers.networks.class_list`).
 
     Misleads: on vehicles, noise or faults far from those it was trained on, its probabilities are
     no frequencies. It was trained on episodes of a minute whose faults begin within half of one,
@@ -70,6 +71,8 @@ class Integrated(Recursive):
         self._network = NumpyNetwork(self._tensors)
         self._features = Features(self.vehicle, self.trained_classes)
         self._trained_columns = [self.classes.index(name) for name in self.trained_classes]
+        # a fault that joins the catalogue later stands before `unknown` in the bank's belief
+        self._bank_columns = [*range(len(self.known_classes)), -1]
 
     def initial(self, n_lanes: int) -> IntegratedState:
         """Filters at their start, an empty memory."""
@@ -94,7 +97,7 @@ class Integrated(Recursive):
         smoothed = state.smoothed.after(log_probability)
         belief = Belief(smoothed.log_probability(), *severity)
         if len(self.trained_classes) < len(self.classes):
-            own = Belief(*(values[:, : len(self.classes)] for values in bank))
+            own = Belief(*(values[:, self._bank_columns] for values in bank))
             belief = with_added_classes(belief, own, self._trained_columns)
         return IntegratedState(filters, units, opinion, smoothed), belief
 

@@ -14,7 +14,7 @@ import numpy as np
 from auv_fault_env.faults import classes
 from auv_fault_env.faults import labels as tables
 from auv_fault_env.parameters import Vehicle, vehicle_of
-from diagnosers.diagnoser import Belief, Recursive
+from diagnosers.diagnoser import Belief, Recursive, with_impossible_unknown
 from diagnosers.kalman import Estimate, ParameterFilter
 from diagnosers.networks import modes
 from diagnosers.networks.fault_map import MODES_5_2, normalise, severity
@@ -71,7 +71,8 @@ class KalmanNetwork(Recursive):
         self.shares = modes.class_shares(self.labels, MODES_5_2)
         prior_mean, prior_std = modes.PRIOR_SEVERITY
         table = np.vstack([self.learnt["severity"], (prior_mean, 0.0, prior_std)])
-        rows = [MODES_5_2.index(mode) if mode else -1 for mode in self.labels.values()]
+        known_modes = [self.labels[name] for name in self.known_classes]
+        rows = [MODES_5_2.index(mode) if mode else -1 for mode in known_modes]
         self.severity = table[rows]
 
     def initial(self, n_lanes: int) -> Estimate:
@@ -88,7 +89,8 @@ class KalmanNetwork(Recursive):
         height = severity(outputs(sums))[:, None]
         mean = np.clip(intercept + slope * height, 0.0, 1.0)
         severity_std = np.tile(std, (len(mean), 1))
-        return state, Belief(log_probability, mean, severity_std)
+        known = Belief(log_probability, mean, severity_std)
+        return state, with_impossible_unknown(known)
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Weights, biases and calibration by name."""

@@ -115,7 +115,7 @@ class Limits(RuleBased):
         """The next state, and the belief by the table."""
         state = self._next_state(state, observation)
         class_support = support(self._rules, self._symptoms(state))
-        mean, std = same_severity((len(observation), len(self.classes)), *DEFAULT_SEVERITY)
+        mean, std = same_severity((len(observation), len(self.known_classes)), *DEFAULT_SEVERITY)
         excess = np.maximum(class_support, 0.0)
         mean[:, self._rules.classes] = excess / (excess + HALF_SEVERITY_EXCESS)
         return state, self._belief(class_support, (mean, std), state.sensors)

@@ -5,14 +5,14 @@ label to the label's prior is its evidence for every class of that label. The be
 times both pieces of evidence, as if they were independent.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from auv_fault_env.parameters import Vehicle
 from diagnosers import kalman_network, raw_network
-from diagnosers.diagnoser import Belief, Recursive
+from diagnosers.diagnoser import Belief, Recursive, with_impossible_unknown
 from diagnosers.kalman import Estimate
 from diagnosers.kalman_network import KalmanNetwork
 from diagnosers.networks.modes import log_softmax
@@ -56,14 +56,14 @@ class Parallel(Recursive):
             both = (self.raw.labels[name], self.kalman.labels[name])
             different = dict.fromkeys(filter(None, both))
             self.labels[name] = ", ".join(different) or None
-        n_faults = len(self.classes) - 1
+        n_faults = len(self.known_classes) - 1
         prior_fault = (1.0 - PRIOR_NORMAL) / n_faults
         prior = np.array([PRIOR_NORMAL] + [prior_fault] * n_faults)
         self.log_prior = np.log(prior)
-        self.ratios = [
-            _ratios(self.raw.labels, prior),
-            _ratios(self.kalman.labels, prior),
-        ]
+        self.ratios = []
+        for network in (self.raw, self.kalman):
+            known_labels = [network.labels[name] for name in self.known_classes]
+            self.ratios.append(_ratios(known_labels, prior))
 
     def initial(self, n_lanes: int) -> Estimate:
         """The filter's state at the start; the raw network has none."""
@@ -75,9 +75,10 @@ class Parallel(Recursive):
         state, hull = self.kalman.step(state, observation)
         total = self.log_prior
         for ratios, belief in zip(self.ratios, (shaft, hull), strict=True):
-            probability = np.exp(belief.log_probability)
+            probability = np.exp(belief.log_probability[:, :-1])
             total = total + np.log(probability @ ratios)
-        return state, hull._replace(log_probability=log_softmax(total))
+        severity = (moment[:, :-1] for moment in hull[1:])
+        return state, with_impossible_unknown(Belief(log_softmax(total), *severity))
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Those of both networks."""
@@ -93,8 +94,8 @@ def _with_prefix(prefix: str, tensors: Mapping[str, np.ndarray]) -> dict[str, np
     return {name.removeprefix(prefix): tensors[name] for name in names}
 
 
-def _ratios(labels: Mapping[str, str | None], prior: np.ndarray) -> np.ndarray:
+def _ratios(labels: Sequence[str | None], prior: np.ndarray) -> np.ndarray:
     """The matrix from probabilities of classes to those of their labels over the labels' priors."""
-    of_class = np.array(list(labels.values()), dtype=object)
+    of_class = np.array(labels, dtype=object)
     have_one_label = (of_class[:, None] == of_class).astype(np.float64)
     return have_one_label / (prior @ have_one_label)

@@ -14,7 +14,7 @@ from auv_fault_env.channels import INDEX
 from auv_fault_env.faults import classes
 from auv_fault_env.faults import labels as tables
 from auv_fault_env.parameters import SIDES
-from diagnosers.diagnoser import Belief, Memoryless, same_severity
+from diagnosers.diagnoser import Belief, Memoryless, same_severity, with_impossible_unknown
 from diagnosers.networks import modes
 from diagnosers.networks.fault_map import MODES_5_1
 from diagnosers.networks.feed_forward import FeedForward, tensor_shapes
@@ -88,7 +88,7 @@ class RawNetwork(Memoryless):
         log_modes = modes.log_softmax(scores(outputs))
         log_probability = modes.class_log_probability(log_modes, self.shares)
         severity = same_severity(log_probability.shape, *modes.PRIOR_SEVERITY)
-        return state, Belief(log_probability, *severity)
+        return state, with_impossible_unknown(Belief(log_probability, *severity))
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Weights and biases by name."""

@@ -8,7 +8,7 @@ from auv_fault_env.compiling import kernel
 from auv_fault_env.errors import whole_number
 from auv_fault_env.noise import GOLDEN, LOW_32, MIX_2, float_of_integer, mix_bits
 from auv_fault_env.schedules import ScheduleSampler
-from diagnosers.diagnoser import Belief, Memoryless, same_severity
+from diagnosers.diagnoser import Belief, Memoryless, same_severity, with_impossible_unknown
 
 PRIOR_NORMAL = ScheduleSampler.healthy
 UNIFORM_SEVERITY = (
@@ -19,8 +19,9 @@ LEAST_LOG_NORMAL = -30.0  # least log probability of `normal` of `Random`
 
 
 def _without_severity(log_probability: np.ndarray) -> Belief:
-    """The belief with the prior of the severities."""
-    return Belief(log_probability, *same_severity(log_probability.shape, *UNIFORM_SEVERITY))
+    """The belief of log probabilities (n_lanes, n_known), with the prior of the severities."""
+    severity = same_severity(log_probability.shape, *UNIFORM_SEVERITY)
+    return with_impossible_unknown(Belief(log_probability, *severity))
 
 
 class Null(Memoryless):
@@ -33,7 +34,7 @@ class Null(Memoryless):
 
     def step(self, state: tuple[()], observation: np.ndarray) -> tuple[tuple[()], Belief]:
         """The prior."""
-        n_faults = len(self.classes) - 1
+        n_faults = len(self.known_classes) - 1
         prior = np.full((len(observation), n_faults + 1), (1.0 - PRIOR_NORMAL) / n_faults)
         prior[:, 0] = PRIOR_NORMAL
         return state, _without_severity(np.log(prior))
@@ -72,7 +73,7 @@ class Random(Memoryless):
     def step(self, state: tuple[()], observation: np.ndarray) -> tuple[tuple[()], Belief]:
         """A new guess."""
         seed = np.uint64(self.seed % 2**64)
-        uniform = _uniforms(observation.view(np.uint64), seed, len(self.classes))
+        uniform = _uniforms(observation.view(np.uint64), seed, len(self.known_classes))
         log_normal = LEAST_LOG_NORMAL * uniform[:, :1]
         log_faults = np.log(-np.log(uniform))[:, 1:]
         total = np.exp(log_faults).sum(axis=1, keepdims=True)

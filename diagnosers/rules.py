@@ -148,7 +148,9 @@ class Rules(RuleBased):
 
     def _severity(self, mean: np.ndarray, std: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Means and standard deviations (n_lanes, n_classes), from parameters (n_lanes, 10)."""
-        severity, severity_std = same_severity((len(mean), len(self.classes)), *DEFAULT_SEVERITY)
+        severity, severity_std = same_severity(
+            (len(mean), len(self.known_classes)), *DEFAULT_SEVERITY
+        )
         graded, change = self._changes
         information = std**-2.0 @ change.T**2
         fitted = ((mean - 1.0) * std**-2.0) @ change.T / information

@@ -35,9 +35,8 @@ class SampleAdapter:
 
     The probability of normal is one minus the detection; the isolation is the probability of each
     fault *if* there is one, scaled to a sum of one. Where it is all zeros, as the competitions
-    require while nothing is detected, it counts as unknown. The fault classes without a column
-    share the probability of unknown evenly, or all of them if each has a column. The severity is
-    0.6 ± 0.23 throughout.
+    require while nothing is detected, the fault is `unknown`. The severity is 0.6 ± 0.23
+    throughout.
 
     Misleads: no threshold changes the false alarm rate of a system whose detection is 0 or 1.
     Raises `InputError` where a system breaks the interface, and where pandas is not installed.
@@ -46,7 +45,7 @@ class SampleAdapter:
     def __init__(self, system: Callable[[], SampleSystem]) -> None:
         self.system = system
         self.classes = classes()
-        columns = getattr(system(), "faults", self.classes[1:])
+        columns = getattr(system(), "faults", self.classes[1:-1])
         self._shares_of_columns = _fault_shares(self.classes[1:], columns)
 
     def reset(self, n_lanes: int) -> None:
@@ -72,10 +71,13 @@ class SampleAdapter:
         probability = np.column_stack([1.0 - detection, detection[:, None] * isolation])
         with np.errstate(divide="ignore"):
             log_probability = np.maximum(np.log(probability), -100.0)
-        return Belief(log_probability, *same_severity(probability.shape, *PRIOR_SEVERITY))
+        severity = same_severity(probability.shape, *PRIOR_SEVERITY)
+        for values in severity:
+            values[:, -1] = 0.0
+        return Belief(log_probability, *severity)
 
     def _answer(self, system: SampleSystem, frame: Any) -> tuple[float, np.ndarray]:
-        """Probability of a fault, and of each fault class (n_faults,) if there is one."""
+        """Probability of a fault, and of each class (n_classes - 1,) if there is one."""
         answer = system.Input(frame)
         detection, isolation = (np.asarray(part, np.float64).ravel() for part in answer)
         if detection.shape != (1,) or not 0.0 <= detection[0] <= 1.0:
@@ -90,15 +92,12 @@ class SampleAdapter:
         return float(probability), shares / shares.sum() @ self._shares_of_columns
 
 
-def _fault_shares(faults: Sequence[str], columns: Sequence[str]) -> np.ndarray:
-    """The share of each fault class in every column and in unknown, (n_columns + 1, n_faults)."""
-    columns = [known_name("name in `faults`", column, [*faults, UNKNOWN]) for column in columns]
+def _fault_shares(names: Sequence[str], columns: Sequence[str]) -> np.ndarray:
+    """The share of each class but normal in every column and in unknown, (n_columns + 1, n)."""
+    columns = [known_name("name in `faults`", column, names) for column in columns]
     if len(set(columns)) < len(columns):
         raise refusal("`faults`", tuple(columns), "different names", "name each once")
-    without_column = np.array([fault not in columns for fault in faults], float)
-    candidates = without_column if without_column.any() else np.ones(len(faults))
-    shares = dict(zip(faults, np.eye(len(faults)), strict=True))
-    shares[UNKNOWN] = candidates / candidates.sum()
+    shares = dict(zip(names, np.eye(len(names)), strict=True))
     return np.array([shares[column] for column in (*columns, UNKNOWN)])
 
 

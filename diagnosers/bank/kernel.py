@@ -14,9 +14,9 @@ from diagnosers.bank.algebra import N_MOMENTS, SEVERITY, SEVERITY_VARIANCE
 from diagnosers.bank.hypotheses import N_PARAMETER_ROWS, PORT, STARBOARD, SURGE
 from diagnosers.bank.pack import broadcast, columns_of, filters_of
 from diagnosers.bank.sensors import N_READINGS, fill_sample
+from diagnosers.diagnoser import IMPOSSIBLE
 
 CONSTANT_HAZARD_TIME = 60.0  # s; then the hazard falls as 1/age: an old vehicle is likely sound
-IMPOSSIBLE = -1e30  # log probability of a class without hypotheses: finite, also as float32
 SPEED_CHANNEL = READINGS.index("speed")
 # first, by subsystem: voltage, then current and rpm
 MOTOR_CHANNEL = (

@@ -1,7 +1,7 @@
 """The classes that a network was trained on, and beliefs over more classes than these.
 
-A fault that joins the catalogue later is unknown to a trained network, but is a hypothesis of the
-filter bank beside it. By Bayes' rule, with T the classes of the training and y the readings,
+A class that joins later, that of an added fault or `unknown`, is a hypothesis of the filter bank
+beside the network. By Bayes' rule, with T the classes of the training and y the readings,
 
     p(added class | y) = p_bank(added class | y)
     p(trained class | y) = p_bank(T | y) p_network(trained class | y, T)
@@ -16,7 +16,6 @@ from auv_fault_env.faults import NORMAL
 from auv_fault_env.parameters import SIDES
 from diagnosers.diagnoser import Belief
 
-# of weights that do not name theirs
 _OF_SIDE = (
     "propeller_damage",
     "propeller_loss",
@@ -24,6 +23,7 @@ _OF_SIDE = (
     "motor_overheating",
 )
 _OF_SENSORS = ("voltage", "current", "rpm")
+# of weights that do not name theirs; without `unknown`
 SHIPPED_CLASSES = (
     *("normal", "increased_drag", "decreased_drag"),
     *(f"{fault}:{side}" for side in SIDES for fault in _OF_SIDE),

@@ -12,7 +12,7 @@ import numpy as np
 
 from auv_fault_env.channels import CHANNELS, COMMANDS, INDEX, READINGS
 from auv_fault_env.compiling import kernel, scalar
-from auv_fault_env.faults import CATALOGUE
+from auv_fault_env.faults import CATALOGUE, UNKNOWN
 from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle
 from auv_fault_env.physics import clipped
 from diagnosers import kalman, motor_filter
@@ -109,7 +109,9 @@ class Features:
         self.bank = FilterBank(vehicle, GRADES, faults=tuple(CATALOGUE))
         self.n_features = len(feature_names(classes))
         self.mean_shares = tuple(SAMPLE_TIME / time for time in MEAN_TIMES)
-        self._fault_columns = [self.bank.classes.index(name) for name in classes[1:]]
+        # a fault that joins the catalogue later stands before `unknown`, which remains the last
+        column = {name: k for k, name in enumerate(self.bank.classes)} | {UNKNOWN: -1}
+        self._fault_columns = [column[name] for name in classes[1:]]
 
     def initial(self, n_lanes: int) -> FeatureState:
         """The state before any observation."""

@@ -4,20 +4,23 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from auv_fault_env.faults import UNKNOWN
+
 LEAST = -500.0  # log probability of a mode: far from where exp gives zero
 # mean and standard deviation of a uniform one on 0.2 to 1, where there is no estimate
 PRIOR_SEVERITY = 0.6, 0.8 / 12**0.5
 
 
 def class_shares(labels: Mapping[str, str | None], modes: tuple[str, ...]) -> np.ndarray:
-    """The share of every class in each mode, (n_modes, n_classes); rows sum to 1.
+    """The share of every known class in each mode, (n_modes, n_known); rows sum to 1.
 
     The classes with a mode's label share its probability evenly. Classes without a mode in the
     table look like any fault: each takes the same constant share of every mode but the first,
     `normal`, that which it has among all faults if these are equally likely. Misleads where such a
     fault looks normal.
     """
-    of_class = np.array(list(labels.values()), dtype=object)
+    known = [label for name, label in labels.items() if name != UNKNOWN]
+    of_class = np.array(known, dtype=object)
     n_faults = len(of_class) - 1
     table = np.array([of_class == mode for mode in modes], dtype=np.float64)
     table /= table.sum(axis=1, keepdims=True)
@@ -36,6 +39,6 @@ def log_softmax(scores: np.ndarray) -> np.ndarray:
 
 
 def class_log_probability(log_modes: np.ndarray, shares: np.ndarray) -> np.ndarray:
-    """Log probabilities (n, n_classes) from those of the modes (n, n_modes) and `class_shares`."""
+    """Log probabilities (n, n_known) from those of the modes (n, n_modes) and `class_shares`."""
     probability = np.exp(np.maximum(log_modes, LEAST))
     return np.log(probability @ shares)

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from auv_fault_env.channels import READINGS
-from diagnosers.diagnoser import Belief, ModelBased
+from diagnosers.diagnoser import Belief, ModelBased, with_impossible_unknown
 from diagnosers.symptoms import rulebook, sensor_symptoms
 
 Severities = tuple[np.ndarray, np.ndarray]  # means and standard deviations
@@ -28,7 +28,7 @@ class RuleBased(ModelBased):
     def _rules(self) -> rulebook.Rulebook:
         own = rulebook.rules_of_sides(self.own_rules)
         rules = rulebook.merge_rules(own, sensor_symptoms.RULES)
-        return rulebook.parse_rules(rules, self.symptom_names, self.classes)
+        return rulebook.parse_rules(rules, self.symptom_names, self.known_classes)
 
     @cached_property
     def _sensor_columns(self) -> list[int]:
@@ -42,4 +42,5 @@ class RuleBased(ModelBased):
     ) -> Belief:
         """The belief by `rulebook.support`, severities, and what the sensors alone show."""
         sensor_symptoms.write_severity(severity[0], self._sensor_columns, sensors)
-        return Belief(rulebook.log_probability(self._rules, support), *severity)
+        log_probability = rulebook.log_probability(self._rules, support)
+        return with_impossible_unknown(Belief(log_probability, *severity))

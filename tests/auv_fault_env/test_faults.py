@@ -30,6 +30,7 @@ TABLE_5_2 = {
     "severe propulsion failure",
 }
 PLACES = {
+    "unknown": (None, None),
     "normal": ("normal", "normal"),
     "increased_drag": ("increased drag", "increased drag"),
     "decreased_drag": (None, "decreased drag"),
@@ -198,9 +199,9 @@ def test_labels_cover_both_tables():
     assert set(second) - {None} == TABLE_5_2
 
 
-def test_classes_begin_with_normal_and_group_sensors_by_channel():
-    assert classes()[0] == "normal"
-    assert len(set(classes())) == len(classes()) >= 1 + 2 + 4 * len(SIDES) + len(READINGS)
+def test_classes_begin_with_normal_end_with_unknown_and_group_sensors_by_channel():
+    assert classes()[0] == "normal" and classes()[-1] == "unknown"
+    assert len(set(classes())) == len(classes()) >= 2 + 2 + 4 * len(SIDES) + len(READINGS)
     assert [name for name in classes() if name.startswith("sensor")] == [
         f"sensor:{channel}" for channel in READINGS
     ]
@@ -215,7 +216,7 @@ def ice():
 def test_a_new_fault_needs_one_entry(monkeypatch):
     assert "ice_on_hull" not in classes()
     monkeypatch.setitem(CATALOGUE, "ice_on_hull", ice())
-    assert classes()[-1] == "ice_on_hull" and labels()["ice_on_hull"] == (None, None)
+    assert classes()[-2:] == ("ice_on_hull", "unknown") and labels()["ice_on_hull"] == (None, None)
     event = FaultEvent("ice_on_hull", 0.1, 0.5)
     assert from_json(to_json((event,))) == (event,)
     sampled = [

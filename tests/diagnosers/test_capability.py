@@ -127,6 +127,20 @@ def test_with_one_shaft_a_fault_of_port_is_one_of_both_sides():
     assert (lost[:, [NAMES.index("port_beta"), NAMES.index("starboard_beta")]] == 0.0).all()
 
 
+def test_an_unknown_fault_is_any_of_the_known_ones_evenly():
+    unknown = belief_of({"unknown": 1.0})
+    evenly = belief_of(dict.fromkeys(classes()[1:-1], 1.0 / 18.0))
+    severity = np.full((1, len(classes())), 0.7)
+    parameters = [
+        sample_parameters(belief._replace(severity_mean=severity), VEHICLE)
+        for belief in (unknown, evenly)
+    ]
+    np.testing.assert_allclose(*parameters)
+    alpha = parameters[0][0, :, NAMES.index("alpha")] / VEHICLE.alpha
+    # of 128 vehicles one in 18 drags more, one in 18 less
+    assert 6 <= (alpha > 1.5).sum() <= 8 and 6 <= (alpha < 0.75).sum() <= 8
+
+
 def test_a_belief_over_other_classes_is_refused():
-    with pytest.raises(InputError, match="classes of the belief: got 3; allowed is 19"):
+    with pytest.raises(InputError, match="classes of the belief: got 3; allowed is 20"):
         sample_parameters(Belief(*np.zeros((3, 1, 3))), VEHICLE)

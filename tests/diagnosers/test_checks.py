@@ -132,12 +132,19 @@ class Listed(Mine):
 
 
 class Reversed(Mine):
-    classes = ("increased_drag", "normal")
+    classes = ("increased_drag", "normal", "unknown")
+
+
+class Sure(Mine):
+    """Its classes explain whatever it reads."""
+
+    classes = ("normal", "increased_drag")
 
 
 BROKEN = {
     "list of classes": (Listed, "classes"),
     "normal is not first": (Reversed, "classes"),
+    "nothing is unknown": (Sure, "classes: .*'unknown' last"),
     "shape": (lambda: altered(lambda p, m, s: (p[:, 1:], m, s)), "shape of log_probability"),
     "not finite": (lambda: altered(lambda p, m, s: (p, m * np.nan, s)), "severity_mean"),
     "does not sum to one": (

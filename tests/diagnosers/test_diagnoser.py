@@ -9,8 +9,12 @@ import pytest
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import InputError
-from diagnosers import UNKNOWN, Belief, Recursive, decide
-from diagnosers.diagnoser import same_severity
+from auv_fault_env.faults import classes
+from diagnosers import NAMES, UNKNOWN, Belief, Recursive, decide, make
+from diagnosers.diagnoser import IMPOSSIBLE, same_severity, with_impossible_unknown
+
+# diagnosers that measure whether their classes explain the readings
+CAN_KNOW = ("filter_bank", "integrated", "oracle")
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,40 @@ def test_a_fault_like_several_is_unknown_and_the_alarm_can_be_set():
     belief = Belief(np.log([[0.4, 0.36, 0.24]]), *np.zeros((2, 1, 3)))
     assert decide(belief, ("normal", "drag", "loss"), name=0.7) == [UNKNOWN]
     assert decide(belief, ("normal", "drag", "loss"), alarm=0.3) == ["normal"]
+
+
+@pytest.mark.parametrize(
+    ("probability", "word"),
+    [
+        ([0.2, 0.1, 0.7], UNKNOWN),
+        ([0.2, 0.44, 0.36], "drag"),
+        ([0.6, 0.0, 0.4], "normal"),
+    ],
+)
+def test_a_leading_unknown_class_is_the_decision(probability, word):
+    with np.errstate(divide="ignore"):
+        belief = Belief(np.log([probability]), *np.zeros((2, 1, 3)))
+    assert decide(belief, ("normal", "drag", UNKNOWN)) == [word]
+
+
+def test_who_cannot_know_gives_unknown_probability_zero_in_any_precision():
+    known = Belief(np.log([[0.75, 0.25]]), np.array([[0.0, 0.4]]), np.array([[0.0, 0.1]]))
+    belief = with_impossible_unknown(known)
+    np.testing.assert_array_equal(np.exp(belief.log_probability), [[0.75, 0.25, 0.0]])
+    assert np.isfinite(belief.log_probability.astype(np.float32)).all()
+    np.testing.assert_array_equal(belief.severity_mean, [[0.0, 0.4, 0.0]])
+    np.testing.assert_array_equal(belief.severity_std, [[0.0, 0.1, 0.0]])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_belief_ends_with_unknown(name):
+    diagnoser = make(name)
+    diagnoser.reset(2)
+    belief = diagnoser.update(np.zeros((2, len(CHANNELS))))
+    assert diagnoser.classes == classes() and diagnoser.classes[-1] == UNKNOWN
+    assert diagnoser.known_classes == classes()[:-1]
+    if name not in CAN_KNOW:
+        assert (belief.log_probability[:, -1] == IMPOSSIBLE).all()
 
 
 def test_same_severity_is_none_for_normal():

@@ -3,6 +3,7 @@ import pytest
 
 from auv_fault_env.faults import classes
 from diagnosers import Belief, load, make
+from diagnosers.diagnoser import with_impossible_unknown
 
 from .runs import final_belief
 
@@ -13,7 +14,7 @@ def saying(part, belief):
     """The part, made to say a fixed belief."""
     part.step = lambda state, observation: (
         state,
-        Belief(np.log(belief)[None], *np.zeros((2, 1, len(CLASSES)))),
+        with_impossible_unknown(Belief(np.log(belief)[None], *np.zeros((2, 1, len(belief))))),
     )
 
 
@@ -31,7 +32,7 @@ def test_the_pool_by_hand():
     saying(parallel.raw, shaft / shaft.sum())
     saying(parallel.kalman, hull / hull.sum())
     _, belief = parallel.step(None, np.zeros((1, 12)))
-    ratio = np.exp(belief.log_probability[0] - belief.log_probability[0, 0]) / prior * prior[0]
+    ratio = np.exp(belief.log_probability[0, :-1] - belief.log_probability[0, 0]) / prior * prior[0]
     # 9 = 3 (5 + 1) / 2
     np.testing.assert_allclose(ratio[[0, drag, damage, loss]], [1.0, 1.0, 3.0, 9.0])
 

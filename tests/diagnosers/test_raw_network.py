@@ -90,5 +90,7 @@ def test_both_sides_are_alike():
 
 def test_severity_is_that_of_the_prior():
     belief = final_belief("raw_network", "seal_friction:port")
-    np.testing.assert_allclose(belief.severity_mean[0], [0.0, *[0.6] * 18])  # uniform on 0.2 to 1
-    np.testing.assert_allclose(belief.severity_std[0], [0.0, *[0.8 / 12**0.5] * 18])
+    np.testing.assert_allclose(
+        belief.severity_mean[0], [0.0, *[0.6] * 18, 0.0]
+    )  # uniform on 0.2 to 1
+    np.testing.assert_allclose(belief.severity_std[0], [0.0, *[0.8 / 12**0.5] * 18, 0.0])

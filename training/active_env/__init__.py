@@ -8,10 +8,11 @@ import gymnasium as gym
 
 from training.active_env.single import ActiveDiagnosisEnv
 from training.active_env.vector import MAX_DECISIONS, ActiveDiagnosisVectorEnv
-from training.stimuli.policy_inputs import FEATURES
+from training.stimuli.policy_inputs import BOUNDS
 
 __all__ = ["FEATURES", "NAME", "ActiveDiagnosisEnv", "ActiveDiagnosisVectorEnv"]
 NAME = "auv_fault_env/ActiveDiagnosis-v0"
+FEATURES = tuple(BOUNDS)  # of an observation, with the catalogue of the package
 
 gym.register(
     id=NAME,

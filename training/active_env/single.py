@@ -31,8 +31,9 @@ class ActiveDiagnosisEnv(gym.Env):
     clipped, NaN and infinity are refused. The command stays within 0 to 1 m/s.
 
     ## Observation Space
-    `Box(29)`, float32, named by `FEATURES`, bounded by `training.stimuli.policy_inputs.BOUNDS`.
-    A class that joins the catalogue before adds one `log_odds:CLASS`, after those of the others.
+    `Box(30)`, float32, named by `FEATURES`, bounded by `training.stimuli.policy_inputs.BOUNDS`.
+    A class that joins the catalogue before adds one `log_odds:CLASS`, before that of `unknown`. A
+    policy of a training with fewer classes takes its features by name.
 
     | Names | Meaning |
     |---|---|

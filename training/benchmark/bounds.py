@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from auv_fault_env.faults import classes
+from auv_fault_env.faults import known_classes
 from auv_fault_env.parameters import SAMPLE_RATE
 from training.benchmark.scores import MEAN_TIMES, RANKED_AT
 from training.bounds.delays import (
@@ -76,7 +76,7 @@ def bounds_of(stimulus: Stimulus, seed: int, n_lanes: int) -> dict[str, Any]:
     unknown = log_likelihoods_unknown_severity(lanes)
     diagnosis = lanes.diagnosis
     by_class = {}
-    for k, name in enumerate(classes()):
+    for k, name in enumerate(known_classes()):
         of_class = diagnosis == k
         if of_class.any():
             by_class[name] = _class_bounds(known[:, of_class], unknown[:, of_class], k, seed)
@@ -130,7 +130,7 @@ def _class_bounds(known: np.ndarray, unknown: np.ndarray, k: int, seed: int) -> 
         "asymptotic_delay": asymptotic,
         "detection_delay": detection,
         "delay_by_rate": [round(delay, 4) for delay in delays],
-        "rival": classes()[rival],
+        "rival": known_classes()[rival],
         "rival_rate": float(rival_information.mean()),
         "isolation_delay": _with_interval(against_rival, _isolation_delay, seed),
         "asymptotic_isolation": _mean_asymptotic_delay(rival_information, 1.0 / CONFUSED),

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from auv_fault_env.faults import CATALOGUE, NORMAL, classes
+from auv_fault_env.faults import CATALOGUE, fault_classes
 from auv_fault_env.missions import Mission, MissionSampler
 from auv_fault_env.parameters import FOOT
 from auv_fault_env.schedules import FaultEvent
@@ -66,9 +66,7 @@ class Recipe:
 def even_cells(per_class: int, low: float = 0.2, high: float = 1.0) -> list[tuple[str, float]]:
     """As many cells of every class, its faults in turn, severities evenly spaced for each fault."""
     cells = []
-    for diagnosis in classes():
-        if diagnosis == NORMAL:
-            continue
+    for diagnosis in fault_classes():
         faults = [fault.name for fault in CATALOGUE.values() if fault.diagnosis == diagnosis]
         for k, fault in enumerate(faults):
             n = len(range(k, per_class, len(faults)))

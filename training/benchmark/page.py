@@ -303,7 +303,7 @@ def compatibility(view: BenchmarkView) -> dict[str, Any]:
     """The scores of other benchmarks."""
     first_scores = next(iter(view.scores.values()))
     columns = list(next(iter(first_scores.values()))["compatibility"])
-    silent_utility = 0.5 - 0.5 / (len(view.results["classes"]) - 1)
+    silent_utility = 0.5 - 0.5 / (len(view.results["classes"]) - 2)
     rows = []
     for name in view.names:
         for stimulus, scores in view.scores.items():

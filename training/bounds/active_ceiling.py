@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from auv_fault_env.faults import classes, fault_of
+from auv_fault_env.faults import fault_of, known_classes
 from auv_fault_env.missions import MISSIONS
 from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from auv_fault_env.schedules import FaultEvent
@@ -162,9 +162,9 @@ def best_free_levels(rate: RateFunction, start: np.ndarray, seed: int) -> np.nda
 
 
 def least_rates(fault: str, stimulus: Stimulus, lane_seeds: Sequence[int]) -> np.ndarray:
-    """Rates [nat/s] against every class, (n_lanes, n_classes); infinite for the own class."""
+    """Rates [nat/s] against every class, (n_lanes, n_known); infinite for the own class."""
     n_lanes = len(lane_seeds)
-    k = classes().index(fault_of(fault).diagnosis)
+    k = known_classes().index(fault_of(fault).diagnosis)
     events = [FaultEvent(fault, ONSET, SEVERITY)] * n_lanes
     missions = [MISSIONS["cruise"]] * n_lanes
     lanes = simulate_lanes(stimulus, events, missions, lane_seeds)
@@ -214,7 +214,7 @@ def periodic_ceiling(fault: str, seed: int, budget: float = BUDGET) -> dict[str,
         "profile": profile._asdict(),
         "active": active,
         "passive": passive,
-        "passive_rival": classes()[int(passive_rates.argmin())],
+        "passive_rival": known_classes()[int(passive_rates.argmin())],
         "speed_up": _speed_up(active, passive),
     }
 

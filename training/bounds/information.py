@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.channels import CHANNELS
-from auv_fault_env.faults import CATALOGUE, classes
+from auv_fault_env.faults import CATALOGUE, fault_classes, known_classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import Mission
 from auv_fault_env.noise import episode_keys
@@ -60,8 +60,8 @@ class Lanes(NamedTuple):
 
     @property
     def diagnosis(self) -> np.ndarray:
-        """Index of each lane's class in `classes()`, (n_lanes,)."""
-        names = list(classes())
+        """Index of each lane's class in `known_classes()`, (n_lanes,)."""
+        names = list(known_classes())
         of_fault = [names.index(fault.diagnosis) for fault in CATALOGUE.values()]
         return np.array(of_fault)[self.fault]
 
@@ -93,18 +93,18 @@ class KnownOnset(Oracle):
 
 
 def log_likelihoods(bank: KnownOnset, lanes: Lanes, n_samples: int) -> np.ndarray:
-    """Log-likelihood ratios of the classes to normal, (n_samples, n_lanes, n_classes), from onset.
+    """Log-likelihood ratios of the classes to normal, (n_samples, n_lanes, n_known), from onset.
 
     The bank has been reset and has been given the truth that it may know.
     """
     n_lanes = len(lanes.first_faulty_sample)
     bank.start_fault(np.arange(n_lanes))
-    ratios = np.empty((n_samples, n_lanes, len(classes())), np.float32)
+    ratios = np.empty((n_samples, n_lanes, len(known_classes())), np.float32)
     for k, observation in enumerate(lanes.observations):
         starting = np.flatnonzero(lanes.first_faulty_sample == k)
         if starting.size:
             bank.start_fault(starting)
-        log_probability = bank.update(observation).log_probability
+        log_probability = bank.update(observation).log_probability[:, : ratios.shape[2]]
         since_onset = k - lanes.first_faulty_sample
         recorded = np.flatnonzero((since_onset >= 0) & (since_onset < n_samples))
         ratio = log_probability[recorded] - log_probability[recorded, :1]
@@ -232,5 +232,5 @@ def faults_by_class() -> dict[str, list[str]]:
     """The faults of each diagnosis class but `normal`, in the order of the catalogue."""
     return {
         name: [fault.name for fault in CATALOGUE.values() if fault.diagnosis == name]
-        for name in classes()[1:]
+        for name in fault_classes()
     }

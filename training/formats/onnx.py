@@ -12,13 +12,13 @@ from typing import Any, ClassVar
 import numpy as np
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import linear, softplus
+from torch.nn.functional import linear, pad, softplus
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import Belief, Diagnoser
-from diagnosers.diagnoser import same_severity
+from diagnosers.diagnoser import IMPOSSIBLE, same_severity
 from diagnosers.integrated import Integrated
 from diagnosers.kalman import PARAMETERS
 from diagnosers.kalman_network import KalmanNetwork
@@ -40,7 +40,7 @@ from training.stimuli.policy import LAYERS, LearnedPolicy
 from training.stimuli.policy_inputs import feature_names as feature_names_of_policy
 
 Tensors = tuple[Tensor, ...]
-IMPOSSIBLE = -1e4  # logarithm of a share that is zero: finite, and its exponential is zero
+NO_SHARE = -1e4  # logarithm of a share that is zero: finite, and its exponential is zero
 EXAMPLE = (FaultEvent("motor_overheating:port", onset=15.0, severity=0.6),)
 # of the example episode of an exported network
 EXAMPLE_SAMPLES = 600
@@ -98,12 +98,16 @@ class RawGraph(DiagnoserGraph):
     about = "observation: the last sample; the last reading of a channel where none arrived"
 
     def __init__(self, source: RawNetwork):
-        severity = np.array(same_severity((1, len(source.classes)), *PRIOR_SEVERITY))
+        severity = np.array(same_severity((1, len(source.known_classes)), *PRIOR_SEVERITY))
         super().__init__(source, scale=SCALE, log_shares=_log(source.shares), severity=severity)
         self.network = source.network
 
     def forward(self, observation: Tensor) -> Tensors:
         """The belief."""
+        return _with_impossible_unknown(*self.of_known(observation))
+
+    def of_known(self, observation: Tensor) -> Tensors:
+        """The belief over the known classes."""
         inputs = [_columns(observation, [*side, SPEED]) / self.scale for side in COLUMNS]
         port, starboard = map(self.network, inputs)
         scores = _columns(port, PORT) + _columns(starboard, STARBOARD)
@@ -135,6 +139,10 @@ class KalmanGraph(DiagnoserGraph):
 
     def forward(self, estimate: Tensor) -> Tensors:
         """The belief."""
+        return _with_impossible_unknown(*self.of_known(estimate))
+
+    def of_known(self, estimate: Tensor) -> Tensors:
+        """The belief over the known classes."""
         points = estimate * torch.tensor(NOMINAL)
         sums = self.network(points.clamp(0.0, 1.0))
         log_modes = torch.log_softmax(self.slope * sums + self.offset, dim=1)
@@ -170,11 +178,12 @@ class ParallelGraph(DiagnoserGraph):
 
     def forward(self, observation: Tensor, estimate: Tensor) -> Tensors:
         """The belief."""
-        by_shafts, *_ = self.raw(observation)
-        by_hull, *severity = self.kalman(estimate)
+        by_shafts, *_ = self.raw.of_known(observation)
+        by_hull, *severity = self.kalman.of_known(estimate)
         shafts = _log_mixture(by_shafts, self.log_ratios[0])
         hull = _log_mixture(by_hull, self.log_ratios[1])
-        return torch.log_softmax(self.log_prior + shafts + hull, dim=1), *severity
+        log_probability = torch.log_softmax(self.log_prior + shafts + hull, dim=1)
+        return _with_impossible_unknown(log_probability, *severity)
 
     def feed(self, observations: np.ndarray) -> dict[str, np.ndarray]:
         """The observations and the filter's estimates."""
@@ -288,9 +297,15 @@ def _columns(values: Tensor, columns: list[int]) -> Tensor:
     return values.index_select(1, torch.tensor(columns))
 
 
+def _with_impossible_unknown(log_probability: Tensor, mean: Tensor, std: Tensor) -> Tensors:
+    """As `diagnosers.diagnoser.with_impossible_unknown`."""
+    last = (0, 1)
+    return pad(log_probability, last, value=IMPOSSIBLE), pad(mean, last), pad(std, last)
+
+
 def _log(shares: np.ndarray) -> np.ndarray:
     """Logarithm of shares of which some are zero."""
-    return np.log(shares, out=np.full(shares.shape, IMPOSSIBLE), where=shares > 0.0)
+    return np.log(shares, out=np.full(shares.shape, NO_SHARE), where=shares > 0.0)
 
 
 def _log_mixture(log_parts: Tensor, log_shares: Tensor) -> Tensor:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from auv_fault_env.faults import classes
+from auv_fault_env.faults import known_classes
 from auv_fault_env.parameters import PRESETS
 from auv_fault_env.schedules import ScheduleSampler
 from diagnosers.networks.features import Features, feature_names
@@ -66,7 +66,7 @@ def simulate_set(purpose: str, first: int) -> EpisodeSet:
 
 def features_of(rollout: Rollout) -> np.ndarray:
     """The features of a rollout, (n_samples, n_lanes, n_features) float32."""
-    extractor = Features(PRESETS["thesis1992"], classes())
+    extractor = Features(PRESETS["thesis1992"], known_classes())
     state = extractor.initial(rollout.label.shape[1])
     features = np.empty((*rollout.label.shape, extractor.n_features), np.float32)
     for k, observation in enumerate(rollout.observations.astype(np.float64)):
@@ -90,7 +90,7 @@ def replay_samples(episodes: EpisodeSet, number: int) -> EpisodeSet:
 
 def mirrored(episodes: EpisodeSet) -> EpisodeSet:
     """The same episodes on a vehicle with port and starboard exchanged."""
-    names = classes()
+    names = known_classes()
     features = episodes.features[..., mirror_order(feature_names(names))]
     label = mirror_order(names)[episodes.label]
     return EpisodeSet(features, label, episodes.severity)

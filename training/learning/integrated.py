@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from auv_fault_env.faults import classes
+from auv_fault_env.faults import known_classes
 from diagnosers.integrated import Integrated
 from diagnosers.networks.integrated_network import Network
 from diagnosers.networks.numpy_network import smooth_opinion
@@ -63,7 +63,7 @@ class IntegratedTrainer(AdamTrainer):
         self.seed = seed
         with torch.random.fork_rng():
             torch.manual_seed(seed)
-            self.training = AdamTraining(Network(classes=classes()))
+            self.training = AdamTraining(Network(classes=known_classes()))
         self.network = self.training.network
         self.validation: list[EpisodeSet] = []
         self.replay: deque[EpisodeSet] = deque(maxlen=REPLAY_EPOCHS * SETS)
@@ -195,7 +195,7 @@ class IntegratedTrainer(AdamTrainer):
         before, after = calibrate(network, torch.cat(scores), torch.cat(label))
         figures = {"calibration_loss_before": before, "calibration_loss": after}
         figures["sharpness"] = float(network.sharpness)
-        return Integrated(weights=network.tensors(), trained_classes=classes()), figures
+        return Integrated(weights=network.tensors(), trained_classes=known_classes()), figures
 
 
 def validation_seeds() -> list[int]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from auv_fault_env.channels import INDEX
-from auv_fault_env.faults import NORMAL, classes
+from auv_fault_env.faults import NORMAL, UNKNOWN, classes
 from auv_fault_env.parameters import SIDES
 from training.live.history import WINDOW, History
 from training.report.colours import COMMAND, PORT, SPEED, STARBOARD, TRUTH
@@ -19,6 +19,7 @@ N_FAULTS = 4  # fault classes whose probabilities are shown over time
 N_BARS = 6  # classes in the bar chart
 LEAST_PROBABILITY = 0.05  # from which the severity of a class is shown
 TRUE_COLOUR = "#7d3c98"
+UNKNOWN_COLOUR = "#7f8c8d"
 CLASS_COLOURS = (
     "#c0392b #2874a6 #b9770e #117864 #7d3c98 #a04000 #5d6d7e #d81b60 #1e8449 #00838f".split()
 )
@@ -138,9 +139,11 @@ def _channel(history: History, name: str) -> np.ndarray:
 
 
 def _class_style(index: int) -> dict[str, str]:
-    """Colour and dash of a class: `normal` is black, sensor faults are dashed."""
+    """Colour and dash of a class: `normal` is black, `unknown` grey and dotted, sensors dashed."""
     if classes()[index] == NORMAL:
         return {"colour": TRUTH, "dash": "solid"}
+    if classes()[index] == UNKNOWN:
+        return {"colour": UNKNOWN_COLOUR, "dash": "dotted"}
     is_sensor = classes()[index].startswith("sensor:")
     colour = CLASS_COLOURS[(index - 1) % len(CLASS_COLOURS)]
     return {"colour": colour, "dash": "dashed" if is_sensor else "solid"}

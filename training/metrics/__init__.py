@@ -234,8 +234,9 @@ def macro_f1(matrix: np.ndarray) -> np.ndarray:
     """Mean harmonic mean of precision and recall over the classes that occur.
 
     Confusion matrices (..., n_classes, n_classes) have the truth in rows. Each class weighs the
-    same however rare. Depends on the share of healthy lanes through the precision of `normal`,
-    and says nothing of which classes are mixed up: read it beside the confusion matrix.
+    same however rare; one that is never the truth, as `unknown` may be, is no F1 of its own and
+    counts only as a wrong decision. Depends on the share of healthy lanes through the precision of
+    `normal`, and says nothing of which classes are mixed up: read it beside the confusion matrix.
     """
     hits = np.diagonal(matrix, axis1=-2, axis2=-1)
     truth = matrix.sum(axis=-1)

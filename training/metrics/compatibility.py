@@ -132,7 +132,7 @@ def scores(
     """All scores by name, None for NaN; label and decision (n_samples, n_lanes).
 
     FIA is estimated at random `instants` (n_instants, n_lanes), where the whole belief is known:
-    log_probability (n_instants, n_lanes, n_classes).
+    log_probability (n_instants, n_lanes, n_classes). The last class, `unknown`, is no component.
     """
     there = instants, np.arange(label.shape[1])
     fdd = fddbenchmark(label, decision, n_classes)
@@ -143,7 +143,7 @@ def scores(
         "DX'25 TDR": true_detection_rate(label, decision),
         "DX'25 FAR": false_alarm_rate(label, decision),
         "DX'25 FIA": fault_isolation_accuracy(label[there], decision[there], log_probability),
-        "DXC'26 m_utl": mean_utility(label, decision, n_classes),
+        "DXC'26 m_utl": mean_utility(label, decision, n_classes - 1),
     }
     return {name: finite(value) for name, value in found.items()}
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.channels import CHANNELS, INDEX, READINGS
-from auv_fault_env.faults import CATALOGUE, classes, fault_effect, matrices
+from auv_fault_env.faults import CATALOGUE, fault_classes, fault_effect, matrices
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import PRESETS, SAMPLE_RATE, SAMPLE_TIME, nominal
 from diagnosers import Belief
@@ -54,8 +54,9 @@ def fault_effects() -> tuple[np.ndarray, np.ndarray]:
         if fault.name.startswith("sensor_scale"):
             fault_of[fault.diagnosis] = row
         fault_of.setdefault(fault.diagnosis, row)
-    rows = [fault_of[name] for name in classes()[1:]]
-    return np.insert(scale[rows], 0, 1.0, axis=0), np.insert(offset[rows], 0, 0.0, axis=0)
+    rows = [fault_of[name] for name in fault_classes()]
+    ends = ((1, 1), (0, 0))  # `normal` and `unknown` change nothing
+    return np.pad(scale[rows], ends, constant_values=1.0), np.pad(offset[rows], ends)
 
 
 @cache

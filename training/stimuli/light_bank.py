@@ -4,9 +4,9 @@ from functools import cache
 
 import numpy as np
 
-from auv_fault_env.faults import CATALOGUE, NORMAL, classes
+from auv_fault_env.faults import CATALOGUE, NORMAL, UNKNOWN, classes
 from diagnosers import Belief
-from diagnosers.bank.kernel import IMPOSSIBLE
+from diagnosers.diagnoser import IMPOSSIBLE
 from diagnosers.filter_bank import FilterBank
 
 GRADES = ((0.1, 1.0),)
@@ -29,9 +29,9 @@ def plant_prior() -> dict[str, float]:
 
 
 def light_classes() -> tuple[str, ...]:
-    """The classes of which the light bank has hypotheses, `normal` first."""
+    """`normal`, the classes of which the light bank has hypotheses, and `unknown`."""
     diagnoses = [CATALOGUE[name].diagnosis for name in (*plant_faults(), *SENSOR_FAULTS)]
-    return (NORMAL, *dict.fromkeys(diagnoses))
+    return (NORMAL, *dict.fromkeys(diagnoses), UNKNOWN)
 
 
 def light_bank() -> FilterBank:

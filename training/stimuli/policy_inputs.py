@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 
 from auv_fault_env.channels import INDEX, MAXIMUM_COMMAND
+from auv_fault_env.faults import UNKNOWN
 from diagnosers import Belief
 from diagnosers.kalman import Estimate
 from diagnosers.networks.class_list import SHIPPED_CLASSES
@@ -56,7 +57,11 @@ def feature_bounds(n_classes: int) -> tuple[np.ndarray, np.ndarray]:
 # of the policies that come with the package
 FEATURES = feature_names(SHIPPED_CLASSES)
 LOW, HIGH = feature_bounds(len(SHIPPED_CLASSES))
-BOUNDS = dict(zip(FEATURES, zip(LOW.tolist(), HIGH.tolist(), strict=True), strict=True))
+# of the active environment: a policy that was trained there sees the log odds of `unknown` too
+BOUNDS = {
+    name: OTHER_BOUNDS.get(name, LOG_ODDS_BOUNDS)
+    for name in feature_names((*SHIPPED_CLASSES, UNKNOWN))
+}
 
 
 def compressed_log_odds(log_probability: np.ndarray) -> np.ndarray:
@@ -112,7 +117,7 @@ def policy_features(
     (n_lanes, n_features) float32.
     """
     lanes = np.arange(len(observation))
-    top_fault = 1 + belief.log_probability[:, 1:].argmax(axis=1)
+    top_fault = 1 + belief.log_probability[:, 1:-1].argmax(axis=1)
     columns = [
         belief.severity_mean[lanes, top_fault],
         estimate.mean[:, 1],

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from auv_fault_env.errors import finite_in_range, whole_number
-from auv_fault_env.faults import CATALOGUE, classes
+from auv_fault_env.faults import CATALOGUE, fault_classes
 from auv_fault_env.parameters import PRESETS
 from auv_fault_env.schedules import Schedule
 from diagnosers import make
@@ -110,7 +110,7 @@ def sample_schedules(part: str, lane_seeds: Sequence[int]) -> list[Schedule]:
         return [()] * len(lane_seeds)
     is_sensor_part = part == SENSORS
     prior = {
-        name: float(name.startswith(SENSOR_PREFIX) == is_sensor_part) for name in classes()[1:]
+        name: float(name.startswith(SENSOR_PREFIX) == is_sensor_part) for name in fault_classes()
     }
     sampler = replace(ONE_FAULT, prior=prior)
     return [sampler.sample(seed) for seed in lane_seeds]

@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from auv_fault_env.channels import INDEX, READINGS
 from auv_fault_env.errors import finite_in_range
-from auv_fault_env.faults import CATALOGUE, NORMAL, classes
+from auv_fault_env.faults import CATALOGUE, NORMAL, known_classes
 from auv_fault_env.missions import MISSIONS, Mission, mission_of
 from auv_fault_env.parameters import PARAMETERS
 from auv_fault_env.schedules import FaultEvent
@@ -93,7 +93,7 @@ def isolability(vehicles: int, seed: int) -> dict[str, Any]:
         "ceiling": ceilings,
         "cramer_rao": cramer_rao.compare_filters_with_bound(cramer_rao_seeds),
         "structure": isolability_tables(),
-        "classes": list(classes()),
+        "classes": list(known_classes()),
         "vehicles": vehicles,
         "severity": SEVERITY,
     }
@@ -104,7 +104,7 @@ def faulty_lanes(mission: Mission, vehicles: int, seed: int) -> Lanes:
     """Vehicles of every class, normal first, on one mission; the faults of a class take turns."""
     faults = {NORMAL: [next(iter(CATALOGUE))]} | faults_by_class()
     events = []
-    for name in classes():
+    for name in known_classes():
         severity = 0.0 if name == NORMAL else SEVERITY
         for k in range(vehicles):
             fault = faults[name][k % len(faults[name])]
@@ -129,14 +129,14 @@ def evidence_rates(log_likelihoods: np.ndarray, lanes: Lanes) -> np.ndarray:
     Parameters
     ----------
     log_likelihoods
-        With unknown severities, (n_samples, n_lanes, n_classes).
+        With unknown severities, (n_samples, n_lanes, n_known).
     lanes
         Their classes are the true ones; severity 0 is normal.
 
     Returns
     -------
     rates
-        (n_classes, n_classes).
+        (n_known, n_known).
     """
     true_class = np.where(lanes.severity > 0.0, lanes.diagnosis, 0)
     gain = late_rate(log_likelihoods)

@@ -83,7 +83,7 @@ def test_gymnasium_finds_it_by_the_name_of_its_module():
 def test_spaces_and_features_are_the_documented_ones():
     env = gym.make(NAME)
     assert (
-        env.observation_space.shape == (len(FEATURES),) == (29,)
+        env.observation_space.shape == (len(FEATURES),) == (30,)
         and env.observation_space.dtype == np.float32
     )
     assert np.isfinite([env.observation_space.low, env.observation_space.high]).all()

@@ -57,7 +57,7 @@ def events(name, which=0):
 def test_standard_has_as_many_of_every_class_and_severities_evenly_spread():
     found = events("standard")
     assert len(found) == 2052
-    for diagnosis in classes()[1:]:
+    for diagnosis in classes()[1:-1]:
         of_class = [event for event in found if CATALOGUE[event.fault].diagnosis == diagnosis]
         assert len(of_class) == 114
         kinds = [

@@ -99,8 +99,8 @@ EVEN = np.full((2, N_CLASSES), 1 / N_CLASSES)
         (belief(EVEN * 0.5), "probabilities sum to 0.5"),
         (belief(EVEN)._replace(log_probability=np.full_like(EVEN, np.nan)), "belief is NaN"),
         (belief(EVEN)._replace(severity_std=np.full_like(EVEN, np.nan)), "belief is NaN"),
-        (belief(EVEN[:1]), "log_probability has shape (1, 19) instead of (2, 19)"),
-        (belief(EVEN)._replace(severity_mean=EVEN[:, 1:]), "severity_mean has shape (2, 18)"),
+        (belief(EVEN[:1]), "log_probability has shape (1, 20) instead of (2, 20)"),
+        (belief(EVEN)._replace(severity_mean=EVEN[:, 1:]), "severity_mean has shape (2, 19)"),
         (None, "belief is NoneType"),
     ],
 )
@@ -113,7 +113,7 @@ def test_what_is_no_belief_is_refused_with_what_and_when(given, words):
 
 def test_beliefs_are_kept_by_the_names_of_their_classes():
     turned = classes()[::-1]
-    probability = np.full((1, N_CLASSES), 0.3 / 17)
+    probability = np.full((1, N_CLASSES), 0.3 / (N_CLASSES - 2))
     probability[0, turned.index("normal")] = 0.5
     probability[0, turned.index("increased_drag")] = 0.2
     recorder = records.Recorder(1, np.zeros((1, 1), np.int64))

@@ -72,7 +72,7 @@ def test_mirror_image_is_its_own_inverse_and_swaps_the_label():
 def test_calibration_mends_what_is_too_sure():
     generator = torch.Generator().manual_seed(0)
     network = IntegratedTrainer(0).network
-    truth = torch.randn(4000, len(CLASSES), generator=generator)
+    truth = torch.randn(4000, len(SHIPPED_CLASSES), generator=generator)
     label = torch.distributions.Categorical(logits=truth).sample()
     before, after = calibrate(network, 3.0 * truth, label)
     assert after < before

@@ -143,6 +143,12 @@ def test_confusion_and_macro_f1_by_hand():
     assert metrics.macro_f1(matrix) == pytest.approx((0.5 + 4 / 7) / 3)
 
 
+def test_a_class_that_is_never_the_truth_costs_only_the_wrong_decisions():
+    # class 2, unknown, is decided twice: F1 of 0 is 2/2, of 1 is 2/(3 + 1), and no third one
+    matrix = metrics.confusion(np.array([0, 1, 1, 1]), np.array([0, 1, 2, 2]), 3)
+    assert metrics.macro_f1(matrix) == pytest.approx((1.0 + 0.5) / 2)
+
+
 def test_weighted_confusion_is_that_of_repeated_lanes():
     label = np.array([0, 1, 2])
     decision = np.array([0, 2, 2])
