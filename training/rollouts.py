@@ -7,7 +7,7 @@ import numpy as np
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.episodes import severities_over_time
-from auv_fault_env.faults import UNKNOWN, classes
+from auv_fault_env.faults import classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.layout import EpisodePlan
 from auv_fault_env.missions import Mission, follow_mission
@@ -62,7 +62,7 @@ def label_and_severity(plan: EpisodePlan | Events, n_samples: int) -> tuple[np.n
     """
     # a sample shows the severities of the step that led to it
     time = np.arange(-1, n_samples - 1) * SAMPLE_TIME + TIME_TOLERANCE
-    names = list(dict.fromkeys((*classes(), UNKNOWN)))
+    names = classes()
     of_fault = np.array([names.index(fault.diagnosis) for fault in plant_faults().values()])
     permanent = profile_of(plan)._replace(period=np.zeros(plan.fault.shape))
     profiles = np.stack(permanent, axis=-1)
