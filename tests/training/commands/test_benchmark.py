@@ -440,7 +440,7 @@ def test_somebody_elses_diagnoser_takes_part(mine):
         "import numpy as np\nfrom diagnosers import Belief, Recursive\n"
         "class Mine(Recursive):\n    name = 'mine'\n    def initial(self, n): return ()\n"
         "    def step(self, state, observation):\n"
-        "        p = np.full((len(observation), 19), np.log(1 / 19))\n"
+        "        p = np.full((len(observation), 20), np.log(1 / 20))\n"
         "        return state, Belief(p, 0 * p, 0 * p)\n",
         encoding="utf-8",
     )

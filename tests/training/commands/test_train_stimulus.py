@@ -15,7 +15,7 @@ from training.learning.reproducible import seeded_generators
 from training.learning.stimulus import SETTINGS, VALIDATION_DECISIONS, StimulusTrainer
 from training.seeds import purpose_of
 from training.stimuli.policy import LearnedPolicy
-from training.stimuli.policy_inputs import FEATURES, HIGH, LOW
+from training.stimuli.policy_inputs import BOUNDS
 
 SMALL = dict(
     LANES=4, ROLLOUT=8, ROLLOUTS=2, VALIDATION_LANES=3, MAX_DECISIONS=10, VALIDATION_DECISIONS=10
@@ -81,7 +81,7 @@ def test_run_is_complete_and_its_policy_can_be_loaded(whole):
     assert list(whole.parent.iterdir()) == [whole]
     policy = LearnedPolicy.load(whole / f"{NAME}.safetensors")
     assert (policy.diagnoser, policy.budget, policy.amplitude) == ("filter_bank", 0.05, 0.25)
-    action = policy.action(np.stack([LOW, HIGH]))
+    action = policy.action(np.transpose(list(BOUNDS.values())))
     assert action.shape == (2, 1) and np.abs(action).max() <= 1.0
     assert "Learning curve" in (whole / "index.html").read_text()
 
@@ -93,7 +93,7 @@ def test_card_tells_how_the_policy_was_made(whole):
     )
     assert made["command"] == command
     assert (made["epochs"], len(made["history"]), made["seed"]) == (EPOCHS, EPOCHS, 0)
-    assert made["features"] == list(FEATURES)
+    assert made["features"] == list(BOUNDS)
     assert (
         made["figures"].keys() == {"price", "decisions_per_second"}
         and made["figures"]["decisions_per_second"] > 0
