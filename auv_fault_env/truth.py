@@ -112,6 +112,8 @@ class SingleLaneTruth:
         """A new dictionary of label, severity by class, onset [s], parameters and state by name."""
         if self._changes != self._fleet.changes:
             self._read_faults()
+        if self._fleet.effects.size:  # then heat changes parameters at every step
+            self._read_parameters()
         values = self._fleet.state.memory.take(self._state_places)
         state = (values * self._state_factors).tolist()
         return {
@@ -122,12 +124,15 @@ class SingleLaneTruth:
             "state": dict(zip(STATE, state, strict=True)),
         }
 
-    def _read_faults(self):
-        plan = self._fleet.plan
-        self._changes = self._fleet.changes
+    def _read_parameters(self):
         rows = slice(layout.PARAMETER, layout.SURROUNDINGS)
         parameters = self._fleet.table[self._block, rows, self._column]
         self._parameters = dict(zip(PARAMETERS, parameters.tolist(), strict=True))
+
+    def _read_faults(self):
+        plan = self._fleet.plan
+        self._changes = self._fleet.changes
+        self._read_parameters()
         self._severity = dict.fromkeys(classes()[1:], 0.0)
         self._onset = math.inf
         self._label = NORMAL

@@ -78,13 +78,22 @@ def test_a_lane_of_a_batch_is_the_single_environment():
     expected = [many.reset(seed=5)[0]]
     actions = np.full((9, 3), 0.3)
     for _ in range(100):
-        expected.append(many.step(actions)[0])
+        observations, *_, info = many.step(actions)
+        expected.append(observations)
+    truth = dict(info["truth"])
+    cold = many.unwrapped.fleet.plan.healthy[:, list(PARAMETERS).index("port_resistance")]
+    warmed = truth["parameters"]["port_resistance"] > cold
+    assert warmed[truth["label"] != "motor_overheating:port"].all()
     for lane in (0, 4, 8):
         env = gym.make(ENV, realism=1.0)
         observed = [env.reset(seed=5 + lane)[0]]
         for _ in range(100):
-            observed.append(env.step(actions[lane])[0])
+            observation, *_, info = env.step(actions[lane])
+            observed.append(observation)
         assert np.array_equal(observed, np.array(expected)[:, lane]), lane
+        for part in ("parameters", "state"):
+            of_lane = {name: values[lane] for name, values in truth[part].items()}
+            assert info["truth"][part] == of_lane
 
 
 def test_the_same_seed_without_the_fault_is_the_twin():

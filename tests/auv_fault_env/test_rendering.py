@@ -14,6 +14,7 @@ import auv_fault_env
 from auv_fault_env import CATALOGUE, CHANNELS, Fault
 from auv_fault_env.canvas import SIZE
 from auv_fault_env.charts import ticks
+from auv_fault_env.faults import UNKNOWN, fault_classes
 from auv_fault_env.palette import PALE_WARNING, WARNING
 from auv_fault_env.rendering import Renderer
 from auv_fault_env.silhouette import vehicle_parts
@@ -140,10 +141,16 @@ def test_healthy_vehicle_warns_of_nothing():
     assert warned(frame_of(), ...) == 0
 
 
-@pytest.mark.parametrize("diagnosis", auv_fault_env.classes()[1:])
+@pytest.mark.parametrize("diagnosis", fault_classes())
 def test_every_diagnosis_shows_on_the_vehicle_and_in_the_caption(diagnosis):
     frame = frame_of({diagnosis: 0.5})
     assert warned(frame, VEHICLE) > 4
+    assert warned(frame, CAPTION) > 1000
+
+
+def test_an_unknown_fault_shows_in_the_caption_alone():
+    frame = frame_of({UNKNOWN: 0.5})
+    assert warned(frame, VEHICLE) == 0
     assert warned(frame, CAPTION) > 1000
 
 

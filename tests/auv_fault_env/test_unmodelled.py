@@ -75,12 +75,15 @@ def test_no_class_knows_it_and_the_truth_calls_it_unknown(name):
     env.reset(seed=1, options={"schedule": [FaultEvent(name, 0.0, 0.7)]})
     *_, info = env.step([0.4, 0.0, 0.0])
     assert info["truth"]["label"] == UNKNOWN and info["truth"]["onset"] == 0.0
+    assert {key: s for key, s in info["truth"]["severity"].items() if s} == {UNKNOWN: 0.7}
     fleet = Fleet(2)
     schedules = [(), (FaultEvent(name, 0.0, 0.7),)]
     fleet.reset([1, 1], schedules=schedules)
     fleet.step(np.zeros((2, 3)))
     assert FleetTruth(fleet)["label"].tolist() == ["normal", UNKNOWN]
-    assert FleetTruth(fleet)["severity"].keys() == set(classes()[1:])
+    severity = FleetTruth(fleet)["severity"]
+    assert tuple(severity) == classes()[1:] and severity[UNKNOWN].tolist() == [0.0, 0.7]
+    assert not any(severity[name].any() for name in classes()[1:-1])
 
 
 def test_schedules_and_their_json_name_it():
