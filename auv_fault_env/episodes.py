@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
-from auv_fault_env import lanes, physics
+from auv_fault_env import lanes, physics, sensors, surroundings
 from auv_fault_env import layout as row
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.faults import fault_effect
@@ -191,7 +191,7 @@ def start_episodes(
         key = state.key[lane:]
         step = state.step[lane:]
         if effects.size:
-            lanes.start_surroundings(column, 1, key, step, effects)
+            surroundings.start_surroundings(column, 1, key, step, effects)
         beta = block[row.PORT_SHAFT * LANES + k] + block[row.STARBOARD_SHAFT * LANES + k]
         alpha = block[row.ALPHA * LANES + k]
         shaft_speed = physics.equilibrium_shaft_speed(alpha, beta, speed, shared)
@@ -212,9 +212,10 @@ def start_episodes(
         lanes.prepare_step(column, scratch, 1, shared)
         normal = scratch[row.DISTURBANCE_NORMAL * LANES]
         block[row.DISTURBANCE * LANES + k] = shared.disturbance_std * normal
+        lanes.write_true_values(column, scratch, 1)
         if effects.size:
-            lanes.start_history(column, scratch, 1, effects)
-            lanes.read_real_sensors(column, scratch, 1, key, step, limits, effects)
+            sensors.start_history(column, scratch, 1, effects)
+            sensors.read_real_sensors(column, scratch, 1, key, step, limits, effects)
         else:
-            lanes.read_sensors(column, scratch, 1, key, step, limits)
+            sensors.read_sensors(column, scratch, 1, key, step, limits)
         lanes.copy_results(column, 1, lane, observations, outcomes)

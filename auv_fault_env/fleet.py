@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from auv_fault_env import episodes, lanes, layout
+from auv_fault_env import episodes, lanes, layout, sensors
 from auv_fault_env.channels import CHANNELS, COMMANDS
 from auv_fault_env.compiling import n_threads
 from auv_fault_env.errors import finite_in_range, one_per_lane, refusal, whole_number
@@ -265,8 +265,8 @@ class Fleet:
         table = self.table
         shape = len(table), layout.N_READINGS, layout.N_HISTORY, layout.LANES
         history = table[:, layout.HISTORY :].reshape(shape)
-        for channel, row in enumerate(lanes.TRUE_ROW):
-            history[:, channel] = lanes.TRUE_FACTOR[channel] * table[:, row, None]
+        for channel, row in enumerate(sensors.TRUE_ROW):
+            history[:, channel] = sensors.TRUE_FACTOR[channel] * table[:, row, None]
 
     def _set_legs(self, indices: np.ndarray, legs: np.ndarray):
         n_legs = legs.shape[1]

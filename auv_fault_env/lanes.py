@@ -3,41 +3,16 @@
 import math
 
 import numpy as np
-from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from auv_fault_env import layout as row
 from auv_fault_env import physics
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.layout import LANES
-from auv_fault_env.noise import (
-    ANGLE_WORD,
-    CHANCE_WORD,
-    OUTLIER_WORD,
-    WATER_WORD,
-    WHEEL_WORD,
-    channel_uniform,
-    lower_half_of_word,
-    normal_pair,
-    random_bits,
-    sine,
-    upper_half_of_word,
-)
-from auv_fault_env.parameters import RIPPLE_FREQUENCY, SAMPLE_TIME
-from auv_fault_env.physics import RPM, SUBSTEP, SUBSTEPS, Motion, Motor, clipped
-from auv_fault_env.realism import N_CONVERSION, N_SURROUNDINGS, Conversion, Surroundings
-
-# row of the true value behind each reading, and factor of its unit
-TRUE_ROW = (
-    row.SPEED,
-    row.ACCELERATION,
-    row.PORT_VOLTAGE,
-    row.PORT_CURRENT,
-    row.PORT_SHAFT_SPEED,
-    row.STARBOARD_VOLTAGE,
-    row.STARBOARD_CURRENT,
-    row.STARBOARD_SHAFT_SPEED,
-)
-TRUE_FACTOR = (1.0, 1.0, 1.0, 1.0, RPM, 1.0, 1.0, RPM)
+from auv_fault_env.noise import normal_pair, random_bits
+from auv_fault_env.parameters import SAMPLE_TIME
+from auv_fault_env.physics import SUBSTEP, SUBSTEPS, Motion, Motor, clipped
+from auv_fault_env.sensors import read_real_sensors, read_sensors
+from auv_fault_env.surroundings import advance_surroundings
 
 
 @scalar
@@ -139,127 +114,6 @@ def store_motor(scratch, side, k, coefficients):
     scratch[at + 4 * LANES] = coefficients.thrust
 
 
-@scalar
-def surroundings_from_array(effects):
-    """The `Surroundings` at the beginning of `realism.kernel_values`."""
-    return Surroundings(*to_fixed_tuple(effects, N_SURROUNDINGS))
-
-
-@scalar
-def conversion_from_array(effects, channel):
-    """The `Conversion` of one reading in `realism.kernel_values`."""
-    first = N_SURROUNDINGS + N_CONVERSION * channel
-    return Conversion(*to_fixed_tuple(effects[first:], N_CONVERSION))
-
-
-@kernel
-def advance_noise(block, width, key, step, world, starts):
-    """Advance the angles and the noise of the paddle wheel by a sample, or start them."""
-    pitch_memory, pitch_std = physics.coloured_noise(world.pitch, world.pitch_time, starts)
-    roll_memory, roll_std = physics.coloured_noise(world.roll, world.roll_time, starts)
-    wheel_memory, wheel_std = physics.coloured_noise(
-        world.wheel_noise, world.wheel_noise_time, starts
-    )
-    for k in range(width):
-        angles = normal_pair(random_bits(key[k], step[k], ANGLE_WORD))
-        pitch = pitch_memory * block[row.PITCH * LANES + k] + pitch_std * angles[0]
-        block[row.PITCH * LANES + k] = pitch
-        roll = roll_memory * block[row.ROLL * LANES + k] + roll_std * angles[1]
-        block[row.ROLL * LANES + k] = roll
-        normals = normal_pair(random_bits(key[k], step[k], WHEEL_WORD))
-        noise = wheel_memory * block[row.WHEEL_NOISE * LANES + k] + wheel_std * normals[0]
-        block[row.WHEEL_NOISE * LANES + k] = noise
-
-
-@kernel
-def change_water(block, width, key, step, world, starts):
-    """Change the current of the water and the speed through it, or start with a constant one."""
-    chance = 1.0 if starts else world.current_rate * SAMPLE_TIME
-    share = 1.0 - math.exp(-SAMPLE_TIME / world.current_time)
-    for k in range(width):
-        word = random_bits(key[k], step[k], WATER_WORD)
-        place = 2.0 * lower_half_of_word(word) - 1.0
-        target = block[row.WATER_TARGET * LANES + k]
-        target = world.current_range * place if upper_half_of_word(word) < chance else target
-        before = target if starts else block[row.WATER_CURRENT * LANES + k]
-        current = physics.low_pass(before, target, share)
-        block[row.WATER_TARGET * LANES + k] = target
-        block[row.WATER_CURRENT * LANES + k] = current
-        block[row.SPEED * LANES + k] -= current - before
-
-
-@scalar
-def warm_motor(block, k, world, share, shaft, state, temperature_row, cold):
-    """Warm one of lane k's motors by the loss of the last sample."""
-    resistance = (shaft + row.RESISTANCE) * LANES + k
-    temperature = physics.winding_temperature(
-        block[temperature_row * LANES + k],
-        block[(state + row.CURRENT) * LANES + k],
-        block[resistance],
-        world.thermal_resistance,
-        share,
-    )
-    temperature = min(temperature, world.hottest)
-    block[temperature_row * LANES + k] = temperature
-    torque_constant = (shaft + row.TORQUE_CONSTANT) * LANES + k
-    block[resistance] = block[cold * LANES + k] * (1.0 + world.copper * temperature)
-    cold_torque_constant = block[(cold + 1) * LANES + k]
-    block[torque_constant] = cold_torque_constant * (1.0 + world.magnets * temperature)
-
-
-@kernel
-def supply_motors(block, width, step, world):
-    """Lower the voltages as the battery does, and warm the motors."""
-    share = 1.0 - math.exp(-SAMPLE_TIME / world.thermal_time)
-    for k in range(width):
-        hours = step[k] * (SAMPLE_TIME / 3600.0)
-        port = block[row.PORT_CURRENT * LANES + k]
-        current = abs(port) + abs(block[row.STARBOARD_CURRENT * LANES + k])
-        supply = physics.supply_share(world.supply_fade, world.supply_droop, hours, current)
-        block[row.PORT_VOLTAGE * LANES + k] *= supply
-        block[row.STARBOARD_VOLTAGE * LANES + k] *= supply
-        warm_motor(
-            block,
-            k,
-            world,
-            share,
-            row.PORT_SHAFT,
-            row.PORT_STATE,
-            row.PORT_TEMPERATURE,
-            row.PORT_COLD,
-        )
-        warm_motor(
-            block,
-            k,
-            world,
-            share,
-            row.STARBOARD_SHAFT,
-            row.STARBOARD_STATE,
-            row.STARBOARD_TEMPERATURE,
-            row.STARBOARD_COLD,
-        )
-
-
-@kernel
-def advance_surroundings(block, width, key, step, effects):
-    """Advance what surrounds the vehicle by a sample."""
-    world = surroundings_from_array(effects)
-    advance_noise(block, width, key, step, world, False)
-    change_water(block, width, key, step, world, False)
-    supply_motors(block, width, step, world)
-
-
-@kernel
-def start_surroundings(block, width, key, step, effects):
-    """Start what surrounds the vehicle in its stationary distribution, the motors cold."""
-    world = surroundings_from_array(effects)
-    advance_noise(block, width, key, step, world, True)
-    change_water(block, width, key, step, world, True)
-    for k in range(width):
-        block[row.PORT_TEMPERATURE * LANES + k] = 0.0
-        block[row.STARBOARD_TEMPERATURE * LANES + k] = 0.0
-
-
 @kernel
 def prepare_step(block, scratch, width, constants):
     """Write the coefficients of the next sample and advance the disturbance to it."""
@@ -331,158 +185,6 @@ def write_true_values(block, scratch, width):
         block[row.PORT_CURRENT * LANES + k] = port_current
         starboard_current = current_of_lane(block, row.STARBOARD_SHAFT, row.STARBOARD_STATE, k)
         block[row.STARBOARD_CURRENT * LANES + k] = starboard_current
-
-
-@kernel
-def sample_words(words, width, key, step, first):
-    """Write the random bits of each lane (2, n_lanes), from the word `first` on."""
-    for i in range(2):
-        word = first + np.uint64(i)
-        for k in range(width):
-            words[i, k] = random_bits(key[k], step[k], word)
-
-
-@kernel
-def write_signals(block, scratch, width, effects):
-    """Write what acts on the sensors, in the units of their readings, into the scratch rows."""
-    world = surroundings_from_array(effects)
-    for channel in range(row.N_READINGS):
-        true_row = TRUE_ROW[channel] * LANES
-        signal = (row.SIGNAL_VALUE + channel) * LANES
-        factor = TRUE_FACTOR[channel]
-        for k in range(width):
-            scratch[signal + k] = factor * block[true_row + k]
-    wheel = (row.SIGNAL_VALUE + row.SPEED_READING - row.READING) * LANES
-    acceleration = (row.SIGNAL_VALUE + row.ACCELERATION_READING - row.READING) * LANES
-    for k in range(width):
-        pitch = block[row.PITCH * LANES + k]
-        roll = block[row.ROLL * LANES + k]
-        scratch[wheel + k] += block[row.WHEEL_NOISE * LANES + k]
-        scratch[acceleration + k] += physics.gravity_felt(pitch, roll, world.cross_axis)
-
-
-@kernel
-def start_history(block, scratch, width, effects):
-    """Let the signals be what they are since long ago."""
-    write_true_values(block, scratch, width)
-    write_signals(block, scratch, width, effects)
-    for channel in range(row.N_READINGS):
-        for place in range(row.N_HISTORY):
-            past = (row.HISTORY + row.N_HISTORY * channel + place) * LANES
-            for k in range(width):
-                block[past + k] = scratch[(row.SIGNAL_VALUE + channel) * LANES + k]
-
-
-@kernel
-def delay_signals(block, scratch, width, step):
-    """Store the signals, and put those in their place that are as old as the latencies."""
-    for channel in range(row.N_READINGS):
-        signal = (row.SIGNAL_VALUE + channel) * LANES
-        history = (row.HISTORY + row.N_HISTORY * channel) * LANES
-        latency = (row.SIGNALS + row.N_SIGNAL_PARAMETERS * channel) * LANES
-        for k in range(width):
-            block[history + (step[k] % row.N_HISTORY) * LANES + k] = scratch[signal + k]
-            late = np.int64(block[latency + k] + 0.5)
-            place = (step[k] - late) % row.N_HISTORY
-            scratch[signal + k] = block[history + place * LANES + k]
-
-
-@scalar
-def outlier(chance, probability, size):
-    """A positive or a negative outlier, equally likely, or 0."""
-    positive = size if chance < probability else 0.0
-    return -size if chance < 0.5 * probability else positive
-
-
-@kernel
-def convert_signals(block, scratch, width, key, step, effects):
-    """Put what the converters give in the place of the signals."""
-    probability = surroundings_from_array(effects).outlier_probability
-    words = np.empty((2, LANES), np.uint64)
-    sample_words(words, width, key, step, OUTLIER_WORD)
-    for k in range(width):
-        turns = RIPPLE_FREQUENCY * SAMPLE_TIME * step[k]
-        scratch[row.RIPPLE * LANES + k] = sine(turns - math.floor(turns))
-    for channel in range(row.N_READINGS):
-        converter = conversion_from_array(effects, channel)
-        chances = words[channel // 4]
-        value = (row.SIGNAL_VALUE + channel) * LANES
-        sensor = (row.SENSORS + row.N_SENSOR_PARAMETERS * channel) * LANES
-        ripple = (row.SIGNALS + row.N_SIGNAL_PARAMETERS * channel + 1) * LANES
-        normal = (row.NORMAL + channel) * LANES
-        for k in range(width):
-            signal = scratch[value + k]
-            fresh = physics.fresh_reading(
-                signal,
-                block[sensor + k],
-                block[sensor + LANES + k],
-                block[sensor + 2 * LANES + k],
-                scratch[normal + k],
-            )
-            fresh += block[ripple + k] * scratch[row.RIPPLE * LANES + k]
-            chance = channel_uniform(chances[k], channel)
-            fresh += outlier(chance, probability, converter.outlier)
-            counted = fresh if abs(signal) >= converter.least else 0.0
-            scratch[value + k] = physics.converted(counted, converter)
-
-
-@kernel
-def read_real_sensors(block, scratch, width, key, step, limits, effects):
-    """As `read_sensors`, with the imperfections of `realism.kernel_values`."""
-    write_true_values(block, scratch, width)
-    write_signals(block, scratch, width, effects)
-    delay_signals(block, scratch, width, step)
-    convert_signals(block, scratch, width, key, step, effects)
-    words = np.empty((2, LANES), np.uint64)
-    sample_words(words, width, key, step, CHANCE_WORD)
-    for channel in range(row.N_READINGS):
-        chances = words[channel // 4]
-        read_into = row.READING + channel
-        sensor = (row.SENSORS + row.N_SENSOR_PARAMETERS * channel) * LANES
-        low = limits[read_into, 0]
-        high = limits[read_into, 1]
-        for k in range(width):
-            unlimited = physics.reported(
-                scratch[(row.SIGNAL_VALUE + channel) * LANES + k],
-                block[sensor + 3 * LANES + k],
-                block[sensor + 4 * LANES + k],
-                channel_uniform(chances[k], channel),
-                block[read_into * LANES + k],
-            )
-            block[read_into * LANES + k] = clipped(unlimited, low, high)
-
-
-@kernel
-def read_sensors(block, scratch, width, key, step, limits):
-    """Write the true values and the readings of every sensor of every lane."""
-    write_true_values(block, scratch, width)
-    words = np.empty((2, LANES), np.uint64)
-    sample_words(words, width, key, step, CHANCE_WORD)
-    for channel in range(row.N_READINGS):
-        chances = words[channel // 4]
-        read_into = row.READING + channel
-        true_row = TRUE_ROW[channel]
-        factor = TRUE_FACTOR[channel]
-        sensor = (row.SENSORS + row.N_SENSOR_PARAMETERS * channel) * LANES
-        normal = (row.NORMAL + channel) * LANES
-        low = limits[read_into, 0]
-        high = limits[read_into, 1]
-        for k in range(width):
-            fresh = physics.fresh_reading(
-                factor * block[true_row * LANES + k],
-                block[sensor + k],
-                block[sensor + LANES + k],
-                block[sensor + 2 * LANES + k],
-                scratch[normal + k],
-            )
-            unlimited = physics.reported(
-                fresh,
-                block[sensor + 3 * LANES + k],
-                block[sensor + 4 * LANES + k],
-                channel_uniform(chances[k], channel),
-                block[read_into * LANES + k],
-            )
-            block[read_into * LANES + k] = clipped(unlimited, low, high)
 
 
 @scalar
@@ -560,6 +262,7 @@ def step_block(
     sample_normals(scratch, width, key, step)
     prepare_step(block, scratch, width, constants)
     advance_motion(block, scratch, width)
+    write_true_values(block, scratch, width)
     if effects.size:
         read_real_sensors(block, scratch, width, key, step, limits, effects)
     else:

@@ -7,7 +7,7 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 
-from auv_fault_env import Fleet, episodes, lanes, layout
+from auv_fault_env import Fleet, episodes, lanes, layout, sensors
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.physics import PlantConstants
 from auv_fault_env.truth import SingleLaneTruth
@@ -114,7 +114,8 @@ def _stage_runs(fleet: Fleet) -> dict[str, Run]:
         lanes.sample_normals: (scratch, width, state.key, state.step),
         lanes.prepare_step: (block, scratch, width, constants),
         lanes.advance_motion: (block, scratch, width),
-        lanes.read_sensors: (block, scratch, width, state.key, state.step, limits),
+        lanes.write_true_values: (block, scratch, width),
+        sensors.read_sensors: (block, scratch, width, state.key, state.step, limits),
         lanes.write_outcomes: (block, width, constants),
         lanes.copy_results: (block, width, 0, observations, outcomes),
     }

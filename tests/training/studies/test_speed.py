@@ -66,6 +66,7 @@ def test_results_hold_comparison_profiles_machine_and_command(results):
         "sample_normals",
         "prepare_step",
         "advance_motion",
+        "write_true_values",
         "read_sensors",
         "write_outcomes",
         "copy_results",
