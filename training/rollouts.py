@@ -86,13 +86,16 @@ def manoeuvres(seed: int, n_samples: int, n_lanes: int) -> np.ndarray:
     phase = random.uniform(0.0, 24.0, (n_lanes, 3))
     amplitude = random.uniform(0.0, 1.0, (n_lanes, 3)) * [0.15, 0.3, 0.3]
     amplitude *= random.uniform(size=(n_lanes, 3)) < [0.5, 0.3, 0.3]
-    return square_waves(amplitude, half_period, phase, n_samples)
+    return square_waves(amplitude, half_period, phase, np.arange(n_samples))
 
 
 def square_waves(
-    amplitude: np.ndarray, half_period: np.ndarray, phase: np.ndarray, n_samples: int
+    amplitude: np.ndarray, half_period: np.ndarray, phase: np.ndarray, samples: np.ndarray
 ) -> np.ndarray:
-    """Square waves (n_samples, n_lanes, n_inputs); half-periods and phases in seconds."""
-    time = np.arange(n_samples)[:, None, None] * SAMPLE_TIME
+    """Square waves (n_samples, n_lanes, n_inputs); half-periods and phases in seconds.
+
+    samples (n_samples,) are their numbers from the start.
+    """
+    time = samples[:, None, None] * SAMPLE_TIME
     n_halves = np.floor((time + phase) / half_period)
     return amplitude * np.where(n_halves % 2 == 0, 1.0, -1.0)

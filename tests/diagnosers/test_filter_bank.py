@@ -262,6 +262,33 @@ def test_the_truth_helps(fault, severity, with_severity, sample, gain):
     assert oracle_probability[:, column].mean() > probability[:, column].mean() + gain
 
 
+def test_the_truth_helps_while_a_fault_grows():
+    n_lanes = 32
+    rolled = episodes(n_lanes, 201, FaultEvent("seal_friction:port", 5.0, 0.5, ramp=15.0))
+    column = CLASSES.index("seal_friction:port")
+    told = Oracle()
+    told.reset(n_lanes)
+    told.set_truth(rolled.healthy, rolled.severity)
+    probability = np.exp(beliefs(FilterBank(), rolled.observations))[:, :, column]
+    of_oracle = [np.exp(told.update(one).log_probability[:, column]) for one in rolled.observations]
+    # from the onset to the full severity
+    growing = slice(51, 201)
+    assert np.mean(of_oracle[growing]) > probability[growing].mean() + 0.03
+
+
+def test_the_oracle_has_exactly_the_severity_of_the_moment():
+    rolled = episodes(2, 40, FaultEvent("seal_friction:port", 1.0, 0.9, ramp=2.0))
+    severity = np.linspace(0.2, 0.6, 40)[:, None] + np.array([0.0, 0.1])
+    told = Oracle(walk_std=0.0)
+    told.reset(2)
+    told.set_truth(rolled.healthy, severity)
+    for observation, now in zip(rolled.observations, severity, strict=True):
+        belief = told.update(observation)
+        np.testing.assert_allclose(belief.severity_mean[:, 1:], now[:, None] * np.ones(18), 1e-6)
+    told.reset(2)
+    assert told.running.severity is None
+
+
 def test_the_oracle_refuses_what_is_no_truth():
     oracle = Oracle()
     healthy = episodes(2, 1).healthy

@@ -12,8 +12,8 @@ from training.active_env.vector import (
     ActiveDiagnosisVectorEnv,
     lane_info,
 )
+from training.metrics.declaration import DECLARATION_PROBABILITY
 from training.stimuli.base import BUDGET, LARGEST_OFFSET
-from training.stimuli.declaration import DECLARATION_PROBABILITY
 
 
 class ActiveDiagnosisEnv(gym.Env):

@@ -19,13 +19,10 @@ from auv_fault_env.schedules import Events, ScheduleSampler
 from auv_fault_env.truth import FleetTruth
 from diagnosers import Recursive, make
 from training.active_env.lane_monitor import LaneMonitor
+from training.metrics.declaration import DECLARATION_PROBABILITY
 from training.rollouts import label_and_severity
 from training.stimuli.base import BUDGET, EPISODE_TIME, LARGEST_OFFSET, MISSION_SPEED
-from training.stimuli.declaration import (
-    DECLARATION_PROBABILITY,
-    UNDECLARED,
-    Declaration,
-)
+from training.stimuli.declaration import UNDECLARED, Declaration
 from training.stimuli.policy_inputs import FLOOR, feature_bounds, policy_features
 
 DECISION = round(SAMPLE_RATE)  # samples of a decision, one second

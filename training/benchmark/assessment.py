@@ -6,7 +6,8 @@ import numpy as np
 
 from auv_fault_env.schedules import ScheduleSampler
 from training import metrics
-from training.metrics import NORMAL, Edges, Times
+from training.metrics import NORMAL, Edges, Times, healthy_time
+from training.metrics.healthy_time import CountedAlarms, is_raised
 from training.metrics.records import (
     DECISION_TIMES,
     HORIZON,
@@ -28,12 +29,15 @@ class Assessment(NamedTuple):
     false_alarms: int  # on healthy lanes
     false_alarm_vehicles: int  # healthy lanes with an alarm
     hours: float  # operation of the healthy lanes
+    alarm_hours: float  # of these with an alarm
+    by_age: CountedAlarms  # false alarms by the age of the mission
+    by_quarter: np.ndarray  # (4,) and by its quarters
     isolation: Times  # of faulty lanes
     detection: Times
     label: np.ndarray  # (n_decided,) true class of all faulty lanes, then of some healthy ones
     decisions: np.ndarray  # (n_decision_times, n_decided) of the same lanes, at `DECISION_TIMES`
     severity: np.ndarray  # (n_faulty,) estimate given the true class
-    covered: np.ndarray  # (n_faulty,) whether its interval holds the truth
+    severity_std: np.ndarray  # (n_faulty,)
     log_probability: np.ndarray  # (n_beliefs, n_classes) at random instants
     truth: np.ndarray  # (n_beliefs,) true class there
 
@@ -68,20 +72,24 @@ def assess(threshold: float, faulty: Record, truth: Truth, healthy: HealthyOutco
     healthy_label = np.full(healthy_beliefs.shape[:2], NORMAL)
 
     at_true_class = 0, np.arange(n_faulty), truth.fault  # at the first instant
-    severity = faulty.severity_mean[at_true_class]
-    severity_std = faulty.severity_std[at_true_class]
+    begun = is_raised(healthy.low, healthy.high, threshold)
+    ended = is_raised(healthy.end_low, healthy.end_high, threshold)
+    begin = healthy.begin[begun]
     beliefs = [_by_belief(faulty.log_probability[1:]), _by_belief(healthy_beliefs)]
     return Assessment(
         threshold=threshold,
         false_alarms=int(metrics.count_alarms(Edges(healthy.low, healthy.high), threshold)),
         false_alarm_vehicles=int((healthy.least < threshold).sum()),
         hours=float(healthy.hours.sum()),
+        alarm_hours=healthy_time.time_in_alarm(begin, healthy.end[ended]) / 3600.0,
+        by_age=healthy_time.by_age(begin, healthy.hours),
+        by_quarter=healthy_time.by_quarter(healthy.quarter[begun]),
         isolation=metrics.isolation_time(decision, truth.fault, truth.onset, HORIZON),
         detection=metrics.detection_delay(alarm, truth.onset, HORIZON),
         label=np.concatenate([truth.fault, np.full(len(healthy_lanes), NORMAL)]),
         decisions=np.concatenate([faulty_decisions, healthy_decisions], axis=1),
-        severity=severity,
-        covered=metrics.covered(severity, severity_std, truth.severity[0]),
+        severity=faulty.severity_mean[at_true_class],
+        severity_std=faulty.severity_std[at_true_class],
         log_probability=np.concatenate(beliefs),
         truth=np.concatenate([truth.label[1:].ravel(), healthy_label.ravel()]),
     )

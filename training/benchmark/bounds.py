@@ -26,6 +26,7 @@ from training.bounds.delays import (
     information_rate,
     mean_inverse_ratio,
     neyman_pearson_power,
+    right_for_good,
 )
 from training.bounds.information import (
     log_likelihoods_known_severity,
@@ -49,7 +50,8 @@ LEVELS = (0.01, 0.05, 0.2)
 FEWEST = 8
 BOUNDS: dict[str, str] = {
     "classes": "by class `CLASS_BOUNDS`",
-    "all": "means over the classes: detection_delay and isolation_delay by rate, with intervals",
+    "all": "means over the classes: detection_delay and isolation_delay by rate, with intervals, "
+    "and isolation_attained as by class",
     "amoc": "{false_alarms_per_hour, delay}: least mean detection delay against false alarms",
     "calibration": "inverse_ratio by time: mean of the inverse likelihood ratios, 1 if they are "
     "exact, less where healthy vehicles can show what faulty ones cannot; healthy_beyond by level: "
@@ -66,6 +68,8 @@ CLASS_BOUNDS: dict[str, str] = {
     "rival_rate": "information against it [nat/s]",
     "isolation_delay": "with its interval",
     "asymptotic_isolation": "asymptotic delay of isolation",
+    "isolation_attained": "with its interval: mean time until the most likely class is right for "
+    "good, by the bank that knows vehicle and onset; no bound, but what is known to be possible",
 }
 
 
@@ -91,7 +95,13 @@ def bounds_of(stimulus: Stimulus, seed: int, n_lanes: int) -> dict[str, Any]:
     delay = np.mean([bounds["delay_by_rate"] for bounds in by_class.values()], axis=0)
     return {
         "classes": by_class,
-        "all": {"detection_delay": detection, "isolation_delay": isolation},
+        "all": {
+            "detection_delay": detection,
+            "isolation_delay": isolation,
+            "isolation_attained": _mean(
+                [bounds["isolation_attained"] for bounds in by_class.values()]
+            ),
+        },
         "amoc": {
             "false_alarms_per_hour": rounded(AMOC_RATES),
             "delay": rounded(delay),
@@ -134,7 +144,15 @@ def _class_bounds(known: np.ndarray, unknown: np.ndarray, k: int, seed: int) -> 
         "rival_rate": float(rival_information.mean()),
         "isolation_delay": _with_interval(against_rival, _isolation_delay, seed),
         "asymptotic_isolation": _mean_asymptotic_delay(rival_information, 1.0 / CONFUSED),
+        "isolation_attained": _attained(unknown, k, seed),
     }
+
+
+def _attained(log_likelihoods: np.ndarray, k: int, seed: int) -> list[float]:
+    """Mean time from which class k stays the most likely fault of its lanes, with its interval."""
+    is_right = log_likelihoods[:, :, 1:].argmax(axis=2) + 1 == k
+    times = right_for_good(is_right)
+    return [float(times.mean()), *interval(times, seed)]
 
 
 def _isolation_delay(against_rival: np.ndarray) -> float:

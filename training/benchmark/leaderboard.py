@@ -16,6 +16,7 @@ ALARM_COLUMNS = (
     "detected",
     "false alarms (vehicles)",
     "per hour",
+    "time in alarm",
     "as set",
 )
 COMPUTE_COLUMNS = {
@@ -70,6 +71,7 @@ def alarm_cells(score: Score, mean_time: float) -> list[str]:
         percent(score["detection"]["probability"]),
         f"{score['false_alarms']} ({score['false_alarm_vehicles']})",
         with_interval(per_hour, score["false_alarms_per_hour_interval"], 2),
+        percent(score["time_in_alarm"]),
         "yes" if score["rate_as_set"] else f"no, {direction}",
     ]
 

@@ -1,9 +1,10 @@
 """The trials of a benchmark: every diagnoser under every stimulus on every part of the suite."""
 
-import math
 from collections.abc import Sequence
 from itertools import chain, combinations, product
 from typing import NamedTuple
+
+import numpy as np
 
 from auv_fault_env.errors import refusal
 from training.benchmark.suites import Conditions, Episode, Suite
@@ -20,6 +21,11 @@ from training.stimuli import Stimulus
 
 SEED_BLOCK = 100_000  # seeds of healthy lanes that each stimulus has for itself
 MOST_HOURS = 1000.0  # of healthy operation, for which a block of seeds is enough
+# samples of all lanes of a trial, which it holds in memory: 9 bytes each, and copies
+MOST_SAMPLES = 4_000_000
+FEWEST_LANES = 32  # of a trial that could have more: below, a sample costs mostly the call
+# the longest lane of a trial by its shortest, once it has `FEWEST_LANES`
+LARGEST_RATIO = 1.25
 
 
 class BenchmarkPlan(NamedTuple):
@@ -41,16 +47,13 @@ class BenchmarkPlan(NamedTuple):
         if part == FAULTY:
             return self.faulty_episodes
         seeds = self.healthy_seeds(part, stimulus)
-        missions = self.conditions(part).sample_missions(seeds)
-        pairs = zip(seeds, missions, strict=True)
-        return tuple(Episode(seed, (), mission) for seed, mission in pairs)
+        return tuple(self.conditions(part).healthy_episodes(seeds))
 
     def healthy_seeds(self, part: str, stimulus: Stimulus) -> range:
         """Seeds of the healthy lanes of a part under a stimulus."""
         first = self.suite.healthy[part] + SEED_BLOCK * stimulus.seed_block
         seconds = 3600.0 * self.hours[part] / len(self.stimuli)
-        n_lanes = math.ceil(seconds / self.conditions(part).duration)
-        return range(first, first + n_lanes)
+        return enough_lanes(self.conditions(part), first, seconds)
 
     def check_seeds(self) -> None:
         """Refuse a suite in which a vehicle serves twice, say for a threshold and for a score."""
@@ -75,8 +78,34 @@ class BenchmarkPlan(NamedTuple):
         for part, stimulus in product(PARTS, self.stimuli):
             conditions = self.conditions(part)
             lanes = self.episodes(part, stimulus)
-            starts = range(0, len(lanes), LANES_PER_TRIAL)
-            chunks = [lanes[start : start + LANES_PER_TRIAL] for start in starts]
-            for entrant, chunk in product(entrants, chunks):
+            for entrant, chunk in product(entrants, chunks(conditions, lanes)):
                 trials.append(Trial(entrant, stimulus, part, conditions, chunk))
         return trials
+
+
+def enough_lanes(conditions: Conditions, first: int, seconds: float) -> range:
+    """Seeds from `first` on of as many healthy lanes as last so long together."""
+    n_lanes = 1
+    while (total := np.cumsum(conditions.durations(range(first, first + n_lanes))))[-1] < seconds:
+        n_lanes *= 2
+    return range(first, first + int(np.searchsorted(total, seconds - 1e-6)) + 1)
+
+
+def chunks(conditions: Conditions, lanes: Sequence[Episode]) -> list[tuple[Episode, ...]]:
+    """The lanes of each trial: lanes of about the same duration, so that few wait for others."""
+    lengths = conditions.lengths(lanes)
+    ascending = np.argsort(lengths, kind="stable")
+    found: list[list[int]] = [[]]
+    for lane in ascending:
+        if _is_full(lengths[found[-1]], lengths[lane]):
+            found.append([])
+        found[-1].append(lane)
+    return [tuple(lanes[lane] for lane in chunk) for chunk in found if chunk]
+
+
+def _is_full(lengths: np.ndarray, longest: int) -> bool:
+    """Whether a trial of lanes of these lengths has no room for a longer one."""
+    n_together = lengths.size + 1
+    if n_together > LANES_PER_TRIAL or n_together * longest > MOST_SAMPLES:
+        return True
+    return lengths.size >= FEWEST_LANES and longest > LARGEST_RATIO * lengths[0]

@@ -8,13 +8,16 @@ from auv_fault_env.faults import classes
 from training import metrics
 from training.benchmark.assessment import Assessment
 from training.benchmark.trials import FaultyOutcome, LaneTruth
-from training.metrics import NORMAL, Edges, Times, compatibility
-from training.metrics.plain import rounded
+from training.metrics import NORMAL, Edges, Times, compatibility, declaration, naming
+from training.metrics import abstention as withheld
+from training.metrics.intervals import interval
+from training.metrics.plain import finite, rounded
 from training.metrics.records import HORIZON, PERSISTENCE, HealthyOutcome, Truth
 
 AMOC_RATES = np.geomspace(0.02, 60.0, 41)  # false alarms per hour
 CURVE_POINTS = 61
 SCATTER_POINTS = 300
+COVERAGE = np.linspace(0.05, 1.0, 20)
 
 
 def mean_by_class(times: Times, truth: Truth) -> dict[str, float]:
@@ -95,6 +98,60 @@ def reliability(assessment: Assessment) -> dict[str, list[float]]:
     bins = metrics.reliability(assessment.confidence, assessment.right)
     has_beliefs = bins.share > 0
     return {name: rounded(values[has_beliefs]) for name, values in bins._asdict().items()}
+
+
+def abstention(assessment: Assessment, unknown: int | None) -> dict[str, Any]:
+    """Risk against coverage, in steps of `COVERAGE`."""
+    confidence, right = withheld.known_confidence(
+        assessment.log_probability, assessment.truth, unknown
+    )
+    curve = withheld.risk_coverage(confidence, right)
+    return {
+        "area": withheld.area(curve),
+        "risk": float(1.0 - right.mean()),
+        "coverage": rounded(COVERAGE),
+        "risk_at": rounded([withheld.risk_at(curve, share) for share in COVERAGE]),
+    }
+
+
+def declared(
+    faulty: FaultyOutcome, truth: LaneTruth, unknown: int | None, seed: int
+) -> dict[str, Any]:
+    """Shares of the lanes by what is declared, and the time to the right declaration [s]."""
+    first = declaration.declare(faulty.fault, faulty.log_fault)
+    onset = truth.at_instants.onset
+    judged = declaration.judge(first, truth.right_classes, onset, HORIZON, unknown)
+    times = declaration.time_to_right(first, judged, onset, HORIZON)
+    return {
+        "right": float(judged.right.mean()),
+        "wrong": float(judged.wrong.mean()),
+        "unknown": float(judged.abstained.mean()),
+        "never": float(judged.never.mean()),
+        "time_to_right": metrics.restricted_mean(times),
+        "time_to_right_interval": interval(times.time, seed),
+    }
+
+
+def naming_of_unexplained(
+    faulty: FaultyOutcome, assessment: Assessment, truth: LaneTruth
+) -> dict[str, Any] | None:
+    """What is named where no single fault of the catalogue explains the readings."""
+    lanes = np.flatnonzero(~truth.explained)
+    if not lanes.size:
+        return None
+    at_horizon = metrics.sample_at(truth.at_instants.onset[lanes] + HORIZON), lanes
+    named = naming.name_of(
+        ~assessment.detection.censored[lanes],
+        faulty.fault[at_horizon],
+        faulty.log_fault[at_horizon],
+        truth.right_classes[lanes],
+        naming.unknown_class(),
+    )
+    shares = {
+        key: finite(naming.share_of_alarmed(named, getattr(named, key)))
+        for key in ("right", "unknown", "surely_wrong")
+    }
+    return {"lanes": lanes.size, "alarmed": float(named.alarmed.mean()), **shares}
 
 
 def severity_scatter(assessment: Assessment, truth: Truth) -> dict[str, list[float]]:

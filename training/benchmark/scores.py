@@ -9,15 +9,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from auv_fault_env.faults import classes
 from training import metrics
 from training.benchmark import score_series
 from training.benchmark.assessment import DECISION_TIME, Assessment, assess
 from training.benchmark.trials import FaultyOutcome, LaneTruth
-from training.metrics import Edges, Times
+from training.metrics import Edges, Times, naming
+from training.metrics.healthy_time import CountedAlarms
 from training.metrics.intervals import f1_interval, interval, poisson_interval
-from training.metrics.plain import finite
-from training.metrics.records import HORIZON, SEVERITY_AT, HealthyOutcome
+from training.metrics.plain import finite, rounded
+from training.metrics.records import HIGHEST_THRESHOLD, HORIZON, SEVERITY_AT, HealthyOutcome
 from training.report.cells import number, percent, seconds, with_interval
 
 MEAN_TIMES = {
@@ -41,6 +44,7 @@ class RateInputs(NamedTuple):
     """What the metrics at one rate of false alarms are computed from."""
 
     assessment: Assessment
+    truth: LaneTruth
     mean_time: float  # s between false alarms that the threshold is set for
     seed: int  # of the bootstrap
 
@@ -58,6 +62,10 @@ class ScoreInputs(NamedTuple):
     def ranked(self) -> Assessment:
         """The assessment at the rate that diagnosers are ranked at."""
         return self.assessments[RANKED_AT]
+
+    def at_rate(self, rate: str) -> RateInputs:
+        """What the metrics at a rate of `MEAN_TIMES` are computed from."""
+        return RateInputs(self.assessments[rate], self.truth, MEAN_TIMES[rate], self.seed)
 
 
 class Column(NamedTuple):
@@ -100,6 +108,37 @@ def time_figures(times: Times, seed: int) -> dict[str, Any]:
     }
 
 
+def alarms_by_age(counted: CountedAlarms) -> dict[str, list[Any]]:
+    """False alarms by age of the mission as plain data; an age without end is given as None."""
+    pairs = zip(counted.alarms.tolist(), counted.hours.tolist(), strict=True)
+    return {
+        "from": rounded(counted.first),
+        "to": [finite(minutes) for minutes in counted.last.tolist()],
+        "alarms": counted.alarms.tolist(),
+        "hours": rounded(counted.hours),
+        "per_hour_interval": [poisson_interval(*pair) for pair in pairs],
+    }
+
+
+def alarms_by_quarter(assessment: Assessment) -> dict[str, Any]:
+    """False alarms by quarter of the missions as plain data."""
+    counts = assessment.by_quarter.tolist()
+    hours = assessment.hours / len(counts)
+    intervals = [poisson_interval(count, hours) for count in counts]
+    return {"alarms": counts, "hours": hours, "per_hour_interval": intervals}
+
+
+def times_by_onset(
+    times: Times, is_abrupt: np.ndarray, seed: int
+) -> dict[str, dict[str, Any] | None]:
+    """Figures of the times of abrupt and of ramped faults, None for a kind without a lane."""
+    figures: dict[str, dict[str, Any] | None] = {}
+    for kind, chosen in (("abrupt", is_abrupt), ("ramped", ~is_abrupt)):
+        of_kind = Times(times.time[chosen], times.censored[chosen])
+        figures[kind] = time_figures(of_kind, seed) if chosen.any() else None
+    return figures
+
+
 def macro_f1(assessment: Assessment) -> float:
     """Macro-F1 of the decisions at `DECISION_TIME`."""
     matrix = metrics.confusion(assessment.label, assessment.decision, len(classes()))
@@ -115,6 +154,13 @@ def macro_f1_interval(inputs: ScoreInputs) -> tuple[float, float]:
 def severity_error(inputs: ScoreInputs) -> Any:
     """Error of the severity by faulty lane, (n_lanes,)."""
     return metrics.severity_error(inputs.ranked.severity, inputs.truth.at_instants.severity[0])
+
+
+def severity_coverage(inputs: ScoreInputs, share: float) -> float:
+    """Share of the true severities inside the intervals that should hold `share` of them."""
+    ranked = inputs.ranked
+    truth = inputs.truth.at_instants.severity[0]
+    return float(metrics.covered(ranked.severity, ranked.severity_std, truth, share).mean())
 
 
 def calibration_error(assessment: Assessment) -> float:
@@ -180,6 +226,26 @@ RATE_METRICS = (
         "Takes alarms as independent; those that flicker are not, and the true interval is wider.",
     ),
     Metric(
+        "time_in_alarm",
+        lambda at: at.assessment.alarm_hours / at.assessment.hours,
+        "share of the healthy operation during which an alarm stands",
+        "Does not say how often: an hour may be one alarm or sixty.",
+        csv=("time_in_alarm",),
+    ),
+    Metric(
+        "false_alarms_by_age",
+        lambda at: alarms_by_age(at.assessment.by_age),
+        "{from, to, alarms, hours, per_hour_interval}: false alarms by the age of the mission "
+        "[min] at their beginning",
+        "Only long missions reach great ages; few hours scatter widely.",
+    ),
+    Metric(
+        "false_alarms_by_quarter",
+        lambda at: alarms_by_quarter(at.assessment),
+        "{alarms, hours, per_hour_interval}: false alarms by quarter of the mission",
+        "Adds quarters of short and of long missions: read it beside the ages.",
+    ),
+    Metric(
         "rate_as_set",
         is_rate_as_set,
         "whether that interval holds the rate that the threshold is set for",
@@ -216,27 +282,36 @@ RATE_METRICS = (
         ),
         columns=(Column("detection, restricted mean [s]", _detection_cell),),
     ),
+    Metric(
+        "isolation_by_onset",
+        lambda at: times_by_onset(at.assessment.isolation, at.truth.abrupt, at.seed),
+        "isolation of abrupt and of ramped faults apart, as `isolation`; null if there are none",
+        "Of a ramped fault the time counts from its beginning, when there is nothing to see.",
+    ),
+    Metric(
+        "detection_by_onset",
+        lambda at: times_by_onset(at.assessment.detection, at.truth.abrupt, at.seed),
+        "detection of abrupt and of ramped faults apart, as `detection`; null if there are none",
+        "As `isolation_by_onset`.",
+    ),
 )
 
 
-def rate_score(assessment: Assessment, rate: str, seed: int) -> dict[str, Any]:
-    """All metrics at one rate of false alarms, a key of `MEAN_TIMES`."""
-    inputs = RateInputs(assessment, MEAN_TIMES[rate], seed)
+def rate_score(inputs: RateInputs) -> dict[str, Any]:
+    """All metrics at one rate of false alarms."""
     return {metric.key: metric.compute(inputs) for metric in RATE_METRICS}
 
 
 def scores_by_rate(inputs: ScoreInputs) -> dict[str, dict[str, Any]]:
     """`rate_score` for every rate."""
-    assessments = inputs.assessments.items()
-    return {rate: rate_score(assessment, rate, inputs.seed) for rate, assessment in assessments}
+    return {rate: rate_score(inputs.at_rate(rate)) for rate in inputs.assessments}
 
 
 def at_ranked_rate(metric: Metric) -> Metric:
     """The metric of `RATE_METRICS` at the rate that diagnosers are ranked at."""
 
     def compute(inputs: ScoreInputs) -> Any:
-        at_rate = RateInputs(inputs.ranked, MEAN_TIMES[RANKED_AT], inputs.seed)
-        return metric.compute(at_rate)
+        return metric.compute(inputs.at_rate(RANKED_AT))
 
     meaning = f"as in `rates` at {RANKED_AT}"
     return replace(metric, compute=compute, meaning=meaning, csv=())
@@ -295,11 +370,18 @@ METRICS = (
     ),
     Metric(
         "severity_coverage",
-        lambda score: float(score.ranked.covered.mean()),
+        lambda score: severity_coverage(score, 0.9),
         "share of the true severities inside the 90 % interval of the estimate",
         "Wide intervals cover everything: read it beside the error.",
         csv=("severity_coverage",),
         columns=(Column("90 % covers", lambda score: percent(score["severity_coverage"])),),
+    ),
+    Metric(
+        "severity_coverage_95",
+        lambda score: severity_coverage(score, 0.95),
+        "the same for the 95 % interval",
+        "As `severity_coverage`.",
+        csv=("severity_coverage_95",),
     ),
     Metric(
         "ece",
@@ -323,6 +405,46 @@ METRICS = (
         "A few confident errors decide it.",
         csv=("log_loss",),
         columns=(Column("log loss [nat]", lambda score: number(score["log_loss"], 2)),),
+    ),
+    Metric(
+        "abstention",
+        lambda score: score_series.abstention(score.ranked, naming.unknown_class()),
+        "{area, risk, coverage, risk_at}: area under risk against coverage if the least sure "
+        "beliefs at random instants are withheld, risk of all, and the curve",
+        "Depends on how difficult the beliefs are: compare on the same suite only.",
+        csv=("abstention_area", "abstention_risk"),
+    ),
+    Metric(
+        "declared",
+        lambda score: score_series.declared(
+            score.outcomes.faulty, score.truth, naming.unknown_class(), score.seed
+        ),
+        "{right, wrong, unknown, never, time_to_right}: shares of the faulty lanes by their first "
+        "declaration, a class with p of 0.9 or more for 1 s, within the horizon; `unknown` of a "
+        "known fault is neither right nor wrong; one before the onset is wrong",
+        "A wrong declaration that is taken back soon counts as one that stays.",
+        csv=("declared_right", "declared_wrong", "declared_unknown", "declared_never"),
+        columns=(
+            Column(
+                "declared right, wrong, never",
+                lambda score: ", ".join(
+                    percent(score["declared"][key]) for key in ("right", "wrong", "never")
+                ),
+            ),
+        ),
+    ),
+    Metric(
+        "naming",
+        lambda score: score_series.naming_of_unexplained(
+            score.outcomes.faulty,
+            score.ranked,
+            score.truth,
+        ),
+        "{lanes, alarmed, right, unknown, surely_wrong} of faults outside the catalogue and of "
+        "double faults, null without them: how many, share with an alarm; of these, at the "
+        "horizon, the shares whose most probable fault is `unknown` or belongs to a component "
+        "that fails, is `unknown`, belongs to another component with p above 0.9",
+        "To call everything `unknown` is never wrong: read it beside the isolation of known ones.",
     ),
     Metric(
         "cost",
@@ -392,7 +514,10 @@ def thresholds(setting: HealthyOutcome) -> dict[str, float]:
     seconds_run = 3600.0 * float(setting.hours.sum())
     alarms = Edges(setting.low, setting.high)
     return {
-        rate: metrics.threshold_within(alarms, metrics.allowed_alarms(seconds_run, mean_time))
+        rate: min(
+            HIGHEST_THRESHOLD,
+            metrics.threshold_within(alarms, metrics.allowed_alarms(seconds_run, mean_time)),
+        )
         for rate, mean_time in MEAN_TIMES.items()
     }
 

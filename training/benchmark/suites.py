@@ -29,6 +29,7 @@ from auv_fault_env.missions import Mission, MissionSampler
 from auv_fault_env.noise import STREAMS, episode_keys, uniforms
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.schedules import Schedule, ScheduleSampler, schedule_of, to_json
+from training.benchmark.whole_missions import WholeMissionSampler
 from training.metrics.records import HORIZON
 from training.rollouts import square_waves
 from training.seeds import purpose_of
@@ -49,7 +50,9 @@ STANDARD = "standard"  # its conditions are those that the thresholds are set un
 ONE_FAULT = ScheduleSampler(healthy=0.0, compound=0.0, intermittent=0.0, repaired=0.0)
 HEALTHY_PARTS = ("threshold", "counting")
 COLUMNS = ("seed", "faults", "legs", "start_speed")
-LAST_STAND_IN_ONSET = 30.0  # s, latest instant that stands for an onset on healthy lanes
+# s, from the latest instant that stands for an onset on a healthy lane to its end
+AFTER_STAND_IN_ONSET = HORIZON + 5.0
+LAST_STAND_IN_ONSET = 30.0  # s, that of the shortest episodes
 NAME = re.compile(r"[\w-]{1,60}")
 LARGEST_SEED = 2**62  # leaves room for healthy lanes after it
 CLOSING = re.compile(r' "hash": "([0-9a-f]{64})"\n}\n\Z')
@@ -71,10 +74,12 @@ class Steering:
 class Conditions:
     """What the vehicles of a suite run under."""
 
-    plant: Mapping[str, Any]  # for `Fleet`: preset, sensor_noise, disturbance, healthy_band
-    duration: float  # of an episode [s]
-    missions: tuple[MissionSampler, ...]  # of healthy lanes, taken in turn by the seed
+    plant: Mapping[str, Any]  # for `Fleet`: preset, sensor_noise, healthy_band, realism, ...
+    duration: float  # of a faulty episode [s]
+    missions: tuple[MissionSampler, ...]  # of so long episodes, taken in turn by the seed
     steering: Steering  # of all lanes
+    # missions of healthy lanes, each with its own duration; None: as those of faulty lanes
+    whole_missions: WholeMissionSampler | None = None
 
     def __post_init__(self):
         shortest = LAST_STAND_IN_ONSET + HORIZON + SAMPLE_TIME
@@ -86,20 +91,23 @@ class Conditions:
 
     @property
     def n_samples(self) -> int:
-        """Samples of an episode."""
+        """Samples of a faulty episode."""
         return round(self.duration / SAMPLE_TIME)
 
-    def deflections(self, seeds: Sequence[int]) -> np.ndarray:
-        """Square waves of rudder and stern plane [rad] by seed, (n_samples, n_lanes, 2)."""
+    def deflections(self, seeds: Sequence[int], samples: np.ndarray) -> np.ndarray:
+        """Square waves of rudder and stern plane [rad] by seed, (n_samples, n_lanes, 2).
+
+        samples (n_samples,) are their numbers from the start.
+        """
         uniform = uniforms(noise_keys(seeds), STREAMS["steering"], 7)
         is_steered = uniform[:, :1] < self.steering.share
         amplitude = self.steering.deflection * is_steered * uniform[:, 1:3]
         half_period = 2.0 + 10.0 * uniform[:, 3:5]
         phase = 24.0 * uniform[:, 5:7]
-        return square_waves(amplitude, half_period, phase, self.n_samples)
+        return square_waves(amplitude, half_period, phase, samples)
 
     def sample_missions(self, seeds: Sequence[int]) -> list[Mission]:
-        """Missions of healthy lanes with these seeds."""
+        """Missions of faulty lanes with these seeds."""
         missions = []
         sampled = [sampler.sample_legs(noise_keys(seeds)) for sampler in self.missions]
         for lane, seed in enumerate(seeds):
@@ -108,6 +116,30 @@ class Conditions:
             missions.append(Mission(lane_legs, float(start_speeds[lane])))
         return missions
 
+    def healthy_episodes(self, seeds: Sequence[int]) -> list["Episode"]:
+        """Healthy lanes with these seeds."""
+        if self.whole_missions is None:
+            missions = self.sample_missions(seeds)
+            return [Episode(seed, (), one) for seed, one in zip(seeds, missions, strict=True)]
+        whole = self.whole_missions.sample(noise_keys(seeds))
+        return [
+            Episode(seed, (), one.mission, one.duration)
+            for seed, one in zip(seeds, whole, strict=True)
+        ]
+
+    def lengths(self, episodes: Sequence["Episode"]) -> np.ndarray:
+        """Samples of each episode, (n_lanes,)."""
+        durations = [
+            self.duration if episode.duration is None else episode.duration for episode in episodes
+        ]
+        return np.round(np.array(durations) / SAMPLE_TIME).astype(np.int64)
+
+    def durations(self, seeds: Sequence[int]) -> np.ndarray:
+        """Durations of the healthy lanes with these seeds [s], (n_lanes,)."""
+        if self.whole_missions is None:
+            return np.full(len(seeds), self.duration)
+        return self.whole_missions.durations(noise_keys(seeds))
+
 
 class Episode(NamedTuple):
     """A lane: the seed of its vehicle and noise, its faults, its mission."""
@@ -115,6 +147,7 @@ class Episode(NamedTuple):
     seed: int
     schedule: Schedule
     mission: Mission
+    duration: float | None = None  # s; that of the conditions if None
 
 
 @dataclass(frozen=True)
@@ -144,10 +177,13 @@ class Suite:
 
     def text(self) -> str:
         """The file: all of its content, and the hash of that."""
+        conditions = asdict(self.conditions)
+        if self.conditions.whole_missions is None:
+            del conditions["whole_missions"]
         header = {
             "name": self.name,
             "about": self.about,
-            **asdict(self.conditions),
+            **conditions,
             "healthy": self.healthy,
             "columns": COLUMNS,
         }
@@ -240,10 +276,18 @@ def parse(text: str, origin: Path) -> Suite:
         content = json.loads(text)
         missions = [MissionSampler(**fields) for fields in content["missions"]]
         steering = Steering(**content["steering"])
+        whole = content.get("whole_missions")
+        whole_missions = None if whole is None else WholeMissionSampler(**whole)
         return Suite(
             content["name"],
             content["about"],
-            Conditions(content["plant"], content["duration"], tuple(missions), steering),
+            Conditions(
+                content["plant"],
+                content["duration"],
+                tuple(missions),
+                steering,
+                whole_missions,
+            ),
             content["healthy"],
             tuple(_episode(row) for row in content["episodes"]),
             content.get("hash", ""),

@@ -99,6 +99,18 @@ def delay_bound(power: np.ndarray) -> float:
     return float(SAMPLE_TIME * (len(power) - power[:-1].sum()))
 
 
+def right_for_good(is_right: np.ndarray) -> np.ndarray:
+    """Time [s] from onset to the first sample from which a decision stays right, (n_lanes,).
+
+    is_right is (n_samples, n_lanes), from the first sample after the onset to the horizon. A lane
+    that is wrong at the horizon counts with the horizon. It is no bound, but what one diagnoser
+    attains: another may be sooner.
+    """
+    number = np.arange(1, len(is_right) + 1)[:, None]
+    last_wrong = np.where(is_right, 0, number).max(axis=0)
+    return SAMPLE_TIME * np.minimum(last_wrong + 1, len(is_right))
+
+
 def bootstrap(
     bound: Callable[[np.ndarray], float], n_lanes: int, seed: int, n: int = RESAMPLES
 ) -> Interval:

@@ -6,9 +6,8 @@ import numpy as np
 
 from auv_fault_env.errors import finite_in_range
 from auv_fault_env.parameters import SAMPLE_RATE
+from training.metrics.declaration import DECLARATION_TIME
 
-DECLARATION_PROBABILITY = 0.9
-DECLARATION_TIME = 1.0  # s
 UNDECLARED = 0  # index of `normal`
 
 

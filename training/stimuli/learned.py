@@ -13,12 +13,9 @@ from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from diagnosers import Belief, storage
 from diagnosers.filter_bank import FilterBank
 from diagnosers.kalman import Estimate, ParameterFilter
+from training.metrics.declaration import DECLARATION_PROBABILITY
 from training.stimuli.closed_loop import ClosedLoop, EpisodeState
-from training.stimuli.declaration import (
-    DECLARATION_PROBABILITY,
-    UNDECLARED,
-    Declaration,
-)
+from training.stimuli.declaration import UNDECLARED, Declaration
 from training.stimuli.light_bank import restrict_belief
 from training.stimuli.policy import LearnedPolicy, policy_name
 from training.stimuli.policy_inputs import policy_features

@@ -72,8 +72,23 @@ def at_rate(mean_time, isolation, detection):
         "false_alarms_per_hour": 0.98,
         "false_alarms_per_hour_interval": [0.73, 1.3],
         "rate_as_set": mean_time == 3600.0,
+        "time_in_alarm": 0.004,
+        "false_alarms_by_age": {
+            "from": [0.0, 1.0, 120.0],
+            "to": [1.0, 120.0, None],
+            "alarms": [9, 40, 0],
+            "hours": [10.0, 39.0, 1.0],
+            "per_hour_interval": [[0.4, 1.7], [0.7, 1.4], [0.0, 3.7]],
+        },
+        "false_alarms_by_quarter": {
+            "alarms": [10, 12, 13, 14],
+            "hours": 12.5,
+            "per_hour_interval": [[0.4, 1.5]] * 4,
+        },
         "isolation": times(isolation),
         "detection": times(detection),
+        "isolation_by_onset": {"abrupt": times(isolation), "ramped": None},
+        "detection_by_onset": {"abrupt": times(detection), "ramped": times(detection)},
     }
 
 
@@ -96,12 +111,31 @@ def score(skill, stimulus, seed):
     confidence = np.linspace(0.1, 0.95, 9)
     of_fault = {name: isolation[k == FAULT] for k, name in enumerate(classes()) if k in FAULT}
     mean = {name: float(times.mean()) for name, times in of_fault.items()}
+    by_rate = {rate: at_rate(mean_time, isolation, detection) for rate, mean_time in RATES.items()}
     return {
-        "rates": {
-            rate: at_rate(mean_time, isolation, detection) for rate, mean_time in RATES.items()
+        "rates": by_rate,
+        **by_rate["1 h"],
+        "abstention": {
+            "area": 0.1 - 0.1 * skill,
+            "risk": 1.0 - skill,
+            "coverage": [0.5, 1.0],
+            "risk_at": [0.5 - 0.5 * skill, 1.0 - skill],
         },
-        "isolation": times(isolation),
-        "detection": times(detection),
+        "declared": {
+            "right": skill,
+            "wrong": 0.5 - 0.5 * skill,
+            "unknown": 0.0,
+            "never": 0.5 - 0.5 * skill,
+            "time_to_right": 30.0 - 25.0 * skill,
+            "time_to_right_interval": [29.0 - 25.0 * skill, 30.5 - 25.0 * skill],
+        },
+        "naming": {
+            "lanes": 40,
+            "alarmed": skill,
+            "right": 0.7,
+            "unknown": 0.4,
+            "surely_wrong": 0.05 if skill else None,
+        },
         "isolation_by_class": mean,
         "detection_by_class": {name: 0.7 * value for name, value in mean.items()},
         "macro_f1": 0.9 * skill,
@@ -167,13 +201,15 @@ def bound(least):
         "rival_rate": 0.8,
         "isolation_delay": interval,
         "asymptotic_isolation": 3.0,
+        "isolation_attained": interval,
     }
     return {
         "classes": dict.fromkeys(classes()[1:-1], of_class),
         "all": {
             key: {"1 h": interval, "10 h": interval}
             for key in ("detection_delay", "isolation_delay")
-        },
+        }
+        | {"isolation_attained": interval},
         "amoc": {
             "false_alarms_per_hour": np.geomspace(0.03, 60, 10).tolist(),
             "delay": [least] * 10,
@@ -283,8 +319,43 @@ def test_every_table_has_a_text_for_every_column(page):
 
 def test_leaderboard_is_in_order_and_ends_with_the_bound(page):
     names = [row[0] for row in rows(page, "Leaderboard under thesis")]
-    assert names == ["integrated", "filter_bank", "cusum", "mine", "oracle *", "null *", "bound"]
-    assert rows(page, "Leaderboard under thesis")[-1][1] == "0.25 (0.23–0.28)"
+    assert names == [
+        "integrated",
+        "filter_bank",
+        "cusum",
+        "mine",
+        "oracle *",
+        "null *",
+        "bound",
+        "knows vehicle and onset",
+    ]
+    assert rows(page, "Leaderboard under thesis")[-2][1] == "0.25 (0.23–0.28)"
+
+
+def test_alarms_by_age_have_a_column_for_every_age(page):
+    found = table(page, "Do false alarms grow with the age of the mission?")
+    assert found["columns"][3:6] == [
+        "per hour, 0–1 min",
+        "per hour, 1–120 min",
+        "per hour, from 120 min",
+    ]
+    assert found["rows"][0][3:] == [
+        "0.90 (0.40–1.70)",
+        "1.03 (0.70–1.40)",
+        "0.00 (0.00–3.70)",
+        "10, 12, 13, 14",
+    ]
+
+
+def test_names_of_unexplained_faults_are_shown_where_there_are_such(results):
+    heading = "What are faults called that no class describes?"
+    assert rows(benchmark_page.page(results), heading)[-1][-1] == "–"
+    known = copy.deepcopy(results)
+    for scores in known["scores"].values():
+        for of_score in scores.values():
+            of_score["naming"] = None
+    headings = [section["heading"] for section in benchmark_page.page(known)["sections"]]
+    assert heading not in headings
 
 
 def test_what_was_run_says_suite_seeds_and_third_parties(page):
@@ -392,7 +463,7 @@ def test_the_report_has_every_figure(tmp_path):
     names = [
         figure["name"] for section in page["sections"] for figure in section.get("figures", ())
     ]
-    assert len(names) == len(set(names)) == 12
+    assert len(names) == len(set(names)) == 13
     assert {path.stem for path in (tmp_path / "figures").iterdir()} == set(names)
     text = (tmp_path / "index.html").read_text()
     assert text.count("<img") == len(names)

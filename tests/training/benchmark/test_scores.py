@@ -27,7 +27,8 @@ def record(truth, is_perfect):
     severity = np.repeat(truth.at_instants.severity[:, :, None], n_classes, axis=2)
     log_normal = np.where(label == 0, np.log1p(-DOUBT), np.log(DOUBT / (n_classes - 1)))
     fault = np.where(label == 0, 1, label)
-    return Record(log_normal, fault, belief, severity, np.full(severity.shape, 0.01))
+    log_fault = np.where(label == 0, np.log(DOUBT), np.log1p(-DOUBT))
+    return Record(log_normal, fault, log_fault, belief, severity, np.full(severity.shape, 0.01))
 
 
 def score(is_perfect):
@@ -52,7 +53,19 @@ def test_perfect_beliefs_score_perfectly():
     assert perfect["severity_mae"] == pytest.approx(0.0, abs=1e-6)
     assert perfect["ece"] == pytest.approx(0.0, abs=1e-5)
     assert perfect["log_loss"] == pytest.approx(1e-6, rel=1e-2)
-    assert perfect["false_alarms"] == 0
+    assert perfect["false_alarms"] == perfect["time_in_alarm"] == 0
+    assert perfect["abstention"]["area"] == perfect["abstention"]["risk"] == 0.0
+    # a class is declared a second after it shows
+    assert perfect["declared"]["right"] == 1.0
+    assert 0.9 < perfect["declared"]["time_to_right"] < 1.2
+    by_onset = perfect["isolation_by_onset"]
+    abrupt = np.mean([episode.schedule[0].ramp == 0.0 for episode in FAULTY])
+    means = [by_onset[kind]["restricted_mean"] for kind in ("abrupt", "ramped")]
+    assert np.dot([abrupt, 1.0 - abrupt], means) == pytest.approx(
+        perfect["isolation"]["restricted_mean"]
+    )
+    # all faults are those of the catalogue
+    assert perfect["naming"] is None
 
 
 def test_silence_is_censored():
@@ -65,6 +78,8 @@ def test_silence_is_censored():
     }
     assert silent["detection"]["probability"] == 0.0
     assert set(silent["isolation_by_class"].values()) == {30.0}
+    assert silent["declared"]["never"] == 1.0
+    assert silent["declared"]["time_to_right"] == 30.0
     assert silent["cost"]["energy"] == 1.0 and silent["cost"]["energy_ratio"] is None
 
 

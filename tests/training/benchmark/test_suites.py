@@ -82,11 +82,14 @@ def test_half_of_the_standard_missions_keep_their_speed():
 
 def test_a_third_of_the_lanes_is_steered_within_its_deflection():
     conditions = SUITES["standard"].conditions
-    deflections = conditions.deflections(range(300))
+    samples = np.arange(650)
+    deflections = conditions.deflections(range(300), samples)
     assert deflections.shape == (650, 300, 2)
     assert 0.25 < deflections.any(axis=(0, 2)).mean() < 0.42
     assert np.abs(deflections).max() <= 0.3
-    np.testing.assert_array_equal(conditions.deflections(range(7, 9)), deflections[:, 7:9])
+    np.testing.assert_array_equal(
+        conditions.deflections(range(7, 9), samples[300:]), deflections[300:, 7:9]
+    )
 
 
 def test_shifts_shift_what_they_say():

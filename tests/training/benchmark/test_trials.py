@@ -10,6 +10,7 @@ from auv_fault_env.errors import InputError
 from auv_fault_env.faults import CATALOGUE, classes
 from auv_fault_env.missions import Mission
 from auv_fault_env.parameters import PARAMETERS
+from auv_fault_env.schedules import FaultEvent
 from diagnosers import Belief, Recursive, make
 from diagnosers.third_party import ThirdParty
 from training import metrics
@@ -48,9 +49,8 @@ def record(seed, n_lanes):
     steps = random.standard_normal((650, n_lanes)).astype(np.float32)
     log_normal = -np.abs(steps.cumsum(axis=0) + random.choice([0, 20], n_lanes)).astype(np.float32)
     whole = [np.zeros((5, n_lanes, N_CLASSES), np.float32)] * 3
-    return Record(
-        log_normal, random.integers(1, N_CLASSES, log_normal.shape).astype(np.int8), *whole
-    )
+    fault = random.integers(1, N_CLASSES, log_normal.shape).astype(np.int8)
+    return Record(log_normal, fault, log_normal, *whole)
 
 
 @pytest.mark.parametrize("allowed", [0, 3, 40])
@@ -71,7 +71,7 @@ def test_what_is_left_of_healthy_lanes_counts_as_the_lanes_themselves():
     seen = record(3, 30)
     onset = np.linspace(5.0, 30.0, 30)
     left = healthy_outcome(seen, onset)
-    for threshold in (-60.0, -20.0, -5.0, -0.1):
+    for threshold in (-60.0, -20.0, -5.0, -0.2):
         alarm = metrics.alarms(seen.log_normal, threshold, PERSISTENCE)
         assert (
             metrics.count_alarms(Edges(left.low, left.high), threshold)
@@ -224,10 +224,21 @@ def test_a_reference_is_told_the_vehicle_and_the_severity():
         run_trial(trial(entrant, part=part))
     (healthy, severity), (_, calm_severity) = Told.heard
     assert healthy.shape == (4, len(PARAMETERS))
-    np.testing.assert_allclose(
-        severity, [episode.schedule[0].severity for episode in STANDARD.episodes[:4]], rtol=1e-6
-    )
+    assert severity.shape == calm_severity.shape == (650, 4)
+    # before the onset and at the end that of the fully grown fault
+    full = [episode.schedule[0].severity for episode in STANDARD.episodes[:4]]
+    np.testing.assert_allclose(severity[[0, -1]], [full, full], rtol=1e-6)
     assert (calm_severity == 0.6).all()
+
+
+def test_the_severity_told_is_that_of_the_moment():
+    ramped = FaultEvent("increased_drag", onset=10.0, severity=0.8, ramp=5.0)
+    episode = STANDARD.episodes[0]._replace(schedule=(ramped,))
+    truth = lane_truth(STANDARD.conditions, [episode])
+    # at half of its ramp half of its severity, in the sample after
+    assert truth.severity[126, 0] == pytest.approx(0.4)
+    assert truth.severity[[0, 151, 600], 0] == pytest.approx([0.8, 0.8, 0.8])
+    assert not truth.abrupt.any()
 
 
 @pytest.mark.parametrize("part", trials.PARTS)

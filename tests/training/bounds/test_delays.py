@@ -127,3 +127,15 @@ def test_bootstrap_interval_holds_the_bound_and_narrows_with_lanes():
 
 def bootstrapped(bound, n_lanes):
     return delays.bootstrap(bound, n_lanes, seed=0)
+
+
+def test_right_for_good_by_hand():
+    is_right = np.array(
+        [
+            [True, False, True, False],
+            [True, True, False, False],
+            [True, True, True, False],
+            [True, True, True, False],
+        ]
+    )
+    np.testing.assert_allclose(delays.right_for_good(is_right), [0.1, 0.2, 0.3, 0.4])
