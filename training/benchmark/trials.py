@@ -10,12 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.faults import CATALOGUE, fault_of
+from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.noise import STREAMS, uniforms
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.schedules import Schedule, events_of, first_onset
 from auv_fault_env.truth import FleetTruth
+from auv_fault_env.unmodelled import plant_fault
 from diagnosers import Belief, Diagnoser
 from training.benchmark.suites import (
     AFTER_STAND_IN_ONSET,
@@ -143,7 +144,7 @@ def lane_truth(conditions: Conditions, episodes: Sequence[Episode]) -> LaneTruth
     of_moment = np.where(severity > 0.0, severity, full_severity).astype(np.float32)
     abrupt = np.array([_is_abrupt(schedule) for schedule in schedules])
     explained = np.array([_is_explained(schedule) for schedule in schedules])
-    components = [{fault_of(event.fault).component for event in one} for one in schedules]
+    components = [{plant_fault(event.fault).component for event in one} for one in schedules]
     right_classes = naming.right_classes(at_instants.fault, components, explained)
     return LaneTruth(
         at_instants=at_instants,

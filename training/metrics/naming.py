@@ -10,9 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.faults import CATALOGUE, classes
+from auv_fault_env.faults import CATALOGUE, UNKNOWN, classes
 
-UNKNOWN = "unknown"
 SURE = 0.9  # probability above which a wrong name misleads
 
 
@@ -47,13 +46,21 @@ def right_classes(
     """
     names = classes()
     component_of = {one.diagnosis: one.component for one in CATALOGUE.values()}
-    of_lanes = [[component_of.get(name) in failing for name in names] for failing in components]
+    of_lanes = []
+    for failing in components:
+        parts = [component_of.get(name, "") for name in names]
+        of_lanes.append([any(_is_part(part, whole) for whole in failing) for part in parts])
     is_right = np.array(of_lanes)
     unknown = unknown_class()
     if unknown is not None:
         is_right[:, unknown] = True
     is_right[explained] = fault[explained, None] == np.arange(len(names))
     return is_right
+
+
+def _is_part(part: str, whole: str) -> bool:
+    """Whether a component is another one or that of one side: `propeller:port` of `propeller`."""
+    return part == whole or part.startswith(f"{whole}:")
 
 
 def name_of(

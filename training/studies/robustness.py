@@ -75,9 +75,7 @@ def study(arguments: RobustnessStudy) -> dict[str, Any]:
     }
 
 
-def section(
-    found: Mapping[str, list[Finding]], thresholds: Mapping[str, float]
-) -> dict[str, Any]:
+def section(found: Mapping[str, list[Finding]], thresholds: Mapping[str, float]) -> dict[str, Any]:
     """The table of all findings."""
     words = {True: "yes", False: "no", None: ""}
     rows = [

@@ -8,16 +8,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_fault_env.channels import CHANNELS
-from auv_fault_env.faults import classes
+from auv_fault_env.faults import classes, fault_of
 from auv_fault_env.fleet import Fleet
-from auv_fault_env.imperfections import IMPERFECTIONS
 from auv_fault_env.missions import Mission
-from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME, SIDES
+from auv_fault_env.parameters import SAMPLE_RATE, SIDES
+from auv_fault_env.realism import EFFECTS
 from auv_fault_env.schedules import FaultEvent, Schedule
 from auv_fault_env.unmodelled import UNMODELLED
 from diagnosers import make
 from training import metrics
-from training.benchmark import score_series, scores, suites, timing
+from training.benchmark import score_series, scores, timing
 from training.benchmark.assessment import Assessment, assess
 from training.benchmark.suites import ONE_FAULT, Conditions
 from training.benchmark.whole_missions import WholeMissionSampler
@@ -40,6 +40,8 @@ HOUR = 3600.0  # s
 N_PADDED = 32  # vehicles on a mission between rests
 RESTS = (30.0, 240.0)  # s
 PER_FAULT = 24  # lanes of a fault outside the catalogue
+# of faults outside the catalogue that come and go [s]
+TEMPORARY = {"ventilating_propeller": {"period": 4.0, "duty": 0.5}}
 PER_PAIR = 48  # lanes of a double fault
 PAIRS = ("seal_friction", "propeller_loss")
 SEVERITY = (0.4, 1.0)  # of double faults
@@ -111,7 +113,7 @@ def alarm_finding(
 def each_effect(study: Study) -> list[Finding]:
     """Healthy vehicles with one imperfection each."""
     found = []
-    for name in IMPERFECTIONS:
+    for name in EFFECTS:
         of = conditions(SHORTER, realism=1.0, imperfections=(name,))
         outcome = study.runs.healthy(of, study.row, study.effect_hours)
         found.append(alarm_finding(name, outcome, study.runs.thresholds[PER_HOUR], 2.0, 0.01))
@@ -208,7 +210,8 @@ def outside(study: Study) -> list[Finding]:
     names = [name for name in UNMODELLED for _ in range(PER_FAULT)]
     onset = random.uniform(*ONSET, len(names)).round(1)
     schedules = [
-        (FaultEvent(name, begin, 1.0),) for name, begin in zip(names, onset, strict=True)
+        (FaultEvent(name, begin, 1.0, **TEMPORARY.get(name.partition(":")[0], {})),)
+        for name, begin in zip(names, onset, strict=True)
     ]
     of_fault = {name: np.array([one == name for one in names]) for name in UNMODELLED}
     return _named(study, schedules, of_fault)
@@ -230,7 +233,7 @@ def double(study: Study) -> list[Finding]:
 def both_sides(kind: str, onset: float, severity: float) -> Schedule:
     """The fault on both sides, as severe as it can be where it is only whole."""
     names = [f"{kind}:{side}" for side in SIDES]
-    severity = max(severity, suites.least_severity(names[0]))
+    severity = max(severity, getattr(fault_of(names[0]), "least_severity", 0.0))
     return tuple(FaultEvent(name, onset, round(severity, 4)) for name in names)
 
 
@@ -301,9 +304,7 @@ def repaired(study: Study) -> list[Finding]:
     """Faults that are repaired after ten seconds."""
     end = REPAIRED_ONSET + REPAIRED_AFTER
     faults = [name for name in REPAIRED for _ in range(PER_REPAIR)]
-    schedules = [
-        (FaultEvent(name, REPAIRED_ONSET, REPAIRED_SEVERITY, end=end),) for name in faults
-    ]
+    schedules = [(FaultEvent(name, REPAIRED_ONSET, REPAIRED_SEVERITY, end=end),) for name in faults]
     found = []
     for realism in (0.0, 1.0):
         of = conditions(realism=realism)

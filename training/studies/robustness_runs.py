@@ -1,4 +1,4 @@
-"""Runs of one diagnoser under conditions of its own: healthy hours, faulty lanes, given readings."""
+"""Runs of one diagnoser: healthy hours, faulty lanes, and given readings."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -84,5 +84,9 @@ def _command(name: str, arguments: Any) -> str:
     """The command with all options but the output, which changes no result."""
     options = asdict(arguments)
     del options["output"]
-    words = (f"--{option.replace('_', '-')} {value}" for option, value in options.items())
+    words = []
+    for option, value in options.items():
+        values = value if isinstance(value, tuple) else (value,)
+        if values:
+            words.append(" ".join([f"--{option.replace('_', '-')}", *map(str, values)]))
     return " ".join([STUDY + name, *words])

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 
-from auv_fault_env.faults import classes
+from auv_fault_env.faults import UNKNOWN, classes
 from training.metrics import naming
 from training.metrics.naming import name_of, share_of_alarmed
 
@@ -20,13 +20,14 @@ def test_the_one_right_name_of_an_explained_fault_is_its_class():
 
 
 def test_of_other_faults_every_class_of_a_component_that_fails_is_right():
-    fault = np.array(named(["seal_friction:port", "normal"]))
-    failing = [{"shaft:port", "shaft:starboard"}, {"sensor:port_rpm"}]
-    right = naming.right_classes(fault, failing, np.array([False, False]))
-    unknown = {naming.UNKNOWN} & set(NAMES)
+    fault = np.array(named(["seal_friction:port", "normal", "normal"]))
+    failing = [{"shaft:port", "shaft:starboard"}, {"sensor:port_rpm"}, {"propeller"}]
+    right = naming.right_classes(fault, failing, np.zeros(3, bool))
+    unknown = {UNKNOWN} & set(NAMES)
     found = [{NAMES[k] for k in np.flatnonzero(row)} for row in right]
     assert found[0] == {"seal_friction:port", "seal_friction:starboard"} | unknown
     assert found[1] == {"sensor:port_rpm"} | unknown
+    assert found[2] == {name for name in NAMES if name.startswith("propeller")} | unknown
 
 
 def test_shares_are_of_lanes_with_an_alarm():
