@@ -23,9 +23,9 @@ SEED_BLOCK = 100_000  # seeds of healthy lanes that each stimulus has for itself
 MOST_HOURS = 1000.0  # of healthy operation, for which a block of seeds is enough
 # samples of all lanes of a trial, which it holds in memory: 9 bytes each, and copies
 MOST_SAMPLES = 4_000_000
-FEWEST_LANES = 32  # of a trial that could have more: below, a sample costs mostly the call
+FEWEST_LANES = 16  # of a trial that could have more: below, a sample costs mostly the call
 # the longest lane of a trial by its shortest, once it has `FEWEST_LANES`
-LARGEST_RATIO = 1.25
+LARGEST_RATIO = 1.3
 
 
 class BenchmarkPlan(NamedTuple):

@@ -100,7 +100,7 @@ def reliability(assessment: Assessment) -> dict[str, list[float]]:
     return {name: rounded(values[has_beliefs]) for name, values in bins._asdict().items()}
 
 
-def abstention(assessment: Assessment, unknown: int | None) -> dict[str, Any]:
+def abstention(assessment: Assessment, unknown: int) -> dict[str, Any]:
     """Risk against coverage, in steps of `COVERAGE`."""
     confidence, right = withheld.known_confidence(
         assessment.log_probability, assessment.truth, unknown
@@ -114,9 +114,7 @@ def abstention(assessment: Assessment, unknown: int | None) -> dict[str, Any]:
     }
 
 
-def declared(
-    faulty: FaultyOutcome, truth: LaneTruth, unknown: int | None, seed: int
-) -> dict[str, Any]:
+def declared(faulty: FaultyOutcome, truth: LaneTruth, unknown: int, seed: int) -> dict[str, Any]:
     """Shares of the lanes by what is declared, and the time to the right declaration [s]."""
     first = declaration.declare(faulty.fault, faulty.log_fault)
     onset = truth.at_instants.onset

@@ -13,16 +13,15 @@ class RiskCoverage(NamedTuple):
 
 
 def known_confidence(
-    log_probability: np.ndarray, truth: np.ndarray, unknown: int | None
+    log_probability: np.ndarray, truth: np.ndarray, unknown: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Probability of the most probable known class, and whether that is the true one, (n,) each.
 
-    Probability given to `unknown` (n_classes,) is none of a known class, so it lowers the
-    confidence. log_probability is (n, n_classes), truth (n,).
+    The probability of the class `unknown` is that of no known class, so it lowers the confidence.
+    log_probability is (n, n_classes), truth (n,).
     """
     known = log_probability.copy()
-    if unknown is not None:
-        known[:, unknown] = -np.inf
+    known[:, unknown] = -np.inf
     return np.exp(known.max(axis=1)), known.argmax(axis=1) == truth
 
 

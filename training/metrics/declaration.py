@@ -56,7 +56,7 @@ def judge(
     is_right_class: np.ndarray,
     onset: np.ndarray,
     horizon: float,
-    unknown: int | None,
+    unknown: int,
 ) -> Declarations:
     """Whether each declaration is right.
 
@@ -68,7 +68,7 @@ def judge(
         (n_lanes,) and number [s]: a declaration up to the onset is wrong, one after the horizon
         comes too late and counts as none.
     unknown
-        Class that says that no known fault explains the readings, None if there is none.
+        Index of the class `unknown`.
 
     Misleads: one wrong declaration that is taken back within two seconds counts as much as one
     that stays. Nothing is wrong of a diagnoser that never declares: read `wrong` beside `never`.
@@ -77,9 +77,9 @@ def judge(
     is_early = declared.time <= onset + ROUNDING
     lanes = np.arange(len(onset))
     right = is_in_time & ~is_early & is_right_class[lanes, declared.named]
-    is_unknown = np.zeros_like(right) if unknown is None else declared.named == unknown
-    abstained = is_in_time & ~right & is_unknown
-    wrong = is_in_time & ~right & ~is_unknown
+    is_named = is_in_time & ~right
+    abstained = is_named & (declared.named == unknown)
+    wrong = is_named & (declared.named != unknown)
     return Declarations(right, wrong, abstained, ~is_in_time)
 
 

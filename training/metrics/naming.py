@@ -24,10 +24,9 @@ class Naming(NamedTuple):
     surely_wrong: np.ndarray  # it belongs to another component, and has more than `SURE`
 
 
-def unknown_class() -> int | None:
-    """Index of the class `unknown`, None where the classes have none."""
-    names = classes()
-    return names.index(UNKNOWN) if UNKNOWN in names else None
+def unknown_class() -> int:
+    """Index of the class `unknown`."""
+    return classes().index(UNKNOWN)
 
 
 def right_classes(
@@ -51,9 +50,7 @@ def right_classes(
         parts = [component_of.get(name, "") for name in names]
         of_lanes.append([any(_is_part(part, whole) for whole in failing) for part in parts])
     is_right = np.array(of_lanes)
-    unknown = unknown_class()
-    if unknown is not None:
-        is_right[:, unknown] = True
+    is_right[:, unknown_class()] = True
     is_right[explained] = fault[explained, None] == np.arange(len(names))
     return is_right
 
@@ -68,7 +65,7 @@ def name_of(
     fault: np.ndarray,
     log_fault: np.ndarray,
     is_right_class: np.ndarray,
-    unknown: int | None,
+    unknown: int,
 ) -> Naming:
     """What is named at one instant.
 
@@ -80,15 +77,14 @@ def name_of(
     is_right_class
         (n_lanes, n_classes).
     unknown
-        Class that says that no known fault explains the readings, None if there is none.
+        Index of the class `unknown`.
 
     Misleads: to call everything `unknown` is never wrong; read it beside the isolation of known
     faults. Lanes without an alarm do not count: read it beside the share detected.
     """
     is_right = is_right_class[np.arange(len(fault)), fault]
-    is_unknown = np.zeros_like(is_right) if unknown is None else fault == unknown
     is_sure = log_fault > np.log(SURE)
-    return Naming(alarm, alarm & is_right, alarm & is_unknown, alarm & ~is_right & is_sure)
+    return Naming(alarm, alarm & is_right, alarm & (fault == unknown), alarm & ~is_right & is_sure)
 
 
 def share_of_alarmed(naming: Naming, what: np.ndarray) -> float:

@@ -33,9 +33,9 @@ class RobustnessStudy:
     """Rows to measure; all if none is named."""
     purpose: Literal["test", "validation"] = "test"
     """Seeds to measure on; take validation to tune."""
-    hours: float = 100.0
+    hours: float = 60.0
     """Healthy operation on which the thresholds are set, and the row `all` counts [h]."""
-    effect_hours: float = 20.0
+    effect_hours: float = 10.0
     """Healthy operation with each effect alone [h]."""
     workers: int = -1
     """Processes at work; -1 for one per core."""

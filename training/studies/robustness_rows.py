@@ -32,7 +32,7 @@ from training.studies.robustness_runs import FaultyLanes, Runs, believed, condit
 
 PER_HOUR, PER_10_HOURS = scores.MEAN_TIMES
 # of the hours with one effect: shorter missions, so that there are more vehicles
-SHORTER = WholeMissionSampler(duration=(60.0, 3600.0))
+SHORTER = WholeMissionSampler(duration=(60.0, 1800.0))
 CRUISE_SPEED = 0.4  # m/s
 N_CRUISING = 24
 N_RESTING = 8

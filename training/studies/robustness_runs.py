@@ -10,7 +10,7 @@ from joblib import Parallel, delayed
 
 from auv_fault_env.missions import Mission
 from auv_fault_env.schedules import Schedule
-from diagnosers import Diagnoser, make
+from diagnosers import Belief, Diagnoser, make
 from training.benchmark import plan, suites
 from training.benchmark.scores import thresholds
 from training.benchmark.suites import Conditions, Episode
@@ -27,14 +27,26 @@ from training.benchmark.trials import (
 from training.benchmark.whole_missions import WholeMissionSampler
 from training.metrics.records import HealthyOutcome, Record, concatenate_lanes
 from training.seeds import seeds
-from training.stimuli import STIMULI, Stimulus, Thesis
+from training.stimuli import Cruise, Stimulus, Thesis
 
 FIRST_SEED = 500_000_000  # within those of the purpose
 ROW_BLOCK = 4_000_000  # seeds of a row
 RUN_BLOCK = 200_000  # of these, seeds of a run of the study
 MOST_RUNS = ROW_BLOCK // RUN_BLOCK
 FIRST_ROW = 1  # row 0 has the hours of the thresholds
-UNDER = ("cruise", "thesis")  # stimuli of healthy hours, half each
+
+
+@dataclass(frozen=True)
+class EveryOther(Thesis):
+    """The thesis' stimulus on every other lane, none on the others."""
+
+    name = "every_other"
+
+    def offset(self, sample: int, observation: np.ndarray, belief: Belief) -> np.ndarray:
+        """That of the thesis, or zero."""
+        offset = super().offset(sample, observation, belief)
+        offset[::2] = 0.0
+        return offset
 
 
 class FaultyLanes(NamedTuple):
@@ -87,20 +99,16 @@ class Runs:
         return thresholds(self._healthy(conditions(realism=1.0), first, self.hours, THRESHOLD))
 
     def healthy(self, of: Conditions, row: int, hours: float) -> HealthyOutcome:
-        """Healthy operation under conditions, a half of the hours under each stimulus."""
+        """Healthy operation under conditions, half of the vehicles with the thesis' stimulus."""
         return self._healthy(of, self.seeds(row, 1)[0], hours, COUNTING)
 
     def _healthy(self, of: Conditions, first: int, hours: float, part: str) -> HealthyOutcome:
-        jobs = []
-        for k, name in enumerate(UNDER):
-            start = first + k * RUN_BLOCK // 2
-            lanes = plan.enough_lanes(of, start, 3600.0 * hours / len(UNDER))
-            jobs += self._trials(of, of.healthy_episodes(lanes), STIMULI[name](), part)
-        return self._run(jobs)
+        lanes = plan.enough_lanes(of, first, 3600.0 * hours)
+        return self._run(self._trials(of, of.healthy_episodes(lanes), EveryOther(), part))
 
     def healthy_lanes(self, of: Conditions, episodes: Sequence[Episode]) -> HealthyOutcome:
         """These healthy lanes without a stimulus."""
-        return self._run(self._trials(of, episodes, STIMULI["cruise"](), COUNTING))
+        return self._run(self._trials(of, episodes, Cruise(), COUNTING))
 
     def faulty(self, of: Conditions, episodes: Sequence[Episode]) -> FaultyLanes:
         """These faulty lanes under the thesis' stimulus."""

@@ -34,5 +34,5 @@ def test_unknown_lowers_the_confidence_and_is_never_the_name():
     log_probability = np.log([[0.1, 0.3, 0.6]])
     confidence, right = known_confidence(log_probability, np.array([1]), 2)
     assert confidence == pytest.approx([0.3]) and right.all()
-    confidence, right = known_confidence(log_probability, np.array([1]), None)
-    assert confidence == pytest.approx([0.6]) and not right.any()
+    _, right = known_confidence(log_probability, np.array([0]), 2)
+    assert not right.any()

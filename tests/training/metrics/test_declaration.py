@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 
 from training.metrics import declaration
 from training.metrics.declaration import Declared, declare, judge, time_to_right
@@ -61,10 +60,3 @@ def test_who_says_unknown_is_neither_right_nor_wrong_unless_it_is_true():
     times = time_to_right(declared, judged, onset, 30.0)
     assert times.time.tolist() == [3.0, 30.0, 30.0, 30.0, 30.0, 3.0, 30.0]
     assert times.censored.tolist() == [False, True, True, True, True, False, True]
-
-
-@pytest.mark.parametrize("unknown", [None, 3])
-def test_a_wrong_class_is_wrong_whether_or_not_there_is_an_unknown(unknown):
-    declared = Declared(np.array([2]), np.array([5.0]))
-    judged = judge(declared, np.eye(4, dtype=bool)[[1]], np.zeros(1), 30.0, unknown)
-    assert judged.wrong.all()

@@ -23,11 +23,10 @@ def test_of_other_faults_every_class_of_a_component_that_fails_is_right():
     fault = np.array(named(["seal_friction:port", "normal", "normal"]))
     failing = [{"shaft:port", "shaft:starboard"}, {"sensor:port_rpm"}, {"propeller"}]
     right = naming.right_classes(fault, failing, np.zeros(3, bool))
-    unknown = {UNKNOWN} & set(NAMES)
     found = [{NAMES[k] for k in np.flatnonzero(row)} for row in right]
-    assert found[0] == {"seal_friction:port", "seal_friction:starboard"} | unknown
-    assert found[1] == {"sensor:port_rpm"} | unknown
-    assert found[2] == {name for name in NAMES if name.startswith("propeller")} | unknown
+    assert found[0] == {"seal_friction:port", "seal_friction:starboard"} | {UNKNOWN}
+    assert found[1] == {"sensor:port_rpm"} | {UNKNOWN}
+    assert found[2] == {name for name in NAMES if name.startswith("propeller")} | {UNKNOWN}
 
 
 def test_shares_are_of_lanes_with_an_alarm():
@@ -48,5 +47,5 @@ def test_shares_are_of_lanes_with_an_alarm():
 
 def test_the_share_of_no_lane_is_no_number():
     no = np.array([False])
-    found = name_of(no, np.array([1]), np.zeros(1), np.eye(2, dtype=bool)[[1]], None)
+    found = name_of(no, np.array([1]), np.zeros(1), np.eye(2, dtype=bool)[[1]], 0)
     assert math.isnan(share_of_alarmed(found, found.right))
