@@ -43,10 +43,13 @@ class Fault:
     offset: Mapping[str, float] = field(default_factory=dict)  # shift by parameter, in its unit
     about: str = ""
     source: str = ""  # of the magnitudes
+    # of sampled severities: 1 for a part that is there or gone, with nothing between
+    least_severity: float = 0.0
     table_5_1: str | None = None  # mode in that table of the thesis, None if it has none
     table_5_2: str | None = None
 
     def __post_init__(self):
+        finite_in_range(f"least severity of fault {self.name}", self.least_severity, 0.0, 1.0)
         for parameter in (*self.scale, *self.offset):
             known_name(f"parameter of fault {self.name}", parameter, PARAMETERS)
         for parameter, factor in self.scale.items():
@@ -97,8 +100,9 @@ def _side_faults(side: str) -> list[Fault]:
             f"propeller_loss:{side}",
             f"propeller:{side}",
             scale={f"{side}_beta": 0.0, f"{side}_c1": 0.0, f"{side}_c2": 0.0},
-            about="The propeller is gone: the shaft turns freely.",
+            about="The propeller is gone, never a part of it: the shaft turns freely.",
             source="thesis V.D: beta of one propeller to zero",
+            least_severity=1.0,
             table_5_1="degraded propeller",
             table_5_2="severe propulsion failure",
         ),

@@ -180,6 +180,8 @@ def schedules_of(events: Events) -> list[Schedule]:
 class ScheduleSampler:
     """Random schedules, all quantities uniform within their ranges.
 
+    A severity is at least the fault's own `least_severity`.
+
     Diagnosis classes are equally likely unless `prior` weighs them, as are the faults of a class.
     """
 
@@ -252,7 +254,7 @@ class ScheduleSampler:
         duty = _within(self.duty, u.duty)
         profile = SeverityProfile(
             onset=onset,
-            severity=_within(self.severity, u.severity),
+            severity=_within(self._severities(fault), u.severity),
             ramp=np.where(u.incipient < self.incipient, ramp, 0.0),
             end=np.where(u.repaired < self.repaired, end, math.inf),
             period=np.where(is_intermittent, period, 0.0),
@@ -263,6 +265,11 @@ class ScheduleSampler:
         events.fault[is_present] = fault[is_present]
         events.profile[is_present] = np.stack(profile, axis=-1)[is_present]
         return events
+
+    def _severities(self, fault: np.ndarray) -> np.ndarray:
+        """Least and largest severity of faults, rows of the catalogue (n_lanes, 2): (2, n, 2)."""
+        least = np.array([one.least_severity for one in CATALOGUE.values()])[fault]
+        return np.stack([np.maximum(end, least) for end in self.severity])
 
     def _presence(self, key: np.ndarray, fault: np.ndarray) -> np.ndarray:
         """Whether each of two candidate faults (n_lanes, 2) strikes."""
@@ -286,6 +293,6 @@ def _diagnoses() -> list[str]:
     return [fault.diagnosis for fault in CATALOGUE.values()]
 
 
-def _within(limits: tuple[float, float], uniform: np.ndarray) -> np.ndarray:
+def _within(limits: tuple[float, float] | np.ndarray, uniform: np.ndarray) -> np.ndarray:
     """Uniform numbers in (0, 1) moved to a range."""
     return limits[0] + (limits[1] - limits[0]) * uniform

@@ -15,6 +15,9 @@ from auv_fault_env.faults import UNKNOWN, classes
 from auv_fault_env.parameters import Vehicle, vehicle_of
 from diagnosers import storage
 
+# full scales beyond which no vehicle's sensor or command goes: such a value is no reading
+ABSURD = 10.0
+LARGEST_READING = np.array([ABSURD * max(-spec.low, spec.high) for spec in CHANNELS.values()])
 IMPOSSIBLE = -1e30  # log probability of a class that cannot be: finite, also as float32
 
 
@@ -69,9 +72,10 @@ class Recursive(ABC):
     """A diagnoser as a pure recursion: `initial` is the first state, `step` leads to the next.
 
     A subclass defines these two, and is a frozen dataclass if it has settings: only `running`
-    changes. NaN in a channel means that no reading arrived; the last one takes its place (zero
-    before the first), but not in channels outside `filled_channels`, whose gaps the diagnoser
-    handles itself. The zeros of a disconnected sensor pass as they are.
+    changes. NaN in a channel means that no reading arrived, and so does a value beyond
+    `LARGEST_READING`, as infinity is; the last one takes its place (zero before the first), but not
+    in channels outside `filled_channels`, whose gaps the diagnoser handles itself. The zeros of a
+    disconnected sensor pass as they are.
     """
 
     name: str
@@ -117,7 +121,7 @@ class Recursive(ABC):
     def update(self, observation: np.ndarray) -> Belief:
         """The belief after the next observation (n_lanes, n_channels), in order of `CHANNELS`.
 
-        Raises `ValueError` for another shape, for infinite readings, and before the first `reset`.
+        Raises `ValueError` for another shape, and before the first `reset`.
         """
         running = self.running
         running.require_reset("update")
@@ -197,7 +201,10 @@ def with_impossible_unknown(belief: Belief) -> Belief:
 def fill_missing(
     observation: np.ndarray, previous: np.ndarray, channels: slice = slice(None)
 ) -> np.ndarray:
-    """A float64 copy of the observation, with the last readings where these channels have NaN."""
+    """A float64 copy of the observation, with the last readings where these channels have none.
+
+    None is NaN, and what is beyond `LARGEST_READING`: it becomes NaN in the other channels.
+    """
     try:
         observation = np.array(observation, np.float64, order="C")
     except (TypeError, ValueError):
@@ -206,11 +213,9 @@ def fill_missing(
     if observation.shape != previous.shape:
         remedy = "give one row per lane of the reset"
         raise refusal("observation's shape", observation.shape, f"{previous.shape}", remedy)
+    observation[np.abs(observation) > LARGEST_READING] = np.nan
     missing = np.isnan(observation[:, channels])
     np.copyto(observation[:, channels], previous[:, channels], where=missing)
-    if np.isinf(observation).any():
-        allowed = "finite readings, NaN for none"
-        raise refusal("observation", "infinity", allowed, "correct the reading")
     return observation
 
 

@@ -14,7 +14,7 @@ from diagnosers.networks.class_list import (
     check_class_list,
     with_added_classes,
 )
-from diagnosers.networks.features import Features, FeatureState
+from diagnosers.networks.features import N_COMMANDS, Features, FeatureState
 from diagnosers.networks.numpy_network import (
     N_MEMORY,
     NumpyNetwork,
@@ -56,6 +56,7 @@ class Integrated(Recursive):
     """
 
     name = "integrated"
+    filled_channels = slice(0, N_COMMANDS)  # the filter bank takes a gap for what it is
 
     def __init__(
         self,

@@ -121,6 +121,8 @@ class Limits(RuleBased):
         return state, self._belief(class_support, (mean, std), state.sensors)
 
     def _next_state(self, state: LimitsState, observation: np.ndarray) -> LimitsState:
+        sensors = sensor_symptoms.update(state.sensors, observation)
+        observation = sensor_symptoms.filled(sensors, observation)
         is_later = state.sensors.n_samples > 0
         previous = np.where(is_later, state.previous, observation)
         of_nominal = residuals(previous, observation, self._nominal).values
@@ -134,7 +136,7 @@ class Limits(RuleBased):
             LEVEL_FORGETTING * state.levels + (1.0 - LEVEL_FORGETTING) * now,
             FORGETTING * state.trend + (1.0 - FORGETTING) * unexplained,
             FORGETTING * state.step + (np.abs(change) > STEP_LIMIT),
-            sensor_symptoms.update(state.sensors, observation),
+            sensors,
         )
 
     def _symptoms(self, state: LimitsState) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.faults import CATALOGUE, Fault
 from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle
 from diagnosers.diagnoser import Belief, same_severity
@@ -42,6 +42,7 @@ SEVEREST_VALUES = [value for _, value in SEVEREST.values()] * len(SIDES)
 SEVEREST_SYMPTOMS = [f"{side}_{symptom}" for side in SIDES for symptom, _ in SEVEREST.values()]
 SYMPTOMS = (*ESTIMATES, *SEVEREST_SYMPTOMS, "push", "jump", *sensor_symptoms.SYMPTOMS)
 
+READINGS_OF_SHAFT = ("voltage", "current", "rpm")
 FORGETTING = exp(-SAMPLE_TIME / 8.0)  # of counts and averages, per sample
 PUSH_LIMIT = 0.0017  # m/s^2, mean unexplained acceleration of a healthy vehicle once an hour
 JUMP_LIMIT = 6.0  # standard deviations of the innovation, which no vehicle reaches
@@ -127,12 +128,15 @@ class Rules(RuleBased):
         return state, self._belief(class_support, self._severity(mean, std), state.sensors)
 
     def _next_state(self, state: RulesState, observation: np.ndarray) -> RulesState:
+        is_missing = np.isnan(observation)
+        sensors = sensor_symptoms.update(state.sensors, observation)
+        observation = sensor_symptoms.filled(sensors, observation)
         filters = zip(self._filters, state[:3], strict=True)
         surge, hull, motors = (each.update(last, observation) for each, last in filters)
+        motors = _without_gaps(state.motors, motors, is_missing)
         is_jump = np.abs(surge.innovation) > JUMP_LIMIT * np.sqrt(surge.innovation_variance)
         unexplained = self._unexplained_acceleration(surge, observation)
         push = FORGETTING * state.push + (1.0 - FORGETTING) * unexplained
-        sensors = sensor_symptoms.update(state.sensors, observation)
         return RulesState(surge, hull, motors, sensors, push, FORGETTING * state.jump + is_jump)
 
     def _unexplained_acceleration(self, surge: Estimate, observation: np.ndarray) -> np.ndarray:
@@ -167,6 +171,20 @@ class Rules(RuleBased):
             if change.any() and fault.diagnosis in self.classes:
                 changes[self.classes.index(fault.diagnosis)] = change
         return list(changes), np.array(list(changes.values()))
+
+
+def _without_gaps(
+    before: MotorEstimate, after: MotorEstimate, is_missing: np.ndarray
+) -> MotorEstimate:
+    """The estimate after a sample, as before on the shafts of which a reading has not arrived."""
+    columns = [[INDEX[f"{side}_{name}"] for name in READINGS_OF_SHAFT] for side in SIDES]
+    has_gap = np.stack([is_missing[:, of_side].any(axis=1) for of_side in columns], axis=1)
+    kept = []
+    for old, new in zip(before, after, strict=True):
+        on_shafts = has_gap.reshape(*has_gap.shape, *[1] * (new.ndim - 2))
+        kept.append(np.where(on_shafts, old, new))
+    last_shaft_speed = np.where(has_gap, np.nan, after.last_shaft_speed)
+    return MotorEstimate(*kept)._replace(last_shaft_speed=last_shaft_speed)
 
 
 def _relative_change(fault: Fault) -> np.ndarray:

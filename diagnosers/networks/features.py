@@ -129,10 +129,15 @@ class Features:
     def step(
         self, state: FeatureState, observation: np.ndarray
     ) -> tuple[FeatureState, np.ndarray, Belief]:
-        """The next state, the features (n_lanes, n_features) float32, and the bank's belief."""
+        """The next state, the features (n_lanes, n_features) float32, and the bank's belief.
+
+        The last reading takes the place of one that has not arrived (NaN), except in the bank.
+        """
+        bank, belief = self.bank.step(state.bank, observation)
+        is_missing = np.isnan(observation)
+        observation = np.where(is_missing, state.running.observation, observation)
         filters = zip(self.filters, state[:3], strict=True)
         estimates = [each.update(last, observation) for each, last in filters]
-        bank, belief = self.bank.step(state.bank, observation)
         is_later = state.running.age[:, None] > 0
         previous = np.where(is_later, state.running.observation, observation)
         signals = self._signals(previous, observation, *estimates)
@@ -145,6 +150,7 @@ class Features:
         _fold(
             previous,
             running,
+            is_missing,
             signals,
             *deviations,
             surge_values,
@@ -209,13 +215,14 @@ def _fold_signals(signals, means, squares, age, mean_shares, features, at):
 
 
 @scalar
-def _fold_readings(previous, row, shares, age, features, at):
+def _fold_readings(previous, row, is_missing, shares, age, features, at):
     """Steps of the readings in standard deviations, and how often they repeat or read zero."""
     for k in range(N_READINGS):
         reading = row[N_COMMANDS + k]
         last = previous[N_COMMANDS + k]
-        repeated = 1.0 if reading == last and age > 0 else 0.0
-        zero = 1.0 if reading == 0.0 else 0.0
+        has_arrived = not is_missing[N_COMMANDS + k]
+        repeated = 1.0 if reading == last and age > 0 and has_arrived else 0.0
+        zero = 1.0 if reading == 0.0 and has_arrived else 0.0
         shares[k, 0] += SAMPLE_TIME / MEAN_TIMES[1] * (repeated - shares[k, 0])
         shares[k, 1] += SAMPLE_TIME / MEAN_TIMES[1] * (zero - shares[k, 1])
         features[at] = _compressed((reading - last) / (sqrt(2.0) * NOISE[k]))
@@ -241,7 +248,9 @@ def _fold_estimates(estimates, stds, slow, age, share, features, at):
 
 
 @kernel
-def _fold(previous, running, signals, estimates, stds, surge_values, mean_shares, features):
+def _fold(
+    previous, running, is_missing, signals, estimates, stds, surge_values, mean_shares, features
+):
     """Fold one sample into the running values of every lane and write its features."""
     observation, means, squares, shares, slow, age = running
     for lane in range(len(observation)):
@@ -254,7 +263,7 @@ def _fold(previous, running, signals, estimates, stds, surge_values, mean_shares
         out[at] = 5.0 * (row[COMMAND] - row[SPEED])
         out[at + 1] = 10.0 * (row[RUDDER] * row[RUDDER] + row[STERN_PLANE] * row[STERN_PLANE])
         at = _fold_signals(signals[lane], means[lane], squares[lane], old, mean_shares, out, at + 2)
-        at = _fold_readings(previous[lane], row, shares[lane], old, out, at)
+        at = _fold_readings(previous[lane], row, is_missing[lane], shares[lane], old, out, at)
         at = _fold_estimates(estimates[lane], stds[lane], slow[lane], old, mean_shares[-1], out, at)
         out[at] = _compressed(surge_values[lane, 0])
         out[at + 1] = _compressed(2.0 * surge_values[lane, 1] / SPEED_NOISE)

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from auv_fault_env.channels import READINGS
+from auv_fault_env.channels import COMMANDS, READINGS
 from diagnosers.diagnoser import Belief, ModelBased, with_impossible_unknown
 from diagnosers.symptoms import rulebook, sensor_symptoms
 
@@ -21,6 +21,7 @@ class RuleBased(ModelBased):
     standing for either side.
     """
 
+    filled_channels = slice(0, len(COMMANDS))  # a gap of a reading is no repeated reading
     symptom_names: ClassVar[Sequence[str]]
     own_rules: ClassVar[Mapping[str, Sequence[str]]]
 

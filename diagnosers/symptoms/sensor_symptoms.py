@@ -41,17 +41,28 @@ def initial(n_lanes: int) -> SensorSymptoms:
 
 
 def update(state: SensorSymptoms, observation: np.ndarray) -> SensorSymptoms:
-    """The state after the next observation (n_lanes, n_channels)."""
+    """The state after the next observation (n_lanes, n_channels), NaN where no reading arrived.
+
+    The last reading takes the place of a missing one, and is no symptom then.
+    """
     readings = observation[:, len(COMMANDS) :]
-    is_zero = readings == 0.0
-    is_repeated = (readings == state.last) & ~is_zero & (state.n_samples > 0)
+    has_arrived = ~np.isnan(readings)
+    readings = np.where(has_arrived, readings, state.last)
+    is_zero = (readings == 0.0) & has_arrived
+    is_repeated = (readings == state.last) & (readings != 0.0) & (state.n_samples > 0)
+    is_repeated &= has_arrived
     second_difference = readings - 2.0 * state.last + state.second_last
     difference = np.abs(second_difference) / (6.0**0.5 * NOISE)
     excess = np.minimum(difference, LARGEST_DIFFERENCE) - HEALTHY_DIFFERENCE
-    excess = excess * (state.n_samples > 1)
+    excess = excess * (has_arrived & (state.n_samples > 1))
     new = np.stack([is_repeated, is_zero, (1.0 - FORGETTING) * excess], axis=1)
     level = FORGETTING * state.level + new
     return SensorSymptoms(readings, state.last, level, state.n_samples + 1)
+
+
+def filled(state: SensorSymptoms, observation: np.ndarray) -> np.ndarray:
+    """The observation that has led to the state, with the last readings where it has none."""
+    return np.hstack([observation[:, : len(COMMANDS)], state.last])
 
 
 def symptoms(state: SensorSymptoms) -> np.ndarray:

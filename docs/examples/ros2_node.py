@@ -43,7 +43,7 @@ def main() -> None:
     def on_readings(message: Float64MultiArray) -> None:
         try:
             belief = diagnoser.update(np.array([message.data]))
-        except ValueError as error:  # another number of channels, or an infinite reading
+        except ValueError as error:  # another number of channels
             node.get_logger().error(str(error))
             return
         name, figures = told(belief, diagnoser.classes)

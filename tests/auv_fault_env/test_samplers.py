@@ -2,6 +2,8 @@
 leaves once in 10^4.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -12,6 +14,7 @@ from auv_fault_env.noise import episode_keys
 from auv_fault_env.schedules import from_json, profile_of, to_json
 
 N_LANES = 20_000
+LOSSES = [row for row, name in enumerate(CATALOGUE) if name.startswith("propeller_loss")]
 RISK = 1e-4
 KEY = episode_keys(np.arange(N_LANES, dtype=np.uint64), np.zeros(N_LANES, np.uint64))
 
@@ -62,7 +65,7 @@ PRIORS = {
 def test_classes_follow_the_prior(prior):
     fault, _ = drawn(prior=prior, healthy=0.0, compound=0.0)
     got = diagnoses(fault)
-    weights = prior or dict.fromkeys(classes()[1:], 1.0)
+    weights = prior or dict.fromkeys(classes()[1:-1], 1.0)
     weights = {
         name: weight / sum(weights.values()) for name, weight in weights.items() if weight > 0.0
     }
@@ -82,7 +85,7 @@ def test_ranges_are_filled_uniformly(slot):
     ranges = dict(
         severity=(0.3, 0.6), onset=(2.0, 9.0), ramp=(1.0, 3.0), period=(4.0, 5.0), duty=(0.2, 0.9)
     )
-    _, profile = drawn(
+    fault, profile = drawn(
         healthy=0.0,
         compound=1.0,
         incipient=1.0,
@@ -92,7 +95,8 @@ def test_ranges_are_filled_uniformly(slot):
         **ranges,
     )
     for name, (low, high) in ranges.items():
-        assert_uniform(profile[name][:, slot], low, high)
+        has_range = (fault[:, slot] >= 0) & ~np.isin(fault[:, slot], LOSSES)
+        assert_uniform(profile[name][has_range, slot], low, high)
     assert_uniform(profile["end"][:, slot] - profile["onset"][:, slot], 7.0, 8.0)
 
 
@@ -110,8 +114,31 @@ def test_default_ranges_are_the_declared_ones():
     fault, profile = drawn()
     default = ScheduleSampler()
     present = fault >= 0
-    assert_uniform(profile["severity"][present], *default.severity)
+    graded = present & ~np.isin(fault, LOSSES)
+    assert_uniform(profile["severity"][graded], *default.severity)
     assert_uniform(profile["onset"][present], *default.onset)
+
+
+def test_a_propeller_is_lost_as_a_whole_whatever_the_range():
+    for severity in ((0.2, 1.0), (0.05, 0.2)):
+        fault, profile = drawn(healthy=0.0, compound=1.0, severity=severity)
+        lost = np.isin(fault, LOSSES)
+        assert (profile["severity"][lost] == 1.0).all() and lost.any(axis=0).all()
+        assert profile["severity"][~lost].max() <= severity[1]
+
+
+def test_whole_losses_change_no_other_number(monkeypatch):
+    whole, changed = drawn()
+    lost = np.isin(whole, LOSSES)
+    for row in LOSSES:
+        name = list(CATALOGUE)[row]
+        monkeypatch.setitem(CATALOGUE, name, replace(CATALOGUE[name], least_severity=0.0))
+    partial, profile = drawn()
+    np.testing.assert_array_equal(whole, partial)
+    for name, values in profile.items():
+        compared = ~lost if name == "severity" else np.ones_like(lost)
+        np.testing.assert_array_equal(values[compared], changed[name][compared], err_msg=name)
+    assert profile["severity"][lost].min() < 0.3
 
 
 def test_draws_of_a_lane_are_independent():
@@ -119,8 +146,9 @@ def test_draws_of_a_lane_are_independent():
     columns = [fault[:, 0], fault[:, 1]] + [
         profile[name][:, k] for name in ("onset", "severity", "ramp") for k in (0, 1)
     ]
-    correlation = np.corrcoef(columns) - np.eye(len(columns))
-    assert np.abs(correlation).max() < stats.norm.isf(RISK / 56) / np.sqrt(N_LANES)
+    graded = ~np.isin(fault, LOSSES).any(axis=1)
+    correlation = np.corrcoef(np.array(columns)[:, graded]) - np.eye(len(columns))
+    assert np.abs(correlation).max() < stats.norm.isf(RISK / 56) / np.sqrt(graded.sum())
 
 
 def test_later_episodes_draw_anew_from_the_same_distribution():

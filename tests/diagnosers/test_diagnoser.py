@@ -35,15 +35,24 @@ def test_the_last_reading_stands_in_for_a_missing_one_and_zero_before_the_first(
     readings[0, 3] = np.nan
     assert (echo.update(readings).log_probability == [*[2.0] * 3, 0.0, *[2.0] * 8]).all()
     assert np.isnan(readings[0, 3])
-    assert (echo.update(np.full((1, len(CHANNELS)), 5.0)).log_probability == 5.0).all()
-    assert (echo.update(np.full((1, len(CHANNELS)), np.nan)).log_probability == 5.0).all()
+    assert (echo.update(np.full((1, len(CHANNELS)), 3.0)).log_probability == 3.0).all()
+    assert (echo.update(np.full((1, len(CHANNELS)), np.nan)).log_probability == 3.0).all()
+
+
+@pytest.mark.parametrize("factor", [1.01, -1.01, 1e300, -1e300, np.inf, -np.inf])
+def test_a_value_beyond_ten_full_scales_is_no_reading(factor):
+    # full scales: of the commands, of speed and acceleration, of each motor
+    limits = 10.0 * np.array([[1.0, 1.0, 0.4, 0.4, 5.0, 2.0, *[30.0, 30.0, 6000.0] * 2]])
+    echo = Echo()
+    echo.reset(1)
+    assert (echo.update(0.99 * limits).log_probability == 0.99 * limits).all()
+    assert (echo.update(factor * limits).log_probability == 0.99 * limits).all()
 
 
 @pytest.mark.parametrize(
     ("observation", "thing"),
     [
         (np.zeros((2, len(CHANNELS))), "observation's shape"),
-        (np.full((1, len(CHANNELS)), np.inf), "infinity"),
         ([["fast"] * len(CHANNELS)], "observation"),
     ],
 )

@@ -64,14 +64,19 @@ class Recipe:
 
 
 def even_cells(per_class: int, low: float = 0.2, high: float = 1.0) -> list[tuple[str, float]]:
-    """As many cells of every class, its faults in turn, severities evenly spaced for each fault."""
+    """As many cells of every class, its faults in turn, severities evenly spaced for each fault.
+
+    They are at least the fault's own `least_severity`.
+    """
     cells = []
     for diagnosis in fault_classes():
         faults = [fault.name for fault in CATALOGUE.values() if fault.diagnosis == diagnosis]
         for k, fault in enumerate(faults):
             n = len(range(k, per_class, len(faults)))
+            least = CATALOGUE[fault].least_severity
             for i in range(n):
-                cells.append((fault, low + (high - low) * (i + 0.5) / n))
+                severity = low + (high - low) * (i + 0.5) / n
+                cells.append((fault, max(severity, least)))
     return cells
 
 

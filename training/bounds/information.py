@@ -191,9 +191,11 @@ def simulate_suite_lanes(
     random = np.random.default_rng([FIRST_SEED, seed])
     lane_seeds = seeds("test", n_lanes, FIRST_SEED + seed)
     onset = random.uniform(*ONSET, n_lanes).round(1)
-    severity = random.uniform(*SEVERITY, n_lanes)
+    names = _fault_of_each_lane(n_lanes)
+    least = [CATALOGUE[name].least_severity for name in names]
+    severity = np.maximum(random.uniform(*SEVERITY, n_lanes), least)
     simulated = 0.0 * severity if healthy else severity
-    faults = zip(_fault_of_each_lane(n_lanes), onset, simulated, strict=True)
+    faults = zip(names, onset, simulated, strict=True)
     events = [FaultEvent(*fault) for fault in faults]
     fleet = Fleet(n_lanes)
     missions = _missions(fleet, lane_seeds, random.uniform(*SPEED, n_lanes))

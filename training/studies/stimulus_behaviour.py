@@ -131,7 +131,8 @@ def faulty_lanes(conditions: Conditions, per_class: int, seed: int) -> list[Epis
         faults += [names[k % len(names)] for k in range(per_class)]
     random = np.random.default_rng([FIRST_FAULTY, seed])
     onset = random.uniform(*ONSET, len(faults)).round(1)
-    severity = random.uniform(*SEVERITY, len(faults))
+    least = [CATALOGUE[name].least_severity for name in faults]
+    severity = np.maximum(random.uniform(*SEVERITY, len(faults)), least)
     schedules = [(FaultEvent(*event),) for event in zip(faults, onset, severity, strict=True)]
     lane_seeds = seeds("validation", len(faults), FIRST_FAULTY + seed)
     missions = conditions.sample_missions(lane_seeds)
