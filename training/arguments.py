@@ -108,7 +108,8 @@ class Benchmark:
     """Score the diagnosers on a frozen suite; the same command continues a stopped run."""
 
     suite: str = "standard"
-    """thesis, standard, ood_{noise,disturbance,vehicle,severity,compound,mission}, or FILE.json."""
+    """thesis, ideal, standard, ood_{sensors,noise,disturbance,vehicle,severity,compound,mission},
+    unknown_faults, long, or FILE.json."""
     output: Path | None = None
     """Folder of report and trials, default runs/benchmark-SUITE; an earlier report is replaced."""
     diagnosers: tuple[str, ...] = ()
@@ -119,9 +120,9 @@ class Benchmark:
     """Stimuli to run them under."""
     budget: float = 0.0762
     """Greatest root mean square of the speed offsets [m/s]; by default the thesis' 0.25 ft/s."""
-    hours: float = 200.0
+    hours: float = 300.0
     """Healthy operation on which each diagnoser's thresholds are set, shared by the stimuli [h]."""
-    counting_hours: float = 50.0
+    counting_hours: float = 200.0
     """Other healthy operation on which its false alarms are counted, shared by the stimuli [h]."""
     lanes: int | None = None
     """Run about so many of the suite's faulty episodes, without bounds; all if not set."""

@@ -7,7 +7,7 @@ Sampling them anew gives the same files, unless a sampler or the catalogue of fa
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -16,41 +16,75 @@ import numpy as np
 
 from auv_fault_env.faults import CATALOGUE, fault_classes
 from auv_fault_env.missions import Mission, MissionSampler
-from auv_fault_env.parameters import FOOT
-from auv_fault_env.schedules import FaultEvent
+from auv_fault_env.parameters import FOOT, SIDES
+from auv_fault_env.schedules import FaultEvent, Schedule
+from auv_fault_env.unmodelled import UNMODELLED
 from training.benchmark import suites
 from training.benchmark.suites import (
-    NAMES,
     ONE_FAULT,
     Conditions,
     Episode,
     Steering,
     Suite,
 )
+from training.benchmark.whole_missions import WholeMissionSampler
 from training.seeds import seeds
 
 BLOCK = 20_000_000  # test seeds of a suite; the second half counts false alarms on healthy lanes
 THRESHOLD = 900_000_000  # first test seed of the lanes that the thresholds of all suites are set on
+# number of the block of each suite; a published suite keeps its own
+BLOCKS = {
+    "thesis": 0,
+    "ideal": 1,
+    "ood_noise": 2,
+    "ood_disturbance": 3,
+    "ood_vehicle": 4,
+    "ood_severity": 5,
+    "ood_compound": 6,
+    "ood_mission": 7,
+    "standard": 8,
+    "ood_sensors": 9,
+    "unknown_faults": 10,
+    "long": 11,
+}
 PER_CLASS = 114
 PER_CLASS_OF_A_SHIFT = 22
 PER_FAULT_OF_THE_THESIS = 32
+PER_UNMODELLED_FAULT = 22
+PER_PAIR = 44
 # s by which a second fault follows the first: at least, and at most so much more
 DELAY = 2.0
 MORE_DELAY = 8.0
+PAIRED = ("seal_friction", "propeller_loss")  # kinds that strike both sides at once
+ONLY_WHOLE = "propeller_loss"  # kind that has no slight severity: the propeller is there or not
+# fields of the events of faults that come and go
+TEMPORARY = {"ventilating_propeller": {"period": 4.0, "duty": 0.5}}
+LATE_ONSET = (60.0, 1160.0)  # s, of the suite with long missions
 CONSTANT = MissionSampler(speed=(0.2, 0.5), n_legs=1, from_rest=0.0)
 THESIS_SPEED = 0.75 * FOOT  # m/s: the thesis' 0.5 and 1.0 ft/s lie a budget below and above
 PLANT = dict(preset="thesis1992", sensor_noise=1.0, disturbance=1.0, healthy_band=1.0)
-STANDARD = Conditions(PLANT, 65.0, (CONSTANT, MissionSampler()), Steering(1.0 / 3.0, 0.3))
+STEERING = Steering(1.0 / 3.0, 0.3)
+IDEAL = Conditions(PLANT, 65.0, (CONSTANT, MissionSampler()), STEERING)
+STANDARD = replace(IDEAL, plant=PLANT | {"realism": 1.0}, whole_missions=WholeMissionSampler())
+LONG = replace(
+    STANDARD,
+    duration=1200.0,
+    missions=(MissionSampler(duration=(60.0, 300.0), n_legs=12, from_rest=1.0),),
+)
 
 ABOUT = {
     "thesis": "faults of the thesis, nominal vehicles at its mean speed",
-    "standard": "every class and severity, within what diagnosers are trained for",
+    "ideal": "every class and severity, sensors and surroundings as the diagnosers assume them",
+    "standard": "every class and severity, imperfect sensors and surroundings",
+    "ood_sensors": "shift: sensors and surroundings twice as imperfect",
     "ood_noise": "shift: sensors twice as noisy",
     "ood_disturbance": "shift: disturbance twice as strong",
     "ood_vehicle": "shift: healthy vehicles twice as different",
     "ood_severity": "shift: severity 0.05 to 0.2",
     "ood_compound": "shift: a second, lesser fault 2 to 10 s after the one to find",
     "ood_mission": "shift: fast short legs, half from rest, large rudder and plane deflections",
+    "unknown_faults": "faults outside the catalogue, and faults of both sides at once",
+    "long": "missions of 20 minutes, faults that begin anywhere in them",
 }
 
 
@@ -60,7 +94,8 @@ class Recipe:
 
     cells: Sequence[tuple[str, float]]
     conditions: Conditions = STANDARD
-    compound: bool = False
+    # the faults of an episode from the one of its cell and the seed
+    schedule: Callable[[FaultEvent, int], Schedule] = lambda event, seed: (event,)
 
 
 def even_cells(per_class: int, low: float = 0.2, high: float = 1.0) -> list[tuple[str, float]]:
@@ -80,6 +115,30 @@ def even_cells(per_class: int, low: float = 0.2, high: float = 1.0) -> list[tupl
     return cells
 
 
+def standard_cells(per_class: int) -> list[tuple[str, float]]:
+    """As `even_cells`, a lost propeller being lost as a whole."""
+    return [
+        (fault, 1.0 if is_only_whole(fault) else severity)
+        for fault, severity in even_cells(per_class)
+    ]
+
+
+def is_only_whole(fault: str) -> bool:
+    """Whether the fault has no slight severity."""
+    return fault.startswith(ONLY_WHOLE)
+
+
+def unexplained_cells() -> list[tuple[str, float]]:
+    """Faults outside the catalogue, whole, and one side of each pair."""
+    cells = [(fault, 1.0) for fault in UNMODELLED for _ in range(PER_UNMODELLED_FAULT)]
+    for kind in PAIRED:
+        fault = f"{kind}:{SIDES[0]}"
+        for i in range(PER_PAIR):
+            severity = 0.2 + 0.8 * (i + 0.5) / PER_PAIR
+            cells.append((fault, 1.0 if is_only_whole(fault) else severity))
+    return cells
+
+
 def thesis_cells() -> list[tuple[str, float]]:
     """The thesis' faults, at its severities where it states them."""
     faults = {"increased_drag": 0.35, "decreased_drag": 0.7}
@@ -92,36 +151,43 @@ def thesis_cells() -> list[tuple[str, float]]:
 
 def shifted(**plant: float) -> Conditions:
     """The standard conditions with another plant."""
-    return replace(STANDARD, plant=PLANT | plant)
+    return replace(STANDARD, plant=dict(STANDARD.plant) | plant)
 
 
 def recipes() -> dict[str, Recipe]:
     """The recipe of every suite."""
-    shift_cells = even_cells(PER_CLASS_OF_A_SHIFT)
+    shift_cells = standard_cells(PER_CLASS_OF_A_SHIFT)
     slight_cells = even_cells(PER_CLASS_OF_A_SHIFT, 0.05, 0.2)
+    slight_cells = [cell for cell in slight_cells if not is_only_whole(cell[0])]
     thesis_speed = MissionSampler(speed=(THESIS_SPEED, THESIS_SPEED), n_legs=1, from_rest=0.0)
     fast_legs = MissionSampler(speed=(0.5, 0.9), duration=(4.0, 8.0), n_legs=16, from_rest=0.5)
     nominal_plant = PLANT | {"healthy_band": 0.0}
     nominal = Conditions(nominal_plant, 65.0, (thesis_speed,), Steering(0.0, 0.0))
-    fast = replace(STANDARD, missions=(fast_legs,), steering=Steering(1.0, 0.4))
-    noisy = shifted(sensor_noise=2.0)
-    disturbed = shifted(disturbance=2.0)
-    different = shifted(healthy_band=2.0)
+    fast = replace(
+        STANDARD,
+        missions=(fast_legs,),
+        steering=Steering(1.0, 0.4),
+        whole_missions=WholeMissionSampler(speed=(0.5, 0.9), leg=(4.0, 8.0)),
+    )
     return {
         "thesis": Recipe(thesis_cells(), nominal),
-        "standard": Recipe(even_cells(PER_CLASS)),
-        "ood_noise": Recipe(shift_cells, noisy),
-        "ood_disturbance": Recipe(shift_cells, disturbed),
-        "ood_vehicle": Recipe(shift_cells, different),
+        "ideal": Recipe(even_cells(PER_CLASS), IDEAL),
+        "standard": Recipe(standard_cells(PER_CLASS)),
+        "ood_sensors": Recipe(shift_cells, shifted(realism=2.0)),
+        "ood_noise": Recipe(shift_cells, shifted(sensor_noise=2.0)),
+        "ood_disturbance": Recipe(shift_cells, shifted(disturbance=2.0)),
+        "ood_vehicle": Recipe(shift_cells, shifted(healthy_band=2.0)),
         "ood_severity": Recipe(slight_cells),
-        "ood_compound": Recipe(shift_cells, compound=True),
+        "ood_compound": Recipe(shift_cells, schedule=with_lesser_fault),
         "ood_mission": Recipe(shift_cells, fast),
+        "unknown_faults": Recipe(unexplained_cells(), schedule=unexplained),
+        "long": Recipe(shift_cells, LONG, late),
     }
 
 
 def frozen(name: str, recipe: Recipe) -> Suite:
     """The suite of a recipe, in random order so that each k-th episode is a fair sample."""
-    first = NAMES.index(name) * BLOCK
+    first = BLOCKS[name] * BLOCK
     chosen = seeds("test", len(recipe.cells), first)
     healthy = {
         "threshold": seeds("test", 1, THRESHOLD)[0],
@@ -130,27 +196,48 @@ def frozen(name: str, recipe: Recipe) -> Suite:
     order = np.random.default_rng(chosen[0]).permutation(len(recipe.cells))
     missions = map(rounded, recipe.conditions.sample_missions(chosen))
     schedules = [
-        schedule(seed, *recipe.cells[k], recipe.compound)
+        recipe.schedule(first_event(seed, *recipe.cells[k]), seed)
         for seed, k in zip(chosen, order, strict=True)
     ]
     episodes = tuple(map(Episode, chosen, schedules, missions))
     return Suite(name, ABOUT[name], recipe.conditions, healthy, episodes)
 
 
-def schedule(seed: int, fault: str, severity: float, compound: bool) -> tuple[FaultEvent, ...]:
-    """The fault with onset and ramp from the seed, and a lesser fault after it if compound."""
+def first_event(seed: int, fault: str, severity: float) -> FaultEvent:
+    """The fault with onset and ramp from the seed."""
     sampled = ONE_FAULT.sample(seed)[0]
     onset = round(sampled.onset, 2)
     ramp = round(sampled.ramp, 2)
-    first = FaultEvent(fault, onset, round(severity, 4), ramp)
-    return (first, lesser_fault(first, seed)) if compound else (first,)
+    return FaultEvent(fault, onset, round(severity, 4), ramp)
+
+
+def with_lesser_fault(first: FaultEvent, seed: int) -> Schedule:
+    """The fault, and another class after it that is less severe."""
+    return first, lesser_fault(first, seed)
+
+
+def unexplained(event: FaultEvent, seed: int) -> Schedule:
+    """A fault of the catalogue on both sides at once; another one alone, with its period."""
+    kind, _, side = event.fault.partition(":")
+    if event.fault in CATALOGUE:
+        other = SIDES[1 - SIDES.index(side)]
+        return event, replace(event, fault=f"{kind}:{other}")
+    return (replace(event, **TEMPORARY.get(kind, {})),)
+
+
+def late(event: FaultEvent, seed: int) -> Schedule:
+    """The fault at the place in `LATE_ONSET` that it had among the onsets of the sampler."""
+    low, high = ONE_FAULT.onset
+    first, last = LATE_ONSET
+    place = (event.onset - low) / (high - low)
+    return (replace(event, onset=round(first + (last - first) * place, 2)),)
 
 
 def lesser_fault(first: FaultEvent, seed: int) -> FaultEvent:
     """A fault of another class that follows the first and is less severe."""
     diagnosis = CATALOGUE[first.fault].diagnosis
     samples = (ONE_FAULT.sample(seed + BLOCK // 4 + k)[0] for k in count())
-    second = next(event for event in samples if CATALOGUE[event.fault].diagnosis != diagnosis)
+    second = next(event for event in samples if is_lesser(event, diagnosis))
     low, high = ONE_FAULT.onset
     delay = DELAY + MORE_DELAY * (second.onset - low) / (high - low)
     return FaultEvent(
@@ -159,6 +246,11 @@ def lesser_fault(first: FaultEvent, seed: int) -> FaultEvent:
         severity=round(first.severity * second.severity, 4),
         ramp=round(second.ramp, 2),
     )
+
+
+def is_lesser(event: FaultEvent, diagnosis: str) -> bool:
+    """Whether an event can be the lesser one beside a fault of that class."""
+    return CATALOGUE[event.fault].diagnosis != diagnosis and not is_only_whole(event.fault)
 
 
 def rounded(mission: Mission) -> Mission:

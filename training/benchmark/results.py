@@ -66,7 +66,7 @@ RESULTS: dict[str, str] = {
     "decided": "by stimulus the true classes that go with `decision` in `by_lane`: all faulty "
     "lanes, then some healthy ones",
     "scores": "by stimulus and diagnoser the metrics below",
-    "bounds": "by stimulus the bounds of `training.benchmark.bounds`; of the suite standard only",
+    "bounds": "by stimulus the bounds of `training.benchmark.bounds`; of the suite ideal only",
 }
 
 

@@ -37,15 +37,20 @@ from training.seeds import purpose_of
 FOLDER = Path(__file__).parent / "suites"
 NAMES = (
     "thesis",
+    "ideal",
     "standard",
+    "ood_sensors",
     "ood_noise",
     "ood_disturbance",
     "ood_vehicle",
     "ood_severity",
     "ood_compound",
     "ood_mission",
+    "unknown_faults",
+    "long",
 )
 STANDARD = "standard"  # its conditions are those that the thresholds are set under
+IDEAL = "ideal"  # its vehicles are those of the diagnosers' models, and of the bounds
 # one permanent fault per lane, every class equally likely
 ONE_FAULT = ScheduleSampler(healthy=0.0, compound=0.0, intermittent=0.0, repaired=0.0)
 HEALTHY_PARTS = ("threshold", "counting")

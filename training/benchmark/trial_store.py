@@ -30,6 +30,7 @@ READ_ERRORS = (
     OSError,
     EOFError,
     KeyError,
+    NotImplementedError,
     TypeError,
     ValueError,
     zipfile.BadZipFile,

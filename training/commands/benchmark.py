@@ -24,7 +24,7 @@ from training.benchmark.results import (
     scored,
     write_csv,
 )
-from training.benchmark.suites import STANDARD, load
+from training.benchmark.suites import IDEAL, STANDARD, load
 from training.benchmark.trials import COUNTING, THRESHOLD, Entrant
 from training.benchmark.workers import check_backend, run_missing
 from training.report.page import print_tables, write_report
@@ -131,7 +131,7 @@ def _results(run: Run, folder: Path) -> dict[str, Any]:
         raise refusal("diagnosers", list(run.entrants), allowed, "see above why they fail")
     results = header(run.command, plan, run.seed, working, failures) | scores
     # bounds are those of the suite's faults, for any diagnoser
-    if plan.suite == load(STANDARD) and plan.every == 1:
+    if plan.suite == load(IDEAL) and plan.every == 1:
         open_loop = [s for s in plan.stimuli if not isinstance(s, ClosedLoop)]
         results["bounds"] = bounds_by_stimulus(open_loop, run.seed, run.workers, run.backend)
     return results

@@ -59,7 +59,7 @@ class FaultyLanes(NamedTuple):
 def conditions(whole: WholeMissionSampler | None = None, **plant: Any) -> Conditions:
     """The standard conditions with another plant, healthy lanes with these missions."""
     standard = suites.load(suites.STANDARD).conditions
-    whole = whole or standard.whole_missions or WholeMissionSampler()
+    whole = whole or standard.whole_missions
     return replace(standard, plant=dict(standard.plant) | plant, whole_missions=whole)
 
 

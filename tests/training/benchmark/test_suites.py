@@ -5,6 +5,7 @@ import pytest
 
 from auv_fault_env.errors import InputError
 from auv_fault_env.faults import CATALOGUE, classes
+from auv_fault_env.unmodelled import UNMODELLED
 from training.benchmark import freeze_suites, suites
 from training.seeds import purpose_of
 
@@ -27,7 +28,7 @@ def test_a_suite_is_written_as_it_was_read(name):
     assert SUITES[name].name == name
 
 
-@pytest.mark.parametrize("name", ["thesis", "ood_compound"])
+@pytest.mark.parametrize("name", suites.NAMES)
 def test_the_recipe_gives_the_frozen_suite(name):
     sampled = freeze_suites.frozen(name, freeze_suites.recipes()[name])
     assert without_loss(sampled) == without_loss(SUITES[name])
@@ -74,8 +75,9 @@ def events(name, which=0):
     return [episode.schedule[which] for episode in SUITES[name].episodes]
 
 
-def test_standard_has_as_many_of_every_class_and_severities_evenly_spread():
-    found = events("standard")
+@pytest.mark.parametrize("name", ["ideal", "standard"])
+def test_there_are_as_many_of_every_class_and_severities_are_evenly_spread(name):
+    found = events(name)
     assert len(found) == 2052
     for diagnosis in classes()[1:-1]:
         of_class = [event for event in found if CATALOGUE[event.fault].diagnosis == diagnosis]
@@ -88,6 +90,8 @@ def test_standard_has_as_many_of_every_class_and_severities_evenly_spread():
         for kind in {event.fault for event in of_class}:
             severities = np.sort([event.severity for event in of_class if event.fault == kind])
             even = 0.2 + 0.8 * (np.arange(len(severities)) + 0.5) / len(severities)
+            if name == "standard" and kind.startswith("propeller_loss"):
+                even = np.ones_like(even)
             np.testing.assert_allclose(severities, even, atol=1e-4)
     assert all(5.0 <= event.onset <= 30.0 for event in found)
     assert 0.2 < np.mean([event.ramp > 0.0 for event in found]) < 0.3
@@ -114,8 +118,16 @@ def test_a_third_of_the_lanes_is_steered_within_its_deflection():
 
 def test_shifts_shift_what_they_say():
     plant = {name: SUITES[name].conditions.plant for name in suites.NAMES}
-    assert plant["ood_noise"]["sensor_noise"] == 2.0 == plant["ood_disturbance"]["disturbance"]
-    assert plant["ood_vehicle"]["healthy_band"] == 2.0
+    shifts = {
+        "ood_sensors": "realism",
+        "ood_noise": "sensor_noise",
+        "ood_disturbance": "disturbance",
+        "ood_vehicle": "healthy_band",
+    }
+    for name, key in shifts.items():
+        # a shift differs from the standard in one thing
+        assert plant[name] == plant["standard"] | {key: 2.0}
+    assert plant["standard"]["realism"] == 1.0 and "realism" not in plant["ideal"]
     assert all(0.05 <= event.severity <= 0.2 for event in events("ood_severity"))
     for first, second in zip(events("ood_compound"), events("ood_compound", 1), strict=True):
         assert 2.0 <= second.onset - first.onset <= 10.0
@@ -123,7 +135,32 @@ def test_shifts_shift_what_they_say():
         assert CATALOGUE[first.fault].diagnosis != CATALOGUE[second.fault].diagnosis
     legs = [leg for episode in SUITES["ood_mission"].episodes for leg in episode.mission.legs]
     assert min(speed for _, speed in legs) >= 0.5 and max(speed for _, speed in legs) <= 0.9
-    assert {len(SUITES[name].episodes) for name in suites.NAMES if name.startswith("ood")} == {396}
+    counts = {name: len(SUITES[name].episodes) for name in suites.NAMES if name.startswith("ood")}
+    # a propeller is lost as a whole or not
+    assert counts.pop("ood_severity") == 352
+    assert set(counts.values()) == {396}
+
+
+def test_faults_that_no_class_describes():
+    found = [episode.schedule for episode in SUITES["unknown_faults"].episodes]
+    alone = [events[0] for events in found if len(events) == 1]
+    assert {event.fault for event in alone} == set(UNMODELLED)
+    pairs = [events for events in found if len(events) == 2]
+    assert len(pairs) == 88 and len(alone) == 22 * len(UNMODELLED)
+    for first, second in pairs:
+        assert first.fault.replace(":port", "") == second.fault.replace(":starboard", "")
+        assert first.onset == second.onset and first.severity == second.severity
+
+
+def test_long_missions_have_late_onsets():
+    onsets = [event.onset for event in events("long")]
+    assert SUITES["long"].conditions.duration == 1200.0
+    assert 60.0 <= min(onsets) < 120.0 and 1100.0 < max(onsets) <= 1160.0
+
+
+def test_healthy_hours_are_whole_missions_but_of_the_ideal_suites():
+    without = [name for name in suites.NAMES if not SUITES[name].conditions.whole_missions]
+    assert without == ["thesis", "ideal"]
 
 
 def test_any_changed_byte_is_refused(tmp_path):

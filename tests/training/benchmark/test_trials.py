@@ -30,18 +30,16 @@ from training.metrics import Edges, records
 from training.metrics.records import PERSISTENCE, Record, concatenate_lanes, healthy_outcome
 from training.stimuli import BUDGET, STIMULI
 
-STANDARD = load("standard")
+IDEAL = load("ideal")
 RANDOM = Entrant("random", functools.partial(make, "random"))
 N_CLASSES = len(classes())
 
 
 def trial(entrant=RANDOM, stimulus="thesis", part=FAULTY, n=4, **changes):
-    episodes = STANDARD.episodes[:n]
+    episodes = IDEAL.episodes[:n]
     if part != FAULTY:
         episodes = tuple(episode._replace(schedule=()) for episode in episodes)
-    return Trial(entrant, STIMULI[stimulus](), part, STANDARD.conditions, episodes)._replace(
-        **changes
-    )
+    return Trial(entrant, STIMULI[stimulus](), part, IDEAL.conditions, episodes)._replace(**changes)
 
 
 def record(seed, n_lanes):
@@ -127,8 +125,8 @@ def test_beliefs_are_kept_by_the_names_of_their_classes():
 
 
 def test_truth_of_faulty_lanes():
-    truth = lane_truth(STANDARD.conditions, STANDARD.episodes[:50])
-    first = [episode.schedule[0] for episode in STANDARD.episodes[:50]]
+    truth = lane_truth(IDEAL.conditions, IDEAL.episodes[:50])
+    first = [episode.schedule[0] for episode in IDEAL.episodes[:50]]
     names = [classes()[k] for k in truth.at_instants.fault]
     assert names == [CATALOGUE[event.fault].diagnosis for event in first]
     np.testing.assert_array_equal(truth.at_instants.onset, [event.onset for event in first])
@@ -148,8 +146,24 @@ def test_of_two_faults_the_worse_is_to_be_found_from_the_first_onset_on():
     ).all()
 
 
+def test_truth_of_faults_that_no_class_describes():
+    suite = load("unknown_faults")
+    truth = lane_truth(suite.conditions, suite.episodes)
+    names = np.array(classes())
+    assert not truth.explained.any()
+    for k, episode in enumerate(suite.episodes):
+        right = set(names[truth.right_classes[k]])
+        assert "unknown" in right and "normal" not in right
+        if len(episode.schedule) == 1:
+            assert names[truth.at_instants.fault[k]] == "unknown"
+        if episode.schedule[0].fault == "worn_brushes:port":
+            assert right == {"motor_overheating:port", "unknown"}
+        if episode.schedule[0].fault == "seal_friction:port":
+            assert right == {"seal_friction:port", "seal_friction:starboard", "unknown"}
+
+
 def test_truth_of_healthy_lanes():
-    truth = lane_truth(STANDARD.conditions, trial(part=COUNTING, n=40).episodes)
+    truth = lane_truth(IDEAL.conditions, trial(part=COUNTING, n=40).episodes)
     assert (
         not truth.at_instants.fault.any()
         and not truth.at_instants.label.any()
@@ -174,7 +188,7 @@ def test_stimuli_are_tried_on_the_same_vehicles_with_the_same_rudder():
             seen["cruise"][:, :, channel[name]], seen["thesis"][:, :, channel[name]]
         )
     assert seen["thesis"][:, :, channel["rudder"]].any()
-    steady = [len(episode.mission.legs) == 1 for episode in STANDARD.episodes[:12]]
+    steady = [len(episode.mission.legs) == 1 for episode in IDEAL.episodes[:12]]
     for name, offset in (("cruise", 0.0), ("thesis", BUDGET)):
         command, mission = (
             seen[name][1:, steady, channel[kind]] for kind in ("speed_command", "mission_speed")
@@ -193,8 +207,8 @@ def test_commanded_speed_stays_within_the_channel(speed):
 def test_energy_and_speed_deviation_are_those_of_the_mission():
     held = Episode(4_999_000_001, (), Mission(((0.0, 0.4),)))
     quiet = replace(
-        STANDARD.conditions,
-        plant=STANDARD.conditions.plant | {"disturbance": 0.0, "sensor_noise": 0.0},
+        IDEAL.conditions,
+        plant=IDEAL.conditions.plant | {"disturbance": 0.0, "sensor_noise": 0.0},
     )
     cruise, thesis = (
         simulate_trial(trial(stimulus=name, episodes=(held,), conditions=quiet))[2:]
@@ -226,15 +240,15 @@ def test_a_reference_is_told_the_vehicle_and_the_severity():
     assert healthy.shape == (4, len(PARAMETERS))
     assert severity.shape == calm_severity.shape == (650, 4)
     # before the onset and at the end that of the fully grown fault
-    full = [episode.schedule[0].severity for episode in STANDARD.episodes[:4]]
+    full = [episode.schedule[0].severity for episode in IDEAL.episodes[:4]]
     np.testing.assert_allclose(severity[[0, -1]], [full, full], rtol=1e-6)
     assert (calm_severity == 0.6).all()
 
 
 def test_the_severity_told_is_that_of_the_moment():
     ramped = FaultEvent("increased_drag", onset=10.0, severity=0.8, ramp=5.0)
-    episode = STANDARD.episodes[0]._replace(schedule=(ramped,))
-    truth = lane_truth(STANDARD.conditions, [episode])
+    episode = IDEAL.episodes[0]._replace(schedule=(ramped,))
+    truth = lane_truth(IDEAL.conditions, [episode])
     # at half of its ramp half of its severity, in the sample after
     assert truth.severity[126, 0] == pytest.approx(0.4)
     assert truth.severity[[0, 151, 600], 0] == pytest.approx([0.8, 0.8, 0.8])
