@@ -67,11 +67,12 @@ def study(arguments: RobustnessStudy) -> dict[str, Any]:
     for number, (name, measure) in enumerate(tqdm(ROWS.items(), unit="row"), FIRST_ROW):
         if not arguments.rows or name in arguments.rows:
             found[name] = measure(Study(runs, arguments.effect_hours, number))
+    thresholds = runs.thresholds_if_set
     return {
         "title": f"{arguments.diagnoser} where the model does not hold",
-        "thresholds": dict(runs.thresholds),
+        "thresholds": dict(thresholds),
         "rows": {name: [one._asdict() for one in findings] for name, findings in found.items()},
-        "sections": [section(found, runs.thresholds)],
+        "sections": [section(found, thresholds)],
     }
 
 
@@ -83,13 +84,14 @@ def section(found: Mapping[str, list[Finding]], thresholds: Mapping[str, float])
         for name, findings in found.items()
         for one in findings
     ]
-    levels = ", ".join(f"one per {rate}: {level:.3f}" for rate, level in thresholds.items())
+    levels = [f"one per {rate}: {level:.3f}" for rate, level in thresholds.items()]
     return table_section(
         "Findings",
         ["row", "case", "measured", "to reach", "reached"],
         rows,
-        f"Thresholds of log p(normal), set on hours of their own: {levels}. Intervals of rates "
-        "are Poisson's, those of times bootstrap intervals, 95 % both.",
+        "Thresholds of log p(normal), set on hours of their own: "
+        f"{', '.join(levels) or 'none'}. Intervals of rates are Poisson's, those of times "
+        "bootstrap intervals, 95 % both.",
     )
 
 

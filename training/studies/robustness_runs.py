@@ -98,6 +98,11 @@ class Runs:
         first = self.seeds(0, 1, "calibration")[0]
         return thresholds(self._healthy(conditions(realism=1.0), first, self.hours, THRESHOLD))
 
+    @property
+    def thresholds_if_set(self) -> Mapping[str, float]:
+        """The thresholds if a row has needed them, else none."""
+        return vars(self).get("thresholds", {})
+
     def healthy(self, of: Conditions, row: int, hours: float) -> HealthyOutcome:
         """Healthy operation under conditions, half of the vehicles with the thesis' stimulus."""
         return self._healthy(of, self.seeds(row, 1)[0], hours, COUNTING)
