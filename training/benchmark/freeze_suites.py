@@ -30,6 +30,7 @@ from training.benchmark.suites import (
 from training.benchmark.whole_missions import WholeMissionSampler
 from training.seeds import seeds
 
+Cell = tuple[str, float]  # a fault and its full severity
 BLOCK = 20_000_000  # test seeds of a suite; the second half counts false alarms on healthy lanes
 THRESHOLD = 900_000_000  # first test seed of the lanes that the thresholds of all suites are set on
 # number of the block of each suite; a published suite keeps its own
@@ -56,7 +57,6 @@ PER_PAIR = 44
 DELAY = 2.0
 MORE_DELAY = 8.0
 PAIRED = ("seal_friction", "propeller_loss")  # kinds that strike both sides at once
-ONLY_WHOLE = "propeller_loss"  # kind that has no slight severity: the propeller is there or not
 # fields of the events of faults that come and go
 TEMPORARY = {"ventilating_propeller": {"period": 4.0, "duty": 0.5}}
 LATE_ONSET = (60.0, 1160.0)  # s, of the suite with long missions
@@ -90,56 +90,51 @@ ABOUT = {
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a suite is sampled from; `cells` are pairs (fault, full severity), one per episode."""
+    """What a suite is sampled from; one cell per episode."""
 
-    cells: Sequence[tuple[str, float]]
+    cells: Sequence[Cell]
     conditions: Conditions = STANDARD
     # the faults of an episode from the one of its cell and the seed
     schedule: Callable[[FaultEvent, int], Schedule] = lambda event, seed: (event,)
 
 
-def even_cells(per_class: int, low: float = 0.2, high: float = 1.0) -> list[tuple[str, float]]:
-    """As many cells of every class, its faults in turn, severities evenly spaced for each fault.
-
-    They are at least the fault's own `least_severity`.
-    """
+def graded_cells(per_class: int, low: float = 0.2, high: float = 1.0) -> list[Cell]:
+    """As many cells of every class, its faults in turn, severities evenly spaced for each fault."""
     cells = []
     for diagnosis in fault_classes():
         faults = [fault.name for fault in CATALOGUE.values() if fault.diagnosis == diagnosis]
         for k, fault in enumerate(faults):
             n = len(range(k, per_class, len(faults)))
-            least = CATALOGUE[fault].least_severity
             for i in range(n):
-                severity = low + (high - low) * (i + 0.5) / n
-                cells.append((fault, max(severity, least)))
+                cells.append((fault, low + (high - low) * (i + 0.5) / n))
     return cells
 
 
-def standard_cells(per_class: int) -> list[tuple[str, float]]:
-    """As `even_cells`, a lost propeller being lost as a whole."""
+def even_cells(per_class: int, low: float = 0.2, high: float = 1.0) -> list[Cell]:
+    """As `graded_cells`, with severities of at least the fault's own `least_severity`."""
     return [
-        (fault, 1.0 if is_only_whole(fault) else severity)
-        for fault, severity in even_cells(per_class)
+        (fault, max(severity, CATALOGUE[fault].least_severity))
+        for fault, severity in graded_cells(per_class, low, high)
     ]
 
 
 def is_only_whole(fault: str) -> bool:
     """Whether the fault has no slight severity."""
-    return fault.startswith(ONLY_WHOLE)
+    return CATALOGUE[fault].least_severity > 0.0
 
 
-def unexplained_cells() -> list[tuple[str, float]]:
+def unexplained_cells() -> list[Cell]:
     """Faults outside the catalogue, whole, and one side of each pair."""
     cells = [(fault, 1.0) for fault in UNMODELLED for _ in range(PER_UNMODELLED_FAULT)]
     for kind in PAIRED:
         fault = f"{kind}:{SIDES[0]}"
         for i in range(PER_PAIR):
             severity = 0.2 + 0.8 * (i + 0.5) / PER_PAIR
-            cells.append((fault, 1.0 if is_only_whole(fault) else severity))
+            cells.append((fault, max(severity, CATALOGUE[fault].least_severity)))
     return cells
 
 
-def thesis_cells() -> list[tuple[str, float]]:
+def thesis_cells() -> list[Cell]:
     """The thesis' faults, at its severities where it states them."""
     faults = {"increased_drag": 0.35, "decreased_drag": 0.7}
     for side in ("port", "starboard"):
@@ -156,8 +151,8 @@ def shifted(**plant: float) -> Conditions:
 
 def recipes() -> dict[str, Recipe]:
     """The recipe of every suite."""
-    shift_cells = standard_cells(PER_CLASS_OF_A_SHIFT)
-    slight_cells = even_cells(PER_CLASS_OF_A_SHIFT, 0.05, 0.2)
+    shift_cells = even_cells(PER_CLASS_OF_A_SHIFT)
+    slight_cells = graded_cells(PER_CLASS_OF_A_SHIFT, 0.05, 0.2)
     slight_cells = [cell for cell in slight_cells if not is_only_whole(cell[0])]
     thesis_speed = MissionSampler(speed=(THESIS_SPEED, THESIS_SPEED), n_legs=1, from_rest=0.0)
     fast_legs = MissionSampler(speed=(0.5, 0.9), duration=(4.0, 8.0), n_legs=16, from_rest=0.5)
@@ -171,8 +166,8 @@ def recipes() -> dict[str, Recipe]:
     )
     return {
         "thesis": Recipe(thesis_cells(), nominal),
-        "ideal": Recipe(even_cells(PER_CLASS), IDEAL),
-        "standard": Recipe(standard_cells(PER_CLASS)),
+        "ideal": Recipe(graded_cells(PER_CLASS), IDEAL),
+        "standard": Recipe(even_cells(PER_CLASS)),
         "ood_sensors": Recipe(shift_cells, shifted(realism=2.0)),
         "ood_noise": Recipe(shift_cells, shifted(sensor_noise=2.0)),
         "ood_disturbance": Recipe(shift_cells, shifted(disturbance=2.0)),

@@ -233,7 +233,7 @@ def double(study: Study) -> list[Finding]:
 def both_sides(kind: str, onset: float, severity: float) -> Schedule:
     """The fault on both sides, as severe as it can be where it is only whole."""
     names = [f"{kind}:{side}" for side in SIDES]
-    severity = max(severity, getattr(fault_of(names[0]), "least_severity", 0.0))
+    severity = max(severity, fault_of(names[0]).least_severity)
     return tuple(FaultEvent(name, onset, round(severity, 4)) for name in names)
 
 
