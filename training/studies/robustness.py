@@ -6,6 +6,7 @@ measures on other seeds. ``--rows`` chooses rows; ``--purpose validation`` is fo
 the seeds of tests stay unseen.
 """
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,6 +68,8 @@ def study(arguments: RobustnessStudy) -> dict[str, Any]:
     for number, (name, measure) in enumerate(tqdm(ROWS.items(), unit="row"), FIRST_ROW):
         if not arguments.rows or name in arguments.rows:
             found[name] = measure(Study(runs, arguments.effect_hours, number))
+            for one in found[name]:
+                tqdm.write(f"{name}, {one.case}: {one.measured}", file=sys.stderr)
     thresholds = runs.thresholds_if_set
     return {
         "title": f"{arguments.diagnoser} where the model does not hold",

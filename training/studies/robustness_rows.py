@@ -17,7 +17,7 @@ from auv_fault_env.schedules import FaultEvent, Schedule
 from auv_fault_env.unmodelled import UNMODELLED
 from diagnosers import make
 from training import metrics
-from training.benchmark import score_series, scores, timing
+from training.benchmark import score_series, scores, suites, timing
 from training.benchmark.assessment import Assessment, assess
 from training.benchmark.suites import ONE_FAULT, Conditions
 from training.benchmark.whole_missions import WholeMissionSampler
@@ -333,8 +333,7 @@ def isolation(study: Study) -> list[Finding]:
     """Isolation under the thesis' stimulus without imperfections, and with them."""
     found = []
     for realism, most in ((0.0, 4.5), (1.0, math.inf)):
-        of = conditions(realism=realism)
-        lanes = _standard_lanes(study, of)
+        lanes = _lanes_at(study, realism)
         for is_merged in (True, False):
             times = _isolation_times(lanes, study.runs.thresholds[PER_HOUR], is_merged)
             mean = metrics.restricted_mean(times)
@@ -361,6 +360,14 @@ def isolation(study: Study) -> list[Finding]:
     return found
 
 
+def _lanes_at(study: Study, realism: float) -> FaultyLanes:
+    """Faulty lanes: of tests those of the frozen suites, else lanes like those of `standard`."""
+    if study.runs.purpose != "test":
+        return _standard_lanes(study, conditions(realism=realism))
+    suite = suites.load(suites.STANDARD if realism else suites.IDEAL)
+    return study.runs.faulty(suite.conditions, suite.episodes)
+
+
 def _standard_lanes(study: Study, of: Conditions) -> FaultyLanes:
     """Faulty lanes like those of the standard suite, with seeds of the study."""
     schedules = [ONE_FAULT.sample(seed) for seed in study.runs.seeds(study.row, N_FAULTY)]
@@ -385,9 +392,8 @@ def _merged(name: str) -> int:
 
 def calibration(study: Study) -> list[Finding]:
     """Calibration error and coverage of the severity's interval, with imperfections."""
-    of = conditions(realism=1.0)
-    lanes = _standard_lanes(study, of)
-    healthy = study.runs.healthy(of, study.row, study.effect_hours)
+    lanes = _lanes_at(study, 1.0)
+    healthy = study.runs.healthy(conditions(realism=1.0), study.row, study.effect_hours)
     truth = lanes.truth.at_instants
     assessment = assess(study.runs.thresholds[PER_HOUR], lanes.record, truth, healthy)
     error = scores.calibration_error(assessment)
