@@ -193,7 +193,7 @@ class FilterBank(Recursive):
         n_hypotheses = table.log_hazard.size
         log_posterior = np.full((n_lanes, n_hypotheses), -np.inf)
         log_posterior[:, 0] = 0.0
-        severity = _prior_severity(prior, table)
+        severity = prior_severity(prior, table)
         filters = np.zeros((n_lanes, algebra.N_MOMENTS, n_filters))
         variances = [algebra.covariance_row(i, i) for i in range(SEVERITY)]
         for subsystem in OWN_PARAMETERS:
@@ -240,7 +240,7 @@ class FilterBank(Recursive):
         table = self.hypotheses(state.prior.shape[2])
         first = table.first_filter.astype(np.int64)
         normal_filter = np.repeat(first[:-1], np.diff(first))
-        severity = _prior_severity(state.prior[lanes], table)
+        severity = prior_severity(state.prior[lanes], table)
         filters = state.filters[lanes][:, :, normal_filter]
         of_severity = [algebra.covariance_row(SEVERITY, i) for i in range(SEVERITY)]
         filters[:, of_severity] = 0.0
@@ -291,7 +291,7 @@ class FilterBank(Recursive):
                 sample,
             )
 
-        _in_shares(n_lanes, step_share)
+        in_shares(n_lanes, step_share)
         return new, belief
 
 
@@ -302,14 +302,14 @@ def _check_readings(kind: str, numbers: Mapping[str, float], least: float) -> No
         finite_in_range(f"{kind} of {name}", number, least, CHANNELS[name].high)
 
 
-def _prior_severity(prior: np.ndarray, table: HypothesisTable) -> np.ndarray:
+def prior_severity(prior: np.ndarray, table: HypothesisTable) -> np.ndarray:
     """Mean and variance of the severity of each hypothesis, (n_lanes, 2, n_hypotheses)."""
     severity = np.ascontiguousarray(prior[:, :2, table.grade])
     severity[:, :, 0] = 0.0
     return severity
 
 
-def _in_shares(n_lanes: int, run: Callable[[int, int], None]) -> None:
+def in_shares(n_lanes: int, run: Callable[[int, int], None]) -> None:
     """Call ``run(first, last)`` on shares of the lanes, in threads where there are many."""
     n_shares = n_threads() if n_lanes >= PARALLEL_LANES else 1
     edges = [n_lanes * k // n_shares for k in range(n_shares + 1)]

@@ -16,14 +16,15 @@ SURGE, PORT, STARBOARD = range(3)
 N_SUBSYSTEMS = 3
 
 
-def _of_sensors(*channels: str) -> tuple[str, ...]:
+def of_sensors(*channels: str) -> tuple[str, ...]:
+    """The names of the parameters of these channels' sensors."""
     return tuple(f"{channel}_{name}" for channel in channels for name in SENSOR)
 
 
 def _of_motor(side: str) -> tuple[str, ...]:
     """The parameters of a motor with its propeller and its sensors."""
     shaft = tuple(f"{side}_{name}" for name in SHAFT if name != "beta")
-    return shaft + _of_sensors(f"{side}_voltage", f"{side}_current", f"{side}_rpm")
+    return shaft + of_sensors(f"{side}_voltage", f"{side}_current", f"{side}_rpm")
 
 
 # the parameters of each subsystem, in the order of the rows of its filters
@@ -31,16 +32,16 @@ OWN_PARAMETERS: dict[int, tuple[str, ...]] = {
     SURGE: (
         *HULL,
         *(f"{side}_beta" for side in SIDES),
-        *_of_sensors("speed", "acceleration"),
+        *of_sensors("speed", "acceleration"),
     ),
     PORT: _of_motor("port"),
     STARBOARD: _of_motor("starboard"),
 }
 # the parameters of the sensors from which a subsystem takes what another one determines
 INPUT_PARAMETERS: dict[int, tuple[str, ...]] = {
-    SURGE: _of_sensors(*(f"{side}_rpm" for side in SIDES)),
-    PORT: _of_sensors("speed"),
-    STARBOARD: _of_sensors("speed"),
+    SURGE: of_sensors(*(f"{side}_rpm" for side in SIDES)),
+    PORT: of_sensors("speed"),
+    STARBOARD: of_sensors("speed"),
 }
 N_PARAMETER_ROWS = max(map(len, OWN_PARAMETERS.values()))
 
@@ -95,7 +96,7 @@ def hypothesis_table(n_grades: int, hazard: float, faults: Sequence[str]) -> Hyp
         first, last = first_filter[subsystem : subsystem + 2]
         filter_of[subsystem] = first
         filter_of[subsystem, parts[subsystem].hypothesis] = range(first, last)
-        parameter[subsystem, : len(names)] = _indices(names)
+        parameter[subsystem, : len(names)] = parameter_indices(names)
     return HypothesisTable(
         log_hazard=_log_hazard(diagnoses, n_grades, hazard),
         class_index=np.concatenate([[0], class_of_fault[fault]]),
@@ -122,8 +123,8 @@ class _Filters(NamedTuple):
 def _filters(subsystem: int, faults: Sequence[str], fault: np.ndarray) -> _Filters:
     """The filters of the hypotheses whose fault, (n_hypotheses - 1,), touches the subsystem."""
     names = OWN_PARAMETERS[subsystem]
-    touched = _touched(faults, names + INPUT_PARAMETERS[subsystem])
-    hypothesis = np.flatnonzero(np.concatenate([[True], touched[fault]]))
+    is_touched = touched(faults, names + INPUT_PARAMETERS[subsystem])
+    hypothesis = np.flatnonzero(np.concatenate([[True], is_touched[fault]]))
     fault_of_filter = fault[hypothesis[1:] - 1]
     slope = np.zeros((hypothesis.size, N_PARAMETER_ROWS))
     offset = np.zeros_like(slope)
@@ -131,11 +132,11 @@ def _filters(subsystem: int, faults: Sequence[str], fault: np.ndarray) -> _Filte
     order = list(CATALOGUE)
     row_of_fault = np.array([order.index(name) for name in faults])
     rows = row_of_fault[fault_of_filter, None]
-    columns = _indices(names)
+    columns = parameter_indices(names)
     effects = matrices()
     slope[1:, : len(names)] = effects.scale[rows, columns] - 1.0
     offset[1:, : len(names)] = effects.offset[rows, columns]
-    speed_fault = _touched(faults, _of_sensors("speed"))
+    speed_fault = touched(faults, of_sensors("speed"))
     estimates_speed[1:] = speed_fault[fault_of_filter]
     return _Filters(hypothesis, slope, offset, estimates_speed)
 
@@ -148,17 +149,17 @@ def _log_hazard(diagnoses: list[str], n_grades: int, hazard: float) -> np.ndarra
     return np.log(np.concatenate([[1.0 - hazard], shares]))
 
 
-def _touched(faults: Sequence[str], names: tuple[str, ...]) -> np.ndarray:
+def touched(faults: Sequence[str], names: tuple[str, ...]) -> np.ndarray:
     """Whether each fault changes one of these parameters, (n_faults,)."""
-    touched = []
+    changes_any = []
     for name in faults:
         fault = CATALOGUE[name]
         changed = {*fault.scale, *fault.offset}
-        touched.append(not changed.isdisjoint(names))
-    return np.array(touched)
+        changes_any.append(not changed.isdisjoint(names))
+    return np.array(changes_any)
 
 
-def _indices(names: tuple[str, ...]) -> list[int]:
+def parameter_indices(names: tuple[str, ...]) -> list[int]:
     """Indices of these parameters in `PARAMETERS`."""
     order = list(PARAMETERS)
     return [order.index(name) for name in names]

@@ -1,0 +1,227 @@
+"""The hypotheses of the robust bank: those of `diagnosers.bank.hypotheses`, and some others.
+
+`OTHERS` are a change of the water's current, in which a vehicle is normal, and changes of a
+subsystem, or of all, that no fault of the catalogue makes, which are the class `unknown`. A
+hypothesis may also end.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from auv_fault_env.faults import CATALOGUE, NORMAL, UNKNOWN, Fault, classes, matrices
+from auv_fault_env.parameters import SAMPLE_TIME
+from auv_fault_env.realism import SURROUNDINGS
+from diagnosers.bank.hypotheses import (
+    INPUT_PARAMETERS,
+    N_PARAMETER_ROWS,
+    N_SUBSYSTEMS,
+    OWN_PARAMETERS,
+    PORT,
+    STARBOARD,
+    SURGE,
+    of_sensors,
+    parameter_indices,
+    touched,
+)
+
+ALL_SUBSYSTEMS = tuple(OWN_PARAMETERS)
+
+
+FORGETTING = SAMPLE_TIME / 60.0  # of evidence per sample: within a minute
+
+
+class Other(NamedTuple):
+    """A hypothesis that is no fault of the catalogue."""
+
+    diagnosis: str
+    subsystems: tuple[int, ...]  # those that it changes
+    spread: float = 0.0  # variance that it adds to their deviations, in variances of healthy ones
+    water: float = 0.0  # m/s, by which the speed through the water may change in a sample
+    rate: float = 0.0  # 1/h, at which it begins
+    duration: float = math.inf  # s, mean
+
+
+WATER_CURRENT = "water_current"
+WATER_CURRENT_RATE = 3600.0 * SURROUNDINGS["current_rate"].value  # 1/h
+OTHERS: dict[str, Other] = {
+    WATER_CURRENT: Other(NORMAL, (SURGE,), water=0.005, rate=WATER_CURRENT_RATE, duration=4.0),
+    "unknown": Other(UNKNOWN, ALL_SUBSYSTEMS, spread=100.0, rate=0.002),
+    "unknown_surge": Other(UNKNOWN, (SURGE,), spread=100.0, rate=0.002),
+    "unknown_port": Other(UNKNOWN, (PORT,), spread=100.0, rate=0.002),
+    "unknown_starboard": Other(UNKNOWN, (STARBOARD,), spread=100.0, rate=0.002),
+}
+
+
+class HypothesisTable(NamedTuple):
+    """The hypotheses for the kernel; the first, and each subsystem's first filter, is normal.
+
+    `first_filter` holds the first filter of each subsystem and the number of all. Severity 1 adds
+    `slope`, a share of the healthy value, and `offset` to a parameter. `estimates_speed`: whether
+    a motor's filter takes the surge speed from the surge filter of its hypothesis, because the
+    paddle wheel is faulty.
+    """
+
+    log_hazard: np.ndarray  # (n_hypotheses,), log probability per sample that it begins
+    log_end: np.ndarray  # (n_hypotheses,), log probability per sample that it ends
+    log_stay: np.ndarray  # (n_hypotheses,), log probability per sample that it does not
+    log_odds: np.ndarray  # (n_hypotheses,), to normal if readings never distinguish it from that
+    forgetting: float  # share of the log odds above these that is lost per sample
+    class_index: np.ndarray  # (n_hypotheses,), of its diagnosis class
+    grade: np.ndarray  # (n_hypotheses,), index of its grade of severity
+    first_filter: np.ndarray  # (4,)
+    hypothesis: np.ndarray  # (n_filters,), of each filter
+    filter: np.ndarray  # (3, n_hypotheses), of each hypothesis in each subsystem
+    parameter: np.ndarray  # (3, N_PARAMETER_ROWS), index in `PARAMETERS` of each row
+    slope: np.ndarray  # (N_PARAMETER_ROWS, n_filters)
+    offset: np.ndarray  # (N_PARAMETER_ROWS, n_filters)
+    estimates_speed: np.ndarray  # (n_filters,)
+    spread: np.ndarray  # (n_filters,), see `Other`
+    water: np.ndarray  # (n_filters,), variance by `Other.water` [m^2/s^2]
+
+
+_cache: dict[tuple, tuple[tuple[Fault, ...], HypothesisTable]] = {}  # catalogue and its table
+
+
+def current_table(
+    highest: tuple[float, ...],
+    hazard: float,
+    repair: float,
+    faults: tuple[str, ...],
+) -> HypothesisTable:
+    """`hypothesis_table` of the catalogue as it is now, built anew only when that has changed."""
+    key = highest, hazard, repair, faults
+    catalogue = tuple(CATALOGUE.values())
+    if key not in _cache or _cache[key][0] != catalogue:
+        _cache[key] = catalogue, hypothesis_table(*key)
+    return _cache[key][1]
+
+
+def hypothesis_table(
+    highest: Sequence[float],
+    hazard: float,
+    repair: float,
+    faults: Sequence[str],
+) -> HypothesisTable:
+    """The table of the normal vehicle, the faults in their grades, and all of `OTHERS`.
+
+    Of a fault there are the grades of which `highest`, the highest severity, is more than half of
+    its least one, because a blade may break. hazard is the probability per sample that a normal
+    vehicle gets any of the faults, repair that a fault ends. A hypothesis without severity has the
+    grade after the last.
+    """
+    n_grades = len(highest)
+    fault, grade = _faults_and_grades(highest, faults)
+    others = list(OTHERS.values())
+    diagnoses = [CATALOGUE[faults[k]].diagnosis for k in fault]
+    diagnoses += [other.diagnosis for other in others]
+    begin = hazard * _shares(faults, fault)
+    begin = np.concatenate([begin, [other.rate * SAMPLE_TIME / 3600 for other in others]])
+    end = [repair] * fault.size
+    for other in others:
+        end.append(repair if other.duration == math.inf else SAMPLE_TIME / other.duration)
+    parts = [_filters(subsystem, faults, fault, others) for subsystem in OWN_PARAMETERS]
+    first_filter = np.cumsum([0, *(part.hypothesis.size for part in parts)])
+    filter_of = np.zeros((N_SUBSYSTEMS, 1 + len(diagnoses)), np.int64)
+    parameter = np.zeros((N_SUBSYSTEMS, N_PARAMETER_ROWS), np.int64)
+    for subsystem, own in OWN_PARAMETERS.items():
+        first, last = first_filter[subsystem : subsystem + 2]
+        filter_of[subsystem] = first
+        filter_of[subsystem, parts[subsystem].hypothesis] = range(first, last)
+        parameter[subsystem, : len(own)] = parameter_indices(own)
+    names = classes()
+    return HypothesisTable(
+        log_hazard=np.log(np.concatenate([[1.0 - begin.sum()], begin])),
+        log_end=np.log([1.0, *end]),
+        log_stay=np.log1p(-np.array([0.0, *end])),
+        log_odds=np.log(np.concatenate([[1.0], begin / FORGETTING])),
+        forgetting=FORGETTING,
+        class_index=np.array([0, *map(names.index, diagnoses)]),
+        grade=np.array([n_grades, *grade, *[n_grades] * len(others)]),
+        first_filter=first_filter.astype(np.uint64),  # unsigned, so that loops vectorise
+        hypothesis=np.concatenate([part.hypothesis for part in parts]),
+        filter=filter_of,
+        parameter=parameter,
+        slope=np.concatenate([part.slope for part in parts]).T.copy(),
+        offset=np.concatenate([part.offset for part in parts]).T.copy(),
+        estimates_speed=np.concatenate([part.estimates_speed for part in parts]),
+        spread=np.concatenate([part.spread for part in parts]),
+        water=np.concatenate([part.water for part in parts]),
+    )
+
+
+def _faults_and_grades(
+    highest: Sequence[float], faults: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Fault and grade of the hypotheses that are faults, as indices, (n_hypotheses,) each."""
+    pairs = []
+    for k, name in enumerate(faults):
+        least = CATALOGUE[name].least_severity
+        pairs += [(k, g) for g, severity in enumerate(highest) if severity > 0.5 * least]
+    fault, grade = np.array(pairs, np.int64).reshape(-1, 2).T
+    return fault, grade
+
+
+class _Filters(NamedTuple):
+    """The filters of a subsystem, the first that of the normal vehicle; filter first."""
+
+    hypothesis: np.ndarray
+    slope: np.ndarray
+    offset: np.ndarray
+    estimates_speed: np.ndarray
+    spread: np.ndarray
+    water: np.ndarray
+
+
+def _filters(
+    subsystem: int, faults: Sequence[str], fault: Sequence[int], others: Sequence[Other]
+) -> _Filters:
+    """The filters of the hypotheses whose fault, or other change, touches the subsystem."""
+    names = OWN_PARAMETERS[subsystem]
+    is_touched = touched(faults, names + INPUT_PARAMETERS[subsystem])
+    speed_fault = touched(faults, of_sensors("speed"))
+    order = list(CATALOGUE)
+    effects = matrices()
+    columns = parameter_indices(names)
+    hypothesis = [0]
+    slopes = [np.zeros(N_PARAMETER_ROWS)]
+    offsets = [np.zeros(N_PARAMETER_ROWS)]
+    estimates_speed = [False]
+    for h, k in enumerate(fault, 1):
+        if is_touched[k]:
+            row = order.index(faults[k])
+            slope = np.zeros(N_PARAMETER_ROWS)
+            slope[: len(names)] = effects.scale[row, columns] - 1.0
+            offset = np.zeros(N_PARAMETER_ROWS)
+            offset[: len(names)] = effects.offset[row, columns]
+            hypothesis.append(h)
+            slopes.append(slope)
+            offsets.append(offset)
+            estimates_speed.append(speed_fault[k])
+    n_of_faults = len(hypothesis)
+    of_others = [h for h, other in enumerate(others) if subsystem in other.subsystems]
+    hypothesis += [1 + len(fault) + h for h in of_others]
+    spread = np.zeros(len(hypothesis))
+    spread[n_of_faults:] = [others[h].spread for h in of_others]
+    water = np.zeros(len(hypothesis))
+    water[n_of_faults:] = [others[h].water ** 2 for h in of_others]
+    without_effect = np.zeros((len(of_others), N_PARAMETER_ROWS))
+    return _Filters(
+        hypothesis=np.array(hypothesis),
+        slope=np.concatenate([slopes, without_effect]),
+        offset=np.concatenate([offsets, without_effect]),
+        estimates_speed=np.array(estimates_speed + [False] * len(of_others)),
+        spread=spread,
+        water=water,
+    )
+
+
+def _shares(faults: Sequence[str], fault: np.ndarray) -> np.ndarray:
+    """Shares of the hazard: even by class, then by fault of a class, then by grade of a fault."""
+    diagnoses = [CATALOGUE[name].diagnosis for name in faults]
+    n_classes = len(set(diagnoses))
+    n_members = np.array([diagnoses.count(name) for name in diagnoses])
+    n_grades = np.bincount(fault, minlength=len(faults))
+    return 1.0 / (n_classes * n_members * n_grades)[fault]

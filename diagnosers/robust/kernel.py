@@ -1,0 +1,371 @@
+"""The kernel of the robust bank: hypotheses and their filters on every lane, and the belief."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from auv_fault_env.channels import READINGS
+from auv_fault_env.compiling import inlined, kernel, scalar
+from auv_fault_env.physics import RPM
+from diagnosers.bank.hypotheses import N_PARAMETER_ROWS, PORT, STARBOARD, SURGE
+from diagnosers.bank.kernel import (
+    LEAST,
+    MEAN,
+    MOTOR_CHANNEL,
+    SPEED_CHANNEL,
+    VARIANCE,
+    fill_belief,
+    gather_shaft,
+    log_sum,
+    update_posterior,
+)
+from diagnosers.bank.pack import broadcast, columns_of, filters_of
+from diagnosers.bank.sensors import N_READINGS
+from diagnosers.robust import algebra, motor, surge
+from diagnosers.robust.algebra import N_MOMENTS, SEVERITY, SEVERITY_VARIANCE
+from diagnosers.robust.sensors import fill_sample
+
+# below these a counter may read exactly zero: rpm of a shaft, m/s of a paddle wheel
+STANDING_RPM = 30.0
+STANDING_SPEED = 0.06
+ACCELERATION_CHANNEL = READINGS.index("acceleration")
+MOTOR_DEVIATIONS = tuple(range(motor.FIRST_DEVIATION, motor.ZERO))
+SURGE_DEVIATIONS = (surge.DRAG, surge.THRUST_DEVIATION)
+WALK_OF_VOLTAGE = (0, 1, 2)  # columns of `BankState.walk` by subsystem
+LARGEST_STEP = 4.0
+SETTLING_SAMPLES = 20  # before these readings are evidence: one wrong one may have set the states
+
+
+class BankState(NamedTuple):
+    """State of a bank, lane first; NaN where nothing has been read."""
+
+    log_posterior: np.ndarray  # (n_lanes, n_hypotheses)
+    severity: np.ndarray  # (n_lanes, 2, n_hypotheses), mean and variance
+    filters: np.ndarray  # (n_lanes, N_MOMENTS, n_filters), means and packed covariances
+    shaft_speed: np.ndarray  # (n_lanes, n_filters), of the motor filters [rad/s]
+    readings: np.ndarray  # (n_lanes, N_READINGS), the last ones
+    spacing: np.ndarray  # (n_lanes, N_READINGS), least difference of two successive ones
+    healthy: np.ndarray  # (n_lanes, n_parameters), the vehicle without its fault
+    # (n_lanes, 3, n_grades + 1), mean, variance and least value of the severity; the last is none
+    prior: np.ndarray
+    walk: np.ndarray  # (n_lanes, 3), variance per sample of tilt and both voltages
+    age: np.ndarray  # (n_lanes,), samples so far
+
+
+@inlined
+def switch_hypotheses(old, new, table, walk, switch_probability, return_probability):
+    """Let hypotheses of one lane begin and end: posterior, severities, and probabilities of both.
+
+    switch_probability: that a hypothesis, if true now, began at this sample. return_probability:
+    that a vehicle, if normal now, had the hypothesis before.
+    """
+    log_normal = old.log_posterior[0]
+    total = log_normal + table.log_hazard[0]
+    for h in range(1, table.log_hazard.size):
+        total = log_sum(total, old.log_posterior[h] + table.log_end[h])
+    new.log_posterior[0] = total
+    return_probability[0] = math.exp(log_normal + table.log_hazard[0] - total)
+    new.severity[:, 0] = 0.0
+    switch_probability[0] = 0.0
+    for h in range(1, table.log_hazard.size):
+        before = old.log_posterior[h]
+        return_probability[h] = math.exp(before + table.log_end[h] - total)
+        log_switched = log_normal + table.log_hazard[h]
+        new.log_posterior[h] = log_sum(before + table.log_stay[h], log_switched)
+        probability = math.exp(log_switched - new.log_posterior[h])
+        grade = table.grade[h]
+        prior_mean = old.prior[MEAN, grade]
+        prior_variance = old.prior[VARIANCE, grade]
+        mean = old.severity[MEAN, h]
+        distance = prior_mean - mean
+        stay = 1.0 - probability
+        new.severity[MEAN, h] = mean + probability * distance
+        stayed = stay * old.severity[VARIANCE, h]
+        switched = prior_variance + stay * distance * distance
+        variance = stayed + probability * switched
+        new.severity[VARIANCE, h] = algebra.variance_after_walk(variance, prior_variance, walk)
+        switch_probability[h] = probability
+    forget_evidence(new.log_posterior, table)
+
+
+@inlined
+def forget_evidence(log_posterior, table):
+    """Let the odds of each hypothesis to normal fall towards those without any evidence.
+
+    They fall by a share of their logarithm per sample, as in dynamic model averaging (Raftery,
+    Karny & Ettler 2010, doi:10.1198/TECH.2009.08104): evidence counts for a while, and what little
+    an imperfect model prefers one of two hypotheses by never accumulates.
+    """
+    log_normal = log_posterior[0]
+    for h in range(1, log_posterior.size):
+        excess = log_posterior[h] - log_normal - table.log_odds[h]
+        log_posterior[h] -= table.forgetting * max(excess, 0.0)
+
+
+@inlined
+def gather(subsystem, old, table, work):
+    """Fill the columns of a subsystem from the lanes' filters and healthy vehicles."""
+    n_lanes = np.uint64(old.age.size)
+    first, last = filters_of(subsystem, table)
+    columns = columns_of(subsystem, table, n_lanes)
+    for i in range(N_MOMENTS):
+        for lane in range(n_lanes):
+            for f in range(first, last):
+                c = f * n_lanes + lane
+                work.filters[i, c] = old.filters[lane, i, f]
+    normal = old.filters[:, :, first]
+    for i in range(SEVERITY):
+        broadcast(normal[:, i], columns, work.normal[i])
+        for j in range(i + 1):
+            row = algebra.covariance_row(i, j)
+            broadcast(normal[:, row], columns, work.normal[row])
+    for r in range(N_PARAMETER_ROWS):
+        parameter = table.parameter[subsystem, r]
+        broadcast(old.healthy[:, parameter], columns, work.healthy[r])
+
+
+@inlined
+def scatter(new, work):
+    """Fill the lanes' filters and shaft speeds from all columns; 0 is that of surge filters."""
+    n_lanes = np.uint64(new.age.size)
+    n_filters = np.uint64(new.shaft_speed.shape[1])
+    for lane in range(n_lanes):
+        for f in range(n_filters):
+            c = f * n_lanes + lane
+            new.shaft_speed[lane, f] = work.shaft_speed[c]
+        for i in range(N_MOMENTS):
+            for f in range(n_filters):
+                c = f * n_lanes + lane
+                new.filters[lane, i, f] = work.filters[i, c]
+
+
+@inlined
+def mix_filters(subsystem, old, new, table, constants, work):
+    """Fill the columns of a subsystem: filters mixed with the normal one, and it with them."""
+    n_lanes = np.uint64(old.age.size)
+    first, last = filters_of(subsystem, table)
+    columns = columns_of(subsystem, table, n_lanes)
+    gather(subsystem, old, table, work)
+    for lane in range(n_lanes):
+        for f in range(first, last):
+            c = f * n_lanes + lane
+            h = table.hypothesis[f]
+            grade = table.grade[h]
+            work.prior[MEAN, c] = old.prior[lane, MEAN, grade]
+            work.prior[VARIANCE, c] = old.prior[lane, VARIANCE, grade]
+            work.severity[MEAN, c] = old.severity[lane, MEAN, h]
+            work.severity[VARIANCE, c] = old.severity[lane, VARIANCE, h]
+            work.mixing_probability[c] = work.switch_probability[lane, h]
+            work.evidence[c] = 0.0
+    healthy_variance = constants.healthy_variance[subsystem]
+    algebra.replace_severity(columns, work)
+    for lane in range(n_lanes):
+        returned = 1.0 - work.return_probability[lane, 0]
+        if returned > algebra.MIN_MIXING:
+            mix_back(subsystem, lane, columns, n_lanes, table, work)
+    algebra.mix(columns, healthy_variance, work)
+    algebra.walk_states(columns, healthy_variance, constants.memory, constants.walk, work)
+    for lane in range(n_lanes):
+        for f in range(first, last):
+            c = f * n_lanes + lane
+            h = table.hypothesis[f]
+            work.severity[MEAN, c] = new.severity[lane, MEAN, h]
+            work.severity[VARIANCE, c] = new.severity[lane, VARIANCE, h]
+    algebra.replace_severity(columns, work)
+
+
+@inlined
+def mix_back(subsystem, lane, columns, n_lanes, table, work):
+    """Mix into the normal filter of a lane those of the hypotheses that end, with their weights.
+
+    Hypotheses that share the normal filter in this subsystem leave it as it is, and so do those of
+    unknown changes, whose deviations are no healthy ones.
+    """
+    first, last = filters_of(subsystem, table)
+    probability = work.return_probability[lane]
+    shared = 1.0
+    for f in range(first + np.uint64(1), last):
+        if table.spread[f] == 0.0:
+            shared -= probability[table.hypothesis[f]]
+    total = max(shared, 0.0)
+    for f in range(first + np.uint64(1), last):
+        of_filter = probability[table.hypothesis[f]]
+        if of_filter > algebra.MIN_MIXING and table.spread[f] == 0.0:
+            total += of_filter
+            normal = first * n_lanes + lane
+            algebra.merge(f * n_lanes + lane, normal, of_filter / total, work)
+
+
+@inlined
+def update_severity(subsystem, new, table, work):
+    """Set the severities of the hypotheses to those that their filters of a subsystem have now."""
+    n_lanes = np.uint64(new.age.size)
+    x = work.filters
+    normal, last = filters_of(subsystem, table)
+    for lane in range(n_lanes):
+        for f in range(normal + np.uint64(1), last):
+            c = f * n_lanes + lane
+            h = table.hypothesis[f]
+            grade = table.grade[h]
+            mean = max(x[SEVERITY, c], new.prior[lane, LEAST, grade])
+            new.severity[lane, MEAN, h] = min(mean, 1.0)
+            new.severity[lane, VARIANCE, h] = x[SEVERITY_VARIANCE, c]
+
+
+@inlined
+def adapt_walk(subsystem, state, column, memory, old, new, table, constants, work):
+    """Move the variance of a state's steps to the squared steps in a filter.
+
+    That is the most probable one of a motor, and the normal one of surge.
+
+    In a consistent filter at steady state these have the same mean, but for what the state forgets.
+    A jump counts as one of `LARGEST_STEP` standard deviations.
+    """
+    n_lanes = np.uint64(old.age.size)
+    share, least, most = constants.walk_limits[column]
+    for lane in range(n_lanes):
+        variance = old.walk[lane, column]
+        hypothesis = 0 if subsystem == SURGE else old.log_posterior[lane].argmax()
+        best = np.uint64(table.filter[subsystem, hypothesis])
+        before = old.filters[lane, state, best]
+        c = best * n_lanes + lane
+        step = work.filters[state, c] - memory * before
+        square = min(step * step, LARGEST_STEP**2 * variance)
+        of_state = work.filters[algebra.covariance_row(state, state), c]
+        square += (1.0 - memory * memory) * of_state
+        variance += share * (square - variance)
+        new.walk[lane, column] = min(max(variance, least), most)
+
+
+@inlined
+def update_motor(subsystem, old, new, sample, table, constants, work):
+    """Take all filters of one motor through a sample."""
+    n_lanes = np.uint64(old.age.size)
+    channel = MOTOR_CHANNEL[subsystem]
+    rpm_channel = channel + motor.OF_RPM
+    normal, last = filters_of(subsystem, table)
+    columns = columns_of(subsystem, table, n_lanes)
+    mix_filters(subsystem, old, new, table, constants, work)
+    for lane in range(n_lanes):
+        of_normal = old.shaft_speed[lane, normal] * RPM
+        if sample.silent[rpm_channel, lane] and not math.isnan(of_normal):
+            sample.reading[rpm_channel, lane] = of_normal
+        for f in range(normal, last):
+            c = f * n_lanes + lane
+            before = old.shaft_speed[lane, f]
+            if math.isnan(before):
+                before = sample.reading[rpm_channel, lane] / RPM
+            work.shaft_speed_before[c] = max(before, 0.0)
+            if table.estimates_speed[f] or sample.silent[SPEED_CHANNEL, lane]:
+                surge_filter = table.filter[SURGE, table.hypothesis[f]]
+                work.surge_speed[c] = old.filters[lane, surge.U, surge_filter]
+            else:
+                work.surge_speed[c] = sample.reading[SPEED_CHANNEL, lane]
+    column_of_walk = WALK_OF_VOLTAGE[subsystem]
+    motor.update(columns, sample, channel, old.walk[:, column_of_walk], constants, work)
+    adapt_walk(subsystem, motor.VOLTS, column_of_walk, 1.0, old, new, table, constants, work)
+    algebra.clip_deviations(columns, MOTOR_DEVIATIONS, work)
+    update_severity(subsystem, new, table, work)
+
+
+@inlined
+def update_surge(old, new, sample, table, constants, work):
+    """Take all surge filters through a sample."""
+    columns = columns_of(SURGE, table, old.age.size)
+    mix_filters(SURGE, old, new, table, constants, work)
+    gather_shaft(work.port, PORT, old, table, work)
+    gather_shaft(work.starboard, STARBOARD, old, table, work)
+    surge.update(columns, sample, old.walk, constants, work)
+    memory = constants.tilt_memory
+    adapt_walk(SURGE, surge.TILT, surge.WALK_OF_TILT, memory, old, new, table, constants, work)
+    algebra.clip_deviations(columns, SURGE_DEVIATIONS, work)
+    update_severity(SURGE, new, table, work)
+
+
+@scalar
+def lanes_of(state, lanes):
+    """Some lanes of a state (a slice), or one of them (its index), as views."""
+    return BankState(
+        state.log_posterior[lanes],
+        state.severity[lanes],
+        state.filters[lanes],
+        state.shaft_speed[lanes],
+        state.readings[lanes],
+        state.spacing[lanes],
+        state.healthy[lanes],
+        state.prior[lanes],
+        state.walk[lanes],
+        state.age[lanes],
+    )
+
+
+@inlined
+def mark_resting(old, sample, table):
+    """Mark the readings of motors that stand, and zeros of a vehicle that does: no evidence."""
+    surge_filter = filters_of(SURGE, table)[0]
+    for lane in range(old.age.size):
+        for subsystem in (PORT, STARBOARD):
+            channel = MOTOR_CHANNEL[subsystem]
+            rpm_channel = channel + motor.OF_RPM
+            shaft_speed = old.shaft_speed[lane, filters_of(subsystem, table)[0]] * RPM
+            # NaN before the first sample
+            stands = sample.zero[rpm_channel, lane] and not shaft_speed > STANDING_RPM
+            for k in range(3):
+                sample.resting[channel + k, lane] = stands
+        speed = old.filters[lane, surge.U, surge_filter]
+        stands = sample.zero[SPEED_CHANNEL, lane] and speed < STANDING_SPEED
+        sample.resting[SPEED_CHANNEL, lane] = stands
+        zero = sample.zero[ACCELERATION_CHANNEL, lane]
+        sample.resting[ACCELERATION_CHANNEL, lane] = stands and zero
+
+
+@inlined
+def begin_sample(observation, old, new, sample, table, constants, work):
+    """Fill the sample and the last readings, and let hypotheses switch, on the lanes of a pack."""
+    new.spacing[:] = old.spacing
+    fill_sample(observation, old.readings, new.spacing, constants.sensors, sample)
+    mark_resting(old, sample, table)
+    for lane in range(len(observation)):
+        for channel in range(N_READINGS):
+            has_value = sample.replaced[channel, lane] or not sample.silent[channel, lane]
+            new.readings[lane, channel] = sample.reading[channel, lane] if has_value else np.nan
+        switch_hypotheses(
+            lanes_of(old, lane),
+            lanes_of(new, lane),
+            table,
+            constants.walk,
+            work.switch_probability[lane],
+            work.return_probability[lane],
+        )
+
+
+@kernel
+def step_lanes(first, last, old, new, observation, table, constants, belief, work, sample):
+    """Take the lanes from `first` to before `last` through a sample: fill `new` and `belief`.
+
+    `sample` and `work` are memory for one pack of lanes; the last pack may overlap the one before.
+    """
+    n_lanes = sample.deflection.size
+    for start in range(first, last, n_lanes):
+        begin = min(start, last - n_lanes)
+        lanes = slice(begin, begin + n_lanes)
+        before = lanes_of(old, lanes)
+        after = lanes_of(new, lanes)
+        begin_sample(observation[lanes], before, after, sample, table, constants, work)
+        for subsystem in (PORT, STARBOARD):
+            update_motor(subsystem, before, after, sample, table, constants, work)
+        update_surge(before, after, sample, table, constants, work)
+        scatter(after, work)
+        for lane in range(n_lanes):
+            log_posterior = after.log_posterior[lane]
+            if after.age[lane] > SETTLING_SAMPLES:
+                update_posterior(log_posterior, table.filter, work.evidence[lane::n_lanes])
+            fill_belief(
+                log_posterior,
+                after.severity[lane],
+                table.class_index,
+                belief.log_probability[begin + lane],
+                belief.severity_mean[begin + lane],
+                belief.severity_std[begin + lane],
+            )

@@ -1,0 +1,259 @@
+"""The filter bank for vehicles, sensors and waters that are not exactly the model's."""
+
+import math
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import norm
+
+from auv_fault_env.errors import finite_in_range, refusal
+from auv_fault_env.faults import CATALOGUE
+from auv_fault_env.parameters import PARAMETERS, SAMPLE_TIME, SIDES, vehicle_of
+from auv_fault_env.physics import PlantConstants
+from auv_fault_env.realism import IMPERFECTIONS, SURROUNDINGS
+from diagnosers.bank.hypotheses import OWN_PARAMETERS, SURGE
+from diagnosers.bank.motor import DEVIATIONS
+from diagnosers.bank.pack import pack_size
+from diagnosers.bank.sensors import N_READINGS
+from diagnosers.diagnoser import Belief
+from diagnosers.filter_bank import FilterBank, in_shares, prior_severity
+from diagnosers.kalman import START_SPEED_STD
+from diagnosers.robust import algebra, surge
+from diagnosers.robust.algebra import SEVERITY
+from diagnosers.robust.hypotheses import HypothesisTable, current_table
+from diagnosers.robust.kernel import BankState, step_lanes
+from diagnosers.robust.motor import START_VOLTAGE_STD, VOLTS
+from diagnosers.robust.pack import workspace
+from diagnosers.robust.sensors import new_sample
+
+FREEDOM = 6.0  # degrees of freedom of the readings' distribution
+LATENESS = 0.5  # samples by which rpm readings lag, about
+START_TILT_STD = 0.02  # m/s^2, error of the accelerometer before the first reading
+START_TILT_WALK = 2e-3  # m/s^2, its change per sample before that has been seen
+LEAST_TILT_WALK = 3e-5  # m/s^2
+LARGEST_TILT_WALK = 0.05  # m/s^2
+# of the supply voltage: change of the true voltage per sample before that has been seen, and limits
+START_VOLTAGE_WALK = 8e-4
+LEAST_VOLTAGE_WALK = 2e-5
+LARGEST_VOLTAGE_WALK = 1e-2
+ADAPTATION = 0.02  # share by which these walks move per sample to what is seen
+STD_OF_UNIFORM = 1.0 / math.sqrt(3.0)  # of a uniform distribution, per half-width
+
+
+class RobustConstants(NamedTuple):
+    """What the kernel needs of a robust bank beside its hypotheses."""
+
+    water: PlantConstants
+    opening: float  # see `kalman.opening_share`
+    disturbance_variance: float  # m^2/s^4, stationary
+    disturbance_memory: float  # share that is left after a sample
+    walk: float  # variance that the random walk adds to a severity per sample
+    memory: float  # share of a healthy vehicle's deviation that is left after a sample
+    healthy_variance: np.ndarray  # (3, SEVERITY), of the deviations of each subsystem
+    tails: algebra.Tails
+    lateness: float  # samples, of the rpm readings
+    tilt_memory: float  # share of the accelerometer's error that is left after a sample
+    paddle_memory: float  # share of the paddle wheel's error that is left after a sample
+    paddle_variance: float  # m^2/s^2, of that error
+    walk_limits: np.ndarray  # (3, 3), of `BankState.walk`: share, least and largest value
+    sensors: np.ndarray  # (n_readings, 4), full scale (low, high), noise, resolution
+
+
+@dataclass(frozen=True)
+class RobustBank(FilterBank):
+    """The filter bank, made for sensors and surroundings as `auv_fault_env.realism` lists them.
+
+    Differences from `FilterBank`: readings have heavy tails (Student's t), so that no single sample
+    decides; the true voltage, the zero offset of the current, the error of the accelerometer by
+    offset and attitude, and the slow error of the paddle wheel are states; how fast voltage and
+    attitude change is estimated; the rounding of readings is seen in their differences; readings at
+    rest are no evidence; a healthy vehicle's deviations change slowly; the water's current may
+    change; a fault may end; evidence is forgotten within a minute; and a subsystem may change in a
+    way that no fault of the catalogue does, the class `unknown`.
+
+    When it misleads: it takes longer than `FilterBank` where readings are ideal; faults below a
+    severity of 0.2 count as healthy; it has no faults of the sensors' timing and no double faults.
+    It does not become `Oracle`: `state_at_onset` is that of `FilterBank` and is refused.
+
+    Attributes
+    ----------
+    repair
+        Probability per sample that a fault ends.
+    memory
+        Time in which deviations of a healthy vehicle change [s].
+    """
+
+    name = "robust_bank"
+    grades: tuple[tuple[float, float], ...] = ((0.2, 0.45), (0.45, 0.7), (0.7, 1.0))
+    hazard: float = 1e-4
+    walk_std: float = 0.03
+    repair: float = 1e-8
+    memory: float = 600.0
+
+    def __post_init__(self):
+        super().__post_init__()
+        finite_in_range("repair", self.repair, 1e-12, 0.5)
+        finite_in_range("memory", self.memory, SAMPLE_TIME, 1e6)
+
+    @cached_property
+    def constants(self) -> RobustConstants:
+        """What the kernel needs: water, noise and disturbance of the nominal vehicle."""
+        of_bank = super().constants
+        wheel = SURROUNDINGS["wheel_noise"].value
+        wheel_time = SURROUNDINGS["wheel_noise_time"].value
+        return RobustConstants(
+            water=of_bank.water,
+            opening=of_bank.opening,
+            disturbance_variance=of_bank.disturbance_variance,
+            disturbance_memory=of_bank.disturbance_memory,
+            walk=of_bank.walk,
+            memory=math.exp(-SAMPLE_TIME / self.memory),
+            healthy_variance=np.array([self._healthy_variance(k) for k in OWN_PARAMETERS]),
+            tails=tails_of(FREEDOM),
+            lateness=LATENESS,
+            tilt_memory=1.0,
+            paddle_memory=math.exp(-SAMPLE_TIME / wheel_time),
+            paddle_variance=wheel**2,
+            walk_limits=self._walk_limits(),
+            sensors=of_bank.sensors,
+        )
+
+    def _walk_limits(self) -> np.ndarray:
+        voltage = vehicle_of(self.vehicle).maximum_voltage
+        least = LEAST_VOLTAGE_WALK * voltage
+        largest = LARGEST_VOLTAGE_WALK * voltage
+        of_tilt = (ADAPTATION, LEAST_TILT_WALK**2, LARGEST_TILT_WALK**2)
+        of_voltage = (ADAPTATION, least**2, largest**2)
+        return np.array([of_tilt, of_voltage, of_voltage])
+
+    def _healthy_variance(self, subsystem: int) -> np.ndarray:
+        """Variances of the states that deviate from nominal in healthy vehicles, (SEVERITY,).
+
+        Drag and thrust take up the gain error of the paddle wheel.
+        """
+        std = {name: STD_OF_UNIFORM * self._band_of(name) for name in PARAMETERS}
+        if subsystem == SURGE:
+            gain_std = STD_OF_UNIFORM * IMPERFECTIONS["speed"].gain
+            of_sides = (std[f"{side}_beta"] for side in SIDES[: self.shafts])
+            thrust_std = math.hypot(math.hypot(*of_sides) / self.shafts, gain_std)
+            drag_std = math.hypot(std["alpha"], gain_std)
+            return np.square([0.0, 0.0, drag_std, thrust_std, 0.0, 0.0])
+        deviations = [std[OWN_PARAMETERS[subsystem][row]] for row in DEVIATIONS]
+        zero_std = STD_OF_UNIFORM * IMPERFECTIONS["port_current"].zero
+        return np.square([0.0, *deviations, zero_std])
+
+    def hypotheses(self, n_grades: int | None = None) -> HypothesisTable:
+        """The hypotheses of the catalogue as it is now, always of the bank's grades."""
+        highest = tuple(high for _, high in self.grades)
+        faults = tuple(CATALOGUE) if self.faults is None else self.faults
+        return current_table(highest, self.hazard, self.repair, faults)
+
+    def initial(self, n_lanes: int) -> BankState:
+        """The state before any observation: a normal vehicle, somewhere in the healthy band."""
+        low, high = np.array(self.grades).T
+        of_grades = np.stack([(low + high) / 2, (high - low) ** 2 / 12, low])
+        without_severity = np.zeros((3, 1))
+        prior = np.tile(np.hstack([of_grades, without_severity]), (n_lanes, 1, 1))
+        table = self.hypotheses()
+        n_filters = table.hypothesis.size
+        log_posterior = np.full((n_lanes, table.log_hazard.size), -np.inf)
+        log_posterior[:, 0] = 0.0
+        severity = prior_severity(prior, table)
+        unread = np.full((n_lanes, N_READINGS), np.nan)
+        return BankState(
+            log_posterior=log_posterior,
+            severity=severity,
+            filters=self._initial_filters(severity, table),
+            shaft_speed=np.full((n_lanes, n_filters), np.nan),
+            readings=unread,
+            spacing=unread.copy(),
+            healthy=np.tile(self.healthy, (n_lanes, 1)),
+            prior=prior,
+            walk=np.tile(self._initial_walk(), (n_lanes, 1)),
+            age=np.zeros(n_lanes),
+        )
+
+    def _initial_filters(self, severity: np.ndarray, table: HypothesisTable) -> np.ndarray:
+        """Means and packed covariances before any observation, (n_lanes, N_MOMENTS, n_filters)."""
+        filters = np.zeros((len(severity), algebra.N_MOMENTS, table.hypothesis.size))
+        variances = [algebra.covariance_row(i, i) for i in range(SEVERITY)]
+        for subsystem in OWN_PARAMETERS:
+            first = int(table.first_filter[subsystem])
+            last = int(table.first_filter[subsystem + 1])
+            variance = self.constants.healthy_variance[subsystem].copy()
+            if subsystem == SURGE:
+                variance[surge.U] = START_SPEED_STD**2
+                variance[surge.D] = self.constants.disturbance_variance
+                variance[surge.TILT] = START_TILT_STD**2
+                variance[surge.PADDLE] = self.constants.paddle_variance
+            else:
+                variance[VOLTS] = START_VOLTAGE_STD**2
+            filters[:, variances, first:last] = variance[:, None]
+        filters[:, SEVERITY] = severity[:, 0, table.hypothesis]
+        filters[:, algebra.SEVERITY_VARIANCE] = severity[:, 1, table.hypothesis]
+        return filters
+
+    def _initial_walk(self) -> list[float]:
+        """The first `BankState.walk` of a lane."""
+        of_voltage = (START_VOLTAGE_WALK * vehicle_of(self.vehicle).maximum_voltage) ** 2
+        return [START_TILT_WALK**2, of_voltage, of_voltage]
+
+    def state_at_onset(self, state: BankState, lanes: np.ndarray) -> BankState:
+        """Refused: bounds are those of the model without imperfections, see `FilterBank`."""
+        raise refusal("state_at_onset", self.name, "filter_bank", "take that bank")
+
+    def step(self, state: BankState, observation: np.ndarray) -> tuple[BankState, Belief]:
+        """The next state and the belief."""
+        n_lanes = len(observation)
+        table = self.hypotheses()
+        if state.log_posterior.shape[1] != table.log_hazard.size:
+            change = "faults added or removed"
+            raise refusal("catalogue", change, "that of the reset", "call reset(n_lanes) again")
+        new = state._replace(
+            log_posterior=np.empty_like(state.log_posterior),
+            severity=np.empty_like(state.severity),
+            filters=np.empty_like(state.filters),
+            shaft_speed=np.empty_like(state.shaft_speed),
+            readings=np.empty_like(state.readings),
+            spacing=np.empty_like(state.spacing),
+            walk=np.empty_like(state.walk),
+            age=state.age + 1.0,
+        )
+        shape = n_lanes, len(self.classes)
+        belief = Belief(np.empty(shape), np.empty(shape), np.empty(shape))
+        constants = self.constants
+
+        def step_share(first: int, last: int) -> None:
+            n_pack = pack_size(last - first, table.hypothesis.size)
+            work = workspace(table, n_pack)
+            sample = new_sample(n_pack)
+            step_lanes(
+                first,
+                last,
+                state,
+                new,
+                observation,
+                table,
+                constants,
+                belief,
+                work,
+                sample,
+            )
+
+        in_shares(n_lanes, step_share)
+        return new, belief
+
+
+@cache
+def tails_of(freedom: float) -> algebra.Tails:
+    """Student's t for readings whose noise is Gaussian but for outliers."""
+
+    def preference(scale: float) -> float:
+        """Derivative of the mean log density by the logarithm of the variance, times 2."""
+        mean = norm.expect(lambda z: z * z / (freedom * scale + z * z))
+        return (freedom + 1.0) * mean - 1.0
+
+    return algebra.Tails(freedom, brentq(preference, 0.3, 1.1))
