@@ -63,8 +63,9 @@ class FilterBank(Recursive):
     its fault has no effect). Their states are the healthy vehicle's deviations from nominal and the
     fault's severity; their likelihoods weigh the hypotheses. A fault may begin at any sample and
     then lasts, as in the interacting multiple model algorithm. All probabilities are logarithms. A
-    silent reading (NaN) gives no evidence, except that the last voltage reading replaces a silent
-    one; nor is there any about a motor before its first voltage reading.
+    silent reading (NaN) gives no evidence; nor is there any about a motor before its first voltage
+    reading. Current and shaft speed imply a silent voltage; where one of them is silent too, the
+    last voltage reading replaces it.
 
     Sources: Willsky, "A survey of design methods for failure detection in dynamic systems",
     Automatica 12, 1976, doi:10.1016/0005-1098(76)90041-8; Blom & Bar-Shalom 1988,

@@ -265,8 +265,9 @@ def gather_readings(columns, sample, channel, work):
             variance = STANDING_STD**2
         for c in range(first + lane, last, n_lanes):
             work.rpm_variance[c] = variance
-            # the controller holds the voltage between two readings
-            if replaced:
+            # the last voltage may be stale: current and shaft speed imply a better one
+            is_implied = work.available[OF_CURRENT, c] * work.available[OF_RPM, c] > 0.0
+            if replaced and not is_implied:
                 work.available[OF_VOLTAGE, c] = 1.0
 
 

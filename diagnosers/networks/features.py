@@ -14,7 +14,7 @@ from auv_fault_env.channels import CHANNELS, COMMANDS, INDEX, READINGS
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.faults import CATALOGUE, UNKNOWN
 from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle
-from auv_fault_env.physics import clipped
+from auv_fault_env.physics import RPM, clipped
 from diagnosers import kalman, motor_filter
 from diagnosers.diagnoser import Belief
 from diagnosers.filter_bank import FilterBank
@@ -131,11 +131,12 @@ class Features:
     ) -> tuple[FeatureState, np.ndarray, Belief]:
         """The next state, the features (n_lanes, n_features) float32, and the bank's belief.
 
-        The last reading takes the place of one that has not arrived (NaN), except in the bank.
+        The last reading takes the place of one that has not arrived (NaN), except in the bank. Of a
+        voltage it is the last one with the change that current and shaft speed imply.
         """
         bank, belief = self.bank.step(state.bank, observation)
         is_missing = np.isnan(observation)
-        observation = np.where(is_missing, state.running.observation, observation)
+        observation = self._without_gaps(state.running.observation, observation)
         filters = zip(self.filters, state[:3], strict=True)
         estimates = [each.update(last, observation) for each, last in filters]
         is_later = state.running.age[:, None] > 0
@@ -159,6 +160,17 @@ class Features:
         )
         features[:, -2 * len(self._fault_columns) :] = self._bank_features(belief)
         return FeatureState(*estimates, bank, running), features, belief
+
+    def _without_gaps(self, last: np.ndarray, observation: np.ndarray) -> np.ndarray:
+        is_missing = np.isnan(observation)
+        filled = np.where(is_missing, last, observation)
+        change = filled - last
+        for side in SIDES:
+            voltage = INDEX[f"{side}_voltage"]
+            by_current = self.vehicle.resistance * change[:, INDEX[f"{side}_current"]]
+            by_speed = self.vehicle.torque_constant * change[:, INDEX[f"{side}_rpm"]] / RPM
+            filled[:, voltage] += is_missing[:, voltage] * (by_current + by_speed)
+        return filled
 
     def _signals(self, previous, observation, surge, parameters, motors) -> np.ndarray:
         """Residuals and innovations in standard deviations, (n_lanes, n_signals)."""
