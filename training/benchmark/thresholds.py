@@ -1,8 +1,10 @@
 """Thresholds of log p(normal) by diagnoser, as `auv-fault benchmark` sets them.
 
-On healthy operation under the conditions of the suite `standard` (``auv-fault benchmark --suite
-standard`` prints them). A diagnoser without an entry works; the live page does not offer it. The
-belief of `null` is constant and never below its threshold.
+On 200 h of healthy episodes of 65 s under the conditions of the suite `ideal`, without
+imperfections of sensors and surroundings, from before the benchmark took whole missions
+(``auv-fault benchmark`` prints those). With imperfections, or over hours, alarms are more frequent
+than the names say. A diagnoser without an entry works; the live page does not offer it. The belief
+of `null` is constant and never below its threshold.
 """
 
 ONE_PER_HOUR: dict[str, float] = {
