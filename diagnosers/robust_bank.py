@@ -55,7 +55,6 @@ class RobustConstants(NamedTuple):
     healthy_variance: np.ndarray  # (3, SEVERITY), of the deviations of each subsystem
     tails: algebra.Tails
     lateness: float  # samples, of the rpm readings
-    tilt_memory: float  # share of the accelerometer's error that is left after a sample
     paddle_memory: float  # share of the paddle wheel's error that is left after a sample
     paddle_variance: float  # m^2/s^2, of that error
     walk_limits: np.ndarray  # (3, 3), of `BankState.walk`: share, least and largest value
@@ -114,7 +113,6 @@ class RobustBank(FilterBank):
             healthy_variance=np.array([self._healthy_variance(k) for k in OWN_PARAMETERS]),
             tails=tails_of(FREEDOM),
             lateness=LATENESS,
-            tilt_memory=1.0,
             paddle_memory=math.exp(-SAMPLE_TIME / wheel_time),
             paddle_variance=wheel**2,
             walk_limits=self._walk_limits(),

@@ -22,6 +22,7 @@ from diagnosers.bank.kernel import (
 )
 from diagnosers.bank.pack import broadcast, columns_of, filters_of
 from diagnosers.bank.sensors import N_READINGS
+from diagnosers.kalman import START_SPEED_STD
 from diagnosers.robust import algebra, motor, surge
 from diagnosers.robust.algebra import N_MOMENTS, SEVERITY, SEVERITY_VARIANCE
 from diagnosers.robust.sensors import fill_sample
@@ -214,27 +215,24 @@ def update_severity(subsystem, new, table, work):
 
 
 @inlined
-def adapt_walk(subsystem, state, column, memory, old, new, table, constants, work):
-    """Move the variance of a state's steps to the squared steps in a filter.
+def adapt_walk(subsystem, state, channel, column, old, new, sample, table, constants, work):
+    """Move the variance of a walking state's steps to the squared steps in a filter.
 
-    That is the most probable one of a motor, and the normal one of surge.
-
-    In a consistent filter at steady state these have the same mean, but for what the state forgets.
-    A jump counts as one of `LARGEST_STEP` standard deviations.
+    That is the most probable one of a motor, and the normal one of surge. In a consistent filter
+    both have the same mean. A jump counts as one of `LARGEST_STEP` standard deviations. Nothing is
+    seen while the reading `channel` rests or is silent.
     """
     n_lanes = np.uint64(old.age.size)
     share, least, most = constants.walk_limits[column]
     for lane in range(n_lanes):
         variance = old.walk[lane, column]
-        hypothesis = 0 if subsystem == SURGE else old.log_posterior[lane].argmax()
-        best = np.uint64(table.filter[subsystem, hypothesis])
-        before = old.filters[lane, state, best]
-        c = best * n_lanes + lane
-        step = work.filters[state, c] - memory * before
-        square = min(step * step, LARGEST_STEP**2 * variance)
-        of_state = work.filters[algebra.covariance_row(state, state), c]
-        square += (1.0 - memory * memory) * of_state
-        variance += share * (square - variance)
+        if not (sample.resting[channel, lane] or sample.silent[channel, lane]):
+            hypothesis = 0 if subsystem == SURGE else old.log_posterior[lane].argmax()
+            best = np.uint64(table.filter[subsystem, hypothesis])
+            before = old.filters[lane, state, best]
+            step = work.filters[state, best * n_lanes + lane] - before
+            square = min(step * step, LARGEST_STEP**2 * variance)
+            variance += share * (square - variance)
         new.walk[lane, column] = min(max(variance, least), most)
 
 
@@ -264,9 +262,33 @@ def update_motor(subsystem, old, new, sample, table, constants, work):
                 work.surge_speed[c] = sample.reading[SPEED_CHANNEL, lane]
     column_of_walk = WALK_OF_VOLTAGE[subsystem]
     motor.update(columns, sample, channel, old.walk[:, column_of_walk], constants, work)
-    adapt_walk(subsystem, motor.VOLTS, column_of_walk, 1.0, old, new, table, constants, work)
+    adapt_walk(
+        subsystem,
+        motor.VOLTS,
+        channel,
+        column_of_walk,
+        old,
+        new,
+        sample,
+        table,
+        constants,
+        work,
+    )
     algebra.clip_deviations(columns, MOTOR_DEVIATIONS, work)
     update_severity(subsystem, new, table, work)
+
+
+@inlined
+def forget_speed(sample, table, work):
+    """Let the speed of idle lanes be unknown: what comes next may be another part of a log."""
+    first, last = filters_of(SURGE, table)
+    n_lanes = np.uint64(sample.idle.size)
+    row = algebra.covariance_row(surge.U, surge.U)
+    for lane in range(n_lanes):
+        if sample.idle[lane]:
+            for f in range(first, last):
+                c = f * n_lanes + lane
+                work.filters[row, c] = max(work.filters[row, c], START_SPEED_STD**2)
 
 
 @inlined
@@ -274,11 +296,22 @@ def update_surge(old, new, sample, table, constants, work):
     """Take all surge filters through a sample."""
     columns = columns_of(SURGE, table, old.age.size)
     mix_filters(SURGE, old, new, table, constants, work)
+    forget_speed(sample, table, work)
     gather_shaft(work.port, PORT, old, table, work)
     gather_shaft(work.starboard, STARBOARD, old, table, work)
     surge.update(columns, sample, old.walk, constants, work)
-    memory = constants.tilt_memory
-    adapt_walk(SURGE, surge.TILT, surge.WALK_OF_TILT, memory, old, new, table, constants, work)
+    adapt_walk(
+        SURGE,
+        surge.TILT,
+        ACCELERATION_CHANNEL,
+        surge.WALK_OF_TILT,
+        old,
+        new,
+        sample,
+        table,
+        constants,
+        work,
+    )
     algebra.clip_deviations(columns, SURGE_DEVIATIONS, work)
     update_severity(SURGE, new, table, work)
 
@@ -302,9 +335,13 @@ def lanes_of(state, lanes):
 
 @inlined
 def mark_resting(old, sample, table):
-    """Mark the readings of motors that stand, and zeros of a vehicle that does: no evidence."""
+    """Mark the readings of motors that stand, and zeros of a vehicle that does: no evidence.
+
+    Neither are readings that are all exactly zero, whatever the vehicle did before.
+    """
     surge_filter = filters_of(SURGE, table)[0]
     for lane in range(old.age.size):
+        idle = sample.zero[:, lane].all()
         for subsystem in (PORT, STARBOARD):
             channel = MOTOR_CHANNEL[subsystem]
             rpm_channel = channel + motor.OF_RPM
@@ -312,12 +349,13 @@ def mark_resting(old, sample, table):
             # NaN before the first sample
             stands = sample.zero[rpm_channel, lane] and not shaft_speed > STANDING_RPM
             for k in range(3):
-                sample.resting[channel + k, lane] = stands
+                sample.resting[channel + k, lane] = stands or idle
         speed = old.filters[lane, surge.U, surge_filter]
         stands = sample.zero[SPEED_CHANNEL, lane] and speed < STANDING_SPEED
-        sample.resting[SPEED_CHANNEL, lane] = stands
+        sample.resting[SPEED_CHANNEL, lane] = stands or idle
         zero = sample.zero[ACCELERATION_CHANNEL, lane]
-        sample.resting[ACCELERATION_CHANNEL, lane] = stands and zero
+        sample.resting[ACCELERATION_CHANNEL, lane] = (stands and zero) or idle
+        sample.idle[lane] = idle
 
 
 @inlined
@@ -327,6 +365,8 @@ def begin_sample(observation, old, new, sample, table, constants, work):
     fill_sample(observation, old.readings, new.spacing, constants.sensors, sample)
     mark_resting(old, sample, table)
     for lane in range(len(observation)):
+        if sample.idle[lane]:
+            new.age[lane] = 0.0
         for channel in range(N_READINGS):
             has_value = sample.replaced[channel, lane] or not sample.silent[channel, lane]
             new.readings[lane, channel] = sample.reading[channel, lane] if has_value else np.nan

@@ -28,7 +28,7 @@ MAX_ROUNDING = 100.0  # standard deviations of noise, of the step that counts as
 
 
 class Sample(NamedTuple):
-    """The readings of one sample of a pack, (N_READINGS, n_lanes); deflection is (n_lanes,)."""
+    """The readings of one sample of a pack, (N_READINGS, n_lanes) if nothing else is said."""
 
     reading: np.ndarray  # the last one where there is none now, 0 where there never was any
     repeated: np.ndarray  # whether it equals the last one
@@ -39,7 +39,8 @@ class Sample(NamedTuple):
     rounding: np.ndarray  # variance by the rounding to the values that the sensor reports
     log_spacing: np.ndarray  # logarithm of the distance of these values
     natural: np.ndarray  # probability that a healthy sensor repeats itself; 0 if negligible
-    deflection: np.ndarray  # rudder and stern plane, squared and summed [rad^2]
+    deflection: np.ndarray  # (n_lanes,), rudder and stern plane, squared and summed [rad^2]
+    idle: np.ndarray  # (n_lanes,), whether all readings are exactly zero
 
 
 def new_sample(n_lanes: int) -> Sample:
@@ -47,7 +48,8 @@ def new_sample(n_lanes: int) -> Sample:
     shape = N_READINGS, n_lanes
     numbers = ("reading", "rounding", "log_spacing", "natural")
     parts = {name: np.zeros(shape, float if name in numbers else bool) for name in Sample._fields}
-    return Sample(**parts | {"deflection": np.zeros(n_lanes)})
+    of_lanes = {"deflection": np.zeros(n_lanes), "idle": np.zeros(n_lanes, bool)}
+    return Sample(**parts | of_lanes)
 
 
 @scalar

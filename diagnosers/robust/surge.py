@@ -217,7 +217,7 @@ def update(columns, sample, walk, constants, work):
     work.added[columns[0] : columns[1]] = (1.0 - memory**2) * constants.disturbance_variance
     forget_state(columns, D, memory, work.added, work)
     broadcast(walk[:, WALK_OF_TILT], columns, work.added)
-    forget_state(columns, TILT, constants.tilt_memory, work.added, work)
+    forget_state(columns, TILT, 1.0, work.added, work)
     memory = constants.paddle_memory
     work.added[columns[0] : columns[1]] = (1.0 - memory**2) * constants.paddle_variance
     forget_state(columns, PADDLE, memory, work.added, work)

@@ -1,0 +1,148 @@
+import math
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from auv_fault_env.channels import INDEX, READINGS
+from auv_fault_env.errors import InputError
+from auv_fault_env.faults import UNKNOWN, classes
+from auv_fault_env.fleet import Fleet
+from auv_fault_env.missions import Mission
+from auv_fault_env.schedules import FaultEvent
+from diagnosers.robust import algebra
+from diagnosers.robust.algebra import N_MOMENTS, N_STATES, SEVERITY, covariance_row
+from diagnosers.robust.hypotheses import OTHERS, WATER_CURRENT
+from diagnosers.robust.sensors import spacing_of_values
+from diagnosers.robust_bank import RobustBank, tails_of
+from training.rollouts import roll_out
+from training.seeds import seeds
+
+CLASSES = list(classes())
+LEGS = ((0.0, 0.3), (15.0, 0.5), (30.0, 0.25), (45.0, 0.4))
+FIRST_SEED = 70_000
+
+
+def log_probability(observations: np.ndarray) -> np.ndarray:
+    """Of the robust bank, (n_samples, n_lanes, n_classes)."""
+    bank = RobustBank()
+    bank.reset(observations.shape[1])
+    return np.stack([bank.update(observation).log_probability for observation in observations])
+
+
+def observations_of(n_lanes, seconds, *events, **plant):
+    fleet = Fleet(n_lanes, **plant)
+    missions = [Mission(LEGS)] * n_lanes
+    lanes = seeds("calibration", n_lanes, FIRST_SEED)
+    rolled = roll_out(fleet, lanes, 10 * seconds, None, [events] * n_lanes, missions)
+    return rolled.observations
+
+
+def test_merging_two_filters_gives_the_moments_of_their_mixture():
+    rng = np.random.default_rng(3)
+    mean = rng.normal(size=(N_STATES, 2))
+    roots = rng.normal(size=(2, N_STATES, N_STATES))
+    covariance = roots @ np.swapaxes(roots, 1, 2)
+    x = np.zeros((N_MOMENTS, 2))
+    x[:N_STATES] = mean
+    pairs = [(i, j) for i in range(N_STATES) for j in range(i + 1)]
+    for i, j in pairs:
+        x[covariance_row.py_func(i, j)] = covariance[:, i, j]
+    algebra.merge.py_func(0, 1, 0.3, SimpleNamespace(filters=x))
+    mixed = 0.3 * mean[:, 0] + 0.7 * mean[:, 1]
+    distance = mean[:, 0] - mean[:, 1]
+    spread = 0.21 * np.outer(distance, distance)
+    expected = 0.3 * covariance[0] + 0.7 * covariance[1] + spread
+    np.testing.assert_allclose(x[:SEVERITY, 1], mixed[:SEVERITY])
+    for i, j in pairs:
+        merged = expected if i < SEVERITY else covariance[1]
+        assert x[covariance_row.py_func(i, j), 1] == pytest.approx(merged[i, j])
+
+
+def test_gaussian_readings_prefer_no_other_variance_under_heavy_tails():
+    tails = tails_of(6.0)
+
+    def mean_log_density(std):
+        def log_density(z):
+            square = z * z / (tails.scale * std * std)
+            return -math.log(std) - 0.5 * (tails.freedom + 1) * math.log1p(square / tails.freedom)
+
+        return norm.expect(log_density)
+
+    assert mean_log_density(1.0) > mean_log_density(0.9)
+    assert mean_log_density(1.0) > mean_log_density(1.1)
+    assert tails_of(1e4).scale == pytest.approx(1.0, abs=1e-3)
+
+
+def test_the_step_of_a_converter_is_the_least_difference_of_its_readings():
+    spacing = math.nan
+    readings = [1.0, 1.0, 1.5, 1.25, 2.0, 1.25, 1.25]
+    for before, now in pairwise(readings):
+        spacing = spacing_of_values.py_func(spacing, now, before)
+    assert spacing == 0.25
+
+
+@pytest.mark.parametrize(
+    "effect", ["resolution", "offsets", "tilt", "outliers", "water_current", "latency", "clipping"]
+)
+def test_an_imperfection_of_a_healthy_vehicle_is_no_fault(effect):
+    observations = observations_of(6, 60, realism=1.0, imperfections=[effect])
+    log_normal = log_probability(observations)[:, :, 0]
+    assert (log_normal > -3.0).mean() > 0.98
+
+
+def test_one_outlier_decides_nothing():
+    observations = observations_of(2, 20)
+    belief = log_probability(observations)
+    for channel in READINGS:
+        wrong = observations.copy()
+        wrong[150, :, INDEX[channel]] *= 1.5
+        assert (log_probability(wrong)[150, :, 0] > -10.0).all(), channel
+    assert (belief[150, :, 0] > -1.0).all()
+
+
+def test_a_repaired_seal_is_normal_again():
+    event = FaultEvent("seal_friction:port", 10.0, 0.6, end=20.0)
+    belief = log_probability(observations_of(4, 42, event))
+    seal = CLASSES.index("seal_friction:port")
+    assert (belief[190, :, seal] > math.log(0.5)).all()
+    assert (belief[-1, :, 0] > math.log(0.5)).all()
+
+
+def test_exact_zeros_at_rest_are_no_evidence():
+    under_way = observations_of(2, 30)
+    at_rest = np.zeros((600, *under_way.shape[1:]), np.float32)
+    belief = log_probability(np.concatenate([at_rest, under_way, at_rest]))
+    assert (belief[:, :, 0] > math.log(0.5)).mean() > 0.99
+    assert (belief[-100:, :, 0] > math.log(0.5)).all()
+
+
+@pytest.mark.parametrize("fault", ["weak_magnets:port", "worn_brushes:starboard"])
+def test_a_fault_outside_the_catalogue_is_unknown_or_of_its_component(fault):
+    belief = log_probability(observations_of(4, 60, FaultEvent(fault, 10.0, 1.0)))
+    best = belief[-1].argmax(axis=1)
+    right = {CLASSES.index(UNKNOWN)}
+    side = fault.partition(":")[2]
+    right.add(CLASSES.index(f"motor_overheating:{side}"))
+    assert (belief[-1, :, 0] < math.log(0.1)).all()
+    assert set(best.tolist()) <= right
+
+
+def test_a_change_of_the_current_is_a_normal_vehicle():
+    bank = RobustBank()
+    table = bank.hypotheses()
+    of_others = table.class_index[-len(OTHERS) :]
+    expected = [0 if name == WATER_CURRENT else len(CLASSES) - 1 for name in OTHERS]
+    assert of_others.tolist() == expected
+
+
+def test_settings_are_checked():
+    with pytest.raises(InputError, match="repair"):
+        RobustBank(repair=0.9)
+    with pytest.raises(InputError, match="memory"):
+        RobustBank(memory=0.0)
+    bank = RobustBank()
+    with pytest.raises(InputError, match="filter_bank"):
+        bank.state_at_onset(bank.initial(1), np.array([0]))
