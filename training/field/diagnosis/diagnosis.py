@@ -25,7 +25,6 @@ from training.metrics.records import PERSISTENCE
 # diagnosers that take the parameters of a vehicle file
 VEHICLE_DIAGNOSERS = (
     "filter_bank",
-    "robust_bank",
     "integrated",
     "cusum",
     "rules",
