@@ -35,7 +35,7 @@ class Sample(NamedTuple):
     zero: np.ndarray  # whether it is 0
     silent: np.ndarray  # whether there is none
     replaced: np.ndarray  # whether the last one replaces one that is silent
-    resting: np.ndarray  # whether it is 0 because the vehicle rests, and gives no evidence
+    resting: np.ndarray  # whether it gives no evidence because shaft or vehicle stand
     rounding: np.ndarray  # variance by the rounding to the values that the sensor reports
     log_spacing: np.ndarray  # logarithm of the distance of these values
     natural: np.ndarray  # probability that a healthy sensor repeats itself; 0 if negligible
@@ -60,11 +60,8 @@ def spacing_of_values(spacing, now, before):
     to one another. NaN before two readings differed.
     """
     difference = abs(now - before)
-    if difference > 0.0 and not difference > spacing:
-        spacing = difference
-    if difference > 0.0 and math.isnan(spacing):
-        spacing = difference
-    return spacing
+    is_less = difference < spacing or math.isnan(spacing)
+    return difference if difference > 0.0 and is_less else spacing
 
 
 @inlined
