@@ -133,6 +133,7 @@ def test_severity_of_a_class_is_the_largest_of_its_kinds():
 def test_more_events_than_the_sampler_draws():
     events = [event(name, 0.0, 0.5) for name in CATALOGUE]
     got = truths(*events, steps=2)[1]
+    assert got["severity"].pop("unknown") == 0.0
     assert set(got["severity"].values()) == {0.5}
     assert all(math.isfinite(value) for value in got["state"].values())
 

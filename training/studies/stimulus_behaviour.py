@@ -1,7 +1,8 @@
 """What stimuli do in the closed loop: around onsets, on healthy vehicles, and in single episodes.
 
-The vehicles have seeds of validation and the conditions of the standard suite. Beside the stimuli
-runs one that knows the onset, which none can, to show how much there is to gain.
+The vehicles have seeds of validation and the conditions of the suite `ideal`, those that the
+stimuli are built for. Beside them runs one that knows the onset, which none can, to show how much
+there is to gain.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,7 +18,7 @@ from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import Belief, make
 from training import metrics
-from training.benchmark.suites import STANDARD, Conditions, Episode, load
+from training.benchmark.suites import IDEAL, Conditions, Episode, load
 from training.benchmark.trials import lane_truth, run_closed_loop
 from training.benchmark.workers import with_catalogue
 from training.bounds.information import faults_by_class
@@ -175,7 +176,7 @@ def behaviour(
         (`FasterFromOnset`). episodes: stimulus, the last of the faulty stimuli, and drawn, see
         `median_episodes`.
     """
-    conditions = load(STANDARD).conditions
+    conditions = load(IDEAL).conditions
     faulty = faulty_lanes(conditions, PER_CLASS, seed)
     healthy = healthy_lanes(conditions, N_HEALTHY, seed)
     truth = lane_truth(conditions, faulty).at_instants

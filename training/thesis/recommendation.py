@@ -17,7 +17,7 @@ from training.benchmark.scores import (
     RANKED_AT,
     calibration_error,
     macro_f1,
-    rate_score,
+    time_figures,
 )
 from training.benchmark.validation_suite import FIRST_SEED
 from training.metrics.records import PERSISTENCE, Truth, healthy_outcome
@@ -65,7 +65,9 @@ def compare(names: Iterable[str], n_faulty: int, hours: float, seed: int) -> Rec
 
 def _score(assessment: Assessment, truth: Truth, seed: int) -> dict[str, Any]:
     severity_error = metrics.severity_error(assessment.severity, truth.severity[0])
-    return rate_score(assessment, RANKED_AT, seed) | {
+    return {
+        "isolation": time_figures(assessment.isolation, seed),
+        "false_alarms_per_hour": assessment.false_alarms / assessment.hours,
         "macro_f1": macro_f1(assessment),
         "severity_mae": float(severity_error.mean()),
         "ece": calibration_error(assessment),
