@@ -399,8 +399,9 @@ def step_lanes(first, last, old, new, observation, table, constants, belief, wor
         scatter(after, work)
         for lane in range(n_lanes):
             log_posterior = after.log_posterior[lane]
-            if after.age[lane] > SETTLING_SAMPLES:
-                update_posterior(log_posterior, table.filter, work.evidence[lane::n_lanes])
+            if after.age[lane] <= SETTLING_SAMPLES:
+                work.evidence[lane::n_lanes] = 0.0
+            update_posterior(log_posterior, table.filter, work.evidence[lane::n_lanes])
             fill_belief(
                 log_posterior,
                 after.severity[lane],

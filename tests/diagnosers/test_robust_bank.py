@@ -117,6 +117,7 @@ def test_exact_zeros_at_rest_are_no_evidence():
     belief = log_probability(np.concatenate([at_rest, under_way, at_rest]))
     assert (belief[:, :, 0] > math.log(0.5)).mean() > 0.99
     assert (belief[-100:, :, 0] > math.log(0.5)).all()
+    np.testing.assert_allclose(np.exp(belief).sum(axis=2), 1.0, rtol=1e-9)
 
 
 @pytest.mark.parametrize("fault", ["weak_magnets:port", "worn_brushes:starboard"])
