@@ -258,11 +258,8 @@ class FilterBank(Recursive):
 
     def step(self, state: BankState, observation: np.ndarray) -> tuple[BankState, Belief]:
         """The next state and the belief."""
-        n_lanes = len(observation)
         table = self.hypotheses(state.prior.shape[2])
-        if state.log_posterior.shape[1] != table.log_hazard.size:
-            change = "faults added or removed"
-            raise refusal("catalogue", change, "that of the reset", "call reset(n_lanes) again")
+        check_catalogue(state, table)
         new = state._replace(
             log_posterior=np.empty_like(state.log_posterior),
             severity=np.empty_like(state.severity),
@@ -271,15 +268,34 @@ class FilterBank(Recursive):
             readings=np.empty_like(state.readings),
             age=state.age + 1.0,
         )
-        shape = n_lanes, len(self.classes)
+        machinery = Machinery(workspace, new_sample, step_lanes)
+        belief = machinery.run(state, new, observation, table, self.constants)
+        return new, belief
+
+
+class Machinery(NamedTuple):
+    """The compiled step of a bank, and what makes its memory."""
+
+    workspace: Callable[[HypothesisTable, int], NamedTuple]  # of a table and a pack's size
+    new_sample: Callable[[int], NamedTuple]  # of a pack's size
+    step_lanes: Callable[..., None]
+
+    def run(
+        self,
+        state: BankState,
+        new: BankState,
+        observation: np.ndarray,
+        table: HypothesisTable,
+        constants: NamedTuple,
+    ) -> Belief:
+        """Fill the new state from the old one and the observation; the belief of every lane."""
+        shape = len(observation), len(classes())
         belief = Belief(np.empty(shape), np.empty(shape), np.empty(shape))
-        constants = self.constants
 
         def step_share(first: int, last: int) -> None:
+            """Step the lanes from `first` to before `last`."""
             n_pack = pack_size(last - first, table.hypothesis.size)
-            work = workspace(table, n_pack)
-            sample = new_sample(n_pack)
-            step_lanes(
+            self.step_lanes(
                 first,
                 last,
                 state,
@@ -288,12 +304,19 @@ class FilterBank(Recursive):
                 table,
                 constants,
                 belief,
-                work,
-                sample,
+                self.workspace(table, n_pack),
+                self.new_sample(n_pack),
             )
 
-        in_shares(n_lanes, step_share)
-        return new, belief
+        _in_shares(len(observation), step_share)
+        return belief
+
+
+def check_catalogue(state: BankState, table: HypothesisTable) -> None:
+    """Refuse a state whose hypotheses are not those of the table."""
+    if state.log_posterior.shape[1] != table.log_hazard.size:
+        change = "faults added or removed"
+        raise refusal("catalogue", change, "that of the reset", "call reset(n_lanes) again")
 
 
 def _check_readings(kind: str, numbers: Mapping[str, float], least: float) -> None:
@@ -310,7 +333,7 @@ def prior_severity(prior: np.ndarray, table: HypothesisTable) -> np.ndarray:
     return severity
 
 
-def in_shares(n_lanes: int, run: Callable[[int, int], None]) -> None:
+def _in_shares(n_lanes: int, run: Callable[[int, int], None]) -> None:
     """Call ``run(first, last)`` on shares of the lanes, in threads where there are many."""
     n_shares = n_threads() if n_lanes >= PARALLEL_LANES else 1
     edges = [n_lanes * k // n_shares for k in range(n_shares + 1)]

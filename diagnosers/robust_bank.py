@@ -16,10 +16,9 @@ from auv_fault_env.physics import PlantConstants
 from auv_fault_env.realism import IMPERFECTIONS, SURROUNDINGS
 from diagnosers.bank.hypotheses import OWN_PARAMETERS, SURGE
 from diagnosers.bank.motor import DEVIATIONS
-from diagnosers.bank.pack import pack_size
 from diagnosers.bank.sensors import N_READINGS
 from diagnosers.diagnoser import Belief
-from diagnosers.filter_bank import FilterBank, in_shares, prior_severity
+from diagnosers.filter_bank import FilterBank, Machinery, check_catalogue, prior_severity
 from diagnosers.kalman import START_SPEED_STD
 from diagnosers.robust import algebra, surge
 from diagnosers.robust.algebra import SEVERITY
@@ -205,11 +204,8 @@ class RobustBank(FilterBank):
 
     def step(self, state: BankState, observation: np.ndarray) -> tuple[BankState, Belief]:
         """The next state and the belief."""
-        n_lanes = len(observation)
         table = self.hypotheses()
-        if state.log_posterior.shape[1] != table.log_hazard.size:
-            change = "faults added or removed"
-            raise refusal("catalogue", change, "that of the reset", "call reset(n_lanes) again")
+        check_catalogue(state, table)
         new = state._replace(
             log_posterior=np.empty_like(state.log_posterior),
             severity=np.empty_like(state.severity),
@@ -220,28 +216,8 @@ class RobustBank(FilterBank):
             walk=np.empty_like(state.walk),
             age=state.age + 1.0,
         )
-        shape = n_lanes, len(self.classes)
-        belief = Belief(np.empty(shape), np.empty(shape), np.empty(shape))
-        constants = self.constants
-
-        def step_share(first: int, last: int) -> None:
-            n_pack = pack_size(last - first, table.hypothesis.size)
-            work = workspace(table, n_pack)
-            sample = new_sample(n_pack)
-            step_lanes(
-                first,
-                last,
-                state,
-                new,
-                observation,
-                table,
-                constants,
-                belief,
-                work,
-                sample,
-            )
-
-        in_shares(n_lanes, step_share)
+        machinery = Machinery(workspace, new_sample, step_lanes)
+        belief = machinery.run(state, new, observation, table, self.constants)
         return new, belief
 
 

@@ -38,7 +38,10 @@ from training.rollouts import label_and_severity
 from training.stimuli import Stimulus
 from training.stimuli.base import MISSION_SPEED
 
-FAULTY, THRESHOLD, COUNTING = PARTS = ("faulty", "threshold", "counting")
+FAULTY = "faulty"
+THRESHOLD = "threshold"
+COUNTING = "counting"
+PARTS = (FAULTY, THRESHOLD, COUNTING)
 LANES_PER_TRIAL = 256  # the fewest at which most diagnosers are at their quickest
 # alarms of the lanes of a threshold trial that are recorded: no benchmark allows as many
 MOST_ALARMS = 1000

@@ -42,7 +42,10 @@ LENGTH = (500.0, 1500.0)
 GONE = (0.1, 0.7)
 RESERVE = (1.1, 1.5)
 CURRENT = (-0.1, 0.1)
-_, SENSORS, HEALTHY = PARTS = ("propulsion fault", "sensor fault", "healthy")
+PROPULSION = "propulsion fault"
+SENSORS = "sensor fault"
+HEALTHY = "healthy"
+PARTS = (PROPULSION, SENSORS, HEALTHY)
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,11 @@ def test_threshold_allows_just_the_alarms_of_its_rate(persistence):
     log_normal = np.random.default_rng(1).standard_normal((600, 60)).cumsum(axis=0)
     mean_time = 600 * 60 * 0.1 / 7.5  # 7 whole alarms
     threshold = metrics.threshold_for(log_normal, mean_time, persistence)
-    count = lambda level: metrics.rising(metrics.alarms(log_normal, level, persistence)).sum()  # noqa: E731
+
+    def count(level):
+        alarm = metrics.alarms(log_normal, level, persistence)
+        return metrics.rising(alarm).sum()
+
     assert count(threshold) <= 7 < count(np.nextafter(threshold, 0.0))
     assert all(count(level) <= 7 for level in np.linspace(log_normal.min(), threshold, 50))
 
