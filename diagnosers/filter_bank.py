@@ -1,264 +1,210 @@
-"""The classical diagnoser: one Kalman filter per hypothesis, Bayes' rule over them, switching."""
+"""The classical diagnoser: a bank of filters for a world that is not exactly the model."""
 
 import math
-import os
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache, cached_property
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import norm
 
-from auv_fault_env import parameters as plant
-from auv_fault_env.channels import CHANNELS, COMMANDS, READINGS
-from auv_fault_env.compiling import n_threads
-from auv_fault_env.errors import finite_in_range, known_name, pair_in_range, refusal
-from auv_fault_env.faults import CATALOGUE, classes, fault_of
-from auv_fault_env.parameters import (
-    PARAMETERS,
-    SAMPLE_TIME,
-    SIDES,
-    Vehicle,
-    vehicle_of,
-)
-from auv_fault_env.physics import PlantConstants, plant_constants
-from diagnosers.bank import algebra
-from diagnosers.bank.algebra import SEVERITY
-from diagnosers.bank.hypotheses import (
-    OWN_PARAMETERS,
-    SURGE,
-    HypothesisTable,
-    current_table,
-)
-from diagnosers.bank.kernel import BankState, step_lanes
+from auv_fault_env.errors import finite_in_range, refusal
+from auv_fault_env.faults import CATALOGUE
+from auv_fault_env.parameters import PARAMETERS, SAMPLE_TIME, SIDES, vehicle_of
+from auv_fault_env.physics import PlantConstants
+from auv_fault_env.realism import IMPERFECTIONS, SURROUNDINGS
+from diagnosers.bank.hypotheses import OWN_PARAMETERS, SURGE
 from diagnosers.bank.motor import DEVIATIONS
-from diagnosers.bank.pack import pack_size, workspace
-from diagnosers.bank.sensors import N_READINGS, new_sample
-from diagnosers.diagnoser import Belief, Recursive
-from diagnosers.kalman import START_SPEED_STD, opening_share
+from diagnosers.bank.sensors import N_READINGS
+from diagnosers.diagnoser import Belief
+from diagnosers.gaussian_bank import GaussianBank, Machinery, check_catalogue, prior_severity
+from diagnosers.kalman import START_SPEED_STD
+from diagnosers.robust import algebra, surge
+from diagnosers.robust.algebra import SEVERITY
+from diagnosers.robust.hypotheses import HypothesisTable, current_table
+from diagnosers.robust.kernel import BankState, step_lanes
+from diagnosers.robust.motor import START_VOLTAGE_STD, VOLTS
+from diagnosers.robust.pack import workspace
+from diagnosers.robust.sensors import new_sample
 
-PARALLEL_LANES = 64  # below, waking the threads costs more than they save
-# of a faulty hypothesis: below, it is the normal vehicle under another name
-MIN_SEVERITY = 0.1
+FREEDOM = 6.0  # degrees of freedom of the readings' distribution
+LATENESS = 0.5  # samples by which rpm readings lag, about
+START_TILT_STD = 0.02  # m/s^2, error of the accelerometer before the first reading
+START_TILT_WALK = 2e-3  # m/s^2, its change per sample before that has been seen
+LEAST_TILT_WALK = 3e-5  # m/s^2
+LARGEST_TILT_WALK = 0.05  # m/s^2
+# of the supply voltage: change of the true voltage per sample before that has been seen, and limits
+START_VOLTAGE_WALK = 8e-4
+LEAST_VOLTAGE_WALK = 2e-5
+LARGEST_VOLTAGE_WALK = 1e-2
+ADAPTATION = 0.02  # share by which these walks move per sample to what is seen
+STD_OF_UNIFORM = 1.0 / math.sqrt(3.0)  # of a uniform distribution, per half-width
 
 
-class BankConstants(NamedTuple):
-    """What the kernel needs of a bank beside its hypotheses."""
+class FilterBankConstants(NamedTuple):
+    """What the kernel needs of a filter bank beside its hypotheses."""
 
     water: PlantConstants
     opening: float  # see `kalman.opening_share`
     disturbance_variance: float  # m^2/s^4, stationary
     disturbance_memory: float  # share that is left after a sample
     walk: float  # variance that the random walk adds to a severity per sample
+    memory: float  # share of a healthy vehicle's deviation that is left after a sample
+    healthy_variance: np.ndarray  # (3, SEVERITY), of the deviations of each subsystem
+    tails: algebra.Tails
+    lateness: float  # samples, of the rpm readings
+    paddle_memory: float  # share of the paddle wheel's error that is left after a sample
+    paddle_variance: float  # m^2/s^2, of that error
+    walk_limits: np.ndarray  # (3, 3), of `BankState.walk`: share, least and largest value
     sensors: np.ndarray  # (n_readings, 4), full scale (low, high), noise, resolution
 
 
 @dataclass(frozen=True)
-class FilterBank(Recursive):
-    """A bank of Kalman filters: the normal vehicle, and every fault in some grades of severity.
+class FilterBank(GaussianBank):
+    """A bank of filters made for sensors and surroundings as `auv_fault_env.realism` lists them.
 
-    Each hypothesis has filters of surge and of both motors (shared with the normal vehicle where
-    its fault has no effect). Their states are the healthy vehicle's deviations from nominal and the
-    fault's severity; their likelihoods weigh the hypotheses. A fault may begin at any sample and
-    then lasts, as in the interacting multiple model algorithm. All probabilities are logarithms. A
-    silent reading (NaN) gives no evidence; nor is there any about a motor before its first voltage
-    reading. Current and shaft speed imply a silent voltage; where one of them is silent too, the
-    last voltage reading replaces it.
+    Differences from `GaussianBank`: readings have heavy tails (Student's t), so that no single
+    sample decides; the true voltage, the zero offset of the current, the error of the accelerometer
+    by offset and attitude, and the slow error of the paddle wheel are states; how fast voltage and
+    attitude change is estimated; the rounding of readings is seen in their differences; readings at
+    rest are no evidence; a healthy vehicle's deviations change slowly; the water's current may
+    change; a fault may end; evidence is forgotten within a minute; and a subsystem may change in a
+    way that no fault of the catalogue does, the class `unknown`.
 
-    Sources: Willsky, "A survey of design methods for failure detection in dynamic systems",
-    Automatica 12, 1976, doi:10.1016/0005-1098(76)90041-8; Blom & Bar-Shalom 1988,
-    doi:10.1109/9.1299; de Benito 1990, as the thesis cites it.
-
-    When it misleads: at constant speed some faults look alike (drag and thrust), and the prior
-    divides the belief between them; repairs, intermittent and double faults are no hypotheses; a
-    vehicle outside the healthy band, or noisier than `CHANNELS` says, is called faulty; readings
-    without any noise look stuck.
+    When it misleads: it takes longer than `GaussianBank` where readings are ideal; faults below a
+    severity of 0.2 count as healthy; it has no faults of the sensors' timing and no double faults.
+    It does not become `Oracle`: `state_at_onset` is that of `GaussianBank` and is refused.
 
     Attributes
     ----------
-    vehicle
-        Preset or nominal vehicle.
-    grades
-        Ranges of the severity, each a hypothesis of its own, in which the severity is a state.
-    hazard
-        Probability per sample that a fault begins; shared by classes, then faults, then grades. It
-        is constant for a minute and then falls with the age of the vehicle.
-    walk_std
-        Random walk of the severity per square root of a second, for faults that grow.
-    faults
-        Names of the faults that are hypotheses; the whole catalogue if None. The classes of the
-        others remain in the belief with probability 0.
-    shafts
-        2, or 1: that of port, whose propeller gives all the thrust. Leave the other side's faults
-        out of `faults`.
-    band, noise, resolution
-        Where not the default: relative half-width of the healthy band by parameter of `Vehicle`;
-        standard deviation, and smallest step of the values, by reading [its unit].
+    repair
+        Probability per sample that a fault ends.
+    memory
+        Time in which deviations of a healthy vehicle change [s].
     """
 
     name = "filter_bank"
-    filled_channels = slice(0, len(COMMANDS))
-    vehicle: str | Vehicle = "thesis1992"
-    grades: tuple[tuple[float, float], ...] = ((0.1, 0.4), (0.4, 0.7), (0.7, 1.0))
-    hazard: float = 1e-3
-    walk_std: float = 0.015
-    faults: tuple[str, ...] | None = None
-    shafts: int = 2
-    band: Mapping[str, float] = field(default_factory=dict)
-    noise: Mapping[str, float] = field(default_factory=dict)
-    resolution: Mapping[str, float] = field(default_factory=dict)
+    grades: tuple[tuple[float, float], ...] = ((0.2, 0.45), (0.45, 0.7), (0.7, 1.0))
+    hazard: float = 1e-4
+    walk_std: float = 0.03
+    repair: float = 1e-8
+    memory: float = 600.0
 
     def __post_init__(self):
-        vehicle_of(self.vehicle)
-        finite_in_range("hazard", self.hazard, 1e-12, 0.5)
-        finite_in_range("walk_std", self.walk_std, 0.0, 10.0)
-        if not isinstance(self.grades, Sequence) or not self.grades:
-            raise refusal("grades", self.grades, "at least one range of severity", "give one")
-        grades = tuple(pair_in_range("grade", grade, 0.0, 1.0) for grade in self.grades)
-        object.__setattr__(self, "grades", grades)
-        if self.faults is not None:
-            names = tuple(fault_of(name).name for name in self.faults)
-            object.__setattr__(self, "faults", names)
-        if self.shafts not in (1, 2):
-            raise refusal("shafts", self.shafts, "1 or 2", "count the shafts")
-        for name, width in self.band.items():
-            known_name("parameter", name, (*plant.HULL, *plant.SHAFT))
-            finite_in_range(f"healthy band of {name}", width, 0.0, 1.0)
-        _check_readings("noise", self.noise, 1e-9)
-        _check_readings("resolution", self.resolution, 0.0)
-
-    @property
-    def classes(self) -> tuple[str, ...]:
-        """The diagnosis classes of the catalogue as it is now; the hypotheses follow it too."""
-        return classes()
-
-    @property
-    def healthy(self) -> np.ndarray:
-        """Parameters of the nominal vehicle, (n_parameters,), with this bank's noise and shafts."""
-        vehicle = vehicle_of(self.vehicle)
-        thrust = {
-            "port_beta": vehicle.beta / self.shafts,
-            "starboard_beta": vehicle.beta * (self.shafts - 1) / 2,
-        }
-        noise = {f"{name}_noise": std for name, std in self.noise.items()}
-        parameters = plant.nominal(vehicle) | thrust | noise
-        return np.array(list(parameters.values()))
+        super().__post_init__()
+        finite_in_range("repair", self.repair, 1e-12, 0.5)
+        finite_in_range("memory", self.memory, SAMPLE_TIME, 1e6)
 
     @cached_property
-    def constants(self) -> BankConstants:
+    def constants(self) -> FilterBankConstants:
         """What the kernel needs: water, noise and disturbance of the nominal vehicle."""
-        vehicle = vehicle_of(self.vehicle)
-        sensors = [
-            (
-                CHANNELS[name].low,
-                CHANNELS[name].high,
-                self.noise.get(name, CHANNELS[name].noise),
-                self.resolution.get(name, 0.0),
-            )
-            for name in READINGS
-        ]
-        return BankConstants(
-            water=plant_constants(vehicle),
-            opening=opening_share(vehicle),
-            disturbance_variance=vehicle.disturbance_std**2,
-            disturbance_memory=math.exp(-SAMPLE_TIME / vehicle.disturbance_time),
-            walk=SAMPLE_TIME * self.walk_std**2,
-            sensors=np.array(sensors),
+        of_bank = super().constants
+        wheel = SURROUNDINGS["wheel_noise"].value
+        wheel_time = SURROUNDINGS["wheel_noise_time"].value
+        return FilterBankConstants(
+            water=of_bank.water,
+            opening=of_bank.opening,
+            disturbance_variance=of_bank.disturbance_variance,
+            disturbance_memory=of_bank.disturbance_memory,
+            walk=of_bank.walk,
+            memory=math.exp(-SAMPLE_TIME / self.memory),
+            healthy_variance=np.array([self._healthy_variance(k) for k in OWN_PARAMETERS]),
+            tails=tails_of(FREEDOM),
+            lateness=LATENESS,
+            paddle_memory=math.exp(-SAMPLE_TIME / wheel_time),
+            paddle_variance=wheel**2,
+            walk_limits=self._walk_limits(),
+            sensors=of_bank.sensors,
         )
 
+    def _walk_limits(self) -> np.ndarray:
+        voltage = vehicle_of(self.vehicle).maximum_voltage
+        least = LEAST_VOLTAGE_WALK * voltage
+        largest = LARGEST_VOLTAGE_WALK * voltage
+        of_tilt = (ADAPTATION, LEAST_TILT_WALK**2, LARGEST_TILT_WALK**2)
+        of_voltage = (ADAPTATION, least**2, largest**2)
+        return np.array([of_tilt, of_voltage, of_voltage])
+
+    def _healthy_variance(self, subsystem: int) -> np.ndarray:
+        """Variances of the states that deviate from nominal in healthy vehicles, (SEVERITY,).
+
+        Drag and thrust take up the gain error of the paddle wheel.
+        """
+        std = {name: STD_OF_UNIFORM * self._band_of(name) for name in PARAMETERS}
+        if subsystem == SURGE:
+            gain_std = STD_OF_UNIFORM * IMPERFECTIONS["speed"].gain
+            of_sides = (std[f"{side}_beta"] for side in SIDES[: self.shafts])
+            thrust_std = math.hypot(math.hypot(*of_sides) / self.shafts, gain_std)
+            drag_std = math.hypot(std["alpha"], gain_std)
+            return np.square([0.0, 0.0, drag_std, thrust_std, 0.0, 0.0])
+        deviations = [std[OWN_PARAMETERS[subsystem][row]] for row in DEVIATIONS]
+        zero_std = STD_OF_UNIFORM * IMPERFECTIONS["port_current"].zero
+        return np.square([0.0, *deviations, zero_std])
+
     def hypotheses(self, n_grades: int | None = None) -> HypothesisTable:
-        """The hypotheses of the catalogue as it is now, by default of the bank's grades."""
-        n_grades = len(self.grades) if n_grades is None else n_grades
+        """The hypotheses of the catalogue as it is now, always of the bank's grades."""
+        highest = tuple(high for _, high in self.grades)
         faults = tuple(CATALOGUE) if self.faults is None else self.faults
-        return current_table(n_grades, self.hazard, faults)
+        return current_table(highest, self.hazard, self.repair, faults)
 
     def initial(self, n_lanes: int) -> BankState:
         """The state before any observation: a normal vehicle, somewhere in the healthy band."""
         low, high = np.array(self.grades).T
-        variance = (high - low) ** 2 / 12
-        least = np.maximum(low, MIN_SEVERITY)
-        prior = np.stack([(low + high) / 2, variance, least])
-        healthy = np.tile(self.healthy, (n_lanes, 1))
-        return self._state_around(healthy, np.tile(prior, (n_lanes, 1, 1)), 1.0)
-
-    def _state_around(self, healthy: np.ndarray, prior: np.ndarray, band: float) -> BankState:
-        """State of vehicles with parameters in a band, given in healthy bands, around `healthy`.
-
-        healthy is (n_lanes, n_parameters), prior that of `BankState`.
-        """
-        n_lanes = len(healthy)
-        table = self.hypotheses(prior.shape[2])
+        of_grades = np.stack([(low + high) / 2, (high - low) ** 2 / 12, low])
+        without_severity = np.zeros((3, 1))
+        prior = np.tile(np.hstack([of_grades, without_severity]), (n_lanes, 1, 1))
+        table = self.hypotheses()
         n_filters = table.hypothesis.size
-        n_hypotheses = table.log_hazard.size
-        log_posterior = np.full((n_lanes, n_hypotheses), -np.inf)
+        log_posterior = np.full((n_lanes, table.log_hazard.size), -np.inf)
         log_posterior[:, 0] = 0.0
         severity = prior_severity(prior, table)
-        filters = np.zeros((n_lanes, algebra.N_MOMENTS, n_filters))
+        unread = np.full((n_lanes, N_READINGS), np.nan)
+        return BankState(
+            log_posterior=log_posterior,
+            severity=severity,
+            filters=self._initial_filters(severity, table),
+            shaft_speed=np.full((n_lanes, n_filters), np.nan),
+            readings=unread,
+            spacing=unread.copy(),
+            healthy=np.tile(self.healthy, (n_lanes, 1)),
+            prior=prior,
+            walk=np.tile(self._initial_walk(), (n_lanes, 1)),
+            age=np.zeros(n_lanes),
+        )
+
+    def _initial_filters(self, severity: np.ndarray, table: HypothesisTable) -> np.ndarray:
+        """Means and packed covariances before any observation, (n_lanes, N_MOMENTS, n_filters)."""
+        filters = np.zeros((len(severity), algebra.N_MOMENTS, table.hypothesis.size))
         variances = [algebra.covariance_row(i, i) for i in range(SEVERITY)]
         for subsystem in OWN_PARAMETERS:
             first = int(table.first_filter[subsystem])
             last = int(table.first_filter[subsystem + 1])
-            std = self._prior_std(subsystem, band)
-            filters[:, variances, first:last] = np.square(std)[:, None]
+            variance = self.constants.healthy_variance[subsystem].copy()
+            if subsystem == SURGE:
+                variance[surge.U] = START_SPEED_STD**2
+                variance[surge.D] = self.constants.disturbance_variance
+                variance[surge.TILT] = START_TILT_STD**2
+                variance[surge.PADDLE] = self.constants.paddle_variance
+            else:
+                variance[VOLTS] = START_VOLTAGE_STD**2
+            filters[:, variances, first:last] = variance[:, None]
         filters[:, SEVERITY] = severity[:, 0, table.hypothesis]
         filters[:, algebra.SEVERITY_VARIANCE] = severity[:, 1, table.hypothesis]
-        return BankState(
-            log_posterior=log_posterior,
-            severity=severity,
-            filters=filters,
-            shaft_speed=np.full((n_lanes, n_filters), np.nan),
-            readings=np.full((n_lanes, N_READINGS), np.nan),
-            healthy=healthy,
-            prior=prior,
-            age=np.zeros(n_lanes),
-        )
+        return filters
 
-    def _prior_std(self, subsystem: int, band: float) -> list[float]:
-        """Standard deviations of a filter's states at the start, without the severity."""
-        # of a uniform distribution
-        std = {name: band * self._band_of(name) / math.sqrt(3.0) for name in PARAMETERS}
-        if subsystem != SURGE:
-            return [std[OWN_PARAMETERS[subsystem][row]] for row in DEVIATIONS]
-        of_sides = (std[f"{side}_beta"] for side in SIDES[: self.shafts])
-        disturbance_std = math.sqrt(self.constants.disturbance_variance)
-        thrust_std = math.hypot(*of_sides) / self.shafts
-        return [START_SPEED_STD, disturbance_std, std["alpha"], thrust_std]
-
-    def _band_of(self, name: str) -> float:
-        """Relative half-width of the healthy band of a parameter in `PARAMETERS`."""
-        of_vehicle = name.removeprefix("port_").removeprefix("starboard_")
-        return self.band.get(of_vehicle, PARAMETERS[name].band)
+    def _initial_walk(self) -> list[float]:
+        """The first `BankState.walk` of a lane."""
+        of_voltage = (START_VOLTAGE_WALK * vehicle_of(self.vehicle).maximum_voltage) ** 2
+        return [START_TILT_WALK**2, of_voltage, of_voltage]
 
     def state_at_onset(self, state: BankState, lanes: np.ndarray) -> BankState:
-        """The state if on these lanes (indices) a fault, or none, begins with the next sample.
-
-        All classes are equally likely. The filters of every fault continue from the normal ones,
-        with the severities of the prior. Until a hypothesis switches, differences of the log
-        beliefs are log-likelihood ratios of the classes.
-        """
-        table = self.hypotheses(state.prior.shape[2])
-        first = table.first_filter.astype(np.int64)
-        normal_filter = np.repeat(first[:-1], np.diff(first))
-        severity = prior_severity(state.prior[lanes], table)
-        filters = state.filters[lanes][:, :, normal_filter]
-        of_severity = [algebra.covariance_row(SEVERITY, i) for i in range(SEVERITY)]
-        filters[:, of_severity] = 0.0
-        filters[:, SEVERITY] = severity[:, 0, table.hypothesis]
-        filters[:, algebra.SEVERITY_VARIANCE] = severity[:, 1, table.hypothesis]
-        n_members = np.bincount(table.class_index)
-        n_equal = n_members.size * n_members[table.class_index]
-        new = BankState(*(values.copy() for values in state))
-        new.log_posterior[lanes] = -np.log(n_equal)
-        new.severity[lanes] = severity
-        new.filters[lanes] = filters
-        new.shaft_speed[lanes] = state.shaft_speed[lanes][:, normal_filter]
-        return new
+        """Refused: bounds are those of the model without imperfections, see `GaussianBank`."""
+        raise refusal("state_at_onset", self.name, "gaussian_bank", "take that bank")
 
     def step(self, state: BankState, observation: np.ndarray) -> tuple[BankState, Belief]:
         """The next state and the belief."""
-        table = self.hypotheses(state.prior.shape[2])
+        table = self.hypotheses()
         check_catalogue(state, table)
         new = state._replace(
             log_posterior=np.empty_like(state.log_posterior),
@@ -266,6 +212,8 @@ class FilterBank(Recursive):
             filters=np.empty_like(state.filters),
             shaft_speed=np.empty_like(state.shaft_speed),
             readings=np.empty_like(state.readings),
+            spacing=np.empty_like(state.spacing),
+            walk=np.empty_like(state.walk),
             age=state.age + 1.0,
         )
         machinery = Machinery(workspace, new_sample, step_lanes)
@@ -273,81 +221,13 @@ class FilterBank(Recursive):
         return new, belief
 
 
-class Machinery(NamedTuple):
-    """The compiled step of a bank, and what makes its memory."""
-
-    workspace: Callable[[HypothesisTable, int], NamedTuple]  # of a table and a pack's size
-    new_sample: Callable[[int], NamedTuple]  # of a pack's size
-    step_lanes: Callable[..., None]
-
-    def run(
-        self,
-        state: BankState,
-        new: BankState,
-        observation: np.ndarray,
-        table: HypothesisTable,
-        constants: NamedTuple,
-    ) -> Belief:
-        """Fill the new state from the old one and the observation; the belief of every lane."""
-        shape = len(observation), len(classes())
-        belief = Belief(np.empty(shape), np.empty(shape), np.empty(shape))
-
-        def step_share(first: int, last: int) -> None:
-            """Step the lanes from `first` to before `last`."""
-            n_pack = pack_size(last - first, table.hypothesis.size)
-            self.step_lanes(
-                first,
-                last,
-                state,
-                new,
-                observation,
-                table,
-                constants,
-                belief,
-                self.workspace(table, n_pack),
-                self.new_sample(n_pack),
-            )
-
-        _in_shares(len(observation), step_share)
-        return belief
-
-
-def check_catalogue(state: BankState, table: HypothesisTable) -> None:
-    """Refuse a state whose hypotheses are not those of the table."""
-    if state.log_posterior.shape[1] != table.log_hazard.size:
-        change = "faults added or removed"
-        raise refusal("catalogue", change, "that of the reset", "call reset(n_lanes) again")
-
-
-def _check_readings(kind: str, numbers: Mapping[str, float], least: float) -> None:
-    """Refuse what is no number of a reading from `least` to its full scale."""
-    for name, number in numbers.items():
-        known_name("reading", name, READINGS)
-        finite_in_range(f"{kind} of {name}", number, least, CHANNELS[name].high)
-
-
-def prior_severity(prior: np.ndarray, table: HypothesisTable) -> np.ndarray:
-    """Mean and variance of the severity of each hypothesis, (n_lanes, 2, n_hypotheses)."""
-    severity = np.ascontiguousarray(prior[:, :2, table.grade])
-    severity[:, :, 0] = 0.0
-    return severity
-
-
-def _in_shares(n_lanes: int, run: Callable[[int, int], None]) -> None:
-    """Call ``run(first, last)`` on shares of the lanes, in threads where there are many."""
-    n_shares = n_threads() if n_lanes >= PARALLEL_LANES else 1
-    edges = [n_lanes * k // n_shares for k in range(n_shares + 1)]
-    own, *others = pairwise(edges)
-    running = []
-    for share in others:
-        threads = _threads(len(others), os.getpid())
-        running.append(threads.submit(run, *share))
-    run(*own)
-    for future in running:
-        future.result()
-
-
 @cache
-def _threads(count: int, process: int) -> ThreadPoolExecutor:
-    """Threads to use again: to start them costs a fifth of a step. A forked process has its own."""
-    return ThreadPoolExecutor(count)
+def tails_of(freedom: float) -> algebra.Tails:
+    """Student's t for readings whose noise is Gaussian but for outliers."""
+
+    def preference(scale: float) -> float:
+        """Derivative of the mean log density by the logarithm of the variance, times 2."""
+        mean = norm.expect(lambda z: z * z / (freedom * scale + z * z))
+        return (freedom + 1.0) * mean - 1.0
+
+    return algebra.Tails(freedom, brentq(preference, 0.3, 1.1))

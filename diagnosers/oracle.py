@@ -1,4 +1,4 @@
-"""A reference, not a competitor: the filter bank that is given the true vehicle and severity."""
+"""A reference, not a competitor: the Gaussian bank that is given the true vehicle and severity."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,7 +9,7 @@ from auv_fault_env.errors import refusal
 from auv_fault_env.parameters import PARAMETERS
 from diagnosers.bank.kernel import BankState
 from diagnosers.diagnoser import Belief, RunningState
-from diagnosers.filter_bank import FilterBank
+from diagnosers.gaussian_bank import GaussianBank
 
 CERTAIN = 1e-4  # width of the band, in healthy bands, around the true vehicle
 
@@ -23,11 +23,11 @@ class ToldState(RunningState):
 
 
 @dataclass(frozen=True)
-class Oracle(FilterBank):
-    """The filter bank, given the true healthy vehicle of each lane and perhaps the severity.
+class Oracle(GaussianBank):
+    """The Gaussian bank, given the true healthy vehicle of each lane and perhaps the severity.
 
     The distance of a diagnoser from it is the loss because the vehicle is unknown; what it cannot
-    distinguish, the readings do not. Without the truth it is the filter bank.
+    distinguish, the readings do not. Without the truth it is the Gaussian bank.
 
     When it misleads: a severity that changes tells it when the fault begins; it assumes that any
     fault would have the severity of the true one; and it is no upper bound for a diagnoser that

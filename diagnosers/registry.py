@@ -24,7 +24,7 @@ REGISTRY: dict[str, Entry] = {
     "cusum": Entry("diagnosers.cusum:Cusum"),
     "rules": Entry("diagnosers.rules:Rules"),
     "filter_bank": Entry("diagnosers.filter_bank:FilterBank"),
-    "robust_bank": Entry("diagnosers.robust_bank:RobustBank"),
+    "gaussian_bank": Entry("diagnosers.gaussian_bank:GaussianBank"),
     "raw_network": Entry("diagnosers.raw_network:RawNetwork"),
     "kalman_network": Entry("diagnosers.kalman_network:KalmanNetwork"),
     "parallel": Entry("diagnosers.parallel:Parallel"),

@@ -1,1 +1,1 @@
-"""The filter bank: one Kalman filter per fault and severity grade, compiled."""
+"""The Gaussian bank: a Kalman filter per fault and severity grade, compiled; and common parts."""

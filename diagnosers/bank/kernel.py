@@ -1,4 +1,4 @@
-"""The kernel of the filter bank: hypotheses and their filters on every lane, and the belief."""
+"""The kernel of the Gaussian bank: hypotheses and their filters on every lane, and the belief."""
 
 import math
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Packs of lanes: the memory in which the filter bank's kernel works.
+"""Packs of lanes: the memory in which a bank's kernel works.
 
 A column is one filter of one lane, ``f * n_lanes + lane``: a small bank too has long loops, and the
 columns of a subsystem are a range.

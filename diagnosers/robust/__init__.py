@@ -1,1 +1,1 @@
-"""The robust filter bank: filters of seven states, readings with heavy tails, compiled."""
+"""The filter bank: filters of seven states, readings with heavy tails, compiled."""

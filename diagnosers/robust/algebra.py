@@ -1,4 +1,4 @@
-"""The algebra of the robust bank's filters: as `bank.algebra`, but of seven states.
+"""The algebra of the filter bank's filters: as `bank.algebra`, but of seven states.
 
 Readings have heavy tails, deviations of the healthy vehicle change slowly, and filters merge.
 

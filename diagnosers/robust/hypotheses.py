@@ -1,4 +1,4 @@
-"""The hypotheses of the robust bank: those of `diagnosers.bank.hypotheses`, and some others.
+"""The hypotheses of the filter bank: those of `diagnosers.bank.hypotheses`, and some others.
 
 `OTHERS` are a change of the water's current, in which a vehicle is normal, and changes of a
 subsystem, or of all, that no fault of the catalogue makes, which are the class `unknown`. A

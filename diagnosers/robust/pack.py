@@ -1,4 +1,4 @@
-"""The memory in which the robust bank's kernel works on a pack of lanes, see `bank.pack`."""
+"""The memory in which the filter bank's kernel works on a pack of lanes, see `bank.pack`."""
 
 import threading
 from collections import namedtuple

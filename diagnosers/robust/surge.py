@@ -1,4 +1,4 @@
-"""The surge filters of the robust bank: six states and the severity.
+"""The surge filters of the filter bank: six states and the severity.
 
 They are speed, disturbance, deviations of drag and thrust, the error of the accelerometer by its
 zero offset and the vehicle's attitude, and the slow error of the paddle wheel. Otherwise as

@@ -14,7 +14,7 @@ from diagnosers import NAMES, UNKNOWN, Belief, Recursive, decide, make
 from diagnosers.diagnoser import IMPOSSIBLE, same_severity, with_impossible_unknown
 
 # diagnosers that measure whether their classes explain the readings
-CAN_KNOW = ("robust_bank",)
+CAN_KNOW = ("filter_bank",)
 
 
 @dataclass(frozen=True)

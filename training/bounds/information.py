@@ -1,6 +1,6 @@
 """Evidence: how fast readings distinguish a fault from a healthy vehicle and from other faults.
 
-The likelihoods are those of the filter bank, which has the equations of the plant. The likelihood
+The likelihoods are those of the Gaussian bank, which has the equations of the plant. The likelihood
 of a class is the mean over its faults, and over severities where these are unknown. They come from
 extended Kalman filters and are therefore approximations; `training.benchmark.bounds` measures how
 good these are.
@@ -68,7 +68,7 @@ class Lanes(NamedTuple):
 
 @dataclass(frozen=True)
 class KnownOnset(Oracle):
-    """The filter bank with known onsets: hypotheses do not switch, severities do not change.
+    """The Gaussian bank with known onsets: hypotheses do not switch, severities do not change.
 
     Once `set_truth` has set healthy vehicle and severity as well, its beliefs are likelihoods
     without unknown quantities. Otherwise it knows the healthy band, and the severity by grades.

@@ -7,7 +7,7 @@ import numpy as np
 from auv_fault_env.faults import CATALOGUE, NORMAL, UNKNOWN, classes
 from diagnosers import Belief
 from diagnosers.diagnoser import IMPOSSIBLE
-from diagnosers.filter_bank import FilterBank
+from diagnosers.gaussian_bank import GaussianBank
 
 GRADES = ((0.1, 1.0),)
 # those that are most easily mistaken for faults of the plant
@@ -34,9 +34,9 @@ def light_classes() -> tuple[str, ...]:
     return (NORMAL, *dict.fromkeys(diagnoses), UNKNOWN)
 
 
-def light_bank() -> FilterBank:
+def light_bank() -> GaussianBank:
     """A bank of a ninth of the filters, with a belief like `restrict_belief` of the whole one."""
-    return FilterBank(grades=GRADES, faults=(*plant_faults(), *SENSOR_FAULTS))
+    return GaussianBank(grades=GRADES, faults=(*plant_faults(), *SENSOR_FAULTS))
 
 
 @cache

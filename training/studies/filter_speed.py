@@ -23,7 +23,7 @@ from diagnosers.bank.algebra import N_STATES, covariance_row
 from diagnosers.bank.hypotheses import OWN_PARAMETERS, SURGE
 from diagnosers.bank.pack import new_workspace
 from diagnosers.bank.sensors import N_READINGS, fill_sample, new_sample
-from diagnosers.filter_bank import BankConstants, FilterBank
+from diagnosers.gaussian_bank import BankConstants, GaussianBank
 from diagnosers.kalman import BETWEEN_STD
 from training.rollouts import roll_out
 from training.studies.run import command_line
@@ -212,7 +212,7 @@ class SurgeBank:
     n_lanes: int
 
     def __post_init__(self):
-        bank = FilterBank()
+        bank = GaussianBank()
         table = bank.hypotheses()
         state = bank.initial(self.n_lanes)
         self.n_filters = int(table.first_filter[SURGE + 1])

@@ -36,7 +36,7 @@ def _intro(results: Results) -> list[str]:
         "Rates at which the evidence of the readings grows: natural logarithms of the likelihood "
         f"ratio per second, from {results['vehicles']} vehicles for each class and condition, with "
         f"abrupt faults of severity {results['severity']:g}, default noise and disturbance. The "
-        "likelihoods are those of the filter bank, which knows the onset and, unless stated "
+        "likelihoods are those of the Gaussian bank, which knows the onset and, unless stated "
         "otherwise, the healthy vehicle, but not the severity. A rate is that of the last 15 s of "
         "30 s, after the transient of the onset."
     )
