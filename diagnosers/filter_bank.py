@@ -3,22 +3,20 @@
 import math
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm
 
-from auv_fault_env.errors import finite_in_range, refusal
-from auv_fault_env.faults import CATALOGUE
+from auv_fault_env.errors import finite_in_range
 from auv_fault_env.parameters import PARAMETERS, SAMPLE_TIME, SIDES, vehicle_of
 from auv_fault_env.physics import PlantConstants
 from auv_fault_env.realism import IMPERFECTIONS, SURROUNDINGS
+from diagnosers.bank.base import Bank, Machinery, prior_severity
 from diagnosers.bank.hypotheses import OWN_PARAMETERS, SURGE
 from diagnosers.bank.motor import DEVIATIONS
 from diagnosers.bank.sensors import N_READINGS
-from diagnosers.diagnoser import Belief
-from diagnosers.gaussian_bank import GaussianBank, Machinery, check_catalogue, prior_severity
 from diagnosers.kalman import START_SPEED_STD
 from diagnosers.robust import algebra, surge
 from diagnosers.robust.algebra import SEVERITY
@@ -61,7 +59,7 @@ class FilterBankConstants(NamedTuple):
 
 
 @dataclass(frozen=True)
-class FilterBank(GaussianBank):
+class FilterBank(Bank):
     """A bank of filters made for sensors and surroundings as `auv_fault_env.realism` lists them.
 
     Differences from `GaussianBank`: readings have heavy tails (Student's t), so that no single
@@ -74,7 +72,6 @@ class FilterBank(GaussianBank):
 
     When it misleads: it takes longer than `GaussianBank` where readings are ideal; faults below a
     severity of 0.2 count as healthy; it has no faults of the sensors' timing and no double faults.
-    It does not become `Oracle`: `state_at_onset` is that of `GaussianBank` and is refused.
 
     Attributes
     ----------
@@ -85,6 +82,7 @@ class FilterBank(GaussianBank):
     """
 
     name = "filter_bank"
+    machinery: ClassVar[Machinery] = Machinery(workspace, new_sample, step_lanes)
     grades: tuple[tuple[float, float], ...] = ((0.2, 0.45), (0.45, 0.7), (0.7, 1.0))
     hazard: float = 1e-4
     walk_std: float = 0.03
@@ -142,11 +140,14 @@ class FilterBank(GaussianBank):
         zero_std = STD_OF_UNIFORM * IMPERFECTIONS["port_current"].zero
         return np.square([0.0, *deviations, zero_std])
 
-    def hypotheses(self, n_grades: int | None = None) -> HypothesisTable:
-        """The hypotheses of the catalogue as it is now, always of the bank's grades."""
+    def hypotheses(self) -> HypothesisTable:
+        """The hypotheses of the catalogue as it is now."""
         highest = tuple(high for _, high in self.grades)
-        faults = tuple(CATALOGUE) if self.faults is None else self.faults
-        return current_table(highest, self.hazard, self.repair, faults)
+        return current_table(highest, self.hazard, self.repair, self.fault_names)
+
+    def table_of(self, state: BankState) -> HypothesisTable:
+        """The hypotheses of the catalogue as it is now; a state always has the bank's grades."""
+        return self.hypotheses()
 
     def initial(self, n_lanes: int) -> BankState:
         """The state before any observation: a normal vehicle, somewhere in the healthy band."""
@@ -197,28 +198,6 @@ class FilterBank(GaussianBank):
         """The first `BankState.walk` of a lane."""
         of_voltage = (START_VOLTAGE_WALK * vehicle_of(self.vehicle).maximum_voltage) ** 2
         return [START_TILT_WALK**2, of_voltage, of_voltage]
-
-    def state_at_onset(self, state: BankState, lanes: np.ndarray) -> BankState:
-        """Refused: bounds are those of the model without imperfections, see `GaussianBank`."""
-        raise refusal("state_at_onset", self.name, "gaussian_bank", "take that bank")
-
-    def step(self, state: BankState, observation: np.ndarray) -> tuple[BankState, Belief]:
-        """The next state and the belief."""
-        table = self.hypotheses()
-        check_catalogue(state, table)
-        new = state._replace(
-            log_posterior=np.empty_like(state.log_posterior),
-            severity=np.empty_like(state.severity),
-            filters=np.empty_like(state.filters),
-            shaft_speed=np.empty_like(state.shaft_speed),
-            readings=np.empty_like(state.readings),
-            spacing=np.empty_like(state.spacing),
-            walk=np.empty_like(state.walk),
-            age=state.age + 1.0,
-        )
-        machinery = Machinery(workspace, new_sample, step_lanes)
-        belief = machinery.run(state, new, observation, table, self.constants)
-        return new, belief
 
 
 @cache

@@ -16,7 +16,7 @@ STERN_PLANE = COMMANDS.index("stern_plane")
 # parameters of a sensor, counted from its first row
 BIAS, GAIN, NOISE, STUCK, DROPOUT = range(5)
 N_SENSOR_ROWS = 5
-# columns of `BankConstants.sensors`
+# columns of `diagnosers.bank.base.BankConstants.sensors`
 LOW, HIGH, NOISE_STD, RESOLUTION = range(4)
 FLOAT32_STEP = 2.0**-23  # relative distance of neighbouring values
 MIN_PROBABILITY = 0.01  # of a lost or of an available sample of a faulty sensor

@@ -144,6 +144,3 @@ def test_settings_are_checked():
         FilterBank(repair=0.9)
     with pytest.raises(InputError, match="memory"):
         FilterBank(memory=0.0)
-    bank = FilterBank()
-    with pytest.raises(InputError, match="gaussian_bank"):
-        bank.state_at_onset(bank.initial(1), np.array([0]))

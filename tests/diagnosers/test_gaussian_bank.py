@@ -13,7 +13,7 @@ from auv_fault_env.faults import CATALOGUE, Fault, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
 from auv_fault_env.schedules import FaultEvent, ScheduleSampler
-from diagnosers import gaussian_bank, make
+from diagnosers import make
 from diagnosers.bank import algebra, kernel, motor, pack, sensors, surge
 from diagnosers.bank.hypotheses import PORT, STARBOARD, SURGE, hypothesis_table
 from diagnosers.gaussian_bank import GaussianBank
@@ -83,7 +83,8 @@ def test_nothing_is_read_of_what_an_earlier_step_left_in_the_memory(monkeypatch)
                 values.fill(np.nan)
         return work
 
-    monkeypatch.setattr(gaussian_bank, "workspace", poisoned)
+    poisoned_machinery = GaussianBank.machinery._replace(workspace=poisoned)
+    monkeypatch.setattr(GaussianBank, "machinery", poisoned_machinery)
     np.testing.assert_array_equal(beliefs(light_bank(), observations), expected)
 
 

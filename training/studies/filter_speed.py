@@ -20,10 +20,11 @@ from auv_fault_env.missions import MISSIONS
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers.bank import surge
 from diagnosers.bank.algebra import N_STATES, covariance_row
+from diagnosers.bank.base import BankConstants
 from diagnosers.bank.hypotheses import OWN_PARAMETERS, SURGE
 from diagnosers.bank.pack import new_workspace
 from diagnosers.bank.sensors import N_READINGS, fill_sample, new_sample
-from diagnosers.gaussian_bank import BankConstants, GaussianBank
+from diagnosers.gaussian_bank import GaussianBank
 from diagnosers.kalman import BETWEEN_STD
 from training.rollouts import roll_out
 from training.studies.run import command_line
