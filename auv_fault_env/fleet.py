@@ -12,7 +12,7 @@ from auv_fault_env import episodes, lanes, layout, sensors
 from auv_fault_env.channels import CHANNELS, COMMANDS
 from auv_fault_env.compiling import n_threads
 from auv_fault_env.errors import finite_in_range, one_per_lane, refusal, whole_number
-from auv_fault_env.faults import matrices
+from auv_fault_env.faults import Fault, matrices
 from auv_fault_env.missions import Mission, MissionSampler, mission_of
 from auv_fault_env.noise import STREAMS, episode_keys, uniforms
 from auv_fault_env.parameters import (
@@ -63,6 +63,8 @@ class Fleet:
         Factor on the imperfections of real sensors and surroundings, 0 to 10; 0 for none.
     imperfections
         Names of the imperfections that act, of `realism.EFFECTS`; None for all.
+    more_faults
+        Faults in rows after those of `plant_faults`, which only `Events` can name.
 
     Attributes
     ----------
@@ -75,7 +77,7 @@ class Fleet:
     constants
         `PlantConstants` as an array.
     diagnoses
-        Diagnosis class of every fault of `plant_faults`, (n_faults,).
+        Diagnosis class of every fault: those of `plant_faults`, then `more_faults`, (n_faults,).
     outcomes
         (4, n_lanes) of the last step: reward, energy [J], cost [m^2/s^2], mission speed [m/s].
     changes
@@ -94,6 +96,7 @@ class Fleet:
         missions: MissionSampler | None = None,
         realism: float = 0.0,
         imperfections: Sequence[str] | None = None,
+        more_faults: Sequence[Fault] = (),
     ):
         self.n_lanes = whole_number("number of lanes", n_lanes)
         self.vehicle = vehicle_of(preset)
@@ -121,14 +124,18 @@ class Fleet:
         self.constants = np.array(plant_constants(self.vehicle, disturbance))
         limits = [(channel.low, channel.high) for channel in CHANNELS.values()]
         self.limits = np.array(limits)
+        self.more_faults = tuple(more_faults)
         self._read_catalogue()
         self._allocate(n_blocks, self.schedules.EVENTS, self.missions.n_legs)
 
     def _read_catalogue(self):
-        self._faults = tuple(plant_faults().values())
+        self._faults = self._faults_now()
         self.catalogue = matrices(self._faults)
         self._changes_signal = self.catalogue.offset[:, SIGNAL_PARAMETERS].any(axis=1)
         self.diagnoses = np.array([fault.diagnosis for fault in self._faults])
+
+    def _faults_now(self) -> tuple[Fault, ...]:
+        return *plant_faults().values(), *self.more_faults
 
     def _allocate(self, n_blocks: int, n_events: int, n_legs: int):
         n = self.n_lanes
@@ -156,7 +163,7 @@ class Fleet:
         self,
         seeds: np.ndarray | Sequence[int] | None = None,
         lanes: np.ndarray | None = None,
-        schedules: Sequence[Schedule] | None = None,
+        schedules: Sequence[Schedule] | Events | None = None,
         missions: Sequence[Mission] | None = None,
         observations: np.ndarray | None = None,
     ) -> np.ndarray:
@@ -170,7 +177,7 @@ class Fleet:
         lanes
             Indices (m,) of the lanes to reset; None for all.
         schedules, missions
-            One per lane that is reset; None: from the samplers.
+            One per lane that is reset; None: from the samplers. Schedules may be `Events`.
         observations
             Where to write the rows of the lanes that are reset; None for a new array of zeros.
         """
@@ -233,7 +240,7 @@ class Fleet:
         return indices.astype(np.int64)
 
     def _set_events(self, indices: np.ndarray, events: Events):
-        if self._faults != tuple(plant_faults().values()):
+        if self._faults != self._faults_now():
             self._read_catalogue()
         plan = self.plan
         n_events = events.fault.shape[1]
@@ -416,14 +423,17 @@ def _widened(columns: np.ndarray, blank: np.ndarray) -> np.ndarray:
 
 
 def _events_and_legs(
-    schedules: Sequence[Schedule] | None,
+    schedules: Sequence[Schedule] | Events | None,
     missions: Sequence[Mission] | None,
     n_lanes: int,
 ) -> tuple[Events | None, tuple[np.ndarray, np.ndarray] | None]:
     """Events of the schedules, legs and start speeds of the missions; None for what is None."""
     events = None
     legs = None
-    if schedules is not None:
+    if isinstance(schedules, Events):
+        one_per_lane("schedules", schedules.fault, n_lanes)
+        events = schedules
+    elif schedules is not None:
         schedules = one_per_lane("schedules", schedules, n_lanes)
         events = events_of([schedule_of(schedule) for schedule in schedules])
     if missions is not None:

@@ -12,6 +12,7 @@ from diagnosers.diagnoser import Belief, Recursive
 from diagnosers.networks.class_list import (
     SHIPPED_CLASSES,
     check_class_list,
+    is_fault,
     with_added_classes,
 )
 from diagnosers.networks.features import N_COMMANDS, Features, FeatureState
@@ -40,16 +41,16 @@ class Integrated(Recursive):
     """A recurrent network on readings, residuals, and the filters' estimates and innovations.
 
     Trained on simulated vehicles (``auv-fault train integrated``; see the card beside the weights).
-    A fault that is in no class shows as a belief that is neither `normal` nor any one class:
-    `diagnosers.decide` names it `unknown`. A class that is not among those of the training, such as
-    that of a fault that joined the catalogue later, gets probability and severity from the filter
-    bank (see `diagnosers.networks.class_list`).
+    A class that is not among those of the training, such as that of a fault that joined the
+    catalogue later, gets probability and severity from the filter bank (see
+    `diagnosers.networks.class_list`).
 
     Misleads: on vehicles, noise or faults far from those it was trained on, its probabilities are
-    no frequencies. It was trained on episodes of a minute whose faults begin within half of one,
-    and stay: reset it after a repair. The odds of a fault fall over seconds at the soonest, so a
-    false alarm lasts. Another nominal ``vehicle`` changes the filters and residuals, not what the
-    network makes of them.
+    no frequencies. It was trained on episodes of a minute whose faults begin within half of one of
+    motion; few are repaired. It learnt `unknown` from random changes of the vehicle and from the
+    same fault on both sides; another kind of fault may look to it like a known one. The odds of a
+    fault fall over seconds at the soonest, so a false alarm lasts. Another nominal ``vehicle``
+    changes the filters and residuals, not what the network makes of them.
 
     Without `trained_classes` the classes are those that the weights name, else those of the shipped
     weights.
@@ -72,6 +73,7 @@ class Integrated(Recursive):
         self._network = NumpyNetwork(self._tensors)
         self._features = Features(self.vehicle, self.trained_classes)
         self._trained_columns = [self.classes.index(name) for name in self.trained_classes]
+        self._is_fault = np.array([is_fault(name) for name in self.trained_classes])
         # a fault that joins the catalogue later stands before `unknown` in the bank's belief
         self._bank_columns = [*range(len(self.known_classes)), -1]
 
@@ -93,8 +95,7 @@ class Integrated(Recursive):
         opinion = smooth_opinion(opinion, previous)
         outputs, units = self._network.recur(encoded, opinion, state.units)
         log_probability, *severity = self._network.decode(outputs, features)
-        for moment in severity:
-            moment[:, 0] = 0.0
+        severity = [moment * self._is_fault for moment in severity]
         smoothed = state.smoothed.after(log_probability)
         belief = Belief(smoothed.log_probability(), *severity)
         if len(self.trained_classes) < len(self.classes):

@@ -33,7 +33,7 @@ def roll_out(
     seeds: Sequence[int],
     n_samples: int,
     actions: np.ndarray | None = None,
-    schedules: Sequence[Schedule] | None = None,
+    schedules: Sequence[Schedule] | Events | None = None,
     missions: Sequence[Mission] | None = None,
 ) -> Rollout:
     """Run an episode of n_samples, the reading at the start included, on every lane.
@@ -49,21 +49,27 @@ def roll_out(
         action = follow_mission(observation)
         observation = fleet.step(action if actions is None else action + actions[k])
         observations[k] = observation
-    label, severity = label_and_severity(fleet.plan, n_samples)
+    label, severity = label_and_severity(fleet.plan, n_samples, fleet.diagnoses)
     onset = first_onset(fleet.plan)
     return Rollout(observations, label, severity, onset, fleet.plan.healthy.copy())
 
 
-def label_and_severity(plan: EpisodePlan | Events, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
+def label_and_severity(
+    plan: EpisodePlan | Events, n_samples: int, diagnoses: Sequence[str] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Label and severity over time of the worst fault present, each (n_samples, n_lanes).
+
+    The plan's faults are rows of `diagnoses`, by default those of `plant_faults`.
 
     An intermittent fault counts as present between its bursts: a vehicle with a loose contact is
     not healthy.
     """
     # a sample shows the severities of the step that led to it
     time = np.arange(-1, n_samples - 1) * SAMPLE_TIME + TIME_TOLERANCE
+    if diagnoses is None:
+        diagnoses = [fault.diagnosis for fault in plant_faults().values()]
     names = classes()
-    of_fault = np.array([names.index(fault.diagnosis) for fault in plant_faults().values()])
+    of_fault = np.array([names.index(diagnosis) for diagnosis in diagnoses])
     permanent = profile_of(plan)._replace(period=np.zeros(plan.fault.shape))
     profiles = np.stack(permanent, axis=-1)
     label = np.zeros((n_samples, len(plan.fault)), np.int64)

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from auv_fault_env.errors import refusal
-from auv_fault_env.faults import NORMAL
+from auv_fault_env.faults import NORMAL, UNKNOWN
 from auv_fault_env.parameters import SIDES
 from diagnosers.diagnoser import Belief
 
@@ -47,6 +47,11 @@ def check_class_list(trained: Sequence[str], catalogue: Sequence[str]) -> tuple[
             "add these faults, or train anew",
         )
     return tuple(trained)
+
+
+def is_fault(name: str) -> bool:
+    """Whether a class is a fault, which has a severity; `normal` and `unknown` have none."""
+    return name not in (NORMAL, UNKNOWN)
 
 
 def with_added_classes(network: Belief, bank: Belief, trained: Sequence[int]) -> Belief:

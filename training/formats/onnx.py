@@ -22,6 +22,7 @@ from diagnosers.diagnoser import IMPOSSIBLE, same_severity
 from diagnosers.integrated import Integrated
 from diagnosers.kalman import PARAMETERS
 from diagnosers.kalman_network import KalmanNetwork
+from diagnosers.networks.class_list import is_fault
 from diagnosers.networks.fault_map import NOMINAL, SEVERITY_WEIGHTS
 from diagnosers.networks.features import Features, feature_names
 from diagnosers.networks.integrated_network import Network
@@ -211,7 +212,7 @@ class IntegratedGraph(DiagnoserGraph):
     def __init__(self, source: Integrated):
         trained = source.trained_classes
         n_faults = len(trained) - 1
-        super().__init__(source, is_fault=[0.0] + [1.0] * n_faults)
+        super().__init__(source, is_fault=[float(is_fault(name)) for name in trained])
         self.notes["classes"] = trained
         self.inputs = {"features": feature_names(trained)}
         self.widths = (N_MEMORY, n_outputs(len(trained)), 1, n_faults, 1)

@@ -11,16 +11,15 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from auv_fault_env.faults import known_classes
+from auv_fault_env.faults import classes
 from auv_fault_env.parameters import PRESETS
 from auv_fault_env.schedules import ScheduleSampler
 from diagnosers.networks.features import Features, feature_names
 from training.learning.episodes import training_episodes
-from training.rollouts import Rollout
 
-# no repairs: after a repair the diagnoser is reset
-SCHEDULES = ScheduleSampler(compound=0.05, intermittent=0.05, repaired=0.0)
+SCHEDULES = ScheduleSampler(compound=0.05, intermittent=0.05)
 LANES = 512  # episodes of a set
+UNKNOWN_SHARE = 0.16  # of the faulty lanes: 13 % of all
 SIMULATORS = 2  # threads; the filter bank among the features takes more time than all else
 SIMULATED_AHEAD = 4  # sets
 BATCH = 32  # episodes
@@ -58,26 +57,30 @@ def simulated_sets(purpose: str, firsts: Iterable[int]) -> Iterator[EpisodeSet]:
 
 def simulate_set(purpose: str, first: int) -> EpisodeSet:
     """`LANES` episodes from the first-th seed of a purpose on."""
-    rollouts = training_episodes(purpose, LANES, first, SCHEDULES)
-    parts = [(features_of(rollout), rollout.label, rollout.severity) for rollout in rollouts]
-    arrays = [np.concatenate(part, axis=1) for part in zip(*parts, strict=True)]
-    return EpisodeSet(*map(torch.from_numpy, arrays))
+    rollouts = training_episodes(purpose, LANES, first, SCHEDULES, UNKNOWN_SHARE)
+    parts = [(rollout.observations, rollout.label, rollout.severity) for rollout in rollouts]
+    observations, *truth = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
+    return EpisodeSet(*map(torch.from_numpy, (features_of(observations), *truth)))
 
 
-def features_of(rollout: Rollout) -> np.ndarray:
-    """The features of a rollout, (n_samples, n_lanes, n_features) float32."""
-    extractor = Features(PRESETS["thesis1992"], known_classes())
-    state = extractor.initial(rollout.label.shape[1])
-    features = np.empty((*rollout.label.shape, extractor.n_features), np.float32)
-    for k, observation in enumerate(rollout.observations.astype(np.float64)):
+def features_of(observations: np.ndarray) -> np.ndarray:
+    """Features (n_samples, n_lanes, n_features) float32 of (n_samples, n_lanes, n_channels)."""
+    extractor = Features(PRESETS["thesis1992"], classes())
+    n_samples, n_lanes, _ = observations.shape
+    state = extractor.initial(n_lanes)
+    features = np.empty((n_samples, n_lanes, extractor.n_features), np.float32)
+    for k, observation in enumerate(observations.astype(np.float64)):
         state, features[k], _ = extractor.step(state, observation)
     return features
 
 
-def batches(episodes: EpisodeSet) -> Iterator[EpisodeSet]:
-    """Batches of `BATCH` episodes, each with thesis and random missions alike."""
+def batches(
+    episodes: EpisodeSet, random: np.random.Generator | None = None
+) -> Iterator[EpisodeSet]:
+    """Batches of `BATCH` episodes, each with missions of all kinds, in a random order if asked."""
     n_batches = episodes.label.shape[1] // BATCH
-    for k in range(n_batches):
+    order = range(n_batches) if random is None else random.permutation(n_batches).tolist()
+    for k in order:
         yield EpisodeSet(*(part[:, k::n_batches].contiguous() for part in episodes))
 
 
@@ -90,7 +93,7 @@ def replay_samples(episodes: EpisodeSet, number: int) -> EpisodeSet:
 
 def mirrored(episodes: EpisodeSet) -> EpisodeSet:
     """The same episodes on a vehicle with port and starboard exchanged."""
-    names = known_classes()
+    names = classes()
     features = episodes.features[..., mirror_order(feature_names(names))]
     label = mirror_order(names)[episodes.label]
     return EpisodeSet(features, label, episodes.severity)

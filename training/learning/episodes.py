@@ -1,14 +1,45 @@
-"""Training episodes: half with the thesis' stimulus, half with random missions and manoeuvres."""
+"""Training episodes: vehicles as they should be and as they are, on thesis' and random missions.
 
-from collections.abc import Iterator
+Half of the lanes has the thesis' stimulus, a quarter random missions, a quarter such missions with
+rests; the last two have manoeuvres. Half of each has realism 1, the others one that is drawn for
+all of them.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
 
 from auv_fault_env.fleet import Fleet
-from auv_fault_env.missions import MISSIONS
-from auv_fault_env.schedules import ScheduleSampler
+from auv_fault_env.layout import SeverityProfile
+from auv_fault_env.missions import MISSIONS, Mission, MissionSampler
+from auv_fault_env.noise import episode_keys
+from auv_fault_env.parameters import SAMPLE_TIME
+from auv_fault_env.schedules import Events, ScheduleSampler
+from training.learning.unknown_faults import with_unknown_faults
 from training.rollouts import Rollout, manoeuvres, roll_out
 from training.seeds import seeds
 
 N_SAMPLES = 600  # 60 s
+# for the cards of weights
+KINDS = (
+    "half with the thesis' stimulus, a quarter with random missions and manoeuvres, a quarter with "
+    "such missions that begin or end at rest; half with realism 1, a third from 0 to 2, the others "
+    "ideal"
+)
+IDEAL = 1 / 3  # probability that a drawn realism is 0
+LARGEST_REALISM = 2.0  # of the others, uniform
+AT_REST = 0.5  # probability of a rest, at the start and at the end alike, on missions with rests
+REST = (0.05, 0.4)  # share of an episode
+CONSTANT = 0.3  # share of the missions with rests that have one speed throughout
+
+
+class Course(NamedTuple):
+    """What the vehicles of a rollout do."""
+
+    missions: Sequence[Mission] | None  # None for those of the fleet's sampler
+    actions: np.ndarray | None  # (n_samples, n_lanes, 3), see `roll_out`
+    start: np.ndarray  # (n_lanes,) end of the rest at the start [s]
 
 
 def training_episodes(
@@ -16,16 +47,92 @@ def training_episodes(
     n_lanes: int,
     first: int = 0,
     schedules: ScheduleSampler | None = None,
+    unknown: float = 0.0,
 ) -> Iterator[Rollout]:
-    """Two rollouts of 60 s, each of half of the lanes (an even number).
+    """Rollouts of 60 s, n_lanes (a multiple of 4) together.
 
-    The first has the thesis' speed changes, the second random missions and manoeuvres. The seeds
-    are those of `training.seeds.seeds` from the first-th on.
+    The seeds are those of `training.seeds.seeds` from the first-th on. `unknown` is the share of
+    the faulty lanes whose fault belongs to no class.
     """
     chosen = seeds(purpose, n_lanes, first)
-    half = n_lanes // 2
-    thesis_seeds = chosen[:half]
-    random_seeds = chosen[half:]
-    fleet = Fleet(half, schedules=schedules)
-    yield roll_out(fleet, thesis_seeds, N_SAMPLES, missions=[MISSIONS["thesis"]] * half)
-    yield roll_out(fleet, random_seeds, N_SAMPLES, manoeuvres(random_seeds[0], N_SAMPLES, half))
+    middle = n_lanes // 2
+    last = 3 * n_lanes // 4
+    parts = {thesis_course: chosen[:middle]}
+    parts |= {random_course: chosen[middle:last], course_with_rests: chosen[last:]}
+    sampler = schedules or ScheduleSampler()
+    for course, lanes in parts.items():
+        n_real = (len(lanes) + 1) // 2
+        yield _rollout(course, lanes[:n_real], 1.0, sampler, unknown)
+        if drawn := lanes[n_real:]:
+            yield _rollout(course, drawn, drawn_realism(drawn[0]), sampler, unknown)
+
+
+def drawn_realism(seed: int) -> float:
+    """A realism from 0 to `LARGEST_REALISM`."""
+    chance, place = np.random.default_rng(seed).uniform(size=2)
+    return 0.0 if chance < IDEAL else LARGEST_REALISM * place
+
+
+def _rollout(
+    course_of: Callable[[range], Course],
+    lanes: range,
+    realism: float,
+    sampler: ScheduleSampler,
+    unknown: float,
+) -> Rollout:
+    """The episodes of these seeds; no fault begins at rest before the mission."""
+    course = course_of(lanes)
+    keys = episode_keys(np.array(lanes, np.uint64), np.zeros(len(lanes), np.uint64))
+    events = later(sampler.sample_events(keys), course.start)
+    random = np.random.default_rng([lanes[0], 1])
+    events, faults = with_unknown_faults(events, unknown, random)
+    fleet = Fleet(len(lanes), realism=realism, more_faults=faults)
+    return roll_out(fleet, lanes, N_SAMPLES, course.actions, events, course.missions)
+
+
+def later(events: Events, delay: np.ndarray) -> Events:
+    """The events of every lane, moved by a delay (n_lanes,) [s]."""
+    profile = events.profile.copy()
+    for name in ("onset", "end"):
+        profile[:, :, SeverityProfile._fields.index(name)] += delay[:, None]
+    return Events(events.fault, profile)
+
+
+def thesis_course(lanes: range) -> Course:
+    """The thesis' speed changes."""
+    return Course([MISSIONS["thesis"]] * len(lanes), None, np.zeros(len(lanes)))
+
+
+def random_course(lanes: range) -> Course:
+    """Random missions, and manoeuvres on half of them."""
+    waves = manoeuvres(lanes[0], N_SAMPLES, len(lanes))
+    return Course(None, waves, np.zeros(len(lanes)))
+
+
+def course_with_rests(lanes: range) -> Course:
+    """Missions as whole ones are: at rest before and after, some with one speed throughout."""
+    n_lanes = len(lanes)
+    random = np.random.default_rng([lanes[0], 2])
+    duration = N_SAMPLES * SAMPLE_TIME
+    is_at_rest = random.uniform(size=(n_lanes, 2)) < AT_REST
+    rests = duration * is_at_rest * random.uniform(*REST, (n_lanes, 2))
+    start, last_rest = rests.T
+    n_legs = np.where(random.uniform(size=n_lanes) < CONSTANT, 1, MissionSampler.n_legs)
+    keys = episode_keys(np.array(lanes, np.uint64), np.zeros(n_lanes, np.uint64))
+    legs, start_speed = MissionSampler().sample_legs(keys)
+    end = duration - last_rest
+    missions = [
+        _with_rests(legs[lane, : n_legs[lane]], start_speed[lane], start[lane], end[lane])
+        for lane in range(n_lanes)
+    ]
+    time = np.arange(N_SAMPLES)[:, None] * SAMPLE_TIME
+    is_moving = (time >= start) & (time < end)
+    waves = manoeuvres(lanes[0], N_SAMPLES, n_lanes) * is_moving[:, :, None]
+    return Course(missions, waves, start)
+
+
+def _with_rests(legs: np.ndarray, start_speed: float, start: float, end: float) -> Mission:
+    """The legs (n_legs, 2), at rest before the start and from the end on [s]."""
+    rest = [(0.0, 0.0)] if start else []
+    moved = [(start + time, speed) for time, speed in legs if start + time < end]
+    return Mission((*rest, *moved, (end, 0.0)), 0.0 if start else start_speed)

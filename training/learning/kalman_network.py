@@ -18,7 +18,7 @@ from diagnosers.kalman_network import (
 from diagnosers.networks.fault_map import MODES_5_2, fault_map, grid, severity
 from diagnosers.networks.feed_forward import FeedForward, random_tensors
 from diagnosers.networks.modes import class_shares, log_softmax
-from training.learning.episodes import training_episodes
+from training.learning.episodes import KINDS, training_episodes
 
 POINTS = 41  # along an axis of the map
 VALIDATION_POINTS = 60  # in common with the others only the corners
@@ -42,8 +42,7 @@ class KalmanNetworkTrainer:
     data = (
         f"trained on {POINTS} x {POINTS} points of the fault map, validated on "
         f"{VALIDATION_POINTS} x {VALIDATION_POINTS} others; calibrated on {LANES} episodes of "
-        "60 s, half with the thesis' stimulus, half with random missions and manoeuvres; default "
-        "faults, band and noise"
+        f"60 s, {KINDS}; default faults, band and noise"
     )
 
     def __init__(self, seed: int) -> None:

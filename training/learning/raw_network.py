@@ -17,7 +17,7 @@ from diagnosers.raw_network import (
     scores,
 )
 from training.learning.adam import AdamTrainer, AdamTraining
-from training.learning.episodes import training_episodes
+from training.learning.episodes import KINDS, training_episodes
 from training.seeds import SPAN
 
 LANES = 1024  # episodes of an epoch
@@ -38,9 +38,8 @@ class RawNetworkTrainer(AdamTrainer):
     epochs = 60
     patience = 15
     data = (
-        f"training: {LANES} episodes of 60 s an epoch, half with the thesis' stimulus, half with "
-        "random missions and manoeuvres, default faults, band and noise, one sample in "
-        f"{STRIDE}; validated likewise; no calibration needed"
+        f"training: {LANES} episodes of 60 s an epoch, {KINDS}; default faults, band and noise, "
+        f"one sample in {STRIDE}; validated likewise; no calibration needed"
     )
 
     def __init__(self, seed: int) -> None:
