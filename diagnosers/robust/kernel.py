@@ -346,8 +346,10 @@ def mark_resting(old, sample, table):
             channel = MOTOR_CHANNEL[subsystem]
             rpm_channel = channel + motor.OF_RPM
             shaft_speed = old.shaft_speed[lane, filters_of(subsystem, table)[0]] * RPM
+            has_rpm = sample.replaced[rpm_channel, lane] or not sample.silent[rpm_channel, lane]
+            reads_zero = has_rpm and sample.zero[rpm_channel, lane]
             # NaN before the first sample
-            stands = sample.zero[rpm_channel, lane] and not shaft_speed > STANDING_RPM
+            stands = reads_zero and not shaft_speed > STANDING_RPM
             for k in range(3):
                 sample.resting[channel + k, lane] = stands or idle
         speed = old.filters[lane, surge.U, surge_filter]

@@ -139,6 +139,15 @@ def test_a_change_of_the_current_is_a_normal_vehicle():
     assert of_others.tolist() == expected
 
 
+def test_a_motor_whose_counter_is_not_logged_does_not_count_as_standing():
+    """A reading that never arrived is no reading of zero."""
+    fault = FaultEvent("motor_overheating:port", 10.0, 0.9)
+    observations = observations_of(4, 40, fault)
+    observations[:, :, [INDEX[f"{side}_rpm"] for side in ("port", "starboard")]] = np.nan
+    belief = log_probability(observations)
+    assert (belief[-1, :, 0] < math.log(0.01)).all()
+
+
 def test_settings_are_checked():
     with pytest.raises(InputError, match="repair"):
         FilterBank(repair=0.9)

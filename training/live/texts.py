@@ -1,6 +1,6 @@
 """Texts of the live page: the belief, the advice and the truth."""
 
-from auv_fault_env.faults import NORMAL, classes
+from auv_fault_env.faults import NORMAL, UNKNOWN, classes
 from auv_fault_env.parameters import PARAMETERS
 from diagnosers.advisory import Advice, Quantiles
 from training.live.history import History
@@ -8,12 +8,15 @@ from training.live.session import Truth
 
 
 def belief_text(history: History) -> str:
-    """Probability of `normal`, the likeliest fault, and its severity."""
+    """Probability of `normal`, the likeliest fault, and its severity if it is a known one."""
     probability = history.probability[-1]
     index = history.likeliest_fault
-    mean, low, high = (values[-1] for values in history.severity(index))
+    name = classes()[index]
     normal = f"p(normal) {percent(probability[0])}"
-    fault = f"likeliest fault {classes()[index]} {percent(probability[index])}"
+    fault = f"likeliest fault {name} {percent(probability[index])}"
+    if name == UNKNOWN:
+        return f"{normal} · {fault}"
+    mean, low, high = (values[-1] for values in history.severity(index))
     return f"{normal} · {fault} · severity {mean:.2f} ({low:.2f}–{high:.2f})"
 
 

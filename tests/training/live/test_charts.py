@@ -8,6 +8,7 @@ from auv_fault_env.faults import NORMAL, classes
 from diagnosers import Belief
 from training.live.charts import CHARTS
 from training.live.history import History, Mark
+from training.live.texts import belief_text
 
 PORT_LOSS = classes().index("propeller_loss:port")
 
@@ -95,6 +96,14 @@ def test_verdict_needs_an_alarm_and_half_of_the_probability(history):
     assert (
         history._replace(belief=history.belief._replace(log_probability=even)).verdict == "unknown"
     )
+
+
+def test_an_unknown_fault_has_no_severity_in_the_text(history):
+    assert belief_text(history).endswith("severity 0.90 (0.70–1.00)")
+    log_probability = history.belief.log_probability.copy()
+    log_probability[:, [PORT_LOSS, -1]] = log_probability[:, [-1, PORT_LOSS]]
+    belief = history.belief._replace(log_probability=log_probability)
+    assert belief_text(history._replace(belief=belief)).endswith("likeliest fault unknown 99.9 %")
 
 
 def test_alarms_begin_and_end(history):

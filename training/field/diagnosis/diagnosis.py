@@ -9,7 +9,7 @@ from tqdm import tqdm
 
 from auv_fault_env.channels import CHANNELS, READINGS
 from auv_fault_env.errors import known_name, refusal
-from auv_fault_env.faults import CATALOGUE, Fault, classes
+from auv_fault_env.faults import CATALOGUE, UNKNOWN, Fault, classes
 from auv_fault_env.parameters import SAMPLE_RATE, SIDES
 from diagnosers import Belief, Diagnoser, make
 from diagnosers.kalman import NOISE_FLOOR
@@ -51,7 +51,7 @@ class Verdict:
     alarms: tuple[tuple[float, float], ...] = ()  # begin and end [s from the log's start]
     fault: str | None = None  # most probable class
     side: str | None = None  # of that class, if it has one
-    severity: float | None = None  # of that class, 0 to 1
+    severity: float | None = None  # of that class, 0 to 1; an unknown one has none
     severity_low: float | None = None  # of the 95 % interval
     severity_high: float | None = None
     top: tuple[tuple[str, float], ...] = ()  # probabilities of the most probable faults
@@ -164,18 +164,23 @@ def verdict(
     if not has_alarm:
         return healthy
     worst = int(order[0])
-    severity = float(belief.severity_mean[last, worst])
-    margin = TWO_SIDED * float(belief.severity_std[last, worst])
-    return replace(
+    one_fault = replace(
         healthy,
         verdict=FAULT,
         alarms=alarm_intervals(log, alarmed),
         fault=names[worst],
         side=side_of(names[worst]),
+        load=excess_loads(log, alarmed, vehicle),
+    )
+    if names[worst] == UNKNOWN:
+        return one_fault
+    severity = float(belief.severity_mean[last, worst])
+    margin = TWO_SIDED * float(belief.severity_std[last, worst])
+    return replace(
+        one_fault,
         severity=severity,
         severity_low=max(severity - margin, 0.0),
         severity_high=min(severity + margin, 1.0),
-        load=excess_loads(log, alarmed, vehicle),
     )
 
 

@@ -5,7 +5,8 @@ import pytest
 
 from auv_fault_env.channels import CHANNELS, READINGS
 from auv_fault_env.errors import InputError
-from auv_fault_env.faults import classes
+from auv_fault_env.faults import UNKNOWN, classes
+from diagnosers import Belief, make
 from training.field.diagnosis.diagnosis import (
     FAULT,
     HEALTHY,
@@ -17,6 +18,7 @@ from training.field.diagnosis.diagnosis import (
     persistence,
     verdict,
 )
+from training.field.diagnosis.page import verdict_row
 from training.field.logs.resolution import resolution
 
 from ..fleet_logs import NAMES, VEHICLE, episode, log_of
@@ -65,7 +67,7 @@ def test_a_healthy_log_is_healthy():
     [
         ("seal_friction:port", "seal_friction:port", "port", 1),
         ("propeller_loss:starboard", "propeller_loss:starboard", "starboard", -1),
-        ("sensor_scale:acceleration", "sensor:acceleration", None, 0),
+        ("sensor_bias:acceleration", "sensor:acceleration", None, 0),
     ],
 )
 def test_a_fault_is_named_with_side_severity_and_sign_of_the_load(fault, name, side, sign):
@@ -125,13 +127,25 @@ def test_the_parameters_of_the_vehicle_file_are_used():
 
 def test_one_shaft_at_one_hertz_without_rpm():
     healthy, faulty = (
-        of_vehicle(episode(fault, n_samples=600), ONE_SHAFT)
+        of_vehicle(episode(fault, severity=0.5, n_samples=600), ONE_SHAFT)
         for fault in (None, "seal_friction:port")
     )
     assert judged(log_of(healthy), ONE_SHAFT).verdict == HEALTHY
     one = judged(log_of(faulty), ONE_SHAFT)
     assert one.verdict == FAULT and one.side == "port" and one.alarm_time > 5.0
     assert one.load["port"] > 0.1 and set(one.load) == {"port"}
+
+
+def test_an_unknown_fault_has_neither_side_nor_severity():
+    log = log_of(episode(n_samples=20))
+    shape = 20, len(classes())
+    belief = Belief(np.full(shape, -9.0), np.full(shape, 0.5), np.full(shape, 0.1))
+    belief.log_probability[:, classes().index(UNKNOWN)] = -0.1
+    alarmed = np.ones(20, bool)
+    one = verdict("log.csv", log, belief, alarmed, VEHICLE)
+    assert (one.verdict, one.fault, one.side) == (FAULT, UNKNOWN, None)
+    assert one.severity is None and one.severity_low is None and one.severity_high is None
+    assert verdict_row(one)[4] == ""
 
 
 def test_faults_of_absent_channels_are_no_hypotheses():
@@ -174,7 +188,8 @@ def test_a_coarse_log_is_no_stuck_sensor(voltage):
             places[CHANNELS[name].unit]
         )
     assert judged(log_of(coarse)).verdict == HEALTHY
-    unaware = diagnoser_for("filter_bank", VEHICLE, {})
+    # so coarse that a bank of an exact model takes repeated values for a stuck sensor
+    unaware = make("gaussian_bank")
     unaware.reset(1)
     deepest = min(unaware.update(row[None]).log_probability[0, 0] for row in coarse)
     assert deepest < THRESHOLD
