@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from auv_fault_env.errors import InputError
-from auv_fault_env.faults import CATALOGUE, Fault
+from auv_fault_env.faults import CATALOGUE, Fault, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.schedules import FaultEvent
 from diagnosers import UNKNOWN, decide, make, storage
@@ -91,8 +91,23 @@ def test_the_architecture_is_that_of_the_network_in_torch():
     } == architecture(SHIPPED_CLASSES)
 
 
+def test_a_network_that_learnt_unknown_says_so_without_a_severity():
+    weights = Network(classes=classes()).tensors()
+    weights["bias"][-1] = 60.0
+    diagnoser = Integrated(weights=weights, trained_classes=classes())
+    diagnoser.reset(2)
+    observation = Fleet(2).reset([1, 2])
+    belief = diagnoser.update(observation)
+    assert decide(belief, diagnoser.classes) == [UNKNOWN] * 2
+    np.testing.assert_allclose(np.exp(belief.log_probability).sum(axis=1), 1.0)
+    for moment in belief[1:]:
+        assert (moment[:, [0, -1]] == 0.0).all()
+        assert (moment[:, 1:-1] > 0.0).all()
+
+
 def test_numpy_recalls_what_torch_does():
-    network = Network()
+    trained = storage.settings_of(PACKAGED).get("trained_classes", SHIPPED_CLASSES)
+    network = Network(classes=trained)
     tensors = storage.read(PACKAGED)[0]
     network.load_state_dict({name: torch.from_numpy(tensor) for name, tensor in tensors.items()})
     recall = NumpyNetwork(tensors)
