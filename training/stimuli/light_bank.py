@@ -1,4 +1,4 @@
-"""A filter bank light enough for the training of a stimulus: one grade, and few sensor faults."""
+"""A Gaussian bank light enough for the training of a stimulus: one grade, and few sensor faults."""
 
 from functools import cache
 

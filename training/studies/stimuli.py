@@ -55,7 +55,7 @@ from training.studies.stimulus_comparisons import (
     rules_from_belief,
 )
 
-# the one with which the agent was trained
+# the one for which the agent was trained, on beliefs of `training.stimuli.light_bank`
 DIAGNOSER = "filter_bank"
 # stimuli that run on faulty vehicles in the closed loop
 ON_FAULTY = ("thesis", "triggered_d_optimal", "triggered_surge", "learned")
