@@ -13,8 +13,8 @@ from auv_fault_env.faults import classes
 from diagnosers import NAMES, UNKNOWN, Belief, Recursive, decide, make
 from diagnosers.diagnoser import IMPOSSIBLE, same_severity, with_impossible_unknown
 
-# diagnosers that measure whether their classes explain the readings
-CAN_KNOW = ("filter_bank",)
+# diagnosers that measure whether their classes explain the readings, or have a part that does
+CAN_KNOW = ("filter_bank", "integrated")
 
 
 @dataclass(frozen=True)

@@ -54,8 +54,8 @@ class StimulusTrainer:
     Every epoch begins new episodes, whose seeds depend on (seed, epoch) alone, so that an
     interrupted training continues bit for bit. The price of the constraint replaces the
     environment's own price of speed. The light Gaussian bank (`training.stimuli.light_bank`) stands
-    for the filter bank. The budget limits the root mean square of the offsets [m/s]; `steps` are decisions,
-    rounded up to whole epochs.
+    for the filter bank. The budget limits the root mean square of the offsets [m/s]; `steps` are
+    decisions, rounded up to whole epochs.
     """
 
     @property

@@ -12,7 +12,7 @@ IS_MISSING = np.array([name not in light_classes() for name in classes()])
 
 def test_it_has_the_classes_of_all_and_the_filters_of_few():
     bank = light_bank()
-    whole = make("filter_bank")
+    whole = make("gaussian_bank")
     assert bank.classes == whole.classes
     filters = [one.hypotheses().hypothesis.size for one in (bank, whole)]
     assert filters[0] < filters[1] / 8
@@ -29,7 +29,7 @@ def test_a_class_without_a_hypothesis_is_impossible_and_the_others_share_all():
 
 
 def test_missing_classes_are_dropped_and_the_rest_stays():
-    belief = bank_after(make("filter_bank"), FaultEvent("sensor_bias:port_current", 1.0, 1.0), 40)
+    belief = bank_after(make("gaussian_bank"), FaultEvent("sensor_bias:port_current", 1.0, 1.0), 40)
     restricted = restrict_belief(belief)
     assert (restricted.log_probability[:, IS_MISSING] < -1e5).all()
     np.testing.assert_array_equal(
@@ -38,7 +38,7 @@ def test_missing_classes_are_dropped_and_the_rest_stays():
 
 
 def test_it_names_a_lost_propeller_as_the_whole_bank_does():
-    for bank in (light_bank(), make("filter_bank")):
+    for bank in (light_bank(), make("gaussian_bank")):
         belief = bank_after(bank, FaultEvent("propeller_loss:port", 2.0, 1.0), 100)
         assert (
             belief.log_probability.argmax(axis=1) == list(classes()).index("propeller_loss:port")
