@@ -10,9 +10,9 @@ from auv_fault_env.compiling import inlined, kernel, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import RPM
 from diagnosers.bank import algebra, motor, surge
-from diagnosers.bank.algebra import N_MOMENTS, SEVERITY, SEVERITY_VARIANCE
-from diagnosers.bank.hypotheses import N_PARAMETER_ROWS, PORT, STARBOARD, SURGE
-from diagnosers.bank.pack import broadcast, columns_of, filters_of
+from diagnosers.bank.algebra import SEVERITY, SEVERITY_VARIANCE
+from diagnosers.bank.hypotheses import PORT, STARBOARD, SURGE
+from diagnosers.bank.pack import columns_of, filters_of, gather, scatter
 from diagnosers.bank.sensors import N_READINGS, fill_sample
 from diagnosers.diagnoser import IMPOSSIBLE
 
@@ -80,43 +80,6 @@ def switch_hypotheses(old, new, table, walk, switch_probability):
         variance = stayed + probability * switched
         new.severity[VARIANCE, h] = algebra.variance_after_walk(variance, prior_variance, walk)
         switch_probability[h] = probability
-
-
-@inlined
-def gather(subsystem, old, table, work):
-    """Fill the columns of a subsystem from the lanes' filters and healthy vehicles."""
-    n_lanes = np.uint64(old.age.size)
-    first, last = filters_of(subsystem, table)
-    columns = columns_of(subsystem, table, n_lanes)
-    for i in range(N_MOMENTS):
-        for lane in range(n_lanes):
-            for f in range(first, last):
-                c = f * n_lanes + lane
-                work.filters[i, c] = old.filters[lane, i, f]
-    normal = old.filters[:, :, first]
-    for i in range(SEVERITY):
-        broadcast(normal[:, i], columns, work.normal[i])
-        for j in range(i + 1):
-            row = algebra.covariance_row(i, j)
-            broadcast(normal[:, row], columns, work.normal[row])
-    for r in range(N_PARAMETER_ROWS):
-        parameter = table.parameter[subsystem, r]
-        broadcast(old.healthy[:, parameter], columns, work.healthy[r])
-
-
-@inlined
-def scatter(new, work):
-    """Fill the lanes' filters and shaft speeds from all columns; 0 is that of surge filters."""
-    n_lanes = np.uint64(new.age.size)
-    n_filters = np.uint64(new.shaft_speed.shape[1])
-    for lane in range(n_lanes):
-        for f in range(n_filters):
-            c = f * n_lanes + lane
-            new.shaft_speed[lane, f] = work.shaft_speed[c]
-        for i in range(N_MOMENTS):
-            for f in range(n_filters):
-                c = f * n_lanes + lane
-                new.filters[lane, i, f] = work.filters[i, c]
 
 
 @inlined

@@ -7,7 +7,9 @@ columns of a subsystem are a range.
 import math
 import threading
 from collections import namedtuple
+from collections.abc import Callable, Mapping, Sequence
 from itertools import accumulate
+from typing import NamedTuple
 
 import numpy as np
 
@@ -62,37 +64,51 @@ EFFECTS = (
     "slope",
     "offset",
 )  # of the severity on the parameters: tables of the hypotheses
-LAST_ROWS = list(accumulate(N_ROWS.values()))
-N_ALL_ROWS = LAST_ROWS[-1] + len(SINGLE_ROWS)
-
 # memory of one step of a pack; nothing in it outlives the step
 Work = namedtuple("Work", (*N_ROWS, *SINGLE_ROWS, *EFFECTS, "switch_probability"))
 _of_thread = threading.local()
 
 
 def workspace(table: HypothesisTable, n_lanes: int) -> Work:
-    """Memory for a pack, the thread's own; allocated anew only for another table or size."""
-    key, work = getattr(_of_thread, "workspace", (None, None))
-    if key is None or key[0] is not table.slope or key[1] != n_lanes:
-        work = new_workspace(table, n_lanes)
-        _of_thread.workspace = (table.slope, n_lanes), work
+    """Memory for a pack, the thread's own."""
+    return kept_workspace(new_workspace, table, n_lanes)
+
+
+def kept_workspace(
+    make: Callable[[NamedTuple, int], NamedTuple], table: NamedTuple, n_lanes: int
+) -> NamedTuple:
+    """What ``make(table, n_lanes)`` gave in this thread; made anew for another table or size."""
+    kept = _of_thread.__dict__.setdefault("workspaces", {})
+    slope, size, work = kept.get(make, (None, 0, None))
+    if slope is not table.slope or size != n_lanes:
+        work = make(table, n_lanes)
+        kept[make] = table.slope, n_lanes, work
     return work
 
 
 def new_workspace(table: HypothesisTable, n_lanes: int) -> Work:
     """Memory for a pack: the table's effects of severity, all else zero."""
-    memory = np.zeros((N_ALL_ROWS, table.hypothesis.size * n_lanes))
-    rows = {
-        name: memory[last - n_rows : last]
-        for (name, n_rows), last in zip(N_ROWS.items(), LAST_ROWS, strict=True)
-    }
-    rows |= {name: memory[row] for row, name in enumerate(SINGLE_ROWS, LAST_ROWS[-1])}
-    effects = {name: np.repeat(getattr(table, name), n_lanes, axis=1) for name in EFFECTS}
     return Work(
-        **rows,
-        **effects,
+        **new_rows(N_ROWS, SINGLE_ROWS, table.hypothesis.size * n_lanes),
+        **repeated_effects(table, n_lanes),
         switch_probability=np.zeros((n_lanes, table.log_hazard.size)),
     )
+
+
+def new_rows(
+    n_rows: Mapping[str, int], single_rows: Sequence[str], n_columns: int
+) -> dict[str, np.ndarray]:
+    """Tables (n_rows, n_columns) and single rows (n_columns,) by name, zeros side by side."""
+    last_rows = list(accumulate(n_rows.values()))
+    memory = np.zeros((last_rows[-1] + len(single_rows), n_columns))
+    tables = zip(n_rows.items(), last_rows, strict=True)
+    rows = {name: memory[last - n : last] for (name, n), last in tables}
+    return rows | {name: memory[row] for row, name in enumerate(single_rows, last_rows[-1])}
+
+
+def repeated_effects(table: NamedTuple, n_lanes: int) -> dict[str, np.ndarray]:
+    """The tables `EFFECTS` of the hypotheses, (n_rows, n_columns)."""
+    return {name: np.repeat(getattr(table, name), n_lanes, axis=1) for name in EFFECTS}
 
 
 def pack_size(n_lanes: int, n_filters: int) -> int:
@@ -125,3 +141,35 @@ def broadcast(of_lane, columns, out):
         for f in range(n_filters):
             c = first + f * n_lanes + lane
             out[c] = of_lane[lane]
+
+
+@inlined
+def gather(subsystem, old, table, work):
+    """Fill the columns of a subsystem from the lanes' filters and healthy vehicles."""
+    n_lanes = np.uint64(old.age.size)
+    first, last = filters_of(subsystem, table)
+    columns = columns_of(subsystem, table, n_lanes)
+    for i in range(old.filters.shape[1]):
+        for lane in range(n_lanes):
+            for f in range(first, last):
+                c = f * n_lanes + lane
+                work.filters[i, c] = old.filters[lane, i, f]
+        broadcast(old.filters[:, i, first], columns, work.normal[i])
+    for r in range(N_PARAMETER_ROWS):
+        parameter = table.parameter[subsystem, r]
+        broadcast(old.healthy[:, parameter], columns, work.healthy[r])
+
+
+@inlined
+def scatter(new, work):
+    """Fill the lanes' filters and shaft speeds from all columns; 0 is that of surge filters."""
+    n_lanes = np.uint64(new.age.size)
+    n_filters = np.uint64(new.shaft_speed.shape[1])
+    for lane in range(n_lanes):
+        for f in range(n_filters):
+            c = f * n_lanes + lane
+            new.shaft_speed[lane, f] = work.shaft_speed[c]
+        for i in range(new.filters.shape[1]):
+            for f in range(n_filters):
+                c = f * n_lanes + lane
+                new.filters[lane, i, f] = work.filters[i, c]

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from auv_fault_env.compiling import inlined, scalar
 from auv_fault_env.noise import logarithm
+from diagnosers.bank.algebra import LOG_TWO_PI, MAX_DEVIATION, MIN_VARIANCE, variance_after_walk
 
 N_STATES = 7
 SEVERITY = N_STATES - 1
@@ -19,10 +20,7 @@ SEVERITY_VARIANCE = N_STATES + SEVERITY * (SEVERITY + 3) // 2  # row of a table 
 N_MOMENTS = SEVERITY_VARIANCE + 1
 # An innovation of more standard deviations counts as one of eight: no single sample decides.
 MAX_SQUARED_INNOVATION = 64.0
-MAX_DEVIATION = 0.9  # from the nominal vehicle, relative; healthy vehicles are within 0.1
 MIN_MIXING = 1e-4  # probability below which a filter is not mixed into another
-MIN_VARIANCE = 1e-12  # of a severity; below, it is certain
-LOG_TWO_PI = math.log(2.0 * math.pi)
 
 
 class Tails(NamedTuple):
@@ -42,13 +40,6 @@ def covariance_row(i, j):
     high = max(i, j)
     low = min(i, j)
     return N_STATES + high * (high + 1) // 2 + low
-
-
-@scalar
-def variance_after_walk(variance, prior, walk):
-    """Variance after a sample of a random walk, which slows down near the prior's variance."""
-    step = walk * max(0.0, 1.0 - variance / max(prior, MIN_VARIANCE))
-    return variance + step if variance > 0.0 else 0.0
 
 
 @inlined

@@ -8,7 +8,7 @@ import numpy as np
 from auv_fault_env.channels import READINGS
 from auv_fault_env.compiling import inlined, kernel, scalar
 from auv_fault_env.physics import RPM
-from diagnosers.bank.hypotheses import N_PARAMETER_ROWS, PORT, STARBOARD, SURGE
+from diagnosers.bank.hypotheses import PORT, STARBOARD, SURGE
 from diagnosers.bank.kernel import (
     LEAST,
     MEAN,
@@ -20,11 +20,11 @@ from diagnosers.bank.kernel import (
     log_sum,
     update_posterior,
 )
-from diagnosers.bank.pack import broadcast, columns_of, filters_of
+from diagnosers.bank.pack import columns_of, filters_of, gather, scatter
 from diagnosers.bank.sensors import N_READINGS
 from diagnosers.kalman import START_SPEED_STD
 from diagnosers.robust import algebra, motor, surge
-from diagnosers.robust.algebra import N_MOMENTS, SEVERITY, SEVERITY_VARIANCE
+from diagnosers.robust.algebra import SEVERITY, SEVERITY_VARIANCE
 from diagnosers.robust.sensors import fill_sample
 
 # below these a counter may read exactly zero: rpm of a shaft, m/s of a paddle wheel
@@ -102,43 +102,6 @@ def forget_evidence(log_posterior, table):
     for h in range(1, log_posterior.size):
         excess = log_posterior[h] - log_normal - table.log_odds[h]
         log_posterior[h] -= table.forgetting * max(excess, 0.0)
-
-
-@inlined
-def gather(subsystem, old, table, work):
-    """Fill the columns of a subsystem from the lanes' filters and healthy vehicles."""
-    n_lanes = np.uint64(old.age.size)
-    first, last = filters_of(subsystem, table)
-    columns = columns_of(subsystem, table, n_lanes)
-    for i in range(N_MOMENTS):
-        for lane in range(n_lanes):
-            for f in range(first, last):
-                c = f * n_lanes + lane
-                work.filters[i, c] = old.filters[lane, i, f]
-    normal = old.filters[:, :, first]
-    for i in range(SEVERITY):
-        broadcast(normal[:, i], columns, work.normal[i])
-        for j in range(i + 1):
-            row = algebra.covariance_row(i, j)
-            broadcast(normal[:, row], columns, work.normal[row])
-    for r in range(N_PARAMETER_ROWS):
-        parameter = table.parameter[subsystem, r]
-        broadcast(old.healthy[:, parameter], columns, work.healthy[r])
-
-
-@inlined
-def scatter(new, work):
-    """Fill the lanes' filters and shaft speeds from all columns; 0 is that of surge filters."""
-    n_lanes = np.uint64(new.age.size)
-    n_filters = np.uint64(new.shaft_speed.shape[1])
-    for lane in range(n_lanes):
-        for f in range(n_filters):
-            c = f * n_lanes + lane
-            new.shaft_speed[lane, f] = work.shaft_speed[c]
-        for i in range(N_MOMENTS):
-            for f in range(n_filters):
-                c = f * n_lanes + lane
-                new.filters[lane, i, f] = work.filters[i, c]
 
 
 @inlined

@@ -1,12 +1,11 @@
 """The memory in which the filter bank's kernel works on a pack of lanes, see `bank.pack`."""
 
-import threading
 from collections import namedtuple
-from itertools import accumulate
 
 import numpy as np
 
 from diagnosers.bank.hypotheses import N_PARAMETER_ROWS
+from diagnosers.bank.pack import EFFECTS, kept_workspace, new_rows, repeated_effects
 from diagnosers.robust.algebra import N_MOMENTS, N_STATES
 from diagnosers.robust.hypotheses import HypothesisTable
 
@@ -55,36 +54,22 @@ SINGLE_ROWS = (
     "shaft_speed_slope",
     "shaft_speed_noise",
 )
-EFFECTS = ("slope", "offset")  # of the severity on the parameters: tables of the hypotheses
 CHANGES = ("spread", "water")  # of the states, when a hypothesis begins and while it lasts
-LAST_ROWS = list(accumulate(N_ROWS.values()))
-N_ALL_ROWS = LAST_ROWS[-1] + len(SINGLE_ROWS)
-
-# memory of one step of a pack; nothing in it outlives the step
 PROBABILITIES = ("switch_probability", "return_probability")  # (n_lanes, n_hypotheses)
 Work = namedtuple("Work", (*N_ROWS, *SINGLE_ROWS, *EFFECTS, *CHANGES, *PROBABILITIES))
-_of_thread = threading.local()
 
 
 def workspace(table: HypothesisTable, n_lanes: int) -> Work:
-    """Memory for a pack, the thread's own; allocated anew only for another table or size."""
-    key, work = getattr(_of_thread, "workspace", (None, None))
-    if key is None or key[0] is not table.slope or key[1] != n_lanes:
-        work = new_workspace(table, n_lanes)
-        _of_thread.workspace = (table.slope, n_lanes), work
-    return work
+    """Memory for a pack, the thread's own."""
+    return kept_workspace(new_workspace, table, n_lanes)
 
 
 def new_workspace(table: HypothesisTable, n_lanes: int) -> Work:
     """Memory for a pack: the table's effects of severity, all else zero."""
-    memory = np.zeros((N_ALL_ROWS, table.hypothesis.size * n_lanes))
-    rows = {
-        name: memory[last - n_rows : last]
-        for (name, n_rows), last in zip(N_ROWS.items(), LAST_ROWS, strict=True)
-    }
-    rows |= {name: memory[row] for row, name in enumerate(SINGLE_ROWS, LAST_ROWS[-1])}
-    effects = {name: np.repeat(getattr(table, name), n_lanes, axis=1) for name in EFFECTS}
-    changes = {name: np.repeat(getattr(table, name), n_lanes) for name in CHANGES}
     shape = n_lanes, table.log_hazard.size
-    probabilities = {name: np.zeros(shape) for name in PROBABILITIES}
-    return Work(**rows, **effects, **changes, **probabilities)
+    return Work(
+        **new_rows(N_ROWS, SINGLE_ROWS, table.hypothesis.size * n_lanes),
+        **repeated_effects(table, n_lanes),
+        **{name: np.repeat(getattr(table, name), n_lanes) for name in CHANGES},
+        **{name: np.zeros(shape) for name in PROBABILITIES},
+    )
