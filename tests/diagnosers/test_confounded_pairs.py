@@ -80,11 +80,22 @@ def shares(diagnoser: str, pair: Pair) -> np.ndarray:
 
 
 @pytest.mark.parametrize("pair", PAIRS.values(), ids=PAIRS.keys())
-@pytest.mark.parametrize("diagnoser", ["filter_bank", "integrated"])
-def test_a_change_of_speed_separates_what_looks_alike(diagnoser, pair):
-    share = shares(diagnoser, pair)
-    where_true, where_not = share[CHANGE - SETTLED - 1]
+@pytest.mark.parametrize("diagnoser", ["filter_bank", "gaussian_bank", "integrated"])
+def test_a_belief_does_not_say_which_of_two_that_look_alike(diagnoser, pair):
+    where_true, where_not = shares(diagnoser, pair)[CHANGE - SETTLED - 1]
     # 0 if the belief does not depend on which of both is true, 1 if it is right
     assert where_true - where_not < 0.35
-    where_true, where_not = share[-1]
+
+
+@pytest.mark.parametrize(
+    ("diagnoser", "pair"),
+    [
+        *(("gaussian_bank", name) for name in PAIRS),
+        *(("integrated", name) for name in PAIRS),
+        # not the others within 10 s: it allows for errors of paddle wheel and current sensor
+        ("filter_bank", "drag, thrust"),
+    ],
+)
+def test_a_change_of_speed_separates_what_looks_alike(diagnoser, pair):
+    where_true, where_not = shares(diagnoser, PAIRS[pair])[-1]
     assert where_true > 0.85 and where_not < 0.15
