@@ -22,7 +22,6 @@ from diagnosers.bank.hypotheses import (
     PORT,
     STARBOARD,
     SURGE,
-    of_sensors,
     parameter_indices,
     touched,
 )
@@ -59,9 +58,7 @@ class HypothesisTable(NamedTuple):
     """The hypotheses for the kernel; the first, and each subsystem's first filter, is normal.
 
     `first_filter` holds the first filter of each subsystem and the number of all. Severity 1 adds
-    `slope`, a share of the healthy value, and `offset` to a parameter. `estimates_speed`: whether
-    a motor's filter takes the surge speed from the surge filter of its hypothesis, because the
-    paddle wheel is faulty.
+    `slope`, a share of the healthy value, and `offset` to a parameter.
     """
 
     log_hazard: np.ndarray  # (n_hypotheses,), log probability per sample that it begins
@@ -77,7 +74,6 @@ class HypothesisTable(NamedTuple):
     parameter: np.ndarray  # (3, N_PARAMETER_ROWS), index in `PARAMETERS` of each row
     slope: np.ndarray  # (N_PARAMETER_ROWS, n_filters)
     offset: np.ndarray  # (N_PARAMETER_ROWS, n_filters)
-    estimates_speed: np.ndarray  # (n_filters,)
     spread: np.ndarray  # (n_filters,), see `Other`
     water: np.ndarray  # (n_filters,), variance by `Other.water` [m^2/s^2]
 
@@ -146,7 +142,6 @@ def hypothesis_table(
         parameter=parameter,
         slope=np.concatenate([part.slope for part in parts]).T.copy(),
         offset=np.concatenate([part.offset for part in parts]).T.copy(),
-        estimates_speed=np.concatenate([part.estimates_speed for part in parts]),
         spread=np.concatenate([part.spread for part in parts]),
         water=np.concatenate([part.water for part in parts]),
     )
@@ -170,7 +165,6 @@ class _Filters(NamedTuple):
     hypothesis: np.ndarray
     slope: np.ndarray
     offset: np.ndarray
-    estimates_speed: np.ndarray
     spread: np.ndarray
     water: np.ndarray
 
@@ -181,14 +175,12 @@ def _filters(
     """The filters of the hypotheses whose fault, or other change, touches the subsystem."""
     names = OWN_PARAMETERS[subsystem]
     is_touched = touched(faults, names + INPUT_PARAMETERS[subsystem])
-    speed_fault = touched(faults, of_sensors("speed"))
     order = list(CATALOGUE)
     effects = matrices()
     columns = parameter_indices(names)
     hypothesis = [0]
     slopes = [np.zeros(N_PARAMETER_ROWS)]
     offsets = [np.zeros(N_PARAMETER_ROWS)]
-    estimates_speed = [False]
     for h, k in enumerate(fault, 1):
         if is_touched[k]:
             row = order.index(faults[k])
@@ -199,7 +191,6 @@ def _filters(
             hypothesis.append(h)
             slopes.append(slope)
             offsets.append(offset)
-            estimates_speed.append(speed_fault[k])
     n_of_faults = len(hypothesis)
     of_others = [h for h, other in enumerate(others) if subsystem in other.subsystems]
     hypothesis += [1 + len(fault) + h for h in of_others]
@@ -212,7 +203,6 @@ def _filters(
         hypothesis=np.array(hypothesis),
         slope=np.concatenate([slopes, without_effect]),
         offset=np.concatenate([offsets, without_effect]),
-        estimates_speed=np.array(estimates_speed + [False] * len(of_others)),
         spread=spread,
         water=water,
     )

@@ -29,7 +29,6 @@ from diagnosers.robust.sensors import fill_sample
 
 # below these a counter may read exactly zero: rpm of a shaft, m/s of a paddle wheel
 STANDING_RPM = 30.0
-STANDING_SPEED = 0.06
 ACCELERATION_CHANNEL = READINGS.index("acceleration")
 MOTOR_DEVIATIONS = tuple(range(motor.FIRST_DEVIATION, motor.ZERO))
 SURGE_DEVIATIONS = (surge.DRAG, surge.THRUST_DEVIATION)
@@ -218,10 +217,10 @@ def update_motor(subsystem, old, new, sample, table, constants, work):
             if math.isnan(before):
                 before = sample.reading[rpm_channel, lane] / RPM
             work.shaft_speed_before[c] = max(before, 0.0)
-            if table.estimates_speed[f] or sample.silent[SPEED_CHANNEL, lane]:
-                surge_filter = table.filter[SURGE, table.hypothesis[f]]
-                work.surge_speed[c] = old.filters[lane, surge.U, surge_filter]
-            else:
+            surge_filter = table.filter[SURGE, table.hypothesis[f]]
+            work.surge_speed[c] = old.filters[lane, surge.U, surge_filter]
+            # the filters do not know the speed yet
+            if old.age[lane] == 0.0 and not sample.silent[SPEED_CHANNEL, lane]:
                 work.surge_speed[c] = sample.reading[SPEED_CHANNEL, lane]
     column_of_walk = WALK_OF_VOLTAGE[subsystem]
     motor.update(columns, sample, channel, old.walk[:, column_of_walk], constants, work)
@@ -316,8 +315,9 @@ def mark_resting(old, sample, table):
             for k in range(3):
                 sample.resting[channel + k, lane] = stands or idle
         speed = old.filters[lane, surge.U, surge_filter]
-        stands = sample.zero[SPEED_CHANNEL, lane] and speed < STANDING_SPEED
-        sample.resting[SPEED_CHANNEL, lane] = stands or idle
+        slow = speed < surge.STANDING
+        stands = sample.zero[SPEED_CHANNEL, lane] and slow
+        sample.resting[SPEED_CHANNEL, lane] = slow or idle
         zero = sample.zero[ACCELERATION_CHANNEL, lane]
         sample.resting[ACCELERATION_CHANNEL, lane] = (stands and zero) or idle
         sample.idle[lane] = idle

@@ -5,6 +5,8 @@ zero offset and the vehicle's attitude, and the slow error of the paddle wheel. 
 `diagnosers.bank.surge`.
 """
 
+import numpy as np
+
 from auv_fault_env.compiling import inlined
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers.bank.algebra import Measurement
@@ -47,6 +49,9 @@ TILT = THRUST_DEVIATION + 1
 PADDLE = TILT + 1
 WALK_OF_TILT = 0  # column of `BankState.walk`
 HALF_SAMPLE = 0.5 * SAMPLE_TIME
+# m/s, below which the paddle wheel may stand, and what it may then miss
+STANDING = 0.1
+STANDING_STD = 0.03
 
 
 @inlined
@@ -153,9 +158,33 @@ def condition_on_speed(columns, tails, work):
         gradient[SEVERITY, c] = gain_slope + by_severity[SPEED + BIAS, c]
         unbiased = work.readings[SPEED_CHANNEL, c] - gain * x[U, c] - x[PADDLE, c]
         work.innovation[0, c] = unbiased - parameters[SPEED + BIAS, c]
-        noise = parameters[SPEED + NOISE, c] ** 2
+        standing = min(max(1.0 - x[U, c] / STANDING, 0.0), 1.0)
+        noise = parameters[SPEED + NOISE, c] ** 2 + (standing * STANDING_STD) ** 2
         work.variance[0, c] = noise + work.rounding[SPEED_CHANNEL, c]
     condition(columns, _measurement(work), tails, work)
+
+
+@inlined
+def hold_at_rest(columns, sample, available, work):
+    """Let a paddle wheel that stands hold the speed near zero; keep the evidence from before."""
+    first, last = columns
+    n_lanes = np.uint64(sample.idle.size)
+    for lane in range(n_lanes):
+        if sample.resting[SPEED_CHANNEL, lane] and not sample.idle[lane]:
+            for c in range(first + lane, last, n_lanes):
+                available[c] = 1.0
+                work.added[c] = work.evidence[c]
+
+
+@inlined
+def restore_evidence(columns, sample, work):
+    """Forget the evidence of a paddle wheel that stands."""
+    first, last = columns
+    n_lanes = np.uint64(sample.idle.size)
+    for lane in range(n_lanes):
+        if sample.resting[SPEED_CHANNEL, lane] and not sample.idle[lane]:
+            for c in range(first + lane, last, n_lanes):
+                work.evidence[c] = work.added[c]
 
 
 @inlined
@@ -228,7 +257,9 @@ def update(columns, sample, walk, constants, work):
     condition_on_availability(
         work.parameters, columns, SPEED, sample, SPEED_CHANNEL, available, evidence
     )
+    hold_at_rest(columns, sample, available, work)
     condition_on_speed(columns, constants.tails, work)
+    restore_evidence(columns, sample, work)
     condition_on_availability(
         work.parameters,
         columns,
