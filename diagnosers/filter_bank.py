@@ -36,7 +36,9 @@ LARGEST_TILT_WALK = 0.05  # m/s^2
 START_VOLTAGE_WALK = 8e-4
 LEAST_VOLTAGE_WALK = 2e-5
 LARGEST_VOLTAGE_WALK = 1e-2
-ADAPTATION = 0.02  # share by which these walks move per sample to what is seen
+# share by which these walks move per sample to what is seen
+TILT_ADAPTATION = 0.02
+VOLTAGE_ADAPTATION = 0.1  # within a second: a ramp of the voltage begins at any sample
 STD_OF_UNIFORM = 1.0 / math.sqrt(3.0)  # of a uniform distribution, per half-width
 
 
@@ -120,8 +122,8 @@ class FilterBank(Bank):
         voltage = vehicle_of(self.vehicle).maximum_voltage
         least = LEAST_VOLTAGE_WALK * voltage
         largest = LARGEST_VOLTAGE_WALK * voltage
-        of_tilt = (ADAPTATION, LEAST_TILT_WALK**2, LARGEST_TILT_WALK**2)
-        of_voltage = (ADAPTATION, least**2, largest**2)
+        of_tilt = (TILT_ADAPTATION, LEAST_TILT_WALK**2, LARGEST_TILT_WALK**2)
+        of_voltage = (VOLTAGE_ADAPTATION, least**2, largest**2)
         return np.array([of_tilt, of_voltage, of_voltage])
 
     def _healthy_variance(self, subsystem: int) -> np.ndarray:

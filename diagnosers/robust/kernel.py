@@ -297,7 +297,7 @@ def lanes_of(state, lanes):
 
 @inlined
 def mark_resting(old, sample, table):
-    """Mark the readings of motors that stand, and zeros of a vehicle that does: no evidence.
+    """Mark the readings of motors that stand, and of a vehicle that may: no evidence.
 
     Neither are readings that are all exactly zero, whatever the vehicle did before.
     """

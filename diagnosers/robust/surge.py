@@ -166,23 +166,24 @@ def condition_on_speed(columns, tails, work):
 
 @inlined
 def hold_at_rest(columns, sample, available, work):
-    """Let a paddle wheel that stands hold the speed near zero; keep the evidence from before."""
+    """Let a paddle wheel that may stand hold the speed low; keep the evidence from before."""
     first, last = columns
     n_lanes = np.uint64(sample.idle.size)
     for lane in range(n_lanes):
-        if sample.resting[SPEED_CHANNEL, lane] and not sample.idle[lane]:
-            for c in range(first + lane, last, n_lanes):
-                available[c] = 1.0
-                work.added[c] = work.evidence[c]
+        for c in range(first + lane, last, n_lanes):
+            work.added[c] = work.evidence[c]
+        arrived = not (sample.silent[SPEED_CHANNEL, lane] or sample.idle[lane])
+        if sample.resting[SPEED_CHANNEL, lane] and arrived:
+            available[first + lane : last : n_lanes] = 1.0
 
 
 @inlined
 def restore_evidence(columns, sample, work):
-    """Forget the evidence of a paddle wheel that stands."""
+    """Forget the evidence of a paddle wheel that may stand."""
     first, last = columns
     n_lanes = np.uint64(sample.idle.size)
     for lane in range(n_lanes):
-        if sample.resting[SPEED_CHANNEL, lane] and not sample.idle[lane]:
+        if sample.resting[SPEED_CHANNEL, lane]:
             for c in range(first + lane, last, n_lanes):
                 work.evidence[c] = work.added[c]
 

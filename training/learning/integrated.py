@@ -36,8 +36,8 @@ class IntegratedTrainer:
     to zero as a cosine over all epochs.
     """
 
-    epochs = 20
-    patience = 20
+    epochs = 16
+    patience = 16
     data = (
         f"training: {SETS * LANES} episodes of 60 s an epoch, half of them mirrored, {KINDS}; "
         "single, compound, incipient, intermittent, repaired and unknown faults, healthy vehicles, "
