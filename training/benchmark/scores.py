@@ -402,7 +402,7 @@ METRICS = (
         "log_loss",
         lambda score: finite(metrics.log_loss(score.ranked.log_probability, score.ranked.truth)),
         "mean of -log p(true class) of beliefs at random instants [nat]; null for infinite",
-        "A few confident errors decide it.",
+        "A few confident errors decide it; a single truth held impossible makes it infinite.",
         csv=("log_loss",),
         columns=(Column("log loss [nat]", lambda score: number(score["log_loss"], 2)),),
     ),

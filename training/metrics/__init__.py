@@ -14,6 +14,7 @@ from scipy.stats import norm
 
 from auv_fault_env.errors import finite_in_range, refusal, whole_number
 from auv_fault_env.parameters import SAMPLE_TIME
+from diagnosers.diagnoser import IMPOSSIBLE
 
 NORMAL = 0
 ROUNDING = 1e-9  # s: 61 samples of 0.1 s are a little more than 6.1 s
@@ -306,4 +307,6 @@ def log_loss(log_probability: np.ndarray, label: np.ndarray) -> float:
     A few confident errors decide it: read it beside `brier`.
     """
     of_truth = np.take_along_axis(log_probability, label[:, None], axis=1)
+    if (of_truth <= IMPOSSIBLE).any():
+        return math.inf
     return float(-of_truth.mean())

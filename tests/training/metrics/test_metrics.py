@@ -3,7 +3,9 @@ import math
 import numpy as np
 import pytest
 
+from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import InputError
+from diagnosers import make
 from training import metrics
 from training.metrics import Times, intervals
 
@@ -215,6 +217,20 @@ def test_brier_and_log_loss_by_hand():
     )
     with np.errstate(divide="ignore"):
         assert metrics.log_loss(np.log([[1.0, 0.0]]), np.array([1])) == math.inf
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32])
+def test_log_loss_is_infinite_where_an_unknown_fault_was_held_impossible(kind):
+    null = make("null")
+    null.reset(2)
+    belief = null.update(np.zeros((2, len(CHANNELS))))
+    log_probability = belief.log_probability.astype(kind).astype(np.float64)
+    normal = 0
+    unknown = null.classes.index("unknown")
+    # null: one of five is healthy
+    found = metrics.log_loss(log_probability, np.array([normal, normal]))
+    assert found == pytest.approx(math.log(5.0))
+    assert metrics.log_loss(log_probability, np.array([normal, unknown])) == math.inf
 
 
 def test_paired_interval_sees_what_the_lanes_share():
