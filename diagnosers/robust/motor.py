@@ -131,6 +131,31 @@ def condition_on_voltage(columns, sample, channel, tails, work):
     end_zero(columns, sample, channel, work)
 
 
+@inlined
+def imply_voltage(columns, sample, channel, maximum_voltage, work):
+    """Set a voltage that does not arrive to what current and shaft speed imply, about.
+
+    It may have jumped by any amount. Both readings then condition it like others.
+    """
+    first, last = columns
+    n_lanes = np.uint64(sample.deflection.size)
+    x = work.filters
+    parameters = work.parameters
+    for lane in range(n_lanes):
+        is_read = not sample.silent[channel + OF_VOLTAGE, lane]
+        if is_read or sample.resting[channel, lane]:
+            continue
+        for c in range(first + lane, last, n_lanes):
+            if work.available[OF_CURRENT, c] * work.available[OF_RPM, c] > 0.0:
+                current = truth_of(parameters, CURRENT, c, work.readings[OF_CURRENT, c])
+                shaft_speed = truth_of(parameters, SPEED, c, work.readings[OF_RPM, c]) / RPM
+                by_current = parameters[RESISTANCE, c] * (current - x[ZERO, c])
+                x[VOLTS, c] = by_current + parameters[TORQUE_CONSTANT, c] * shaft_speed
+                for i in range(N_STATES):
+                    x[covariance_row(VOLTS, i), c] = 0.0
+                x[covariance_row(VOLTS, VOLTS), c] = (UNREAD_WALK * maximum_voltage) ** 2
+
+
 @scalar
 def predict_readings(parameters, c, voltage, water, work):
     """Shaft speed [rad/s], and the readings of rpm and current, at a true voltage [V]."""
@@ -310,6 +335,31 @@ def keep_weight(columns, work):
 
 
 @inlined
+def keep_evidence(columns, work):
+    """Keep the evidence from before a reading."""
+    first, last = columns
+    for c in range(first, last):
+        work.added[c] = work.evidence[c]
+
+
+@inlined
+def restore_evidence(columns, sample, channel, fastest, work):
+    """Forget the evidence of a reading that alone determines a voltage which is not read.
+
+    Its density would prefer filters of a low gain, which spread the unknown voltage over fewer
+    readings. That is the shaft speed's, and the current's where a shaft stands: where its speed was
+    at most `fastest` [rad/s].
+    """
+    first, last = columns
+    n_lanes = np.uint64(sample.deflection.size)
+    for lane in range(n_lanes):
+        if sample.silent[channel + OF_VOLTAGE, lane]:
+            for c in range(first + lane, last, n_lanes):
+                if work.shaft_speed_before[c] <= fastest:
+                    work.evidence[c] = work.added[c]
+
+
+@inlined
 def update(columns, sample, channel, walk, constants, work):
     """Take the filters of a motor, whose first reading is `channel`, through one sample."""
     tails = constants.tails
@@ -317,6 +367,7 @@ def update(columns, sample, channel, walk, constants, work):
     broadcast(walk, columns, work.added)
     gather_readings(columns, sample, channel, constants.water.maximum_voltage, work)
     condition_on_voltage(columns, sample, channel, tails, work)
+    imply_voltage(columns, sample, channel, constants.water.maximum_voltage, work)
     set_parameters(columns, work)
     linearise(columns, constants.water, work)
     compute_innovations(columns, constants, work)
@@ -327,11 +378,16 @@ def update(columns, sample, channel, walk, constants, work):
     rpm = Measurement(work.gradient, innovation[FIRST], variance[FIRST], available[OF_RPM])
     current = Measurement(gradient, innovation[SECOND], variance[SECOND], available[OF_CURRENT])
     shift_innovation(columns, 1.0, work)
+    keep_evidence(columns, work)
     condition(columns, rpm, tails, work)
     keep_weight(columns, work)
+    restore_evidence(columns, sample, channel, math.inf, work)
     shift_innovation(columns, -1.0, work)
     current_channel = channel + OF_CURRENT
+    keep_evidence(columns, work)
     begin_zero(columns, sample, current_channel, CURRENT, available[OF_CURRENT], work)
     condition(columns, current, tails, work)
     end_zero(columns, sample, current_channel, work)
+    standing = STANDING * constants.water.maximum_rpm / RPM
+    restore_evidence(columns, sample, channel, standing, work)
     estimate_shaft_speed(columns, work)
