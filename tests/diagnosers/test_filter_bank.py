@@ -148,6 +148,40 @@ def test_a_motor_whose_counter_is_not_logged_does_not_count_as_standing():
     assert (belief[-1, :, 0] < math.log(0.01)).all()
 
 
+def rolled(n_lanes, seconds, legs, *events, **plant):
+    missions = [Mission(legs, legs[0][1])] * n_lanes
+    lanes = seeds("calibration", n_lanes, FIRST_SEED)
+    fleet = Fleet(n_lanes, **plant)
+    return roll_out(fleet, lanes, 10 * seconds, None, [events] * n_lanes, missions).observations
+
+
+@pytest.mark.parametrize("speed", [0.6, 0.85, 0.97])
+def test_a_fast_healthy_vehicle_is_normal(speed):
+    observations = rolled(8, 40, ((0.0, speed),), realism=1.0)
+    log_normal = log_probability(observations)[:, :, 0]
+    assert (log_normal > math.log(0.5)).mean() > 0.98
+
+
+def test_a_start_from_rest_is_no_fault():
+    observations = rolled(16, 40, ((0.0, 0.0), (10.0, 0.4)), realism=1.0)
+    log_normal = log_probability(observations)[:, :, 0]
+    assert (log_normal > -4.0).mean() > 0.98
+
+
+def test_without_voltages_a_healthy_vehicle_is_normal_and_friction_is_found():
+    legs = ((0.0, 0.3), (10.0, 0.45), (20.0, 0.0), (30.0, 0.4))
+    event = FaultEvent("seal_friction:port", 12.0, 0.8)
+    voltages = [INDEX[f"{side}_voltage"] for side in ("port", "starboard")]
+    beliefs = []
+    for events in ((), (event,)):
+        observations = rolled(8, 40, legs, *events)
+        observations[:, :, voltages] = np.nan
+        beliefs.append(log_probability(observations))
+    healthy, faulty = beliefs
+    assert (healthy[:, :, 0] > -5.0).all()
+    assert (faulty[-1].argmax(axis=1) == CLASSES.index("seal_friction:port")).mean() > 0.8
+
+
 def test_settings_are_checked():
     with pytest.raises(InputError, match="repair"):
         FilterBank(repair=0.9)
