@@ -34,27 +34,28 @@ def in_order(scores: Scores, references: Collection[str]) -> list[str]:
 
 def leaderboard(scores: Scores, references: Collection[str], heading: str) -> dict[str, Any]:
     """The main table."""
+    has_oracle = ORACLE in scores
     headings = [column.heading for column in COLUMNS]
     rows = []
     for name in in_order(scores, references):
         cells = [column.cell(scores[name]) for column in COLUMNS]
-        rows.append([row_name(name, references), *cells, _relative_to_oracle(scores, name)])
-    return table_section(
-        heading,
-        ["diagnoser", *headings, "× oracle"],
-        rows,
+        relative = [_relative_to_oracle(scores, name)] if has_oracle else []
+        rows.append([row_name(name, references), *cells, *relative])
+    text = (
         "By restricted mean isolation time. A short time with few faults isolated means that "
         "some faults are missed and the rest isolated at once. Macro-F1 is over the classes "
         "and normal, one healthy vehicle to four faulty ones. Severity error and coverage of "
         "the 90 % interval are those of the estimate given the true class. Calibration error "
-        "(ECE) and log loss are of beliefs at random instants of the same vehicles. The last "
-        "column is the isolation time divided by the oracle's.",
+        "(ECE) and log loss are of beliefs at random instants of the same vehicles; the log loss "
+        "is infinite if a truth was held impossible."
     )
+    if has_oracle:
+        headings.append("× oracle")
+        text += " The last column is the isolation time divided by the oracle's."
+    return table_section(heading, ["diagnoser", *headings], rows, text)
 
 
 def _relative_to_oracle(scores: Scores, name: str) -> str:
-    if ORACLE not in scores:
-        return "–"
     time = scores[name]["isolation"]["restricted_mean"]
     oracle_time = scores[ORACLE]["isolation"]["restricted_mean"]
     return f"{time / oracle_time:.2f}"

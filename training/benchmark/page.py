@@ -82,7 +82,8 @@ def intro(view: BenchmarkView) -> list[str]:
         "Figures are at one false alarm per hour unless another rate is named.",
         "A fault is isolated when an alarm stands with the right class as the most probable fault, "
         f"and both hold until {horizon} after onset. A fault that is not isolated by then counts "
-        f"with {horizon}. Intervals are 95 % bootstrap intervals over episodes.",
+        f"with {horizon}. The right class of a fault outside the catalogue is `unknown`, of two "
+        "faults that of the worse one. Intervals are 95 % bootstrap intervals over episodes.",
         "Diagnosers marked * are references and are not ranked. The oracle, and any other that "
         "receives the truth, knows the healthy parameters and the severities. null never alarms "
         "and random alarms by chance at the rate set: both show the score of a diagnoser that "
@@ -337,7 +338,7 @@ def compatibility(view: BenchmarkView) -> dict[str, Any]:
         "The same decisions, at one false alarm per hour, scored as fddbenchmark, the DX 2025 "
         "competition and DXC'26 score them; training/metrics/compatibility.py defines the "
         "scores and says how they mislead. FAR counts samples, not alarms. A diagnoser that "
-        f"never alarms has an m_utl of {silent_utility:.3f}.",
+        f"never alarms has an m_utl of {silent_utility:.3f} on faults that have a class.",
     )
 
 

@@ -101,8 +101,8 @@ def declared(view: BenchmarkView) -> dict[str, Any]:
         "A fault is declared when one class first has a probability of 0.9 or more for one "
         "second; the first declaration of a vehicle stands. One before the onset is wrong, and "
         "one after the horizon is none. Unknown: that no known fault explains the readings was "
-        "declared of a known fault. The time counts from the onset, all that is not right with "
-        "the horizon.",
+        "declared of a known fault. No alarm is needed. The time counts from the onset, all that "
+        "is not right with the horizon.",
     )
 
 

@@ -152,11 +152,16 @@ def naming_of_unexplained(
     return {"lanes": lanes.size, "alarmed": float(named.alarmed.mean()), **shares}
 
 
+def known_faults(truth: Truth) -> np.ndarray:
+    """Lanes whose fault is a known one: `unknown` has no severity that a diagnoser could know."""
+    return np.flatnonzero(truth.fault != naming.unknown_class())
+
+
 def severity_scatter(assessment: Assessment, truth: Truth) -> dict[str, list[float]]:
-    """Severity, true and estimated, of some lanes."""
-    n_lanes = len(truth.fault)
-    count = min(SCATTER_POINTS, n_lanes)
-    lanes = np.linspace(0, n_lanes - 1, count).astype(np.int64)
+    """Severity, true and estimated, of some lanes with a known fault."""
+    known = known_faults(truth)
+    count = min(SCATTER_POINTS, known.size)
+    lanes = known[np.linspace(0, known.size - 1, count).astype(np.int64)]
     return {
         "truth": rounded(truth.severity[0, lanes]),
         "estimate": rounded(assessment.severity[lanes]),

@@ -18,7 +18,7 @@ from training.benchmark.assessment import DECISION_TIME, Assessment, assess
 from training.benchmark.trials import FaultyOutcome, LaneTruth
 from training.metrics import Edges, Times, naming
 from training.metrics.healthy_time import CountedAlarms
-from training.metrics.intervals import f1_interval, interval, poisson_interval
+from training.metrics.intervals import Interval, f1_interval, interval, poisson_interval
 from training.metrics.plain import finite, rounded
 from training.metrics.records import HIGHEST_THRESHOLD, HORIZON, SEVERITY_AT, HealthyOutcome
 from training.report.cells import number, percent, seconds, with_interval
@@ -152,15 +152,34 @@ def macro_f1_interval(inputs: ScoreInputs) -> tuple[float, float]:
 
 
 def severity_error(inputs: ScoreInputs) -> Any:
-    """Error of the severity by faulty lane, (n_lanes,)."""
-    return metrics.severity_error(inputs.ranked.severity, inputs.truth.at_instants.severity[0])
+    """Error of the severity by lane whose fault is a known one, (n_known,)."""
+    known = score_series.known_faults(inputs.truth.at_instants)
+    truth = inputs.truth.at_instants.severity[0, known]
+    return metrics.severity_error(inputs.ranked.severity[known], truth)
 
 
-def severity_coverage(inputs: ScoreInputs, share: float) -> float:
-    """Share of the true severities inside the intervals that should hold `share` of them."""
+def severity_mae(inputs: ScoreInputs) -> float | None:
+    """Mean of `severity_error`; None without known faults."""
+    error = severity_error(inputs)
+    return float(error.mean()) if error.size else None
+
+
+def severity_mae_interval(inputs: ScoreInputs) -> Interval | None:
+    """Bootstrap interval of `severity_mae`; None without known faults."""
+    error = severity_error(inputs)
+    return interval(error, inputs.seed) if error.size else None
+
+
+def severity_coverage(inputs: ScoreInputs, share: float) -> float | None:
+    """Share of the true severities of known faults in the intervals that should hold `share`.
+
+    None without known faults.
+    """
+    known = score_series.known_faults(inputs.truth.at_instants)
     ranked = inputs.ranked
-    truth = inputs.truth.at_instants.severity[0]
-    return float(metrics.covered(ranked.severity, ranked.severity_std, truth, share).mean())
+    truth = inputs.truth.at_instants.severity[0, known]
+    inside = metrics.covered(ranked.severity[known], ranked.severity_std[known], truth, share)
+    return float(inside.mean()) if inside.size else None
 
 
 def calibration_error(assessment: Assessment) -> float:
@@ -172,7 +191,8 @@ def _interval_column(heading: str, key: str, digits: int) -> Column:
     """The column of a metric that has an interval under `key`_interval."""
 
     def cell(score: Score) -> str:
-        return with_interval(score[key], score[f"{key}_interval"], digits)
+        value = score[key]
+        return "–" if value is None else with_interval(value, score[f"{key}_interval"], digits)
 
     return Column(heading, cell)
 
@@ -180,6 +200,11 @@ def _interval_column(heading: str, key: str, digits: int) -> Column:
 def _isolation_cell(score: Score) -> str:
     isolation = score["isolation"]
     return with_interval(isolation["restricted_mean"], isolation["interval"], 2)
+
+
+def _coverage_cell(score: Score) -> str:
+    share = score["severity_coverage"]
+    return "–" if share is None else percent(share)
 
 
 def _detection_cell(score: Score) -> str:
@@ -357,24 +382,25 @@ METRICS = (
     ),
     Metric(
         "severity_mae",
-        lambda score: float(severity_error(score).mean()),
-        f"mean absolute error of the severity {SEVERITY_AT:g} s after onset, given the true class",
+        severity_mae,
+        f"mean absolute error of the severity {SEVERITY_AT:g} s after onset, given the true class, "
+        "of known faults; null without them",
         "Says nothing of whether the class is found; the middle of all severities has 0.2.",
         csv=("severity_mae",),
         columns=(_interval_column(f"severity MAE at {SEVERITY_AT:g} s", "severity_mae", 3),),
     ),
     Metric(
         "severity_mae_interval",
-        lambda score: interval(severity_error(score), score.seed),
+        severity_mae_interval,
         "its 95 % bootstrap interval over lanes",
     ),
     Metric(
         "severity_coverage",
         lambda score: severity_coverage(score, 0.9),
-        "share of the true severities inside the 90 % interval of the estimate",
+        "share of the true severities of known faults inside the 90 % interval of the estimate",
         "Wide intervals cover everything: read it beside the error.",
         csv=("severity_coverage",),
-        columns=(Column("90 % covers", lambda score: percent(score["severity_coverage"])),),
+        columns=(Column("90 % covers", _coverage_cell),),
     ),
     Metric(
         "severity_coverage_95",
@@ -485,7 +511,7 @@ METRICS = (
     Metric(
         "severity_scatter",
         lambda score: score_series.severity_scatter(score.ranked, score.truth.at_instants),
-        "{truth, estimate} of up to 300 episodes",
+        "{truth, estimate} of up to 300 episodes with known faults",
     ),
     Metric(
         "compatibility",

@@ -2,12 +2,14 @@
 
 import base64
 import io
+import re
 from collections.abc import Iterable
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Template
+from jinja2 import Environment
+from markupsafe import Markup, escape
 
 from training.report.figures.registry import draw
 
@@ -22,6 +24,7 @@ def write_report(results: dict[str, Any], folder: Path) -> None:
     results
         title, intro, command and sections. A section has a heading, text (list of paragraphs) and
         optionally a table (columns, rows) and figures (plot: name in `PLOTS`, data, name, caption).
+        Texts have code between backticks.
     folder
         Folder to write into; it must not have a ``figures/`` yet.
     """
@@ -32,8 +35,15 @@ def write_report(results: dict[str, Any], folder: Path) -> None:
         for figure in section.get("figures", ()):
             images[figure["name"]] = _write_figure(figure, figure_folder)
     source = files("training.report").joinpath("report.html.j2").read_text(encoding="utf-8")
-    page = Template(source, autoescape=True).render(results=results, images=images)
+    environment = Environment(autoescape=True)
+    environment.filters["code"] = _with_code
+    page = environment.from_string(source).render(results=results, images=images)
     (folder / "index.html").write_text(page, encoding="utf-8")
+
+
+def _with_code(text: str) -> Markup:
+    """The text as HTML, what stands between backticks as code."""
+    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
 def _write_figure(figure: dict[str, Any], folder: Path) -> str:

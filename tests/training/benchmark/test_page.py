@@ -332,6 +332,13 @@ def test_leaderboard_is_in_order_and_ends_with_the_bound(page):
     assert rows(page, "Leaderboard under thesis")[-2][1] == "0.25 (0.23–0.28)"
 
 
+@pytest.mark.parametrize(("names", "last"), [(NAMES, True), (("cusum", "null"), False)])
+def test_only_beside_the_oracle_times_are_compared_with_it(names, last):
+    found = benchmark_page.page(made_up(stimuli=("thesis",), names=names))
+    columns = table(found, "Leaderboard under thesis")["columns"]
+    assert (columns[-1] == "× oracle") == last
+
+
 def test_alarms_by_age_have_a_column_for_every_age(page):
     found = table(page, "Do false alarms grow with the age of the mission?")
     assert found["columns"][3:6] == [

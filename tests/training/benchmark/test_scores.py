@@ -12,6 +12,7 @@ from training.benchmark.trials import FaultyOutcome, lane_truth
 from training.metrics.records import Record, healthy_outcome
 
 STANDARD = load("standard")
+WITH_UNKNOWN = load("unknown_faults")
 FAULTY = STANDARD.episodes[:40]
 HEALTHY = tuple(episode._replace(schedule=()) for episode in STANDARD.episodes[40:60])
 DOUBT = 1e-6
@@ -25,18 +26,19 @@ def record(truth, is_perfect):
     belief = np.full((*truth.instants.shape, n_classes), np.log(DOUBT / (n_classes - 1)))
     np.put_along_axis(belief, at_instants[:, :, None], np.log1p(-DOUBT), axis=2)
     severity = np.repeat(truth.at_instants.severity[:, :, None], n_classes, axis=2)
+    severity[:, :, -1] = 0.0  # no diagnoser has a severity of `unknown`
     log_normal = np.where(label == 0, np.log1p(-DOUBT), np.log(DOUBT / (n_classes - 1)))
     fault = np.where(label == 0, 1, label)
     log_fault = np.where(label == 0, np.log(DOUBT), np.log1p(-DOUBT))
     return Record(log_normal, fault, log_fault, belief, severity, np.full(severity.shape, 0.01))
 
 
-def score(is_perfect):
-    truth = lane_truth(STANDARD.conditions, FAULTY)
+def score(is_perfect, suite=STANDARD, faulty_lanes=FAULTY):
+    truth = lane_truth(suite.conditions, faulty_lanes)
     healthy_truth = lane_truth(STANDARD.conditions, HEALTHY)
     onset = healthy_truth.at_instants.onset
     healthy = healthy_outcome(record(healthy_truth, is_perfect), onset)
-    energy = np.ones(len(FAULTY))
+    energy = np.ones(len(faulty_lanes))
     faulty = FaultyOutcome(*record(truth, is_perfect), energy, energy)
     outcomes = TrialOutcomes(healthy, healthy, faulty, None)
     assessments = scores.assess_at_rates(outcomes, truth)
@@ -66,6 +68,22 @@ def test_perfect_beliefs_score_perfectly():
     )
     # all faults are those of the catalogue
     assert perfect["naming"] is None
+
+
+def test_severities_are_those_of_known_faults():
+    mixed = WITH_UNKNOWN.episodes[::10]
+    pairs = [episode for episode in mixed if len(episode.schedule) == 2]
+    found = score(True, WITH_UNKNOWN, mixed)
+    assert 0 < len(pairs) < len(mixed)
+    assert found["severity_mae"] == pytest.approx(0.0, abs=1e-6)
+    assert found["severity_coverage"] == 1.0
+    assert len(found["severity_scatter"]["truth"]) == len(pairs)
+    alone = [episode for episode in mixed if len(episode.schedule) == 1]
+    none = score(True, WITH_UNKNOWN, alone)
+    for key in ("severity_mae", "severity_mae_interval", "severity_coverage"):
+        assert none[key] is None
+    cells = [column.cell(none) for metric in METRICS for column in metric.columns]
+    assert cells.count("–") == 2
 
 
 def test_silence_is_censored():
