@@ -70,10 +70,13 @@ class FilterBank(Bank):
     attitude change is estimated; the rounding of readings is seen in their differences; readings at
     rest are no evidence; a healthy vehicle's deviations change slowly; the water's current may
     change; a fault may end; evidence is forgotten within a minute; and a subsystem may change in a
-    way that no fault of the catalogue does, the class `unknown`.
+    way that no fault of the catalogue does, the class `unknown`. Current and shaft speed imply a
+    voltage that is not read.
 
     When it misleads: it takes longer than `GaussianBank` where readings are ideal; faults below a
     severity of 0.2 count as healthy; it has no faults of the sensors' timing and no double faults.
+    Without a reading of the shaft speed, a healthy motor that starts again after it has stood looks
+    faulty; without one of the voltage, faults of motor, shaft and counter are confused.
 
     Attributes
     ----------

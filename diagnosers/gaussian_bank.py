@@ -31,7 +31,9 @@ class GaussianBank(Bank):
     """A bank of Kalman filters whose model of vehicle, sensors and noise is taken as exact.
 
     The reference of bounds and of `Oracle`, and what `diagnosers.filter_bank` pays for robustness
-    is measured against it. A fault lasts once it has begun.
+    is measured against it. A fault lasts once it has begun. There is no evidence about a motor
+    before its first voltage reading. Current and shaft speed imply a silent voltage; where one of
+    them is silent too, the last voltage reading replaces it.
 
     When it misleads: at constant speed some faults look alike (drag and thrust), and the prior
     divides the belief between them; repairs, intermittent and double faults are no hypotheses; a

@@ -86,9 +86,7 @@ class Bank(Recursive):
     its fault has no effect). Their states are the healthy vehicle's deviations from nominal and the
     fault's severity; their likelihoods weigh the hypotheses. A fault may begin at any sample, as in
     the interacting multiple model algorithm. All probabilities are logarithms. A silent reading
-    (NaN) gives no evidence; nor is there any about a motor before its first voltage reading.
-    Current and shaft speed imply a silent voltage; where one of them is silent too, the last
-    voltage reading replaces it.
+    (NaN) gives no evidence.
 
     A subclass says how its filters begin (`initial`), what its hypotheses are (`table_of`), and
     what its kernel is (`machinery`).

@@ -73,6 +73,11 @@ def study(arguments: RobustnessStudy) -> dict[str, Any]:
     thresholds = runs.thresholds_if_set
     return {
         "title": f"{arguments.diagnoser} where the model does not hold",
+        "intro": [
+            "What the diagnoser does where vehicles, sensors or surroundings are not those of its "
+            "model. The rows are explained in docs/suites.md. Reached is empty where nothing is "
+            "to be reached, or nothing was alarmed of which it could be judged."
+        ],
         "thresholds": dict(thresholds),
         "rows": {name: [one._asdict() for one in findings] for name, findings in found.items()},
         "sections": [section(found, thresholds)],

@@ -247,19 +247,18 @@ def _named(
     everything = {"all": np.ones(len(schedules), bool)}
     for case, chosen in (everything | groups).items():
         named = _naming_of(lanes, np.flatnonzero(chosen), study.runs.thresholds[PER_HOUR])
-        is_reached = None
-        if case == "all" and named["right"] is not None:
-            is_reached = named["right"] >= 0.7 and named["surely_wrong"] <= 0.05
-        found.append(
-            Finding(
-                case,
-                _naming_text(named),
-                "≥ 70 % `unknown` or right component, ≤ 5 % wrong with p > 0.9",
-                is_reached,
-                named,
-            )
-        )
-    return found
+        found.append(Finding(case, _naming_text(named), "", None, named))
+    return [_judged_by_names(found[0]), *found[1:]]
+
+
+def _judged_by_names(finding: Finding) -> Finding:
+    """The finding of all lanes with what is to be reached; without alarms nothing is judged."""
+    to_reach = "≥ 70 % `unknown` or right component, ≤ 5 % wrong with p > 0.9"
+    named = finding.figures
+    if named["right"] is None:
+        return finding._replace(to_reach=to_reach)
+    is_reached = named["right"] >= 0.7 and named["surely_wrong"] <= 0.05
+    return finding._replace(to_reach=to_reach, reached=is_reached)
 
 
 def _naming_of(lanes: FaultyLanes, chosen: np.ndarray, threshold: float) -> dict[str, Any]:

@@ -101,9 +101,23 @@ def test_a_silent_diagnoser_alarms_never_and_names_nothing(tmp_path, monkeypatch
     results = json.loads((tmp_path / "out" / "results.json").read_text())
     assert tuple(results["rows"]) == rows
     assert all(one["reached"] for one in results["rows"]["rest"])
-    assert [one["figures"]["alarmed"] for one in results["rows"]["double"]] == [0.0] * 3
+    double = results["rows"]["double"]
+    assert [one["figures"]["alarmed"] for one in double] == [0.0] * 3
+    # without an alarm there is nothing to judge, and only all together are
+    assert [one["reached"] for one in double] == [None] * 3
+    assert [bool(one["to_reach"]) for one in double] == [True, False, False]
     command = results["command"]
     assert "--rows rest double" in command and "--purpose validation" in command
+
+
+@pytest.mark.parametrize(
+    ("right", "surely_wrong", "reached"),
+    [(0.7, 0.05, True), (0.69, 0.0, False), (1.0, 0.06, False)],
+)
+def test_names_are_good_enough_if_most_are_right_and_few_surely_wrong(right, surely_wrong, reached):
+    named = {"right": right, "surely_wrong": surely_wrong}
+    finding = robustness_rows.Finding("all", "", "", None, named)
+    assert robustness_rows._judged_by_names(finding).reached is reached
 
 
 @pytest.mark.parametrize(
