@@ -5,10 +5,15 @@ benchmark.
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from training.benchmark.suites import load
+
+# where the whole missions of the thresholds are of minutes, under the stimulus learned
+SHORT_MISSIONS = 4_900_067_132
 FEATURES = 30
 ADDED = ["ice_on_hull", "hot_motors"]
 LAST = [*ADDED, "unknown"]
@@ -99,12 +104,13 @@ print(json.dumps({
 """
 BENCHMARK = """
 import sys
+from training.benchmark import timing
 from training.cli import main
+timing.ONE_BY_ONE = 10
+timing.MANY_LANES = 4
 sys.exit(main([
-    "benchmark", "--suite", "ood_noise", "--lanes", "4",
-    "--hours", "0.05", "--counting-hours", "0.05",
-    "--diagnosers", *sys.argv[2:], "--stimuli", "learned", "--workers", "2",
-    "--output", sys.argv[1],
+    "benchmark", "--suite", "mine.json", "--hours", "0.05", "--counting-hours", "0.05",
+    "--diagnosers", *sys.argv[1:], "--stimuli", "learned", "--workers", "2", "--output", "out",
 ]))
 """
 
@@ -175,7 +181,11 @@ def test_the_plant_has_the_fault(results):
     ids=["before", "after"],
 )
 def test_a_benchmark_scores_diagnosers_over_the_added_classes(code, diagnosers, tmp_path):
-    run(code, tmp_path, "out", *diagnosers)
+    suite = load("thesis")
+    healthy = suite.healthy | {"threshold": SHORT_MISSIONS}
+    small = replace(suite, name="mine", episodes=suite.episodes[:4], healthy=healthy)
+    (tmp_path / "mine.json").write_text(small.text(), encoding="utf-8")
+    run(code, tmp_path, *diagnosers)
     found = json.loads((tmp_path / "out" / "results.json").read_text())
     assert found["classes"][-3:] == LAST
     assert not found["failures"]
