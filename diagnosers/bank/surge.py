@@ -34,8 +34,11 @@ HALF_SAMPLE = 0.5 * SAMPLE_TIME
 
 
 @inlined
-def set_parameters(columns, work):
-    """Set the parameters to the filters' means, and their derivatives by severity."""
+def set_parameters(columns, severity, work):
+    """Set the parameters to the filters' means, and their derivatives by severity.
+
+    Here and below `severity` is the row of that state.
+    """
     first, last = columns
     x = work.filters
     for r in range(N_SURGE_ROWS):
@@ -45,7 +48,7 @@ def set_parameters(columns, work):
             deviation = varies * x[state, c]
             healthy = work.healthy[r, c] * (1.0 + deviation)
             by_severity = healthy * work.slope[r, c] + work.offset[r, c]
-            work.parameters[r, c] = healthy + x[SEVERITY, c] * by_severity
+            work.parameters[r, c] = healthy + x[severity, c] * by_severity
             work.by_severity[r, c] = by_severity
 
 
@@ -115,7 +118,7 @@ def compute_process_noise(columns, work):
 
 
 @inlined
-def predict_speed(columns, work):
+def predict_speed(columns, severity, work):
     """Advance the mean speed over the sample by the midpoint rule; fill its gradient."""
     first, last = columns
     x = work.filters
@@ -140,7 +143,7 @@ def predict_speed(columns, work):
         gradient[THRUST_DEVIATION, c] = gain * thrust / (1.0 + x[THRUST_DEVIATION, c])
         drag_slope = by_severity[ALPHA, c] + by_severity[GAMMA, c] * deflection
         slope += drag_slope * square
-        gradient[SEVERITY, c] = gain * slope
+        gradient[severity, c] = gain * slope
         at_middle = drag * square + thrust + x[D, c]
         x[U, c] = u + SAMPLE_TIME * at_middle
 
@@ -165,8 +168,8 @@ def predict_covariance(columns, work):
 
 
 @inlined
-def condition_on_speed(columns, work):
-    """Condition on the paddle wheel."""
+def expect_speed(columns, severity, work):
+    """Fill innovation, variance and gradient of the paddle wheel's reading."""
     first, last = columns
     x = work.filters
     parameters = work.parameters
@@ -179,16 +182,15 @@ def condition_on_speed(columns, work):
         gradient[DRAG, c] = 0.0
         gradient[THRUST_DEVIATION, c] = 0.0
         gain_slope = by_severity[SPEED + GAIN, c] * x[U, c]
-        gradient[SEVERITY, c] = gain_slope + by_severity[SPEED + BIAS, c]
+        gradient[severity, c] = gain_slope + by_severity[SPEED + BIAS, c]
         unbiased = work.readings[SPEED_CHANNEL, c] - gain * x[U, c]
         work.innovation[0, c] = unbiased - parameters[SPEED + BIAS, c]
         work.variance[0, c] = parameters[SPEED + NOISE, c] ** 2
-    condition(columns, _measurement(work), work)
 
 
 @inlined
-def condition_on_acceleration(columns, work):
-    """Condition on the accelerometer."""
+def expect_acceleration(columns, severity, work):
+    """Fill innovation, variance and gradient of the accelerometer's reading."""
     first, last = columns
     x = work.filters
     parameters = work.parameters
@@ -212,7 +214,7 @@ def condition_on_acceleration(columns, work):
         slope += drag_slope * square
         gain_slope = by_severity[ACCELERATION + GAIN, c] * acceleration
         sensor_slope = gain_slope + by_severity[ACCELERATION + BIAS, c]
-        gradient[SEVERITY, c] = gain * slope + sensor_slope
+        gradient[severity, c] = gain * slope + sensor_slope
         predicted[c] = acceleration
     for c in range(first, last):
         gain = parameters[ACCELERATION + GAIN, c]
@@ -220,11 +222,11 @@ def condition_on_acceleration(columns, work):
         unbiased = work.readings[ACCELERATION_CHANNEL, c] - gain * predicted[c]
         work.innovation[0, c] = unbiased - parameters[ACCELERATION + BIAS, c]
         work.variance[0, c] = noise + gain * gain * work.thrust[THRUST_VARIANCE, c]
-    condition(columns, _measurement(work), work)
 
 
 @inlined
-def _measurement(work):
+def expected_measurement(work):
+    """The measurement that the last expectation filled."""
     return Measurement(work.gradient, work.innovation[0], work.variance[0], work.available[0])
 
 
@@ -236,17 +238,18 @@ def update(columns, sample, constants, work):
     broadcast(sample.deflection, columns, work.deflection)
     for channel in (SPEED_CHANNEL, ACCELERATION_CHANNEL):
         broadcast(sample.reading[channel], columns, work.readings[channel])
-    set_parameters(columns, work)
+    set_parameters(columns, SEVERITY, work)
     memory = constants.disturbance_memory
     predict_disturbance(columns, memory, constants.disturbance_variance, work)
     compute_thrust(columns, constants.opening, work)
     compute_process_noise(columns, work)
-    predict_speed(columns, work)
+    predict_speed(columns, SEVERITY, work)
     predict_covariance(columns, work)
     condition_on_availability(
         work.parameters, columns, SPEED, sample, SPEED_CHANNEL, available, evidence
     )
-    condition_on_speed(columns, work)
+    expect_speed(columns, SEVERITY, work)
+    condition(columns, expected_measurement(work), work)
     condition_on_availability(
         work.parameters,
         columns,
@@ -256,6 +259,7 @@ def update(columns, sample, constants, work):
         available,
         evidence,
     )
-    set_parameters(columns, work)
+    set_parameters(columns, SEVERITY, work)
     compute_thrust(columns, 0.0, work)
-    condition_on_acceleration(columns, work)
+    expect_acceleration(columns, SEVERITY, work)
+    condition(columns, expected_measurement(work), work)

@@ -22,6 +22,7 @@ from diagnosers.bank.kernel import (
 )
 from diagnosers.bank.pack import columns_of, filters_of, gather, scatter
 from diagnosers.bank.sensors import N_READINGS
+from diagnosers.bank.surge import DRAG, THRUST_DEVIATION
 from diagnosers.kalman import START_SPEED_STD
 from diagnosers.robust import algebra, motor, surge
 from diagnosers.robust.algebra import SEVERITY, SEVERITY_VARIANCE
@@ -31,7 +32,7 @@ from diagnosers.robust.sensors import fill_sample
 STANDING_RPM = 30.0
 ACCELERATION_CHANNEL = READINGS.index("acceleration")
 MOTOR_DEVIATIONS = tuple(range(motor.FIRST_DEVIATION, motor.ZERO))
-SURGE_DEVIATIONS = (surge.DRAG, surge.THRUST_DEVIATION)
+SURGE_DEVIATIONS = (DRAG, THRUST_DEVIATION)
 WALK_OF_VOLTAGE = (0, 1, 2)  # columns of `BankState.walk` by subsystem
 LARGEST_STEP = 4.0
 SETTLING_SAMPLES = 20  # before these readings are evidence: one wrong one may have set the states
