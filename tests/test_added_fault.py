@@ -152,7 +152,7 @@ def test_a_network_without_a_bank_gives_an_added_fault_a_share(results, name):
 
 
 def test_saved_weights_keep_the_classes_of_their_training(results):
-    assert results["trained"] == 19
+    assert results["trained"] == 20
     assert results["loaded"][-3:] == LAST
 
 
