@@ -31,7 +31,8 @@ class GaussianBank(Bank):
     """A bank of Kalman filters whose model of vehicle, sensors and noise is taken as exact.
 
     The reference of bounds and of `Oracle`, and what `diagnosers.filter_bank` pays for robustness
-    is measured against it. A fault lasts once it has begun. There is no evidence about a motor
+    is measured against it. A fault lasts once it has begun; the hazard is constant for a minute and
+    then falls with the age of the vehicle. There is no evidence about a motor
     before its first voltage reading. Current and shaft speed imply a silent voltage; where one of
     them is silent too, the last voltage reading replaces it.
 

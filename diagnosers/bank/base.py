@@ -102,8 +102,7 @@ class Bank(Recursive):
     grades
         Ranges of the severity, each a hypothesis of its own, in which the severity is a state.
     hazard
-        Probability per sample that a fault begins; shared by classes, then faults, then grades. It
-        is constant for a minute and then falls with the age of the vehicle.
+        Probability per sample that a fault begins; shared by classes, then faults, then grades.
     walk_std
         Random walk of the severity per square root of a second, for faults that grow.
     faults
