@@ -47,6 +47,7 @@ SPEED = INDEX["speed"]
 COMMAND, RUDDER, STERN_PLANE = map(COMMANDS.index, ("speed_command", "rudder", "stern_plane"))
 # of the bank: one grade isolates nearly as well as three do, in half the time
 GRADES = ((0.2, 1.0),)
+HAZARD = 1e-4  # probability per sample that a fault begins, of the bank
 EVIDENCE = 5.0  # nats, scale of the bank's log odds
 
 
@@ -106,7 +107,13 @@ class Features:
         self.vehicle = vehicle
         of_hull = (kalman.SurgeFilter(vehicle), kalman.ParameterFilter(vehicle))
         self.filters = (*of_hull, motor_filter.MotorFilter(vehicle))
-        self.bank = FilterBank(vehicle, GRADES, faults=tuple(CATALOGUE))
+        self.bank = FilterBank(
+            vehicle,
+            GRADES,
+            hazard=HAZARD,
+            faults=tuple(CATALOGUE),
+            temperature=1.0,
+        )
         self.n_features = len(feature_names(classes))
         self.mean_shares = tuple(SAMPLE_TIME / time for time in MEAN_TIMES)
         # a fault that joins the catalogue later stands before `unknown`, which remains the last

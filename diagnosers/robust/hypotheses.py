@@ -26,10 +26,7 @@ from diagnosers.bank.hypotheses import (
     touched,
 )
 
-ALL_SUBSYSTEMS = tuple(OWN_PARAMETERS)
-
-
-FORGETTING = SAMPLE_TIME / 60.0  # of evidence per sample: within a minute
+FORGETTING = SAMPLE_TIME / 45.0  # of evidence per sample: within a minute
 
 
 class Other(NamedTuple):
@@ -43,14 +40,19 @@ class Other(NamedTuple):
     duration: float = math.inf  # s, mean
 
 
+def _changed(*subsystems: int) -> Other:
+    """A change of the parameters of subsystems that no fault makes."""
+    return Other(UNKNOWN, subsystems, spread=100.0, rate=0.002)
+
+
 WATER_CURRENT = "water_current"
 WATER_CURRENT_RATE = 3600.0 * SURROUNDINGS["current_rate"].value  # 1/h
 OTHERS: dict[str, Other] = {
     WATER_CURRENT: Other(NORMAL, (SURGE,), water=0.005, rate=WATER_CURRENT_RATE, duration=4.0),
-    "unknown": Other(UNKNOWN, ALL_SUBSYSTEMS, spread=100.0, rate=0.002),
-    "unknown_surge": Other(UNKNOWN, (SURGE,), spread=100.0, rate=0.002),
-    "unknown_port": Other(UNKNOWN, (PORT,), spread=100.0, rate=0.002),
-    "unknown_starboard": Other(UNKNOWN, (STARBOARD,), spread=100.0, rate=0.002),
+    "unknown": _changed(*OWN_PARAMETERS),
+    "unknown_surge": _changed(SURGE),
+    "unknown_port": _changed(PORT),
+    "unknown_starboard": _changed(STARBOARD),
 }
 
 

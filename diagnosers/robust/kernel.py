@@ -21,7 +21,7 @@ from diagnosers.bank.kernel import (
     update_posterior,
 )
 from diagnosers.bank.pack import columns_of, filters_of, gather, scatter
-from diagnosers.bank.sensors import N_READINGS
+from diagnosers.bank.sensors import N_READINGS, NOISE_STD
 from diagnosers.bank.surge import DRAG, THRUST_DEVIATION
 from diagnosers.kalman import START_SPEED_STD
 from diagnosers.robust import algebra, motor, surge
@@ -30,6 +30,7 @@ from diagnosers.robust.sensors import fill_sample
 
 # below these a counter may read exactly zero: rpm of a shaft, m/s of a paddle wheel
 STANDING_RPM = 30.0
+NOISE_OF_ZERO = 4.0  # standard deviations of noise, within which a counter reads zero
 ACCELERATION_CHANNEL = READINGS.index("acceleration")
 MOTOR_DEVIATIONS = tuple(range(motor.FIRST_DEVIATION, motor.ZERO))
 SURGE_DEVIATIONS = (DRAG, THRUST_DEVIATION)
@@ -297,7 +298,7 @@ def lanes_of(state, lanes):
 
 
 @inlined
-def mark_resting(old, sample, table):
+def mark_resting(old, sample, table, constants):
     """Mark the readings of motors that stand, and of a vehicle that may: no evidence.
 
     Neither are readings that are all exactly zero, whatever the vehicle did before.
@@ -307,12 +308,8 @@ def mark_resting(old, sample, table):
         idle = sample.zero[:, lane].all()
         for subsystem in (PORT, STARBOARD):
             channel = MOTOR_CHANNEL[subsystem]
-            rpm_channel = channel + motor.OF_RPM
-            shaft_speed = old.shaft_speed[lane, filters_of(subsystem, table)[0]] * RPM
-            has_rpm = sample.replaced[rpm_channel, lane] or not sample.silent[rpm_channel, lane]
-            reads_zero = has_rpm and sample.zero[rpm_channel, lane]
-            # NaN before the first sample
-            stands = reads_zero and not shaft_speed > STANDING_RPM
+            shaft_speed = old.shaft_speed[lane, filters_of(subsystem, table)[0]]
+            stands = motor_stands(lane, channel, shaft_speed, sample, constants)
             for k in range(3):
                 sample.resting[channel + k, lane] = stands or idle
         speed = old.filters[lane, surge.U, surge_filter]
@@ -324,12 +321,29 @@ def mark_resting(old, sample, table):
         sample.idle[lane] = idle
 
 
+@scalar
+def motor_stands(lane, channel, shaft_speed, sample, constants):
+    """Whether a motor, whose first reading is `channel`, stands.
+
+    Its counter reads zero but for noise, its shaft was slow before (`shaft_speed` [rad/s], NaN
+    before the first sample), and its voltage, if read, is too low to turn it.
+    """
+    rpm_channel = channel + motor.OF_RPM
+    silent = sample.silent[rpm_channel, lane] and not sample.replaced[rpm_channel, lane]
+    largest = NOISE_OF_ZERO * constants.sensors[rpm_channel, NOISE_STD]
+    reads_zero = not silent and abs(sample.reading[rpm_channel, lane]) <= largest
+    turned = shaft_speed * RPM > STANDING_RPM
+    voltage = 0.0 if sample.silent[channel, lane] else abs(sample.reading[channel, lane])
+    is_driven = voltage > motor.STANDING * constants.water.maximum_voltage
+    return reads_zero and not turned and not is_driven
+
+
 @inlined
 def begin_sample(observation, old, new, sample, table, constants, work):
     """Fill the sample and the last readings, and let hypotheses switch, on the lanes of a pack."""
     new.spacing[:] = old.spacing
     fill_sample(observation, old.readings, new.spacing, constants.sensors, sample)
-    mark_resting(old, sample, table)
+    mark_resting(old, sample, table, constants)
     for lane in range(len(observation)):
         if sample.idle[lane]:
             new.age[lane] = 0.0
@@ -344,6 +358,25 @@ def begin_sample(observation, old, new, sample, table, constants, work):
             work.switch_probability[lane],
             work.return_probability[lane],
         )
+
+
+@inlined
+def temper(log_probability, temperature):
+    """Bring the odds of a fault, and of each fault to the others, closer to 1; 1 changes nothing.
+
+    Each is raised to the power of 1 / temperature, so that neither the likeliest class changes nor
+    whether a fault is likelier than none.
+    """
+    log_fault = -np.inf
+    log_faults = -np.inf
+    for k in range(1, log_probability.size):
+        log_fault = log_sum(log_fault, log_probability[k])
+        log_faults = log_sum(log_faults, log_probability[k] / temperature)
+    log_odds = (log_fault - log_probability[0]) / temperature
+    log_probability[0] = -log_sum(0.0, log_odds)
+    for k in range(1, log_probability.size):
+        log_share = log_probability[k] / temperature - log_faults
+        log_probability[k] = log_share + log_odds + log_probability[0]
 
 
 @kernel
@@ -376,3 +409,4 @@ def step_lanes(first, last, old, new, observation, table, constants, belief, wor
                 belief.severity_mean[begin + lane],
                 belief.severity_std[begin + lane],
             )
+            temper(belief.log_probability[begin + lane], constants.temperature)

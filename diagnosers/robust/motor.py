@@ -274,8 +274,11 @@ def shift_innovation(columns, sign, work):
 
 
 @inlined
-def estimate_shaft_speed(columns, work):
-    """Fill the shaft speed [rad/s] of every filter, its slope by severity and its noise [rpm]."""
+def estimate_shaft_speed(columns, sample, channel, work):
+    """Fill the shaft speed [rad/s] of every filter, its slope by severity and its noise [rpm].
+
+    That of a motor at rest is zero.
+    """
     first, last = columns
     x = work.filters
     parameters = work.parameters
@@ -296,6 +299,13 @@ def estimate_shaft_speed(columns, work):
         predicted_std = abs(work.gradient[VOLTS, c]) * math.sqrt(x[variance_row, c])
         std = parameters[SPEED + NOISE, c] if measured_share > 0.5 else predicted_std
         work.shaft_speed_noise[c] = std / gain
+    n_lanes = np.uint64(sample.deflection.size)
+    for lane in range(n_lanes):
+        if sample.resting[channel, lane]:
+            for c in range(first + lane, last, n_lanes):
+                work.shaft_speed[c] = 0.0
+                work.shaft_speed_slope[c] = 0.0
+                work.shaft_speed_noise[c] = parameters[SPEED + NOISE, c]
 
 
 @inlined
@@ -390,4 +400,4 @@ def update(columns, sample, channel, walk, constants, work):
     end_zero(columns, sample, current_channel, work)
     standing = STANDING * constants.water.maximum_rpm / RPM
     restore_evidence(columns, sample, channel, standing, work)
-    estimate_shaft_speed(columns, work)
+    estimate_shaft_speed(columns, sample, channel, work)
