@@ -122,7 +122,7 @@ def test_exact_zeros_at_rest_are_no_evidence():
 
 @pytest.mark.parametrize("fault", ["weak_magnets:port", "worn_brushes:starboard"])
 def test_a_fault_outside_the_catalogue_is_unknown_or_of_its_component(fault):
-    belief = log_probability(observations_of(4, 40, FaultEvent(fault, 10.0, 1.0)))
+    belief = log_probability(observations_of(4, 30, FaultEvent(fault, 10.0, 1.0)))
     best = belief[-1].argmax(axis=1)
     right = {CLASSES.index(UNKNOWN)}
     side = fault.partition(":")[2]
@@ -188,7 +188,9 @@ def test_the_temperature_is_the_root_of_the_odds():
         return np.logaddexp.reduce(belief[:, :, 1:], axis=-1) - belief[:, :, 0]
 
     np.testing.assert_allclose(log_odds(tempered), log_odds(as_computed) / 2.0, atol=1e-6)
-    np.testing.assert_allclose(np.diff(tempered[:, :, 1:]), np.diff(as_computed[:, :, 1:]) / 2.0, atol=1e-9)
+    np.testing.assert_allclose(
+        np.diff(tempered[:, :, 1:]), np.diff(as_computed[:, :, 1:]) / 2.0, atol=1e-9
+    )
     np.testing.assert_allclose(np.exp(tempered).sum(axis=-1), 1.0)
 
 
