@@ -194,6 +194,8 @@ class EssoOsaka:
 
     folder: Annotated[Positional[Path], arg(metavar="FOLDER")]
     """Folder of the data set (github.com/NAOE-5thLab/FRT-DS-ESSO): random/*.csv."""
+    score: tuple[Path, ...] = ()
+    """Files of runs that are predicted and enter no fit, of FOLDER or from elsewhere."""
     output: Path = Path("runs/esso-osaka")
     """Folder of the report; an earlier report there is replaced."""
     seed: int = 0

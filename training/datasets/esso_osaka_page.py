@@ -8,7 +8,8 @@ import numpy as np
 from auv_fault_env.parameters import SAMPLE_TIME, Vehicle
 from diagnosers.networks.fault_map import ALPHA_WINDOW, BETA_WINDOW, NOMINAL
 from training.datasets.esso_osaka_runs import SOURCE
-from training.datasets.surge_fit import UNITS
+from training.datasets.surge_fit import LEAST_RMS, UNITS
+from training.report.cells import without_nan
 from training.report.lines import line_without_band
 from training.report.sections import Section, figure, figure_section, table_section
 
@@ -35,6 +36,17 @@ FORMS_TEXT = (
     "The end of a run, where propeller and rudder stay at zero, is left out: there people tow the "
     "model back at up to 0.2 m/s with the propeller at rest. The last rows include it.",
 )
+DROPPED = "dropped"
+NONE_DROPPED = "none: the data of every fit excite all its terms"
+DROPPED_TEXT = (
+    "A term is dropped from a fit whose data do not excite it: the other coefficients are fitted "
+    "without it, and predictions leave it out. It is zero, or at most "
+    f"{100 * LEAST_RMS:g} % of its rms in all runs, or a combination of the terms before it."
+)
+SCORED_TEXT = (
+    "Error of the speed predicted ten seconds ahead, rms over every start, by the fit to the other "
+    "runs, on runs that enter no fit and no interval of this page."
+)
 BAND_TEXT = (
     "The ship had no fault in any of these runs. A diagnoser with a narrower band than its vehicle "
     "takes health for a fault; one without the wind needs a wider band still. The band has to come "
@@ -49,9 +61,9 @@ def page(command: str, findings: Findings) -> dict[str, Any]:
     model = findings["fits"]["model"]
     data = (
         f"{len(model['runs'])} runs of a free-running 3 m model, "
-        f"{n_used * SAMPLE_TIME / 60:.0f} minutes at 10 Hz, random propeller (ahead and astern) "
-        f"and rudder; {(n_whole - n_used) * SAMPLE_TIME:.0f} s at the runs' ends are left out. "
-        f"Data: {SOURCE}."
+        f"{n_used * SAMPLE_TIME / 60:.0f} minutes at 10 Hz, random propeller and rudder; the "
+        f"propeller goes astern in {findings['astern']} of {len(model['runs'])} runs. "
+        f"{(n_whole - n_used) * SAMPLE_TIME:.0f} s at the runs' ends are left out. Data: {SOURCE}."
     )
     names = findings["model"]
     return {
@@ -61,6 +73,8 @@ def page(command: str, findings: Findings) -> dict[str, Any]:
         "findings": findings,
         "sections": [
             forms_section(findings["forms"]),
+            *scored_sections(findings["scored"]),
+            dropped_section(findings["dropped"]),
             parameters_section(names, model),
             band_section(names, findings["fits"]),
             prediction_section(findings["example"]),
@@ -102,6 +116,39 @@ def forms_section(compared: Sequence[Findings]) -> Section:
     return table_section("Which form predicts", columns, rows, *FORMS_TEXT)
 
 
+def scored_sections(scored: Sequence[Findings]) -> list[Section]:
+    """Prediction errors of every form on the scored runs, if there are any."""
+    if not scored:
+        return []
+    columns = ["form", *(f"{run['run']} [mm/s]" for run in scored)]
+    rows = [
+        [form, *(f"{1e3 * run['errors'][form]:.2f}" for run in scored)]
+        for form in scored[0]["errors"]
+    ]
+    missing = [", ".join(run["missing"]) or "none" for run in scored]
+    rows.append(["terms of the run that no fit has", *missing])
+    return [table_section("Runs scored, in no fit", columns, rows, SCORED_TEXT)]
+
+
+def dropped_section(dropped_terms: Sequence[Findings]) -> Section:
+    """The terms that were dropped, with the reason and the fits concerned."""
+    fits: dict[tuple[str, ...], list[str]] = {}
+    for entry in dropped_terms:
+        key = (entry["term"], entry["reason"], entry["form"])
+        fits.setdefault(key, []).append(entry["fitted_to"])
+    rows = [[*key, _first(fitted_to)] for key, fitted_to in fits.items()]
+    if not rows:
+        rows = [[NONE_DROPPED, "", "", ""]]
+    columns = ["term", "reason", "dropped from the form", "as fitted to"]
+    return table_section("Terms dropped", columns, rows, DROPPED_TEXT)
+
+
+def _first(names: Sequence[str]) -> str:
+    """The first three names, and how many more there are."""
+    n_more = len(names) - 3
+    return "; ".join(names[:3]) + (f"; and {n_more} more" if n_more > 0 else "")
+
+
 def parameters_section(model: Sequence[str], fits: Findings) -> Section:
     """The model's parameters by run, with intervals, and its errors."""
     rows = []
@@ -120,17 +167,23 @@ def parameters_section(model: Sequence[str], fits: Findings) -> Section:
 
 
 def coefficient_cells(fit: Findings) -> list[str]:
-    """Each coefficient with its interval, three digits."""
+    """Each coefficient with its interval, three digits, or that its term was dropped."""
     pairs = zip(fit["coefficients"], fit["intervals"], strict=True)
-    return [f"{value:.3g} ({low:.3g} to {high:.3g})" for value, (low, high) in pairs]
+    return [
+        DROPPED if value is None else f"{value:.3g} ({low:.3g} to {high:.3g})"
+        for value, (low, high) in pairs
+    ]
 
 
 def relative(name: str, model: Sequence[str], fits: Findings) -> tuple[np.ndarray, np.ndarray]:
-    """A parameter of each run over that of all runs, (n_runs,), and its interval (n_runs, 2)."""
+    """A parameter of each run over that of all runs, (n_runs,), and its interval (n_runs, 2).
+
+    NaN where the run does not excite it.
+    """
     k = list(model).index(name)
     nominal = fits["pooled"]["coefficients"][k]
-    values = np.array([run["coefficients"][k] for run in fits["runs"]])
-    intervals = np.array([run["intervals"][k] for run in fits["runs"]])
+    values = np.array([run["coefficients"][k] for run in fits["runs"]], float)
+    intervals = np.array([run["intervals"][k] for run in fits["runs"]], float)
     return values / nominal, np.sort(intervals / nominal, axis=1)
 
 
@@ -144,8 +197,8 @@ def band_section(model: Sequence[str], fits: Mapping[str, Findings]) -> Section:
         for form, fit in fits.items():
             values, intervals = relative(name, model, fit)
             series[form] = {
-                "values": values.tolist(),
-                "intervals": intervals.tolist(),
+                "values": without_nan(values),
+                "intervals": [without_nan(interval) for interval in intervals],
             }
             rows.append([name, form, *range_cells(values, intervals, default)])
         band = [1 - default, 1 + default]
@@ -163,12 +216,16 @@ def band_section(model: Sequence[str], fits: Mapping[str, Findings]) -> Section:
 
 
 def range_cells(values: np.ndarray, intervals: np.ndarray, default: float) -> list[str]:
-    """Range of a parameter (n_runs,), and how many intervals (n_runs, 2) leave the default band."""
+    """Range of a parameter (n_runs,), and how many intervals (n_runs, 2) leave the default band.
+
+    Of the runs that excite it.
+    """
+    known = values[~np.isnan(values)]
     is_above = intervals[:, 0] > 1 + default
     is_below = intervals[:, 1] < 1 - default
     n_outside = int(np.sum(is_above | is_below))
-    span = f"{values.min():.2f} to {values.max():.2f}"
-    return [span, f"±{100 * default:g} %", f"{n_outside} of {len(values)}"]
+    span = f"{known.min():.2f} to {known.max():.2f}" if len(known) else DROPPED
+    return [span, f"±{100 * default:g} %", f"{n_outside} of {len(known)}"]
 
 
 def prediction_section(example: Findings) -> Section:
@@ -195,7 +252,7 @@ def filter_section(model: Sequence[str], fits: Findings, tracks: Findings) -> Se
     own = [relative(name, model, fits)[0] for name in PARAMETERS]
     rows = []
     for k, (name, track) in enumerate(tracks["runs"].items()):
-        own_cells = [f"{values[k]:.2f}" for values in own]
+        own_cells = [DROPPED if np.isnan(values[k]) else f"{values[k]:.2f}" for values in own]
         rows.append([name, *own_cells, *estimate_cells(track)])
     estimates = [f"{name}, {source}" for source in ("own fit", *LANES) for name in PARAMETERS]
     columns = ["run", *estimates, *(f"NIS, {lane}" for lane in LANES)]

@@ -5,6 +5,7 @@ pond; position, speeds, heading, yaw rate, propeller, rudder and wind ten times 
 fault: the variation from run to run is the healthy band.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -58,9 +59,13 @@ class ShipRun(NamedTuple):
     inputs: Inputs
 
 
-def load(folder: Path) -> list[ShipRun]:
-    """The whole runs of ``folder/random/*.csv``; `InputError` if one is broken or none is there."""
-    files = data_files(folder, PATTERN, SOURCE)
+def load(folder: Path, but: Sequence[Path] = ()) -> list[ShipRun]:
+    """The whole runs of ``folder/random/*.csv`` but some files.
+
+    Raises `InputError` if one is broken or none is there.
+    """
+    left_out = {path.resolve() for path in but}
+    files = [path for path in data_files(folder, PATTERN, SOURCE) if path.resolve() not in left_out]
     return [read_run(path) for path in tqdm(files, desc="runs", unit="run", leave=False)]
 
 

@@ -3,6 +3,8 @@
 import re
 from collections.abc import Collection, Sequence
 
+import numpy as np
+
 
 def row_name(name: str, references: Collection[str]) -> str:
     """The name, marked with a star if it is a reference."""
@@ -31,6 +33,11 @@ def seconds(time: float | None, horizon: float) -> str:
 def number(value: float | None, digits: int, missing: str = "infinite") -> str:
     """A number, or the word for None."""
     return missing if value is None else f"{value:.{digits}f}"
+
+
+def without_nan(values: np.ndarray) -> list[float | None]:
+    """The values (n,) as plain data, None for NaN."""
+    return [None if np.isnan(value) else float(value) for value in values]
 
 
 def file_name(text: str) -> str:

@@ -55,16 +55,16 @@ def _write_figure(figure: dict[str, Any], folder: Path) -> str:
     return base64.b64encode(buffer.getvalue()).decode()
 
 
-def print_tables(sections: Iterable[dict[str, Any]]) -> None:
-    """Print the tables of the sections as text, the first six columns of each."""
+def print_tables(sections: Iterable[dict[str, Any]], whole: bool = False) -> None:
+    """Print the tables of the sections as text, the first six columns of each or the whole."""
     for section in sections:
         if "table" in section:
             print(f"\n{section['heading']}")
-            _print_table(section["table"])
+            _print_table(section["table"], None if whole else N_PRINTED_COLUMNS)
 
 
-def _print_table(table: dict[str, Any]) -> None:
-    rows = [row[:N_PRINTED_COLUMNS] for row in (table["columns"], *table["rows"])]
+def _print_table(table: dict[str, Any], n_columns: int | None) -> None:
+    rows = [row[:n_columns] for row in (table["columns"], *table["rows"])]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]

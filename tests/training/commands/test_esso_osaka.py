@@ -24,13 +24,18 @@ def steps(random, n_samples, values, hold=150):
     return np.repeat(random.choice(values, n_samples // hold + 1), hold)[:n_samples]
 
 
-def made_run(seed, seconds=400, noise=0.0, coefficients=TRUTH, name=None):
-    """A ship with these coefficients, driven at random; noise [m/s^2] of an acceleration that lasts
-    five seconds.
+ANY_RPM = (-400.0, 0.0, 300.0, 600.0)
+AHEAD_RPM = (150.0, 300.0, 600.0)  # a propeller that never goes astern
+
+
+def made_run(seed, seconds=400, noise=0.0, coefficients=TRUTH, name=None, speeds=ANY_RPM):
+    """A ship with these coefficients, driven at random at these shaft speeds [rpm].
+
+    noise [m/s^2] is that of an acceleration that lasts five seconds.
     """
     random = np.random.default_rng(seed)
     n_samples = round(seconds / STEP)
-    rpm = steps(random, n_samples, [-400.0, 0.0, 300.0, 600.0])
+    rpm = steps(random, n_samples, speeds)
     rudder = steps(random, n_samples, [-0.5, 0.0, 0.5])
     share = STEP / 8.0
     memory = np.exp(-STEP / 5.0)
@@ -93,7 +98,7 @@ def test_the_first_terms_are_the_plants_own_equation():
 def test_a_run_without_disturbance_gives_its_coefficients_back():
     run = made_run(1)
     np.testing.assert_allclose(
-        surge_fit.solve(surge_fit.normal_equations(run, FORM)), TRUTH, rtol=0.01
+        surge_fit.solve(surge_fit.normal_equations(run, FORM)).coefficients, TRUTH, rtol=0.01
     )
     assert surge_fit.rms(surge_fit.prediction_error(FORM, TRUTH, run)) < 1e-4
 
@@ -102,7 +107,7 @@ def test_a_term_that_is_not_there_costs_little_and_one_that_is_missing_much():
     run = made_run(2)
     errors = {}
     for form in (FORM, (*FORM, "drift"), FORM[:3]):
-        fitted = surge_fit.solve(surge_fit.normal_equations(run, form))
+        fitted = surge_fit.solve(surge_fit.normal_equations(run, form)).coefficients
         errors[form] = surge_fit.rms(surge_fit.prediction_error(form, fitted, run))
     assert errors[(*FORM, "drift")] < 2 * errors[FORM] < 0.1 * errors[FORM[:3]]
 
@@ -127,10 +132,52 @@ def test_the_prediction_is_that_of_an_exact_integrator():
 
 def test_leaving_a_run_out_by_weights_is_leaving_it_out():
     runs = [made_run(seed, noise=1e-3) for seed in range(3)]
-    _, others = esso_osaka.fit(runs, FORM)
+    others = esso_osaka.fit(runs, FORM)[1].coefficients
     without = surge_fit.together([surge_fit.normal_equations(run, FORM) for run in runs[1:]])
-    np.testing.assert_allclose(others[0], surge_fit.solve(without), rtol=1e-9)
+    np.testing.assert_allclose(others[0], surge_fit.solve(without).coefficients, rtol=1e-9)
     assert not np.allclose(others[0], others[1], rtol=1e-3)
+
+
+def test_a_term_that_a_run_does_not_excite_is_dropped_by_name_and_the_others_are_fitted():
+    run = made_run(4, speeds=AHEAD_RPM)
+    fit = surge_fit.solve(surge_fit.normal_equations(run, (*FORM, "astern")))
+    reason = "zero in the runs fitted to"
+    assert surge_fit.dropped((*FORM, "astern"), fit) == [("astern", reason)]
+    np.testing.assert_allclose(fit.coefficients[:5], TRUTH, rtol=0.01)
+    assert fit.coefficients[5] == 0.0
+
+
+def test_a_term_that_repeats_an_earlier_one_is_dropped():
+    run = made_run(5, speeds=(-500.0, -300.0, -150.0))  # only astern: n|n| is minus astern
+    form = ("alpha", "astern", "beta", "gamma", "turn", "wind")
+    fit = surge_fit.solve(surge_fit.normal_equations(run, form))
+    ((name, reason),) = surge_fit.dropped(form, fit)
+    assert (name, reason) == ("beta", "a combination of the terms before it")
+    assert fit.coefficients[1] == pytest.approx(-TRUTH[1], rel=0.01)
+
+
+def test_a_reading_that_rests_a_little_below_zero_does_not_excite_the_thrust_astern():
+    whole = made_run(6)
+    ahead = made_run(7, speeds=AHEAD_RPM)
+    ahead.inputs.rpm[:300] = -0.5  # rpm: an offset of the reading at rest
+    form = (*FORM, "astern")
+    normals = [surge_fit.normal_equations(run, form) for run in (whole, ahead)]
+    usual = surge_fit.term_rms(surge_fit.together(normals))
+    fit = surge_fit.solve(normals[1], usual=usual)
+    reason = "below 1 % of its rms in all runs"
+    assert surge_fit.dropped(form, fit) == [("astern", reason)]
+    assert surge_fit.dropped(form, surge_fit.solve(normals[0], usual=usual)) == []
+
+
+def test_the_interval_of_a_term_that_few_minutes_excite_is_of_the_resamples_that_excite_it():
+    run = made_run(8, seconds=700, noise=1e-4, speeds=AHEAD_RPM)
+    run.inputs.rpm[1000:1100] = -300.0
+    form = (*FORM, "astern")
+    found = surge_fit.intervals(surge_fit.normal_equations(run, form), 0, n=200)
+    assert np.isfinite(found).all()
+    still = run.inputs._replace(rudder=np.zeros(len(run.speed)))
+    found = surge_fit.intervals(surge_fit.normal_equations(run._replace(inputs=still), form), 0)
+    assert np.isnan(found[2]).all() and np.isfinite(np.delete(found, 2, axis=0)).all()
 
 
 def test_intervals_hold_the_truth_about_as_often_as_they_say():
@@ -174,6 +221,109 @@ def test_the_end_of_a_run_where_nobody_steers_is_left_out():
     run.inputs.rudder[:] = 0.0
     with pytest.raises(InputError, match="0 samples until nobody steers"):
         free_running(run)
+
+
+def test_a_fit_to_no_run_that_goes_astern_predicts_one_that_does():
+    runs = [made_run(500 + k, noise=1e-3, speeds=AHEAD_RPM) for k in range(2)]
+    runs.append(made_run(502, noise=1e-3))
+    form = (*FORM, "astern")
+    pooled, others = esso_osaka.fit(runs, form)
+    assert surge_fit.dropped(form, pooled) == []
+    assert others.is_dropped.tolist() == [[False] * 6, [False] * 6, [False] * 5 + [True]]
+    compared, missing = esso_osaka.compare_forms(runs, runs)
+    assert all(np.isfinite([one["fitted"], one["left_out"]]).all() for one in compared)
+    found = {"form": "model, astern", "fitted_to": "all runs but made 502", "term": "astern"}
+    assert found | {"reason": "zero in the runs fitted to"} in missing
+
+
+def results_of(capsys, *arguments):
+    assert cli.main(["esso-osaka", *map(str, arguments)]) == 0
+    output = arguments[arguments.index("--output") + 1]
+    return json.loads((output / "results.json").read_text()), capsys.readouterr().out
+
+
+def test_the_command_names_the_terms_that_runs_without_astern_do_not_excite(tmp_path, capsys):
+    for seed in range(3):
+        run = made_run(600 + seed, seconds=200, noise=1e-3, speeds=AHEAD_RPM)
+        if seed == 1:
+            run.inputs.rudder[:] = 0.0
+        write_run(tmp_path / "data" / "random" / f"random_{seed}.csv", run)
+    results, printed = results_of(capsys, tmp_path / "data", "--output", tmp_path / "out")
+    missing = results["findings"]["dropped"]
+    entry = {"form": "all terms", "fitted_to": "all runs", "term": "astern"}
+    assert entry | {"reason": "zero in the runs fitted to"} in missing
+    entry = {"form": esso_osaka.MODEL_NAME, "fitted_to": "1", "term": "gamma"}
+    assert entry | {"reason": "zero in the runs fitted to"} in missing
+    straight = results["findings"]["fits"]["model"]["runs"][1]
+    gamma = esso_osaka.MODEL.index("gamma")
+    assert straight["coefficients"][gamma] is None
+    assert straight["intervals"][gamma] == [None, None]
+    assert None not in straight["coefficients"][:2]
+    assert "Terms dropped" in printed
+    assert "astern" in printed and "zero in the runs fitted to" in printed
+    assert "the propeller goes astern in 0 of 3 runs" in " ".join(results["intro"])
+    assert "nan" not in (tmp_path / "out" / "index.html").read_text().lower().split("<img")[0]
+
+
+def test_runs_that_never_turn_their_propeller_are_refused(tmp_path, capsys):
+    for seed in range(2):
+        run = made_run(700 + seed, seconds=100, speeds=(0.0,))
+        write_run(tmp_path / "random" / f"random_{seed}.csv", run)
+    error = refused(capsys, tmp_path, "--output", tmp_path / "out")
+    assert "beta" in error and "zero in the runs fitted to" in error
+
+
+def test_runs_to_be_scored_enter_no_fit(tmp_path, folder, capsys):
+    other = made_run(900, seconds=120, coefficients=TRUTH * [1.0, 2.0, 1.0, 1.0, 1.0])
+    write_run(tmp_path / "other.csv", other)
+    plain, _ = results_of(capsys, folder, "--output", tmp_path / "plain")
+    scored = ["--score", tmp_path / "other.csv"]
+    results, printed = results_of(capsys, folder, "--output", tmp_path / "out", *scored)
+    assert results["findings"]["fits"] == plain["findings"]["fits"]
+    assert plain["findings"]["scored"] == []
+    (run,) = results["findings"]["scored"]
+    assert run["run"] == "other"
+    form = esso_osaka.MODEL
+    pooled = np.array(results["findings"]["fits"]["model"]["pooled"]["coefficients"])
+    expected = surge_fit.rms(surge_fit.prediction_error(form, pooled, other))
+    assert run["errors"][esso_osaka.MODEL_NAME] == pytest.approx(expected, rel=1e-4)
+    own = results["findings"]["forms"][4]
+    assert run["errors"][esso_osaka.MODEL_NAME] > 1.5 * own["left_out"]  # twice the thrust
+    assert "Runs scored, in no fit" in printed and "other" in printed
+
+
+def test_a_scored_run_that_goes_astern_says_that_no_fit_knows_the_thrust_astern():
+    runs = [made_run(500 + k, noise=1e-3, speeds=AHEAD_RPM) for k in range(2)]
+    ahead, astern = esso_osaka.score(runs, [made_run(3, speeds=AHEAD_RPM), made_run(3)])
+    assert (ahead["missing"], astern["missing"]) == ([], ["astern"])
+    assert np.isfinite(list(astern["errors"].values())).all()
+
+
+def test_a_run_of_the_folder_that_is_to_be_scored_is_left_out_of_all_fits(tmp_path, folder, capsys):
+    scored = ["--score", folder / "random" / ".." / "random" / "random_2.csv"]
+    results, _ = results_of(capsys, folder, "--output", tmp_path / "out", *scored)
+    findings = results["findings"]
+    assert [run["run"] for run in findings["fits"]["model"]["runs"]] == ["0", "1"]
+    assert [run["run"] for run in findings["scored"]] == ["2"]
+    read = [run for run in load(folder) if run.name != "2"]
+    pooled = esso_osaka.fit([free_running(run) for run in read], FORM)[0].coefficients
+    np.testing.assert_allclose(findings["fits"]["model"]["pooled"]["coefficients"], pooled)
+
+
+def test_a_file_to_be_scored_that_is_not_there_is_named(tmp_path, folder, capsys):
+    output = ["--output", tmp_path / "out"]
+    assert "nowhere.csv" in refused(capsys, folder, "--score", tmp_path / "nowhere.csv", *output)
+    assert not (tmp_path / "out").exists()
+
+
+def test_every_column_of_the_tables_is_printed(tmp_path, folder, capsys):
+    results, printed = results_of(capsys, folder, "--output", tmp_path / "out")
+    tables = [section["table"] for section in results["sections"] if "table" in section]
+    assert max(len(table["columns"]) for table in tables) > 6
+    for table in tables:
+        for words in (table["columns"], *table["rows"]):
+            line = [word for word in words if word]
+            assert any(all(word in text for word in line) for text in printed.splitlines()), words
 
 
 @pytest.fixture(scope="module")

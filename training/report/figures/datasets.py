@@ -52,7 +52,7 @@ def healthy_band(runs: Sequence[str], panels: Mapping[str, Mapping[str, Any]]) -
     """Relative parameters of each run with intervals, over a band and a wider window.
 
     `panels` hold by parameter the ends of `band` and `window`, and `series` by name, of values
-    (n_runs,) and intervals (n_runs, 2).
+    (n_runs,) and intervals (n_runs, 2); None where a run does not tell.
     """
     figure, axes = new_panels(1.2 + 0.4 * len(runs), 1, len(panels), sharey=True, squeeze=False)
     axes = axes[0]
@@ -71,11 +71,13 @@ def healthy_band(runs: Sequence[str], panels: Mapping[str, Mapping[str, Any]]) -
 def _run_intervals(axis: Axes, series: Mapping[str, Mapping[str, Any]]) -> None:
     """Dots with intervals, a row per run, the series one above the other."""
     for k, (name, colour) in enumerate(zip(series, (PORT, SPEED), strict=True)):
-        values = np.array(series[name]["values"])
-        low, high = np.transpose(series[name]["intervals"])
+        values = np.array(series[name]["values"], float)
+        low, high = np.array(series[name]["intervals"], float).T
         rows = np.arange(len(values)) + 0.3 * k - 0.15
         axis.hlines(rows, low, high, color=colour, lw=1.4)
         axis.plot(values, rows, "o", color=colour, ms=5, label=name)
-    values = np.concatenate([line["values"] for line in series.values()])
-    margin = 0.5 * np.ptp(values)
-    axis.set_xlim(values.min() - margin, values.max() + margin)
+    values = np.concatenate([np.array(line["values"], float) for line in series.values()])
+    known = values[~np.isnan(values)]
+    if len(known) > 1:
+        margin = 0.5 * np.ptp(known)
+        axis.set_xlim(known.min() - margin, known.max() + margin)
