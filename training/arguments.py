@@ -185,7 +185,7 @@ class Haizhe:
     output: Path = Path("runs/haizhe")
     """Folder of the report; an earlier report there is replaced."""
     seed: int = 0
-    """Seed of folds, forests and bootstrap intervals."""
+    """Seed of folds, classifiers and bootstrap intervals."""
 
 
 @dataclass(frozen=True)

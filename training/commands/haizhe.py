@@ -1,6 +1,7 @@
 """``auv-fault haizhe``: faults of a real vehicle classified, with controls for the session."""
 
 from collections.abc import Sequence
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ from tqdm import tqdm
 
 from auv_fault_env.errors import refusal
 from training.arguments import Haizhe
-from training.datasets.forests import cross_decide, forest, shuffled_folds
+from training.datasets.forests import CLASSIFIERS, cross_decide, forest, shuffled_folds
 from training.datasets.haizhe_page import page
 from training.datasets.haizhe_runs import (
     CLASSES,
@@ -21,6 +22,7 @@ from training.datasets.haizhe_runs import (
 )
 from training.metrics import confusion, macro_f1
 from training.metrics.intervals import f1_interval
+from training.report.markdown import write_markdown
 from training.report.page import print_tables, write_report
 from training.report.run_folder import run_folder, write_json
 
@@ -29,12 +31,14 @@ OFFICIAL = "official test split"
 
 
 class Decisions(NamedTuple):
-    """Decisions of a forest on the runs that a protocol holds out.
+    """Decisions of a classifier on the runs that a protocol holds out.
 
-    `protocol` and `inputs` are names; `label` and `decision` true and decided class, (n_runs,).
+    `protocol`, `classifier` and `inputs` are names; `label` and `decision` true and decided class,
+    (n_runs,).
     """
 
     protocol: str
+    classifier: str
     inputs: str
     label: np.ndarray
     decision: np.ndarray
@@ -54,7 +58,8 @@ def main(arguments: Haizhe) -> None:
         results = page(command, counts, scores, sessions)
         write_json(folder / "results.json", results)
         write_report(results, folder)
-    print_tables(results["sections"])
+        write_markdown(results, folder)
+    print_tables(results["sections"], whole=True)
     print(f"\nReport: {arguments.output / 'index.html'}")
 
 
@@ -96,21 +101,25 @@ def held_out(runs: Sequence[Run], seed: int) -> dict[str, np.ndarray]:
 
 
 def decide(splits: dict[str, list[Run]], seed: int) -> list[Decisions]:
-    """Decisions with every input under every protocol, the official split first if present."""
+    """Decisions by every classifier with every input under every protocol.
+
+    The official split is first, if present.
+    """
     runs = splits["train"]
     tests = splits.get("test", [])
     label = labels(runs)
     protocols = held_out(runs, seed)
     decisions = []
-    for name, inputs_of in tqdm(INPUTS.items(), desc="classifiers", unit="input"):
+    cases = list(product(CLASSIFIERS.items(), INPUTS.items()))
+    for (classifier, new), (name, inputs_of) in tqdm(cases, desc="classifiers", unit="input"):
         inputs = np.array([inputs_of(run) for run in runs])
         if tests:
             test_inputs = np.array([inputs_of(run) for run in tests])
-            decision = forest(seed).fit(inputs, label).predict(test_inputs)
-            decisions.append(Decisions(OFFICIAL, name, labels(tests), decision))
+            decision = new(seed).fit(inputs, label).predict(test_inputs)
+            decisions.append(Decisions(OFFICIAL, classifier, name, labels(tests), decision))
         for protocol, folds in protocols.items():
-            decision = cross_decide(inputs, label, folds, seed)
-            decisions.append(Decisions(protocol, name, label, decision))
+            decision = cross_decide(new(seed), inputs, label, folds)
+            decisions.append(Decisions(protocol, classifier, name, label, decision))
     order = [OFFICIAL, *protocols]
     return sorted(decisions, key=lambda entry: order.index(entry.protocol))
 
@@ -128,6 +137,7 @@ def score(decisions: Decisions, seed: int) -> dict[str, Any]:
     correct = binomtest(int(np.trace(counts)), len(label))
     return {
         "protocol": decisions.protocol,
+        "classifier": decisions.classifier,
         "inputs": decisions.inputs,
         "accuracy": correct.statistic,
         "accuracy_interval": list(correct.proportion_ci(method="wilson")),
@@ -140,8 +150,8 @@ def score(decisions: Decisions, seed: int) -> dict[str, Any]:
 def session_accuracy(runs: Sequence[Run], seed: int) -> dict[str, dict[str, Any]]:
     """By class: runs before and after 18:00, and how well their samples at rest are distinguished.
 
-    The accuracy is the balanced accuracy of stratified cross-validation on the first sample, chance
-    0.5; None where a half has fewer runs than folds.
+    The accuracy is a forest's balanced accuracy by stratified cross-validation on the first sample,
+    chance 0.5; None where a half has fewer runs than folds.
     """
     sessions = {}
     for k, name in enumerate(CLASSES):
@@ -152,7 +162,7 @@ def session_accuracy(runs: Sequence[Run], seed: int) -> dict[str, dict[str, Any]
         if counts.min() >= FOLDS:
             rest = np.array([INPUTS["rest only"](run) for run in members])
             folds = shuffled_folds(evening, FOLDS, seed)
-            matrix = confusion(evening, cross_decide(rest, evening, folds, seed), 2)
+            matrix = confusion(evening, cross_decide(forest(seed), rest, evening, folds), 2)
             accuracy = float(np.mean(np.diag(matrix) / counts))
         sessions[name] = {"runs": counts.tolist(), "balanced_accuracy": accuracy}
     return sessions

@@ -9,6 +9,7 @@ from auv_fault_env.parameters import SAMPLE_TIME, Vehicle
 from diagnosers.networks.fault_map import ALPHA_WINDOW, BETA_WINDOW, NOMINAL
 from training.datasets.esso_osaka_runs import SOURCE
 from training.datasets.surge_fit import LEAST_RMS, UNITS
+from training.datasets.surge_track import SPEED_NOISE
 from training.report.cells import without_nan
 from training.report.lines import line_without_band
 from training.report.sections import Section, figure, figure_section, table_section
@@ -34,7 +35,7 @@ FORMS_TEXT = (
     "ten seconds are the measured ones: only the surge speed is predicted. Speeds are over ground, "
     "as the tests' own tracking measured them, with its jumps.",
     "The end of a run, where propeller and rudder stay at zero, is left out: there people tow the "
-    "model back at up to 0.2 m/s with the propeller at rest. The last rows include it.",
+    "model back with the propeller at rest. The last rows include it.",
 )
 DROPPED = "dropped"
 NONE_DROPPED = "none: the data of every fit excite all its terms"
@@ -265,8 +266,9 @@ def filter_section(model: Sequence[str], fits: Findings, tracks: Findings) -> Se
         f"of {1e3 * std:.2f} mm/s² over {memory:g} s is as large as the prediction's error.",
         "Estimates at the end of each run, relative, with the filter's own standard deviation; NIS "
         "is the mean squared innovation over its variance, 1 if the filter's uncertainty were "
-        "right from sample to sample. It is far below: the speed's errors are jumps that last for "
-        "seconds, modelled here as white noise of their strength.",
+        "right from sample to sample. It falls far below where the speed's errors are jumps that "
+        "last for seconds, modelled here as white noise of their strength. That noise, "
+        f"{SPEED_NOISE:g} m/s, was chosen on the runs of the data set themselves.",
     )
     data = {
         "panels": estimate_lines(tracks["runs"]),

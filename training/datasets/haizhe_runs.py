@@ -29,6 +29,7 @@ CLASSES = (
 READINGS = tuple("depth press voltage roll pitch yaw a_x a_y a_z w_row w_pitch w_yaw".split())
 YAW = READINGS.index("yaw")
 RATE = 19.7  # Hz
+QUANTILES = (5.0, 25.0, 50.0, 75.0, 95.0)  # per cent
 BANDS = (0.0, 0.5, 2.0, 5.0, 10.0)  # Hz, edges
 SHORTEST = 16  # rows of a run: enough for a spectrum; the data's runs have 136 to 296
 EVENING = 18 * 3600.0  # s; in the training split nothing was recorded from 17:06 to 18:24
@@ -71,11 +72,13 @@ def seconds_of_day(clock: float) -> float:
 
 
 def features(signals: np.ndarray) -> np.ndarray:
-    """Ten figures of each signal (n_rows, n_signals), one after the other, (10 n_signals,).
+    """Figures of each signal (n_rows, n_signals), one after the other, (n_figures n_signals,).
 
-    Mean, standard deviation, least, largest, last less first, mean absolute step, and the shares of
-    the detrended signal's power in the four bands between `BANDS`.
+    Mean, standard deviation, least, largest, last less first, mean and largest absolute step,
+    first, last, `QUANTILES`, and the shares of the detrended signal's power in the bands between
+    `BANDS`.
     """
+    steps = np.abs(np.diff(signals, axis=0))
     frequency, power = periodogram(signals, RATE, detrend="linear", axis=0)
     shares = power / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
     figures = [
@@ -84,7 +87,11 @@ def features(signals: np.ndarray) -> np.ndarray:
         signals.min(axis=0),
         signals.max(axis=0),
         signals[-1] - signals[0],
-        np.abs(np.diff(signals, axis=0)).mean(axis=0),
+        steps.mean(axis=0),
+        steps.max(axis=0),
+        signals[0],
+        signals[-1],
+        *np.percentile(signals, QUANTILES, axis=0),
     ]
     for low, high in pairwise(BANDS):
         is_in_band = (low <= frequency) & (frequency < high)

@@ -20,11 +20,11 @@ AHEAD = 100  # samples: the ten seconds of a prediction
 BLOCK = 600  # samples: a minute, several times the ten seconds and the disturbance's memory
 RESAMPLES = 2000
 # A term whose rms in the data of a fit is at most this share of its rms in all runs is not excited:
-# one such as the thrust of a shaft "astern" at the offset of its reading. The runs of the real ship
-# have 0.2 or more.
+# an offset of the shaft's reading at rest is no thrust astern. Runs of the real ship have at least
+# 0.2.
 LEAST_RMS = 0.01
 # A term of whose mean square the terms before it leave at most this share (1 - R^2) is their
-# combination: its coefficient would be rounding. The runs of the real ship have 0.04 or more.
+# combination: its coefficient would be rounding. The runs of the real ship have 0.03 or more.
 LEAST_SHARE = 1e-6
 UNITS = {
     "alpha": "1/m",

@@ -1,6 +1,7 @@
 import json
 import shutil
 import sys
+from itertools import product
 
 import numpy as np
 import pytest
@@ -48,12 +49,14 @@ def write_split(folder, session=lambda label, evening: 0.0, fault=lambda label: 
 @pytest.fixture
 def few_trees(monkeypatch):
     monkeypatch.setattr(forests, "TREES", 12)
+    monkeypatch.setattr(forests, "ROUNDS", 2)
 
 
 def scores(folder):
     runs = haizhe_runs.load(folder, "train")
     found = [haizhe.score(one, 0) for one in haizhe.decide({"train": runs}, 0)]
-    return {(one["protocol"], one["inputs"]): one["accuracy"] for one in found}
+    of_forest = [one for one in found if one["classifier"] == "forest"]
+    return {(one["protocol"], one["inputs"]): one["accuracy"] for one in of_forest}
 
 
 def test_a_run_is_read_with_its_class_its_hour_and_an_unwrapped_yaw(tmp_path):
@@ -72,8 +75,20 @@ def test_features_of_a_known_signal():
     assert found[0] == pytest.approx(3.0, abs=0.01)  # mean
     assert found[1] == pytest.approx(0.5**0.5, abs=0.01)  # standard deviation
     assert found[2:4] == pytest.approx([2.0, 4.0], abs=0.02)  # least and largest
-    assert found[7] > 0.95  # 1 Hz lies between 0.5 and 2 Hz
-    assert found[6:].sum() == pytest.approx(1.0)
+    assert found[-3] > 0.95  # 1 Hz lies between 0.5 and 2 Hz
+    assert found[-4:].sum() == pytest.approx(1.0)
+
+
+def test_features_of_a_signal_by_hand():
+    signal = np.array([4.0] * 10 + [6.0] + [5.0] * 9 + [2.0])
+    found = haizhe_runs.features(signal[:, None])
+    assert found[4] == -2.0  # last less first
+    assert found[5] == pytest.approx((2.0 + 1.0 + 3.0) / 20)  # mean step
+    assert found[6:9].tolist() == [3.0, 4.0, 2.0]  # largest step, first, last
+    # in order: 2, ten of 4, nine of 5, 6; the quantiles are elements 1, 5, 10, 15 and 19
+    assert found[9:14].tolist() == [4.0, 4.0, 4.0, 5.0, 5.0]
+    two = haizhe_runs.features(np.column_stack([signal, 10.0 * signal]))
+    assert two[12:14].tolist() == [3.0, 30.0]  # a figure of all signals, then the next figure
 
 
 def test_a_reading_that_stands_still_has_features_too():
@@ -133,9 +148,61 @@ def test_the_same_seed_gives_the_same_decisions_and_another_seed_others(few_tree
     inputs = random.normal(size=(60, 4))
     label = np.arange(60) % 5
     folds = forests.shuffled_folds(label, 5, 0)
-    first, again, other = (forests.cross_decide(inputs, label, folds, seed) for seed in (0, 0, 1))
+    first, again, other = (
+        forests.cross_decide(forests.forest(seed), inputs, label, folds) for seed in (0, 0, 1)
+    )
     assert (first == again).all()
     assert (first != other).any()
+
+
+def test_boosting_finds_a_rule_of_two_inputs_and_nothing_where_there_is_none():
+    random = np.random.default_rng(0)
+    inputs = random.normal(size=(400, 4))
+    label = 2 * (inputs[:, 0] > 0) + (inputs[:, 1] > 0)
+    folds = forests.shuffled_folds(label, 5, 0)
+    found = forests.cross_decide(forests.boosting(0), inputs, label, folds)
+    assert np.mean(found == label) > 0.9
+    other = forests.cross_decide(forests.boosting(0), inputs, random.permutation(label), folds)
+    assert np.mean(other == label) < 0.4
+
+
+def test_every_classifier_decides_every_run_that_is_held_out(tmp_path, few_trees):
+    write_split(tmp_path / "train")
+    runs = haizhe_runs.load(tmp_path, "train")
+    decided = haizhe.decide({"train": runs}, 0)
+    found = {(one.protocol, one.classifier, one.inputs) for one in decided}
+    protocols = ("stratified", "time blocks", "half of the day")
+    assert len(decided) == len(found) == 3 * 2 * len(haizhe_runs.INPUTS)
+    assert found == set(product(protocols, ("forest", "boosting"), haizhe_runs.INPUTS))
+    assert all(len(one.decision) == len(runs) for one in decided)
+
+
+def test_the_page_says_what_was_measured_and_prints_every_column(tmp_path, few_trees, capsys):
+    write_split(tmp_path / "data" / "train", fault=lambda label: 0.4 * label)
+    output = tmp_path / "out"
+    assert cli.main(["haizhe", str(tmp_path / "data"), "--output", str(output)]) == 0
+    printed = capsys.readouterr().out
+    results = json.loads((output / "results.json").read_text())
+    tables = {section["heading"]: section.get("table") for section in results["sections"]}
+    by_class = tables["Recognised, by class"]
+    assert by_class["columns"] == ["held out", "classifier", "input", *CLASSES]
+    for words in (by_class["columns"], *by_class["rows"]):
+        assert any(line.split() == " ".join(words).split() for line in printed.splitlines()), words
+    score = {(one["protocol"], one["classifier"], one["inputs"]): one for one in results["scores"]}
+    text = " ".join(results["sections"][1]["text"])
+    for classifier in ("forest", "boosting"):
+        confusion = score["stratified", classifier, "rest only"]["confusion"]
+        slight, bad = (f"{100 * confusion[k][k]:.0f} % of {CLASSES[k]}" for k in (3, 4))
+        assert f"{classifier} recognises {slight} and {bad}" in text
+    assert "Of the 10 runs of Normal 5 were made before 18:00" in text
+    whole = score["time blocks", "boosting", "whole run"]["accuracy"]
+    rest = score["time blocks", "boosting", "rest only"]["accuracy"]
+    (row,) = [
+        row
+        for row in tables["What the controls say"]["rows"]
+        if row[:2] == ["time blocks", "boosting"]
+    ]
+    assert row[2:4] == [f"{100 * whole:.1f}", f"{100 * (whole - rest):+.1f}"]
 
 
 def refused(capsys, *arguments):
