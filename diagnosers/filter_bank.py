@@ -11,20 +11,19 @@ from scipy.stats import norm
 
 from auv_fault_env.errors import finite_in_range
 from auv_fault_env.parameters import PARAMETERS, SAMPLE_TIME, SIDES, vehicle_of
-from auv_fault_env.physics import PlantConstants
 from auv_fault_env.realism import IMPERFECTIONS, SURROUNDINGS
-from diagnosers.bank.base import Bank, Machinery, prior_severity
-from diagnosers.bank.hypotheses import OWN_PARAMETERS, SURGE
+from diagnosers.bank.algebra import covariance_row
+from diagnosers.bank.base import Bank, BankConstants, Machinery, prior_severity
+from diagnosers.bank.hypotheses import OWN_PARAMETERS, SURGE, current_table
 from diagnosers.bank.motor import DEVIATIONS, RESISTANCE, TORQUE_CONSTANT
-from diagnosers.bank.sensors import N_READINGS
+from diagnosers.bank.sensors import N_READINGS, new_sample
 from diagnosers.kalman import START_SPEED_STD
 from diagnosers.robust import algebra, surge
 from diagnosers.robust.algebra import SEVERITY
-from diagnosers.robust.hypotheses import HypothesisTable, current_table
+from diagnosers.robust.hypotheses import HypothesisTable, hypothesis_table
 from diagnosers.robust.kernel import BankState, step_lanes
 from diagnosers.robust.motor import START_VOLTAGE_STD, VOLTS
 from diagnosers.robust.pack import workspace
-from diagnosers.robust.sensors import new_sample
 
 FREEDOM = 6.0  # degrees of freedom of the readings' distribution
 LATENESS = 0.5  # samples by which rpm readings lag, about
@@ -46,11 +45,7 @@ STD_OF_UNIFORM = 1.0 / math.sqrt(3.0)  # of a uniform distribution, per half-wid
 class FilterBankConstants(NamedTuple):
     """What the kernel needs of a filter bank beside its hypotheses."""
 
-    water: PlantConstants
-    opening: float  # see `kalman.opening_share`
-    disturbance_variance: float  # m^2/s^4, stationary
-    disturbance_memory: float  # share that is left after a sample
-    walk: float  # variance that the random walk adds to a severity per sample
+    bank: BankConstants
     memory: float  # share of a healthy vehicle's deviation that is left after a sample
     healthy_variance: np.ndarray  # (3, SEVERITY), of the deviations of each subsystem
     tails: algebra.Tails
@@ -59,7 +54,6 @@ class FilterBankConstants(NamedTuple):
     paddle_memory: float  # share of the paddle wheel's error that is left after a sample
     paddle_variance: float  # m^2/s^2, of that error
     walk_limits: np.ndarray  # (3, 3), of `BankState.walk`: share, least and largest value
-    sensors: np.ndarray  # (n_readings, 4), full scale (low, high), noise, resolution
 
 
 @dataclass(frozen=True)
@@ -112,15 +106,10 @@ class FilterBank(Bank):
     @cached_property
     def constants(self) -> FilterBankConstants:
         """What the kernel needs: water, noise and disturbance of the nominal vehicle."""
-        of_bank = super().constants
         wheel = SURROUNDINGS["wheel_noise"].value
         wheel_time = SURROUNDINGS["wheel_noise_time"].value
         return FilterBankConstants(
-            water=of_bank.water,
-            opening=of_bank.opening,
-            disturbance_variance=of_bank.disturbance_variance,
-            disturbance_memory=of_bank.disturbance_memory,
-            walk=of_bank.walk,
+            bank=super().constants,
             memory=math.exp(-SAMPLE_TIME / self.memory),
             healthy_variance=np.array([self._healthy_variance(k) for k in OWN_PARAMETERS]),
             tails=tails_of(FREEDOM),
@@ -129,7 +118,6 @@ class FilterBank(Bank):
             paddle_memory=math.exp(-SAMPLE_TIME / wheel_time),
             paddle_variance=wheel**2,
             walk_limits=self._walk_limits(),
-            sensors=of_bank.sensors,
         )
 
     def _walk_limits(self) -> np.ndarray:
@@ -168,7 +156,7 @@ class FilterBank(Bank):
     def hypotheses(self) -> HypothesisTable:
         """The hypotheses of the catalogue as it is now."""
         highest = tuple(high for _, high in self.grades)
-        return current_table(highest, self.hazard, self.repair, self.fault_names)
+        return current_table(hypothesis_table, highest, self.hazard, self.repair, self.fault_names)
 
     def table_of(self, state: BankState) -> HypothesisTable:
         """The hypotheses of the catalogue as it is now; a state always has the bank's grades."""
@@ -202,14 +190,14 @@ class FilterBank(Bank):
     def _initial_filters(self, severity: np.ndarray, table: HypothesisTable) -> np.ndarray:
         """Means and packed covariances before any observation, (n_lanes, N_MOMENTS, n_filters)."""
         filters = np.zeros((len(severity), algebra.N_MOMENTS, table.hypothesis.size))
-        variances = [algebra.covariance_row(i, i) for i in range(SEVERITY)]
+        variances = [covariance_row(i, i, algebra.N_STATES) for i in range(SEVERITY)]
         for subsystem in OWN_PARAMETERS:
             first = int(table.first_filter[subsystem])
             last = int(table.first_filter[subsystem + 1])
             variance = self.constants.healthy_variance[subsystem].copy()
             if subsystem == SURGE:
                 variance[surge.U] = START_SPEED_STD**2
-                variance[surge.D] = self.constants.disturbance_variance
+                variance[surge.D] = self.constants.bank.disturbance_variance
                 variance[surge.TILT] = START_TILT_STD**2
                 variance[surge.PADDLE] = self.constants.paddle_variance
             else:

@@ -8,13 +8,14 @@ import numpy as np
 
 from auv_fault_env.parameters import PARAMETERS, SIDES
 from diagnosers.bank import algebra
-from diagnosers.bank.algebra import SEVERITY
+from diagnosers.bank.algebra import N_STATES, SEVERITY
 from diagnosers.bank.base import Bank, Machinery, prior_severity
 from diagnosers.bank.hypotheses import (
     OWN_PARAMETERS,
     SURGE,
     HypothesisTable,
     current_table,
+    hypothesis_table,
 )
 from diagnosers.bank.kernel import BankState, step_lanes
 from diagnosers.bank.motor import DEVIATIONS
@@ -48,7 +49,7 @@ class GaussianBank(Bank):
     def hypotheses(self, n_grades: int | None = None) -> HypothesisTable:
         """The hypotheses of the catalogue as it is now, by default of the bank's grades."""
         n_grades = len(self.grades) if n_grades is None else n_grades
-        return current_table(n_grades, self.hazard, self.fault_names)
+        return current_table(hypothesis_table, n_grades, self.hazard, self.fault_names)
 
     def table_of(self, state: BankState) -> HypothesisTable:
         """The hypotheses of the catalogue as it is now, of as many grades as the state has."""
@@ -76,7 +77,7 @@ class GaussianBank(Bank):
         log_posterior[:, 0] = 0.0
         severity = prior_severity(prior, table)
         filters = np.zeros((n_lanes, algebra.N_MOMENTS, n_filters))
-        variances = [algebra.covariance_row(i, i) for i in range(SEVERITY)]
+        variances = [algebra.covariance_row(i, i, N_STATES) for i in range(SEVERITY)]
         for subsystem in OWN_PARAMETERS:
             first = int(table.first_filter[subsystem])
             last = int(table.first_filter[subsystem + 1])
@@ -118,7 +119,7 @@ class GaussianBank(Bank):
         normal_filter = np.repeat(first[:-1], np.diff(first))
         severity = prior_severity(state.prior[lanes], table)
         filters = state.filters[lanes][:, :, normal_filter]
-        of_severity = [algebra.covariance_row(SEVERITY, i) for i in range(SEVERITY)]
+        of_severity = [algebra.covariance_row(SEVERITY, i, N_STATES) for i in range(SEVERITY)]
         filters[:, of_severity] = 0.0
         filters[:, SEVERITY] = severity[:, 0, table.hypothesis]
         filters[:, algebra.SEVERITY_VARIANCE] = severity[:, 1, table.hypothesis]

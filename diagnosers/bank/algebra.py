@@ -1,6 +1,6 @@
-"""The algebra of the bank's filters: Gaussians of five states, the severity last, many at once.
+"""The algebra of all banks' filters: Gaussians, the severity their last state, many at once.
 
-A table of filters is an array ``x`` (N_MOMENTS, n_columns): five rows of means, then the lower
+A table of filters is an array ``x`` (n_moments, n_columns): the means of the states, then the lower
 triangle of the covariance, row by row. A column is one filter of one lane (`bank.pack`). The loops
 over ``columns``, a range (first, last), vectorise because its numbers are unsigned. ``work`` is the
 memory of `bank.pack`.
@@ -15,14 +15,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.compiling import inlined, scalar
+from auv_fault_env.compiling import fused, inlined, scalar
 from auv_fault_env.noise import logarithm
 
+
+def moments_of(n_states: int) -> int:
+    """Rows of a table of filters of so many states."""
+    return n_states * (n_states + 3) // 2
+
+
+# of the Gaussian bank
 N_STATES = 5
 SEVERITY = N_STATES - 1
-SEVERITY_VARIANCE = N_STATES + SEVERITY * (SEVERITY + 3) // 2  # row of a table of filters
-N_MOMENTS = SEVERITY_VARIANCE + 1
+N_MOMENTS = moments_of(N_STATES)
+SEVERITY_VARIANCE = N_MOMENTS - 1  # row of a table of filters
 MAX_SQUARED_INNOVATION = 36.0  # normalised: the weight of one outlier is bounded
+# of all banks
 MAX_DEVIATION = 0.9  # from the nominal vehicle, relative; healthy vehicles are within 0.1
 MIN_VARIANCE = 1e-12  # of a severity; below, it is certain
 LOG_TWO_PI = math.log(2.0 * math.pi)
@@ -31,18 +39,35 @@ LOG_TWO_PI = math.log(2.0 * math.pi)
 class Measurement(NamedTuple):
     """One measurement of every filter."""
 
-    gradient: np.ndarray  # (N_STATES, n_columns), of the prediction by the states
+    gradient: np.ndarray  # (n_states, n_columns), of the prediction by the states
     innovation: np.ndarray  # (n_columns,)
     variance: np.ndarray  # (n_columns,), of the noise
     available: np.ndarray  # (n_columns,), 1 or 0
 
 
 @scalar
-def covariance_row(i, j):
+def covariance_row(i, j, n_states):
     """Row of the covariance of states i and j."""
     high = max(i, j)
     low = min(i, j)
-    return N_STATES + high * (high + 1) // 2 + low
+    return n_states + high * (high + 1) // 2 + low
+
+
+@scalar
+def severity_rows(work):
+    """Rows of the severity's mean and variance in a table of filters."""
+    n_states = len(work.states)
+    return n_states - 1, covariance_row(n_states - 1, n_states - 1, n_states)
+
+
+@scalar
+def mixed_covariance(covariance, other, between, share):
+    """Covariance of a mixture with another distribution, which has that share.
+
+    between: the product of the distances of both means.
+    """
+    stay = 1.0 - share
+    return fused(share, other + stay * between, stay * covariance)
 
 
 @scalar
@@ -53,40 +78,62 @@ def variance_after_walk(variance, prior, walk):
 
 
 @inlined
-def mix(columns, work, walk):
-    """Mix each filter with the normal one of its lane, by ``work.mixing_probability``; then walk.
+def mix(columns, work):
+    """Mix each filter with ``work.normal``, by ``work.mixing_probability``.
 
     That is the probability that the vehicle, if the hypothesis is true, left the normal hypothesis
-    at this sample. Its severity then has the moments ``work.prior``.
+    at this sample.
     """
     first, last = columns
     x = work.filters
     normal = work.normal
     probability = work.mixing_probability
-    prior_mean = work.prior[0]
-    prior_variance = work.prior[1]
-    for i in range(N_STATES - 1, -1, -1):
-        for j in range(i, -1, -1):
-            row = covariance_row(i, j)
+    n_states = len(work.states)
+    for i in range(n_states):
+        for j in range(i + 1):
+            row = covariance_row(i, j, n_states)
             for c in range(first, last):
-                mean_i = prior_mean[c] if i == SEVERITY else normal[i, c]
-                distance_i = mean_i - x[i, c]
-                mean_j = prior_mean[c] if j == SEVERITY else normal[j, c]
-                distance_j = mean_j - x[j, c]
-                covariance = normal[row, c]
-                if i == SEVERITY:
-                    covariance = prior_variance[c] if j == SEVERITY else 0.0
-                stay = 1.0 - probability[c]
-                stayed = stay * x[row, c]
-                switched = covariance + stay * distance_i * distance_j
-                x[row, c] = stayed + probability[c] * switched
-    for i in range(N_STATES):
+                between = (normal[i, c] - x[i, c]) * (normal[j, c] - x[j, c])
+                mixed = mixed_covariance(x[row, c], normal[row, c], between, probability[c])
+                x[row, c] = mixed
+    for i in range(n_states):
         for c in range(first, last):
-            mean = prior_mean[c] if i == SEVERITY else normal[i, c]
-            x[i, c] += probability[c] * (mean - x[i, c])
+            x[i, c] += probability[c] * (normal[i, c] - x[i, c])
+
+
+@inlined
+def walk_severity(columns, walk, work):
+    """Let the severities walk over a sample, towards the variance of those that begin."""
+    first, last = columns
+    x = work.filters
+    _, row = severity_rows(work)
     for c in range(first, last):
-        variance = x[SEVERITY_VARIANCE, c]
-        x[SEVERITY_VARIANCE, c] = variance_after_walk(variance, prior_variance[c], walk)
+        x[row, c] = variance_after_walk(x[row, c], work.normal[row, c], walk)
+
+
+@inlined
+def forget_state(columns, state, memory, added, work):
+    """Let a state decay to `memory` of itself, and add the variance `added` (n_columns,)."""
+    first, last = columns
+    x = work.filters
+    n_states = len(work.states)
+    for i in range(n_states):
+        row = covariance_row(i, state, n_states)
+        factor = memory * memory if i == state else memory
+        for c in range(first, last):
+            x[row, c] *= factor
+    for c in range(first, last):
+        x[state, c] *= memory
+        x[covariance_row(state, state, n_states), c] += added[c]
+
+
+@inlined
+def relax_state(columns, state, memory, variance, work):
+    """Let a state decay to `memory` of itself, towards its stationary `variance`."""
+    first, last = columns
+    for c in range(first, last):
+        work.added[c] = (1.0 - memory * memory) * variance
+    forget_state(columns, state, memory, work.added, work)
 
 
 @inlined
@@ -101,36 +148,38 @@ def replace_severity(columns, work):
     variance = work.severity[1]
     shift = work.severity_shift
     growth = work.variance_growth
+    n_states = len(work.states)
+    severity, variance_row = severity_rows(work)
     for c in range(first, last):
-        before = x[SEVERITY_VARIANCE, c]
+        before = x[variance_row, c]
         scale = 1.0 / before if before > MIN_VARIANCE else 0.0
-        shift[c] = (mean[c] - x[SEVERITY, c]) * scale
+        shift[c] = (mean[c] - x[severity, c]) * scale
         growth[c] = (variance[c] - before) * scale * scale
-    for i in range(SEVERITY):
-        row_i = covariance_row(SEVERITY, i)
+    for i in range(severity):
+        row_i = covariance_row(severity, i, n_states)
         for c in range(first, last):
             x[i, c] += x[row_i, c] * shift[c]
         for j in range(i + 1):
-            row = covariance_row(i, j)
-            row_j = covariance_row(SEVERITY, j)
+            row = covariance_row(i, j, n_states)
+            row_j = covariance_row(severity, j, n_states)
             for c in range(first, last):
                 x[row, c] += x[row_i, c] * x[row_j, c] * growth[c]
-    for i in range(SEVERITY):
-        row_i = covariance_row(SEVERITY, i)
+    for i in range(severity):
+        row_i = covariance_row(severity, i, n_states)
         for c in range(first, last):
-            x[row_i, c] *= 1.0 + growth[c] * x[SEVERITY_VARIANCE, c]
+            x[row_i, c] *= 1.0 + growth[c] * x[variance_row, c]
     for c in range(first, last):
-        before = x[SEVERITY_VARIANCE, c]
-        x[SEVERITY_VARIANCE, c] += growth[c] * before * before
-        x[SEVERITY, c] = mean[c]
+        before = x[variance_row, c]
+        x[variance_row, c] += growth[c] * before * before
+        x[severity, c] = mean[c]
 
 
 @inlined
-def clip_deviations(columns, first_row, work):
-    """Keep the healthy deviations, from `first_row` on, where no parameter changes its sign."""
+def clip_deviations(columns, deviations, work):
+    """Keep the healthy deviations, a range of states, where no parameter changes its sign."""
     first, last = columns
     x = work.filters
-    for i in range(first_row, SEVERITY):
+    for i in deviations:
         for c in range(first, last):
             x[i, c] = min(max(x[i, c], -MAX_DEVIATION), MAX_DEVIATION)
 
@@ -140,19 +189,43 @@ def covary(columns, gradient, work):
     """Fill ``work.covariance`` of the states with a quantity of that gradient."""
     first, last = columns
     x = work.filters
-    for i in range(N_STATES):
-        row_0 = covariance_row(i, 0)
-        row_1 = covariance_row(i, 1)
-        row_2 = covariance_row(i, 2)
-        row_3 = covariance_row(i, 3)
-        row_4 = covariance_row(i, 4)
+    covariance = work.covariance
+    n_states = len(work.states)
+    for i in range(n_states):
         for c in range(first, last):
-            total = x[row_0, c] * gradient[0, c]
-            total += x[row_1, c] * gradient[1, c]
-            total += x[row_2, c] * gradient[2, c]
-            total += x[row_3, c] * gradient[3, c]
-            total += x[row_4, c] * gradient[4, c]
-            work.covariance[i, c] = total
+            total = 0.0
+            for j in range(n_states):
+                total += x[covariance_row(i, j, n_states), c] * gradient[j, c]
+            covariance[i, c] = total
+
+
+@inlined
+def compute_variance(columns, gradient, work):
+    """Fill ``work.variance_by_states`` of a quantity of that gradient, after `covary`."""
+    first, last = columns
+    covariance = work.covariance
+    for c in range(first, last):
+        variance = 0.0
+        for i in range(len(work.states)):
+            variance += gradient[i, c] * covariance[i, c]
+        work.variance_by_states[c] = variance
+
+
+@inlined
+def update_states(columns, innovation, work):
+    """Update the states by an innovation of ``work.covariance`` with them, by ``work.gain``."""
+    first, last = columns
+    x = work.filters
+    covariance = work.covariance
+    gain = work.gain
+    n_states = len(work.states)
+    for i in range(n_states):
+        for c in range(first, last):
+            x[i, c] += gain[c] * covariance[i, c] * innovation[c]
+        for j in range(i + 1):
+            row = covariance_row(i, j, n_states)
+            for c in range(first, last):
+                x[row, c] -= gain[c] * covariance[i, c] * covariance[j, c]
 
 
 @inlined
@@ -162,33 +235,15 @@ def condition(columns, measurement, work):
     An innovation beyond six standard deviations counts as six: one outlier must not decide.
     """
     first, last = columns
-    x = work.filters
     gradient, innovation, variance, available = measurement
-    covariance = work.covariance
-    gain = work.gain
     covary(columns, gradient, work)
+    compute_variance(columns, gradient, work)
     for c in range(first, last):
-        by_states = gradient[0, c] * covariance[0, c]
-        by_states += gradient[1, c] * covariance[1, c]
-        by_states += gradient[2, c] * covariance[2, c]
-        total = variance[c] + by_states
-        total += gradient[3, c] * covariance[3, c]
-        total += gradient[4, c] * covariance[4, c]
         # rounding must not make the states' part of the variance negative
-        total = max(total, variance[c])
-        square = innovation[c] * innovation[c] / total
-        bounded = innovation[c]
-        if square > MAX_SQUARED_INNOVATION:
-            largest = math.sqrt(MAX_SQUARED_INNOVATION * total)
-            bounded = math.copysign(largest, innovation[c])
-        misfit = LOG_TWO_PI + logarithm(total) + min(square, MAX_SQUARED_INNOVATION)
-        work.evidence[c] -= available[c] * 0.5 * misfit
-        innovation[c] = bounded
-        gain[c] = available[c] / total
-    for i in range(N_STATES):
-        for c in range(first, last):
-            x[i, c] += gain[c] * covariance[i, c] * innovation[c]
-        for j in range(i + 1):
-            row = covariance_row(i, j)
-            for c in range(first, last):
-                x[row, c] -= gain[c] * covariance[i, c] * covariance[j, c]
+        total = max(variance[c] + work.variance_by_states[c], variance[c])
+        square = min(innovation[c] * innovation[c] / total, MAX_SQUARED_INNOVATION)
+        work.evidence[c] -= available[c] * 0.5 * (LOG_TWO_PI + logarithm(total) + square)
+        work.gain[c] = available[c] / total
+        largest = math.sqrt(MAX_SQUARED_INNOVATION * total)
+        innovation[c] = min(max(innovation[c], -largest), largest)
+    update_states(columns, innovation, work)

@@ -4,8 +4,8 @@ The vehicle has three subsystems, surge and the two motors. A hypothesis has a s
 that its fault touches; elsewhere it shares the filter of the normal vehicle.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -67,15 +67,15 @@ class HypothesisTable(NamedTuple):
     estimates_speed: np.ndarray  # (n_filters,)
 
 
-_cache: dict[tuple, tuple[tuple[Fault, ...], HypothesisTable]] = {}  # catalogue and its table
+_cache: dict[tuple, tuple[tuple[Fault, ...], Any]] = {}  # catalogue and its table
 
 
-def current_table(n_grades: int, hazard: float, faults: tuple[str, ...]) -> HypothesisTable:
-    """`hypothesis_table` of the catalogue as it is now, built anew only when that has changed."""
-    key = n_grades, hazard, faults
+def current_table(build: Callable[..., Any], *settings: Any) -> Any:
+    """``build(*settings)`` of the catalogue as it is now, built anew only when that has changed."""
+    key = build, *settings
     catalogue = tuple(CATALOGUE.values())
     if key not in _cache or _cache[key][0] != catalogue:
-        _cache[key] = catalogue, hypothesis_table(n_grades, hazard, faults)
+        _cache[key] = catalogue, build(*settings)
     return _cache[key][1]
 
 
@@ -84,69 +84,77 @@ def hypothesis_table(n_grades: int, hazard: float, faults: Sequence[str]) -> Hyp
 
     hazard is the probability per sample that a normal vehicle gets any of the faults.
     """
-    diagnoses = [CATALOGUE[name].diagnosis for name in faults]
-    class_of_fault = np.array([classes().index(name) for name in diagnoses])
+    class_of_fault = [classes().index(CATALOGUE[name].diagnosis) for name in faults]
     fault = np.repeat(np.arange(len(faults)), n_grades)
     grade = np.tile(np.arange(n_grades), len(faults))
-    parts = [_filters(subsystem, faults, fault) for subsystem in OWN_PARAMETERS]
+    speed_fault = touched(faults, of_sensors("speed"))
+    parts = [filters_of_faults(subsystem, faults, fault) for subsystem in OWN_PARAMETERS]
+    of_filters = joined(parts, 1 + fault.size)
+    estimates_speed = np.concatenate([[False], speed_fault[fault]])
+    return HypothesisTable(
+        log_hazard=np.log(np.concatenate([[1.0 - hazard], hazard * shares(faults, fault)])),
+        class_index=np.concatenate([[0], np.array(class_of_fault)[fault]]),
+        grade=np.concatenate([[0], grade]),
+        **of_filters,
+        estimates_speed=estimates_speed[of_filters["hypothesis"]],
+    )
+
+
+class Filters(NamedTuple):
+    """The filters of a subsystem, the first that of the normal vehicle; filter first."""
+
+    hypothesis: np.ndarray
+    slope: np.ndarray
+    offset: np.ndarray
+
+
+def filters_of_faults(subsystem: int, faults: Sequence[str], fault: np.ndarray) -> Filters:
+    """The filters of the hypotheses whose fault, (n_hypotheses - 1,), touches the subsystem."""
+    names = OWN_PARAMETERS[subsystem]
+    is_touched = touched(faults, names + INPUT_PARAMETERS[subsystem])
+    hypothesis = np.flatnonzero(np.concatenate([[True], is_touched[fault]]))
+    order = list(CATALOGUE)
+    of_filters = [order.index(faults[k]) for k in fault[hypothesis[1:] - 1]]
+    rows = np.array(of_filters, np.int64)[:, None]
+    columns = parameter_indices(names)
+    effects = matrices()
+    slope = np.zeros((hypothesis.size, N_PARAMETER_ROWS))
+    offset = np.zeros_like(slope)
+    slope[1:, : len(names)] = effects.scale[rows, columns] - 1.0
+    offset[1:, : len(names)] = effects.offset[rows, columns]
+    return Filters(hypothesis, slope, offset)
+
+
+def joined(parts: Sequence[Filters], n_hypotheses: int) -> dict[str, np.ndarray]:
+    """What a table, such as `HypothesisTable`, says of the filters of all subsystems."""
     first_filter = np.cumsum([0, *(part.hypothesis.size for part in parts)])
-    filter_of = np.zeros((N_SUBSYSTEMS, 1 + fault.size), np.int64)
+    filter_of = np.zeros((N_SUBSYSTEMS, n_hypotheses), np.int64)
     parameter = np.zeros((N_SUBSYSTEMS, N_PARAMETER_ROWS), np.int64)
     for subsystem, names in OWN_PARAMETERS.items():
         first, last = first_filter[subsystem : subsystem + 2]
         filter_of[subsystem] = first
         filter_of[subsystem, parts[subsystem].hypothesis] = range(first, last)
         parameter[subsystem, : len(names)] = parameter_indices(names)
-    return HypothesisTable(
-        log_hazard=_log_hazard(diagnoses, n_grades, hazard),
-        class_index=np.concatenate([[0], class_of_fault[fault]]),
-        grade=np.concatenate([[0], grade]),
+    return dict(
         first_filter=first_filter.astype(np.uint64),  # unsigned, so that loops vectorise
         hypothesis=np.concatenate([part.hypothesis for part in parts]),
         filter=filter_of,
         parameter=parameter,
         slope=np.concatenate([part.slope for part in parts]).T.copy(),
         offset=np.concatenate([part.offset for part in parts]).T.copy(),
-        estimates_speed=np.concatenate([part.estimates_speed for part in parts]),
     )
 
 
-class _Filters(NamedTuple):
-    """The filters of a subsystem, the first that of the normal vehicle; filter first."""
+def shares(faults: Sequence[str], fault: np.ndarray) -> np.ndarray:
+    """Shares of the hazard: even by class, then by fault of a class, then by grade of a fault.
 
-    hypothesis: np.ndarray
-    slope: np.ndarray
-    offset: np.ndarray
-    estimates_speed: np.ndarray
-
-
-def _filters(subsystem: int, faults: Sequence[str], fault: np.ndarray) -> _Filters:
-    """The filters of the hypotheses whose fault, (n_hypotheses - 1,), touches the subsystem."""
-    names = OWN_PARAMETERS[subsystem]
-    is_touched = touched(faults, names + INPUT_PARAMETERS[subsystem])
-    hypothesis = np.flatnonzero(np.concatenate([[True], is_touched[fault]]))
-    fault_of_filter = fault[hypothesis[1:] - 1]
-    slope = np.zeros((hypothesis.size, N_PARAMETER_ROWS))
-    offset = np.zeros_like(slope)
-    estimates_speed = np.zeros(hypothesis.size, bool)
-    order = list(CATALOGUE)
-    row_of_fault = np.array([order.index(name) for name in faults])
-    rows = row_of_fault[fault_of_filter, None]
-    columns = parameter_indices(names)
-    effects = matrices()
-    slope[1:, : len(names)] = effects.scale[rows, columns] - 1.0
-    offset[1:, : len(names)] = effects.offset[rows, columns]
-    speed_fault = touched(faults, of_sensors("speed"))
-    estimates_speed[1:] = speed_fault[fault_of_filter]
-    return _Filters(hypothesis, slope, offset, estimates_speed)
-
-
-def _log_hazard(diagnoses: list[str], n_grades: int, hazard: float) -> np.ndarray:
-    """Hazard shared evenly by the classes, then by the faults of a class, then by the grades."""
+    fault: that of each hypothesis but the normal one.
+    """
+    diagnoses = [CATALOGUE[name].diagnosis for name in faults]
     n_classes = len(set(diagnoses))
-    n_equal = [n_classes * diagnoses.count(name) * n_grades for name in diagnoses]
-    shares = np.repeat(hazard / np.array(n_equal), n_grades)
-    return np.log(np.concatenate([[1.0 - hazard], shares]))
+    n_members = np.array([diagnoses.count(name) for name in diagnoses])
+    n_grades = np.bincount(fault, minlength=len(faults))
+    return 1.0 / (n_classes * n_members * n_grades)[fault]
 
 
 def touched(faults: Sequence[str], names: tuple[str, ...]) -> np.ndarray:

@@ -10,10 +10,10 @@ from auv_fault_env.compiling import inlined, kernel, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import RPM
 from diagnosers.bank import algebra, motor, surge
-from diagnosers.bank.algebra import SEVERITY, SEVERITY_VARIANCE
+from diagnosers.bank.algebra import SEVERITY
 from diagnosers.bank.hypotheses import PORT, STARBOARD, SURGE
 from diagnosers.bank.pack import columns_of, filters_of, gather, scatter
-from diagnosers.bank.sensors import N_READINGS, fill_sample
+from diagnosers.bank.sensors import fill_sample, keep_readings
 from diagnosers.diagnoser import IMPOSSIBLE
 
 CONSTANT_HAZARD_TIME = 60.0  # s; then the hazard falls as 1/age: an old vehicle is likely sound
@@ -53,6 +53,23 @@ def log_sum(log_a, log_b):
 
 
 @inlined
+def switch_severity(h, probability, old, new, table, walk):
+    """Mix the severity of a hypothesis of one lane with the prior; it began with that probability.
+
+    Then it walks.
+    """
+    grade = table.grade[h]
+    prior_variance = old.prior[VARIANCE, grade]
+    mean = old.severity[MEAN, h]
+    distance = old.prior[MEAN, grade] - mean
+    new.severity[MEAN, h] = mean + probability * distance
+    variance = algebra.mixed_covariance(
+        old.severity[VARIANCE, h], prior_variance, distance * distance, probability
+    )
+    new.severity[VARIANCE, h] = algebra.variance_after_walk(variance, prior_variance, walk)
+
+
+@inlined
 def switch_hypotheses(old, new, table, walk, switch_probability):
     """Let hypotheses of one lane begin: posterior, severities, and the probability of this onset.
 
@@ -68,47 +85,54 @@ def switch_hypotheses(old, new, table, walk, switch_probability):
         log_switched = log_normal + table.log_hazard[h] - math.log(relative_age)
         new.log_posterior[h] = log_sum(old.log_posterior[h], log_switched)
         probability = math.exp(log_switched - new.log_posterior[h])
-        grade = table.grade[h]
-        prior_mean = old.prior[MEAN, grade]
-        prior_variance = old.prior[VARIANCE, grade]
-        mean = old.severity[MEAN, h]
-        distance = prior_mean - mean
-        stay = 1.0 - probability
-        new.severity[MEAN, h] = mean + probability * distance
-        stayed = stay * old.severity[VARIANCE, h]
-        switched = prior_variance + stay * distance * distance
-        variance = stayed + probability * switched
-        new.severity[VARIANCE, h] = algebra.variance_after_walk(variance, prior_variance, walk)
+        switch_severity(h, probability, old, new, table, walk)
         switch_probability[h] = probability
 
 
 @inlined
-def mix_filters(subsystem, old, new, table, walk, work):
-    """Fill the columns of a subsystem: filters mixed with the normal one, severities updated."""
+def begin_filters(subsystem, old, table, work):
+    """Fill the columns of a subsystem from the state, and what mixing needs."""
     n_lanes = np.uint64(old.age.size)
     first, last = filters_of(subsystem, table)
-    columns = columns_of(subsystem, table, n_lanes)
+    mean_row, variance_row = algebra.severity_rows(work)
     gather(subsystem, old, table, work)
     for lane in range(n_lanes):
         for f in range(first, last):
             c = f * n_lanes + lane
             h = table.hypothesis[f]
             grade = table.grade[h]
-            work.prior[MEAN, c] = old.prior[lane, MEAN, grade]
-            work.prior[VARIANCE, c] = old.prior[lane, VARIANCE, grade]
-            work.severity[MEAN, c] = old.severity[lane, MEAN, h]
-            work.severity[VARIANCE, c] = old.severity[lane, VARIANCE, h]
+            work.normal[mean_row, c] = old.prior[lane, MEAN, grade]
+            work.normal[variance_row, c] = old.prior[lane, VARIANCE, grade]
             work.mixing_probability[c] = work.switch_probability[lane, h]
             work.evidence[c] = 0.0
-    algebra.replace_severity(columns, work)
-    algebra.mix(columns, work, walk)
+    replace_severities(subsystem, old.severity, table, work)
+
+
+@inlined
+def replace_severities(subsystem, severity, table, work):
+    """Replace the severities of a subsystem's filters by those of their hypotheses.
+
+    severity is that of `BankState`.
+    """
+    n_lanes = np.uint64(len(severity))
+    first, last = filters_of(subsystem, table)
     for lane in range(n_lanes):
         for f in range(first, last):
             c = f * n_lanes + lane
             h = table.hypothesis[f]
-            work.severity[MEAN, c] = new.severity[lane, MEAN, h]
-            work.severity[VARIANCE, c] = new.severity[lane, VARIANCE, h]
-    algebra.replace_severity(columns, work)
+            work.severity[MEAN, c] = severity[lane, MEAN, h]
+            work.severity[VARIANCE, c] = severity[lane, VARIANCE, h]
+    algebra.replace_severity(columns_of(subsystem, table, n_lanes), work)
+
+
+@inlined
+def mix_filters(subsystem, old, new, table, walk, work):
+    """Fill the columns of a subsystem: filters mixed with the normal one, severities updated."""
+    columns = columns_of(subsystem, table, old.age.size)
+    begin_filters(subsystem, old, table, work)
+    algebra.mix(columns, work)
+    algebra.walk_severity(columns, walk, work)
+    replace_severities(subsystem, new.severity, table, work)
 
 
 @inlined
@@ -116,43 +140,53 @@ def update_severity(subsystem, new, table, work):
     """Set the severities of the hypotheses to those that their filters of a subsystem have now."""
     n_lanes = np.uint64(new.age.size)
     x = work.filters
+    mean_row, variance_row = algebra.severity_rows(work)
     normal, last = filters_of(subsystem, table)
     for lane in range(n_lanes):
         for f in range(normal + np.uint64(1), last):
             c = f * n_lanes + lane
             h = table.hypothesis[f]
             grade = table.grade[h]
-            mean = max(x[SEVERITY, c], new.prior[lane, LEAST, grade])
+            mean = max(x[mean_row, c], new.prior[lane, LEAST, grade])
             new.severity[lane, MEAN, h] = min(mean, 1.0)
-            new.severity[lane, VARIANCE, h] = x[SEVERITY_VARIANCE, c]
+            new.severity[lane, VARIANCE, h] = x[variance_row, c]
+
+
+@inlined
+def begin_shaft_speeds(subsystem, old, sample, table, work):
+    """Fill the shaft speeds before the sample; the normal filter's replaces a silent reading."""
+    n_lanes = np.uint64(old.age.size)
+    rpm_channel = MOTOR_CHANNEL[subsystem] + motor.OF_RPM
+    normal, last = filters_of(subsystem, table)
+    for lane in range(n_lanes):
+        of_normal = old.shaft_speed[lane, normal] * RPM
+        if sample.silent[rpm_channel, lane] and not math.isnan(of_normal):
+            sample.reading[rpm_channel, lane] = of_normal
+        for f in range(normal, last):
+            before = old.shaft_speed[lane, f]
+            if math.isnan(before):
+                before = sample.reading[rpm_channel, lane] / RPM
+            work.shaft_speed_before[f * n_lanes + lane] = max(before, 0.0)
 
 
 @inlined
 def update_motor(subsystem, old, new, sample, table, constants, work):
     """Take all filters of one motor through a sample."""
     n_lanes = np.uint64(old.age.size)
-    channel = MOTOR_CHANNEL[subsystem]
-    rpm_channel = channel + motor.OF_RPM
-    normal, last = filters_of(subsystem, table)
+    first, last = filters_of(subsystem, table)
     columns = columns_of(subsystem, table, n_lanes)
     mix_filters(subsystem, old, new, table, constants.walk, work)
+    begin_shaft_speeds(subsystem, old, sample, table, work)
     for lane in range(n_lanes):
-        of_normal = old.shaft_speed[lane, normal] * RPM
-        if sample.silent[rpm_channel, lane] and not math.isnan(of_normal):
-            sample.reading[rpm_channel, lane] = of_normal
-        for f in range(normal, last):
+        for f in range(first, last):
             c = f * n_lanes + lane
-            before = old.shaft_speed[lane, f]
-            if math.isnan(before):
-                before = sample.reading[rpm_channel, lane] / RPM
-            work.shaft_speed_before[c] = max(before, 0.0)
             if table.estimates_speed[f] or sample.silent[SPEED_CHANNEL, lane]:
                 surge_filter = table.filter[SURGE, table.hypothesis[f]]
                 work.surge_speed[c] = old.filters[lane, surge.U, surge_filter]
             else:
                 work.surge_speed[c] = sample.reading[SPEED_CHANNEL, lane]
-    motor.update(columns, sample, channel, constants.water, work)
-    algebra.clip_deviations(columns, 0, work)
+    motor.update(columns, sample, MOTOR_CHANNEL[subsystem], constants.water, work)
+    algebra.clip_deviations(columns, range(SEVERITY), work)
     update_severity(subsystem, new, table, work)
 
 
@@ -183,7 +217,7 @@ def update_surge(old, new, sample, table, constants, work):
     gather_shaft(work.port, PORT, old, table, work)
     gather_shaft(work.starboard, STARBOARD, old, table, work)
     surge.update(columns, sample, constants, work)
-    algebra.clip_deviations(columns, surge.DRAG, work)
+    algebra.clip_deviations(columns, surge.DEVIATIONS, work)
     update_severity(SURGE, new, table, work)
 
 
@@ -226,6 +260,22 @@ def fill_belief(log_posterior, severity, class_index, log_probability, mean, std
         std[k] = math.sqrt(max(variance, 0.0))
 
 
+@inlined
+def update_belief(lane, belief_lane, new, table, belief, work):
+    """Update the posterior of a lane of a pack, and fill the belief of that lane."""
+    log_posterior = new.log_posterior[lane]
+    n_lanes = new.age.size
+    update_posterior(log_posterior, table.filter, work.evidence[lane::n_lanes])
+    fill_belief(
+        log_posterior,
+        new.severity[lane],
+        table.class_index,
+        belief.log_probability[belief_lane],
+        belief.severity_mean[belief_lane],
+        belief.severity_std[belief_lane],
+    )
+
+
 @scalar
 def lanes_of(state, lanes):
     """Some lanes of a state (a slice), or one of them (its index), as views."""
@@ -245,10 +295,8 @@ def lanes_of(state, lanes):
 def begin_sample(observation, old, new, sample, table, constants, work):
     """Fill the sample and the last readings, and let hypotheses switch, on the lanes of a pack."""
     fill_sample(observation, old.readings, constants.sensors, sample)
+    keep_readings(sample, new.readings)
     for lane in range(len(observation)):
-        for channel in range(N_READINGS):
-            has_value = sample.replaced[channel, lane] or not sample.silent[channel, lane]
-            new.readings[lane, channel] = sample.reading[channel, lane] if has_value else np.nan
         old_lane = lanes_of(old, lane)
         new_lane = lanes_of(new, lane)
         switch_hypotheses(old_lane, new_lane, table, constants.walk, work.switch_probability[lane])
@@ -272,13 +320,4 @@ def step_lanes(first, last, old, new, observation, table, constants, belief, wor
         update_surge(before, after, sample, table, constants, work)
         scatter(after, work)
         for lane in range(n_lanes):
-            log_posterior = after.log_posterior[lane]
-            update_posterior(log_posterior, table.filter, work.evidence[lane::n_lanes])
-            fill_belief(
-                log_posterior,
-                after.severity[lane],
-                table.class_index,
-                belief.log_probability[begin + lane],
-                belief.severity_mean[begin + lane],
-                belief.severity_std[begin + lane],
-            )
+            update_belief(lane, begin + lane, after, table, belief, work)

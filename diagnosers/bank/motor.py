@@ -10,7 +10,7 @@ from auv_fault_env import physics
 from auv_fault_env.compiling import fused, inlined, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import RPM
-from diagnosers.bank.algebra import N_STATES, SEVERITY, Measurement, condition
+from diagnosers.bank.algebra import Measurement, condition, severity_rows
 from diagnosers.bank.pack import broadcast
 from diagnosers.bank.sensors import (
     BIAS,
@@ -56,25 +56,52 @@ def apply_severity(r, healthy, columns, work):
     """Set parameter r from its healthy value (n_columns,) and the severity, and its derivative."""
     first, last = columns
     x = work.filters
+    severity, _ = severity_rows(work)
     for c in range(first, last):
         by_severity = healthy[c] * work.slope[r, c] + work.offset[r, c]
         work.by_severity[r, c] = by_severity
-        work.parameters[r, c] = healthy[c] + x[SEVERITY, c] * by_severity
+        work.parameters[r, c] = healthy[c] + x[severity, c] * by_severity
 
 
 @inlined
-def set_parameters(columns, work):
-    """Set the parameters to the filters' means, and their derivatives by severity."""
+def set_parameters(columns, first_deviation, work):
+    """Set the parameters to the filters' means, and their derivatives by severity.
+
+    Here and below, the states of `DEVIATIONS` begin with `first_deviation`.
+    """
     first, last = columns
     x = work.filters
-    for i in range(SEVERITY):
-        row = DEVIATIONS[i]
+    for k in range(len(DEVIATIONS)):
+        row = DEVIATIONS[k]
         for c in range(first, last):
-            relative = 1.0 + x[i, c]
+            relative = 1.0 + x[first_deviation + k, c]
             work.parameters[row, c] = work.healthy[row, c] * relative
     for r in range(N_MOTOR_ROWS):
         healthy = work.parameters[r] if r in DEVIATIONS else work.healthy[r]
         apply_severity(r, healthy, columns, work)
+
+
+@scalar
+def shaft_of(parameters, c):
+    """The shaft of a filter."""
+    return physics.Shaft(
+        0.0,
+        parameters[C1, c],
+        parameters[C2, c],
+        parameters[RESISTANCE, c],
+        parameters[TORQUE_CONSTANT, c],
+        parameters[COULOMB_FRICTION, c],
+        parameters[VISCOUS_FRICTION, c],
+        parameters[INERTIA, c],
+    )
+
+
+@scalar
+def predict_shaft_speed(shaft, c, voltage, water, work):
+    """Shaft speed [rad/s] at a true voltage [V]."""
+    side = physics.motor(shaft, water, voltage)
+    before = work.shaft_speed_before[c]
+    return physics.shaft_speed_after(before, side, work.surge_speed[c], 0.0, SAMPLE_TIME)
 
 
 @scalar
@@ -85,39 +112,25 @@ def predict_readings(parameters, c, voltage_shift, water, work):
     """
     has_voltage = work.available[OF_VOLTAGE, c] > 0.0
     has_rpm = work.available[OF_RPM, c] > 0.0
-    resistance = parameters[RESISTANCE, c]
-    torque_constant = parameters[TORQUE_CONSTANT, c]
-    coulomb_friction = parameters[COULOMB_FRICTION, c]
-    viscous_friction = parameters[VISCOUS_FRICTION, c]
-    shaft = physics.Shaft(
-        0.0,
-        parameters[C1, c],
-        parameters[C2, c],
-        resistance,
-        torque_constant,
-        coulomb_friction,
-        viscous_friction,
-        parameters[INERTIA, c],
-    )
+    shaft = shaft_of(parameters, c)
     measured = max(truth_of(parameters, SPEED, c, work.readings[OF_RPM, c]), 0.0) / RPM
     measured_voltage = truth_of(parameters, VOLTAGE, c, work.readings[OF_VOLTAGE, c])
     measured_current = truth_of(parameters, CURRENT, c, work.readings[OF_CURRENT, c])
-    implied_voltage = fused(resistance, measured_current, torque_constant * measured)
+    by_speed = shaft.torque_constant * measured
+    implied_voltage = fused(shaft.resistance, measured_current, by_speed)
     voltage = voltage_shift + (measured_voltage if has_voltage else implied_voltage)
-    before = work.shaft_speed_before[c]
-    side = physics.motor(shaft, water, voltage)
-    predicted = physics.shaft_speed_after(before, side, work.surge_speed[c], 0.0, SAMPLE_TIME)
+    predicted = predict_shaft_speed(shaft, c, voltage, water, work)
     current = physics.armature_current(shaft, measured if has_rpm else predicted, voltage)
     rpm_reading = reading_of(parameters, SPEED, c, RPM * predicted)
     return predicted, rpm_reading, reading_of(parameters, CURRENT, c, current)
 
 
 @inlined
-def predict(parameters, columns, voltage_shift, water, work, out):
-    """`predict_readings` of every filter into out (3, n_columns)."""
+def predict(model, parameters, columns, voltage_shift, water, work, out):
+    """Fill out (3, n_columns) with what the model, such as `predict_readings`, predicts."""
     first, last = columns
     for c in range(first, last):
-        prediction = predict_readings(parameters, c, voltage_shift, water, work)
+        prediction = model(parameters, c, voltage_shift, water, work)
         out[SHAFT_SPEED, c], out[RPM_READING, c], out[CURRENT_READING, c] = prediction
 
 
@@ -143,28 +156,33 @@ def perturb_severity(columns, work):
 
 
 @inlined
-def linearise(columns, water, work):
-    """Fill the predicted readings, and their gradients by the states and by the voltage."""
+def linearise(model, columns, first_deviation, by_voltage, water, work):
+    """Fill the predicted readings, and their gradients by deviations, severity and voltage.
+
+    by_voltage: the rows for the last of these, of rpm and of current.
+    """
     first, last = columns
     x = work.filters
     parameters = work.parameters
     unperturbed = work.unperturbed
     perturbed = work.perturbed
-    predict(parameters, columns, 0.0, water, work, work.predicted)
-    predict(parameters, columns, STEP, water, work, perturbed)
-    differences(columns, work, work.by_voltage[FIRST], work.by_voltage[SECOND])
-    for i in range(SEVERITY):
-        row = DEVIATIONS[i]
+    severity, _ = severity_rows(work)
+    predict(model, parameters, columns, 0.0, water, work, work.predicted)
+    predict(model, parameters, columns, STEP, water, work, perturbed)
+    differences(columns, work, by_voltage[FIRST], by_voltage[SECOND])
+    for k in range(len(DEVIATIONS)):
+        row = DEVIATIONS[k]
+        state = first_deviation + k
         for c in range(first, last):
             unperturbed[c] = parameters[row, c]
-            parameters[row, c] *= 1.0 + STEP / (1.0 + x[i, c])
-        predict(parameters, columns, 0.0, water, work, perturbed)
-        differences(columns, work, work.gradient[i], work.current_gradient[i])
+            parameters[row, c] *= 1.0 + STEP / (1.0 + x[state, c])
+        predict(model, parameters, columns, 0.0, water, work, perturbed)
+        differences(columns, work, work.gradient[state], work.current_gradient[state])
         for c in range(first, last):
             parameters[row, c] = unperturbed[c]
     perturb_severity(columns, work)
-    predict(work.perturbed_parameters, columns, 0.0, water, work, perturbed)
-    differences(columns, work, work.gradient[SEVERITY], work.current_gradient[SEVERITY])
+    predict(model, work.perturbed_parameters, columns, 0.0, water, work, perturbed)
+    differences(columns, work, work.gradient[severity], work.current_gradient[severity])
 
 
 @inlined
@@ -203,7 +221,7 @@ def decorrelate(columns, work):
         innovation[SECOND, c] = misfit - ratio * innovation[FIRST, c]
         work.ratio[c] = ratio
         available[OF_CURRENT, c] *= available[OF_VOLTAGE, c]
-    for i in range(N_STATES):
+    for i in range(len(work.states)):
         for c in range(first, last):
             work.current_gradient[i, c] -= work.ratio[c] * work.gradient[i, c]
 
@@ -213,38 +231,41 @@ def shift_innovation(columns, sign, work):
     """Add ``sign * gradient @ mean`` to the current's innovation: 1 before an update, -1 after."""
     first, last = columns
     x = work.filters
-    for i in range(N_STATES):
+    for i in range(len(work.states)):
         for c in range(first, last):
             shift = sign * work.current_gradient[i, c] * x[i, c]
             work.innovation[SECOND, c] += shift
 
 
 @inlined
-def estimate_shaft_speed(columns, work):
-    """Fill the shaft speed [rad/s] of every filter, its slope by severity and its noise [rpm]."""
+def estimate_shaft_speed(columns, measured_share, by_voltage, voltage_std, work):
+    """Fill the shaft speed [rad/s] of every filter, its slope by severity and its noise [rpm].
+
+    Of the measured shaft speed it has a share, else it is the predicted one, whose noise follows
+    from the voltage's; (n_columns,) all.
+    """
     first, last = columns
     parameters = work.parameters
     by_severity = work.by_severity
     for r in SHAFT_SPEED_ROWS:
         apply_severity(r, work.healthy[r], columns, work)
     for c in range(first, last):
-        available = work.available[OF_RPM, c]
+        share = measured_share[c]
         gain = max(parameters[SPEED + GAIN, c], MIN_GAIN)
         measured = truth_of(parameters, SPEED, c, work.readings[OF_RPM, c]) / RPM
-        work.shaft_speed[c] = measured if available > 0.0 else work.predicted[SHAFT_SPEED, c]
+        predicted = work.predicted[SHAFT_SPEED, c]
+        work.shaft_speed[c] = predicted + share * (measured - predicted)
         bias_slope = by_severity[SPEED + BIAS, c] / RPM
         slope = bias_slope + by_severity[SPEED + GAIN, c] * measured
-        work.shaft_speed_slope[c] = -available * slope / gain
-        predicted_std = abs(work.by_voltage[FIRST, c]) * parameters[VOLTAGE + NOISE, c]
-        std = parameters[SPEED + NOISE, c] if available > 0.0 else predicted_std
+        work.shaft_speed_slope[c] = -share * slope / gain
+        predicted_std = abs(by_voltage[c]) * voltage_std[c]
+        std = parameters[SPEED + NOISE, c] if share > 0.5 else predicted_std
         work.shaft_speed_noise[c] = std / gain
 
 
 @inlined
 def gather_readings(columns, sample, channel, work):
-    """Fill readings, availability and the variance that the predicted rpm has beside the noise."""
-    first, last = columns
-    n_lanes = np.uint64(sample.deflection.size)
+    """Fill readings and availability."""
     for k in range(3):
         broadcast(sample.reading[channel + k], columns, work.readings[k])
         condition_on_availability(
@@ -256,6 +277,13 @@ def gather_readings(columns, sample, channel, work):
             work.available[k],
             work.evidence,
         )
+
+
+@inlined
+def replace_voltage(columns, sample, channel, work):
+    """Take the last voltage reading for a silent one; fill the variance of rpm beside the noise."""
+    first, last = columns
+    n_lanes = np.uint64(sample.deflection.size)
     for lane in range(n_lanes):
         replaced = sample.replaced[channel, lane]
         variance = 0.0
@@ -272,20 +300,31 @@ def gather_readings(columns, sample, channel, work):
 
 
 @inlined
-def update(columns, sample, channel, water, work):
-    """Take the filters of a motor, whose first reading is `channel`, through one sample."""
-    set_parameters(columns, work)
-    gather_readings(columns, sample, channel, work)
-    linearise(columns, water, work)
-    decorrelate(columns, work)
+def measurements(work):
+    """The measurements of rpm and of current."""
     innovation = work.innovation
     variance = work.variance
     available = work.available
     gradient = work.current_gradient
     rpm = Measurement(work.gradient, innovation[FIRST], variance[FIRST], available[OF_RPM])
     current = Measurement(gradient, innovation[SECOND], variance[SECOND], available[OF_CURRENT])
+    return rpm, current
+
+
+@inlined
+def update(columns, sample, channel, water, work):
+    """Take the filters of a motor, whose first reading is `channel`, through one sample."""
+    by_voltage = work.by_voltage
+    set_parameters(columns, 0, work)
+    gather_readings(columns, sample, channel, work)
+    replace_voltage(columns, sample, channel, work)
+    linearise(predict_readings, columns, 0, by_voltage, water, work)
+    decorrelate(columns, work)
+    rpm, current = measurements(work)
     shift_innovation(columns, 1.0, work)
     condition(columns, rpm, work)
     shift_innovation(columns, -1.0, work)
     condition(columns, current, work)
-    estimate_shaft_speed(columns, work)
+    rpm_available = work.available[OF_RPM]
+    voltage_std = work.parameters[VOLTAGE + NOISE]
+    estimate_shaft_speed(columns, rpm_available, by_voltage[FIRST], voltage_std, work)

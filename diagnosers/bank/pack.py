@@ -14,58 +14,62 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.compiling import inlined, scalar
-from diagnosers.bank.algebra import N_MOMENTS, N_STATES
+from diagnosers.bank.algebra import N_STATES, moments_of
 from diagnosers.bank.hypotheses import N_PARAMETER_ROWS, HypothesisTable
 
 # of a pack, about: enough to hide what starting a loop costs, few enough for the cache
 COLUMNS = 512
-# tables (n_rows, n_columns) of the memory by name
-N_ROWS = {
-    "filters": N_MOMENTS,
-    "normal": N_MOMENTS,  # the normal filter of the lane
-    "healthy": N_PARAMETER_ROWS,  # the vehicle without deviations and without fault
-    "parameters": N_PARAMETER_ROWS,  # at the means of the filter
-    "by_severity": N_PARAMETER_ROWS,  # their derivatives
-    "perturbed_parameters": N_PARAMETER_ROWS,
-    "gradient": N_STATES,
-    "current_gradient": N_STATES,
-    "covariance": N_STATES,  # of the states with a measurement
-    "port": 4,  # see `bank.surge.RPM_NOW`
-    "starboard": 4,
-    "readings": 3,
-    "predicted": 3,  # see `bank.motor.predict`
-    "perturbed": 3,
-    "available": 3,
-    "thrust": 3,  # see `bank.surge.THRUST`
-    "by_voltage": 2,
-    "innovation": 2,
-    "variance": 2,
-    "prior": 2,  # mean and variance of the severity
-    "severity": 2,
-}
-# single rows (n_columns,) of the memory
+
+
+def table_rows(n_states: int) -> dict[str, int]:
+    """Rows of the tables (n_rows, n_columns) by name that the memory of every bank has."""
+    return {
+        "filters": moments_of(n_states),
+        "normal": moments_of(n_states),  # the lane's normal filter, with a severity that begins
+        "healthy": N_PARAMETER_ROWS,  # the vehicle without deviations and without fault
+        "parameters": N_PARAMETER_ROWS,  # at the means of the filter
+        "by_severity": N_PARAMETER_ROWS,  # their derivatives
+        "perturbed_parameters": N_PARAMETER_ROWS,
+        "gradient": n_states,
+        "current_gradient": n_states,
+        "covariance": n_states,  # of the states with a measurement
+        "port": 4,  # see `bank.surge.RPM_NOW`
+        "starboard": 4,
+        "readings": 3,
+        "predicted": 3,  # see `bank.motor.predict`
+        "perturbed": 3,
+        "available": 3,
+        "thrust": 3,  # see `bank.surge.THRUST`
+        "innovation": 2,
+        "variance": 2,
+        "severity": 2,  # mean and variance
+    }
+
+
+# single rows (n_columns,) of the memory of every bank
 SINGLE_ROWS = (
     "severity_shift",
     "variance_growth",
+    "variance_by_states",  # of a measurement
     "gain",
-    "ratio",
     "unperturbed",
     "evidence",
     "mixing_probability",
+    "added",  # variance that a state gains in a sample
     "shaft_speed_before",
     "surge_speed",
-    "rpm_variance",
     "deflection",
     "shaft_speed",
     "shaft_speed_slope",
     "shaft_speed_noise",
 )
-EFFECTS = (
-    "slope",
-    "offset",
-)  # of the severity on the parameters: tables of the hypotheses
-# memory of one step of a pack; nothing in it outlives the step
-Work = namedtuple("Work", (*N_ROWS, *SINGLE_ROWS, *EFFECTS, "switch_probability"))
+# of the Gaussian bank's memory
+N_ROWS = table_rows(N_STATES) | {"by_voltage": 2}
+OWN_SINGLE_ROWS = (*SINGLE_ROWS, "ratio", "rpm_variance")
+EFFECTS = ("slope", "offset")  # of the severity on the parameters: tables of the hypotheses
+# memory of one step of a pack; nothing in it outlives the step. `states` are their indices, a tuple
+# so that loops over them have a constant length.
+Work = namedtuple("Work", (*N_ROWS, *OWN_SINGLE_ROWS, *EFFECTS, "switch_probability", "states"))
 _of_thread = threading.local()
 
 
@@ -89,9 +93,10 @@ def kept_workspace(
 def new_workspace(table: HypothesisTable, n_lanes: int) -> Work:
     """Memory for a pack: the table's effects of severity, all else zero."""
     return Work(
-        **new_rows(N_ROWS, SINGLE_ROWS, table.hypothesis.size * n_lanes),
+        **new_rows(N_ROWS, OWN_SINGLE_ROWS, table.hypothesis.size * n_lanes),
         **repeated_effects(table, n_lanes),
         switch_probability=np.zeros((n_lanes, table.log_hazard.size)),
+        states=tuple(range(N_STATES)),
     )
 
 

@@ -24,37 +24,34 @@ MIN_GAIN = 1e-3
 
 
 class Sample(NamedTuple):
-    """The readings of one sample of a pack, (N_READINGS, n_lanes); deflection is (n_lanes,)."""
+    """The readings of one sample of a pack, (N_READINGS, n_lanes) if nothing else is said.
+
+    For the Gaussian bank no reading rests or repeats naturally, and none is rounded.
+    """
 
     reading: np.ndarray  # the last one where there is none now, 0 where there never was any
+    rounding: np.ndarray  # variance by the rounding to the values that the sensor reports
+    log_spacing: np.ndarray  # logarithm of the distance of these values
+    natural: np.ndarray  # probability that a healthy sensor repeats itself; 0 if negligible
     repeated: np.ndarray  # whether it equals the last one
     zero: np.ndarray  # whether it is 0
     silent: np.ndarray  # whether there is none
     replaced: np.ndarray  # whether the last one replaces one that is silent
-    log_spacing: np.ndarray  # logarithm of the distance of values that the sensor can report there
-    deflection: np.ndarray  # rudder and stern plane, squared and summed [rad^2]
+    resting: np.ndarray  # whether it gives no evidence because shaft or vehicle stand
+    deflection: np.ndarray  # (n_lanes,), rudder and stern plane, squared and summed [rad^2]
+    idle: np.ndarray  # (n_lanes,), whether all readings are exactly zero
 
 
 def new_sample(n_lanes: int) -> Sample:
     """Memory for a sample."""
-    shape = N_READINGS, n_lanes
-    return Sample(
-        reading=np.zeros(shape),
-        repeated=np.zeros(shape, bool),
-        zero=np.zeros(shape, bool),
-        silent=np.zeros(shape, bool),
-        replaced=np.zeros(shape, bool),
-        log_spacing=np.zeros(shape),
-        deflection=np.zeros(n_lanes),
-    )
+    numbers = np.zeros((4, N_READINGS, n_lanes))
+    flags = np.zeros((5, N_READINGS, n_lanes), bool)
+    return Sample(*numbers, *flags, np.zeros(n_lanes), np.zeros(n_lanes, bool))
 
 
 @inlined
-def fill_sample(observation, last, sensors, sample):
-    """Fill a sample from the observation (n_lanes, n_channels), where NaN means no reading.
-
-    last (n_lanes, N_READINGS): the last readings. sensors (N_READINGS, 4): see `LOW`.
-    """
+def fill_readings(observation, last, sensors, sample):
+    """Fill what does not depend on the spacing of values, see `fill_sample`."""
     for lane in range(len(last)):
         rudder = observation[lane, RUDDER]
         plane = observation[lane, STERN_PLANE]
@@ -73,9 +70,38 @@ def fill_sample(observation, last, sensors, sample):
             sample.replaced[channel, lane] = replaced
             sample.repeated[channel, lane] = value == before and not clipped
             sample.zero[channel, lane] = value == 0.0
-            size = max(abs(value), sensors[channel, NOISE_STD])
-            spacing = max(size * FLOAT32_STEP, sensors[channel, RESOLUTION])
-            sample.log_spacing[channel, lane] = math.log(spacing)
+
+
+@scalar
+def log_spacing(value, spacing, noise):
+    """Logarithm of the distance of the values that a sensor can report: float32 has its own."""
+    size = max(abs(value), noise)
+    return math.log(max(size * FLOAT32_STEP, spacing))
+
+
+@inlined
+def fill_sample(observation, last, sensors, sample):
+    """Fill a sample from the observation (n_lanes, n_channels), where NaN means no reading.
+
+    last (n_lanes, N_READINGS): the last readings. sensors (N_READINGS, 4): see `LOW`.
+    """
+    fill_readings(observation, last, sensors, sample)
+    for lane in range(len(last)):
+        for channel in range(N_READINGS):
+            sample.log_spacing[channel, lane] = log_spacing(
+                sample.reading[channel, lane],
+                sensors[channel, RESOLUTION],
+                sensors[channel, NOISE_STD],
+            )
+
+
+@inlined
+def keep_readings(sample, readings):
+    """Keep the last readings of a sample, (n_lanes, N_READINGS); NaN where there never was any."""
+    for lane in range(len(readings)):
+        for channel in range(N_READINGS):
+            has_value = sample.replaced[channel, lane] or not sample.silent[channel, lane]
+            readings[lane, channel] = sample.reading[channel, lane] if has_value else np.nan
 
 
 @inlined
@@ -83,11 +109,12 @@ def condition_on_availability(parameters, columns, sensor, sample, channel, avai
     """Fill which filters take the reading for available (1, else 0); add the log probability.
 
     `sensor` is the sensor's first row of parameters. The probability of a lost sample, which is a
-    single value, counts over the spacing of values, to compare with a density.
+    single value, counts over the spacing of values, to compare with a density. A repeated value of
+    a coarse sensor is taken for a reading that a stuck sensor would make more probable.
     """
     n_lanes = np.uint64(sample.deflection.size)
     for lane in range(n_lanes):
-        arrived = not sample.silent[channel, lane]
+        arrived = not (sample.silent[channel, lane] or sample.resting[channel, lane])
         for c in range(columns[0] + lane, columns[1], n_lanes):
             stuck = parameters[sensor + STUCK, c]
             dropout = parameters[sensor + DROPOUT, c]
@@ -95,7 +122,10 @@ def condition_on_availability(parameters, columns, sensor, sample, channel, avai
             if arrived and (stuck > 0.0 or dropout > 0.0):
                 probability = (1.0 - stuck) * (1.0 - dropout)
                 looks_stuck = sample.repeated[channel, lane] and stuck > 0.0
-                if looks_stuck or (sample.zero[channel, lane] and dropout > 0.0):
+                natural = sample.natural[channel, lane]
+                if looks_stuck and natural > 0.0:
+                    probability += stuck / natural
+                elif looks_stuck or (sample.zero[channel, lane] and dropout > 0.0):
                     available[c] = 0.0
                     probability = 1.0 - probability
                     evidence[c] -= sample.log_spacing[channel, lane]

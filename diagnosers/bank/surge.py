@@ -4,15 +4,16 @@ As `kalman.SurgeFilter`, with the accelerometer as a second measurement, of the 
 sample's end, and the thrust from the shaft speeds of the motor filters.
 """
 
-from auv_fault_env.compiling import inlined
+from auv_fault_env.compiling import inlined, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers.bank.algebra import (
-    N_STATES,
-    SEVERITY,
     Measurement,
+    compute_variance,
     condition,
     covariance_row,
     covary,
+    relax_state,
+    severity_rows,
 )
 from diagnosers.bank.pack import broadcast
 from diagnosers.bank.sensors import BIAS, GAIN, NOISE, condition_on_availability
@@ -25,6 +26,7 @@ ACCELERATION = 9
 N_SURGE_ROWS = 14
 SPEED_CHANNEL, ACCELERATION_CHANNEL = range(2)  # among the readings
 U, D, DRAG, THRUST_DEVIATION = range(4)  # states: speed, disturbance, relative deviations
+DEVIATIONS = (DRAG, THRUST_DEVIATION)
 # rows of `work.port` and `work.starboard`: shaft speed [rpm] at the end and at the start of the
 # sample, its slope by severity and its standard deviation
 RPM_NOW, RPM_BEFORE, RPM_SLOPE, RPM_STD = range(4)
@@ -34,13 +36,11 @@ HALF_SAMPLE = 0.5 * SAMPLE_TIME
 
 
 @inlined
-def set_parameters(columns, severity, work):
-    """Set the parameters to the filters' means, and their derivatives by severity.
-
-    Here and below `severity` is the row of that state.
-    """
+def set_parameters(columns, work):
+    """Set the parameters to the filters' means, and their derivatives by severity."""
     first, last = columns
     x = work.filters
+    severity, _ = severity_rows(work)
     for r in range(N_SURGE_ROWS):
         state = DRAG if r == ALPHA else THRUST_DEVIATION
         varies = 1.0 if r in (ALPHA, PORT_BETA, STARBOARD_BETA) else 0.0
@@ -50,6 +50,12 @@ def set_parameters(columns, severity, work):
             by_severity = healthy * work.slope[r, c] + work.offset[r, c]
             work.parameters[r, c] = healthy + x[severity, c] * by_severity
             work.by_severity[r, c] = by_severity
+
+
+@scalar
+def drag_of(parameters, c, work):
+    """Drag with the rudders deflected, by the parameters, or its derivative by theirs."""
+    return parameters[ALPHA, c] + parameters[GAMMA, c] * work.deflection[c]
 
 
 @inlined
@@ -87,21 +93,6 @@ def compute_thrust(columns, opening, work):
 
 
 @inlined
-def predict_disturbance(columns, memory, variance, work):
-    """Let the disturbance decay to `memory` of itself, towards its stationary variance."""
-    first, last = columns
-    x = work.filters
-    for i in range(N_STATES):
-        row = covariance_row(i, D)
-        factor = memory * memory if i == D else memory
-        for c in range(first, last):
-            x[row, c] *= factor
-    for c in range(first, last):
-        x[D, c] *= memory
-        x[covariance_row(D, D), c] += (1.0 - memory * memory) * variance
-
-
-@inlined
 def compute_process_noise(columns, work):
     """Fill the variance of the speed by the rpm counters and the thrust between two readings."""
     first, last = columns
@@ -118,18 +109,18 @@ def compute_process_noise(columns, work):
 
 
 @inlined
-def predict_speed(columns, severity, work):
+def predict_speed(columns, work):
     """Advance the mean speed over the sample by the midpoint rule; fill its gradient."""
     first, last = columns
     x = work.filters
     parameters = work.parameters
     by_severity = work.by_severity
     gradient = work.gradient
+    severity, _ = severity_rows(work)
     for c in range(first, last):
         thrust = work.thrust[THRUST, c]
         slope = work.thrust[THRUST_SLOPE, c]
-        deflection = work.deflection[c]
-        drag = parameters[ALPHA, c] + parameters[GAMMA, c] * deflection
+        drag = drag_of(parameters, c, work)
         u = x[U, c]
         at_start = drag * u * abs(u) + thrust + x[D, c]
         middle = u + HALF_SAMPLE * at_start
@@ -141,8 +132,7 @@ def predict_speed(columns, severity, work):
         gradient[D, c] = gain
         gradient[DRAG, c] = gain * parameters[ALPHA, c] / (1.0 + x[DRAG, c]) * square
         gradient[THRUST_DEVIATION, c] = gain * thrust / (1.0 + x[THRUST_DEVIATION, c])
-        drag_slope = by_severity[ALPHA, c] + by_severity[GAMMA, c] * deflection
-        slope += drag_slope * square
+        slope += drag_of(by_severity, c, work) * square
         gradient[severity, c] = gain * slope
         at_middle = drag * square + thrust + x[D, c]
         x[U, c] = u + SAMPLE_TIME * at_middle
@@ -154,27 +144,27 @@ def predict_covariance(columns, work):
     first, last = columns
     x = work.filters
     covariance = work.covariance
-    variance = work.variance[0]
+    n_states = len(work.states)
     covary(columns, work.gradient, work)
-    for i in range(N_STATES):
-        for c in range(first, last):
-            variance[c] += work.gradient[i, c] * covariance[i, c]
-    for i in range(1, N_STATES):
-        row = covariance_row(U, i)
+    compute_variance(columns, work.gradient, work)
+    for i in range(1, n_states):
+        row = covariance_row(U, i, n_states)
         for c in range(first, last):
             x[row, c] = covariance[i, c]
     for c in range(first, last):
-        x[covariance_row(U, U), c] = variance[c]
+        variance = work.variance[0, c] + work.variance_by_states[c]
+        x[covariance_row(U, U, n_states), c] = variance
 
 
 @inlined
-def expect_speed(columns, severity, work):
+def expect_speed(columns, work):
     """Fill innovation, variance and gradient of the paddle wheel's reading."""
     first, last = columns
     x = work.filters
     parameters = work.parameters
     by_severity = work.by_severity
     gradient = work.gradient
+    severity, _ = severity_rows(work)
     for c in range(first, last):
         gain = parameters[SPEED + GAIN, c]
         gradient[U, c] = gain
@@ -189,29 +179,28 @@ def expect_speed(columns, severity, work):
 
 
 @inlined
-def expect_acceleration(columns, severity, work):
+def expect_acceleration(columns, work):
     """Fill innovation, variance and gradient of the accelerometer's reading."""
     first, last = columns
     x = work.filters
     parameters = work.parameters
     by_severity = work.by_severity
     gradient = work.gradient
+    severity, _ = severity_rows(work)
     predicted = work.predicted[0]
     for c in range(first, last):
         thrust = work.thrust[THRUST, c]
         slope = work.thrust[THRUST_SLOPE, c]
-        deflection = work.deflection[c]
         gain = parameters[ACCELERATION + GAIN, c]
         u = x[U, c]
-        drag = parameters[ALPHA, c] + parameters[GAMMA, c] * deflection
+        drag = drag_of(parameters, c, work)
         square = u * abs(u)
         acceleration = drag * square + thrust + x[D, c]
         gradient[U, c] = gain * 2.0 * drag * abs(u)
         gradient[D, c] = gain
         gradient[DRAG, c] = gain * parameters[ALPHA, c] / (1.0 + x[DRAG, c]) * square
         gradient[THRUST_DEVIATION, c] = gain * thrust / (1.0 + x[THRUST_DEVIATION, c])
-        drag_slope = by_severity[ALPHA, c] + by_severity[GAMMA, c] * deflection
-        slope += drag_slope * square
+        slope += drag_of(by_severity, c, work) * square
         gain_slope = by_severity[ACCELERATION + GAIN, c] * acceleration
         sensor_slope = gain_slope + by_severity[ACCELERATION + BIAS, c]
         gradient[severity, c] = gain * slope + sensor_slope
@@ -238,17 +227,17 @@ def update(columns, sample, constants, work):
     broadcast(sample.deflection, columns, work.deflection)
     for channel in (SPEED_CHANNEL, ACCELERATION_CHANNEL):
         broadcast(sample.reading[channel], columns, work.readings[channel])
-    set_parameters(columns, SEVERITY, work)
+    set_parameters(columns, work)
     memory = constants.disturbance_memory
-    predict_disturbance(columns, memory, constants.disturbance_variance, work)
+    relax_state(columns, D, memory, constants.disturbance_variance, work)
     compute_thrust(columns, constants.opening, work)
     compute_process_noise(columns, work)
-    predict_speed(columns, SEVERITY, work)
+    predict_speed(columns, work)
     predict_covariance(columns, work)
     condition_on_availability(
         work.parameters, columns, SPEED, sample, SPEED_CHANNEL, available, evidence
     )
-    expect_speed(columns, SEVERITY, work)
+    expect_speed(columns, work)
     condition(columns, expected_measurement(work), work)
     condition_on_availability(
         work.parameters,
@@ -259,7 +248,7 @@ def update(columns, sample, constants, work):
         available,
         evidence,
     )
-    set_parameters(columns, SEVERITY, work)
+    set_parameters(columns, work)
     compute_thrust(columns, 0.0, work)
-    expect_acceleration(columns, SEVERITY, work)
+    expect_acceleration(columns, work)
     condition(columns, expected_measurement(work), work)

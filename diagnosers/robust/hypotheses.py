@@ -11,19 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.faults import CATALOGUE, NORMAL, UNKNOWN, Fault, classes, matrices
+from auv_fault_env.faults import CATALOGUE, NORMAL, UNKNOWN, classes
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.realism import SURROUNDINGS
 from diagnosers.bank.hypotheses import (
-    INPUT_PARAMETERS,
     N_PARAMETER_ROWS,
-    N_SUBSYSTEMS,
     OWN_PARAMETERS,
     PORT,
     STARBOARD,
     SURGE,
-    parameter_indices,
-    touched,
+    Filters,
+    filters_of_faults,
+    joined,
+    shares,
 )
 
 FORGETTING = SAMPLE_TIME / 45.0  # of evidence per sample: within a minute
@@ -80,23 +80,6 @@ class HypothesisTable(NamedTuple):
     water: np.ndarray  # (n_filters,), variance by `Other.water` [m^2/s^2]
 
 
-_cache: dict[tuple, tuple[tuple[Fault, ...], HypothesisTable]] = {}  # catalogue and its table
-
-
-def current_table(
-    highest: tuple[float, ...],
-    hazard: float,
-    repair: float,
-    faults: tuple[str, ...],
-) -> HypothesisTable:
-    """`hypothesis_table` of the catalogue as it is now, built anew only when that has changed."""
-    key = highest, hazard, repair, faults
-    catalogue = tuple(CATALOGUE.values())
-    if key not in _cache or _cache[key][0] != catalogue:
-        _cache[key] = catalogue, hypothesis_table(*key)
-    return _cache[key][1]
-
-
 def hypothesis_table(
     highest: Sequence[float],
     hazard: float,
@@ -115,20 +98,16 @@ def hypothesis_table(
     others = list(OTHERS.values())
     diagnoses = [CATALOGUE[faults[k]].diagnosis for k in fault]
     diagnoses += [other.diagnosis for other in others]
-    begin = hazard * _shares(faults, fault)
+    begin = hazard * shares(faults, fault)
     begin = np.concatenate([begin, [other.rate * SAMPLE_TIME / 3600 for other in others]])
     end = [repair] * fault.size
     for other in others:
         end.append(repair if other.duration == math.inf else SAMPLE_TIME / other.duration)
-    parts = [_filters(subsystem, faults, fault, others) for subsystem in OWN_PARAMETERS]
-    first_filter = np.cumsum([0, *(part.hypothesis.size for part in parts)])
-    filter_of = np.zeros((N_SUBSYSTEMS, 1 + len(diagnoses)), np.int64)
-    parameter = np.zeros((N_SUBSYSTEMS, N_PARAMETER_ROWS), np.int64)
-    for subsystem, own in OWN_PARAMETERS.items():
-        first, last = first_filter[subsystem : subsystem + 2]
-        filter_of[subsystem] = first
-        filter_of[subsystem, parts[subsystem].hypothesis] = range(first, last)
-        parameter[subsystem, : len(own)] = parameter_indices(own)
+    parts = [_filters(subsystem, faults, fault) for subsystem in OWN_PARAMETERS]
+    of_filters = joined(parts, 1 + len(diagnoses))
+    without_change = np.zeros(1 + fault.size)
+    spread = np.concatenate([without_change, [other.spread for other in others]])
+    water = np.concatenate([without_change, [other.water**2 for other in others]])
     names = classes()
     return HypothesisTable(
         log_hazard=np.log(np.concatenate([[1.0 - begin.sum()], begin])),
@@ -138,14 +117,9 @@ def hypothesis_table(
         forgetting=FORGETTING,
         class_index=np.array([0, *map(names.index, diagnoses)]),
         grade=np.array([n_grades, *grade, *[n_grades] * len(others)]),
-        first_filter=first_filter.astype(np.uint64),  # unsigned, so that loops vectorise
-        hypothesis=np.concatenate([part.hypothesis for part in parts]),
-        filter=filter_of,
-        parameter=parameter,
-        slope=np.concatenate([part.slope for part in parts]).T.copy(),
-        offset=np.concatenate([part.offset for part in parts]).T.copy(),
-        spread=np.concatenate([part.spread for part in parts]),
-        water=np.concatenate([part.water for part in parts]),
+        **of_filters,
+        spread=spread[of_filters["hypothesis"]],
+        water=water[of_filters["hypothesis"]],
     )
 
 
@@ -161,59 +135,14 @@ def _faults_and_grades(
     return fault, grade
 
 
-class _Filters(NamedTuple):
-    """The filters of a subsystem, the first that of the normal vehicle; filter first."""
-
-    hypothesis: np.ndarray
-    slope: np.ndarray
-    offset: np.ndarray
-    spread: np.ndarray
-    water: np.ndarray
-
-
-def _filters(
-    subsystem: int, faults: Sequence[str], fault: Sequence[int], others: Sequence[Other]
-) -> _Filters:
+def _filters(subsystem: int, faults: Sequence[str], fault: np.ndarray) -> Filters:
     """The filters of the hypotheses whose fault, or other change, touches the subsystem."""
-    names = OWN_PARAMETERS[subsystem]
-    is_touched = touched(faults, names + INPUT_PARAMETERS[subsystem])
-    order = list(CATALOGUE)
-    effects = matrices()
-    columns = parameter_indices(names)
-    hypothesis = [0]
-    slopes = [np.zeros(N_PARAMETER_ROWS)]
-    offsets = [np.zeros(N_PARAMETER_ROWS)]
-    for h, k in enumerate(fault, 1):
-        if is_touched[k]:
-            row = order.index(faults[k])
-            slope = np.zeros(N_PARAMETER_ROWS)
-            slope[: len(names)] = effects.scale[row, columns] - 1.0
-            offset = np.zeros(N_PARAMETER_ROWS)
-            offset[: len(names)] = effects.offset[row, columns]
-            hypothesis.append(h)
-            slopes.append(slope)
-            offsets.append(offset)
-    n_of_faults = len(hypothesis)
-    of_others = [h for h, other in enumerate(others) if subsystem in other.subsystems]
-    hypothesis += [1 + len(fault) + h for h in of_others]
-    spread = np.zeros(len(hypothesis))
-    spread[n_of_faults:] = [others[h].spread for h in of_others]
-    water = np.zeros(len(hypothesis))
-    water[n_of_faults:] = [others[h].water ** 2 for h in of_others]
-    without_effect = np.zeros((len(of_others), N_PARAMETER_ROWS))
-    return _Filters(
-        hypothesis=np.array(hypothesis),
-        slope=np.concatenate([slopes, without_effect]),
-        offset=np.concatenate([offsets, without_effect]),
-        spread=spread,
-        water=water,
+    of_faults = filters_of_faults(subsystem, faults, fault)
+    is_changed = [subsystem in other.subsystems for other in OTHERS.values()]
+    of_others = 1 + fault.size + np.flatnonzero(is_changed)
+    without_effect = np.zeros((of_others.size, N_PARAMETER_ROWS))
+    return Filters(
+        hypothesis=np.concatenate([of_faults.hypothesis, of_others]),
+        slope=np.concatenate([of_faults.slope, without_effect]),
+        offset=np.concatenate([of_faults.offset, without_effect]),
     )
-
-
-def _shares(faults: Sequence[str], fault: np.ndarray) -> np.ndarray:
-    """Shares of the hazard: even by class, then by fault of a class, then by grade of a fault."""
-    diagnoses = [CATALOGUE[name].diagnosis for name in faults]
-    n_classes = len(set(diagnoses))
-    n_members = np.array([diagnoses.count(name) for name in diagnoses])
-    n_grades = np.bincount(fault, minlength=len(faults))
-    return 1.0 / (n_classes * n_members * n_grades)[fault]

@@ -8,24 +8,25 @@ import numpy as np
 from auv_fault_env.channels import READINGS
 from auv_fault_env.compiling import inlined, kernel, scalar
 from auv_fault_env.physics import RPM
+from diagnosers.bank.algebra import clip_deviations, covariance_row, mix, walk_severity
 from diagnosers.bank.hypotheses import PORT, STARBOARD, SURGE
 from diagnosers.bank.kernel import (
-    LEAST,
-    MEAN,
     MOTOR_CHANNEL,
     SPEED_CHANNEL,
-    VARIANCE,
-    fill_belief,
+    begin_filters,
+    begin_shaft_speeds,
     gather_shaft,
     log_sum,
-    update_posterior,
+    replace_severities,
+    switch_severity,
+    update_belief,
+    update_severity,
 )
-from diagnosers.bank.pack import columns_of, filters_of, gather, scatter
-from diagnosers.bank.sensors import N_READINGS, NOISE_STD
-from diagnosers.bank.surge import DRAG, THRUST_DEVIATION
+from diagnosers.bank.pack import columns_of, filters_of, scatter
+from diagnosers.bank.sensors import NOISE_STD, keep_readings
+from diagnosers.bank.surge import DEVIATIONS
 from diagnosers.kalman import START_SPEED_STD
 from diagnosers.robust import algebra, motor, surge
-from diagnosers.robust.algebra import SEVERITY, SEVERITY_VARIANCE
 from diagnosers.robust.sensors import fill_sample
 
 # below these a counter may read exactly zero: rpm of a shaft, m/s of a paddle wheel
@@ -33,7 +34,6 @@ STANDING_RPM = 30.0
 NOISE_OF_ZERO = 4.0  # standard deviations of noise, within which a counter reads zero
 ACCELERATION_CHANNEL = READINGS.index("acceleration")
 MOTOR_DEVIATIONS = tuple(range(motor.FIRST_DEVIATION, motor.ZERO))
-SURGE_DEVIATIONS = (DRAG, THRUST_DEVIATION)
 WALK_OF_VOLTAGE = (0, 1, 2)  # columns of `BankState.walk` by subsystem
 LARGEST_STEP = 4.0
 SETTLING_SAMPLES = 20  # before these readings are evidence: one wrong one may have set the states
@@ -76,17 +76,7 @@ def switch_hypotheses(old, new, table, walk, switch_probability, return_probabil
         log_switched = log_normal + table.log_hazard[h]
         new.log_posterior[h] = log_sum(before + table.log_stay[h], log_switched)
         probability = math.exp(log_switched - new.log_posterior[h])
-        grade = table.grade[h]
-        prior_mean = old.prior[MEAN, grade]
-        prior_variance = old.prior[VARIANCE, grade]
-        mean = old.severity[MEAN, h]
-        distance = prior_mean - mean
-        stay = 1.0 - probability
-        new.severity[MEAN, h] = mean + probability * distance
-        stayed = stay * old.severity[VARIANCE, h]
-        switched = prior_variance + stay * distance * distance
-        variance = stayed + probability * switched
-        new.severity[VARIANCE, h] = algebra.variance_after_walk(variance, prior_variance, walk)
+        switch_severity(h, probability, old, new, table, walk)
         switch_probability[h] = probability
     forget_evidence(new.log_posterior, table)
 
@@ -109,39 +99,21 @@ def forget_evidence(log_posterior, table):
 def mix_filters(subsystem, old, new, table, constants, work):
     """Fill the columns of a subsystem: filters mixed with the normal one, and it with them."""
     n_lanes = np.uint64(old.age.size)
-    first, last = filters_of(subsystem, table)
     columns = columns_of(subsystem, table, n_lanes)
-    gather(subsystem, old, table, work)
-    for lane in range(n_lanes):
-        for f in range(first, last):
-            c = f * n_lanes + lane
-            h = table.hypothesis[f]
-            grade = table.grade[h]
-            work.prior[MEAN, c] = old.prior[lane, MEAN, grade]
-            work.prior[VARIANCE, c] = old.prior[lane, VARIANCE, grade]
-            work.severity[MEAN, c] = old.severity[lane, MEAN, h]
-            work.severity[VARIANCE, c] = old.severity[lane, VARIANCE, h]
-            work.mixing_probability[c] = work.switch_probability[lane, h]
-            work.evidence[c] = 0.0
     healthy_variance = constants.healthy_variance[subsystem]
-    algebra.replace_severity(columns, work)
+    begin_filters(subsystem, old, table, work)
     for lane in range(n_lanes):
         returned = 1.0 - work.return_probability[lane, 0]
         if returned > algebra.MIN_MIXING:
-            mix_back(subsystem, lane, columns, n_lanes, table, work)
-    algebra.mix(columns, healthy_variance, work)
-    algebra.walk_states(columns, healthy_variance, constants.memory, constants.walk, work)
-    for lane in range(n_lanes):
-        for f in range(first, last):
-            c = f * n_lanes + lane
-            h = table.hypothesis[f]
-            work.severity[MEAN, c] = new.severity[lane, MEAN, h]
-            work.severity[VARIANCE, c] = new.severity[lane, VARIANCE, h]
-    algebra.replace_severity(columns, work)
+            mix_back(subsystem, lane, n_lanes, table, work)
+    mix(columns, work)
+    walk_severity(columns, constants.bank.walk, work)
+    algebra.walk_deviations(columns, healthy_variance, constants.memory, work)
+    replace_severities(subsystem, new.severity, table, work)
 
 
 @inlined
-def mix_back(subsystem, lane, columns, n_lanes, table, work):
+def mix_back(subsystem, lane, n_lanes, table, work):
     """Mix into the normal filter of a lane those of the hypotheses that end, with their weights.
 
     Hypotheses that share the normal filter in this subsystem leave it as it is, and so do those of
@@ -160,22 +132,6 @@ def mix_back(subsystem, lane, columns, n_lanes, table, work):
             total += of_filter
             normal = first * n_lanes + lane
             algebra.merge(f * n_lanes + lane, normal, of_filter / total, work)
-
-
-@inlined
-def update_severity(subsystem, new, table, work):
-    """Set the severities of the hypotheses to those that their filters of a subsystem have now."""
-    n_lanes = np.uint64(new.age.size)
-    x = work.filters
-    normal, last = filters_of(subsystem, table)
-    for lane in range(n_lanes):
-        for f in range(normal + np.uint64(1), last):
-            c = f * n_lanes + lane
-            h = table.hypothesis[f]
-            grade = table.grade[h]
-            mean = max(x[SEVERITY, c], new.prior[lane, LEAST, grade])
-            new.severity[lane, MEAN, h] = min(mean, 1.0)
-            new.severity[lane, VARIANCE, h] = x[SEVERITY_VARIANCE, c]
 
 
 @inlined
@@ -205,20 +161,13 @@ def update_motor(subsystem, old, new, sample, table, constants, work):
     """Take all filters of one motor through a sample."""
     n_lanes = np.uint64(old.age.size)
     channel = MOTOR_CHANNEL[subsystem]
-    rpm_channel = channel + motor.OF_RPM
-    normal, last = filters_of(subsystem, table)
+    first, last = filters_of(subsystem, table)
     columns = columns_of(subsystem, table, n_lanes)
     mix_filters(subsystem, old, new, table, constants, work)
+    begin_shaft_speeds(subsystem, old, sample, table, work)
     for lane in range(n_lanes):
-        of_normal = old.shaft_speed[lane, normal] * RPM
-        if sample.silent[rpm_channel, lane] and not math.isnan(of_normal):
-            sample.reading[rpm_channel, lane] = of_normal
-        for f in range(normal, last):
+        for f in range(first, last):
             c = f * n_lanes + lane
-            before = old.shaft_speed[lane, f]
-            if math.isnan(before):
-                before = sample.reading[rpm_channel, lane] / RPM
-            work.shaft_speed_before[c] = max(before, 0.0)
             surge_filter = table.filter[SURGE, table.hypothesis[f]]
             work.surge_speed[c] = old.filters[lane, surge.U, surge_filter]
             # the filters do not know the speed yet
@@ -238,7 +187,7 @@ def update_motor(subsystem, old, new, sample, table, constants, work):
         constants,
         work,
     )
-    algebra.clip_deviations(columns, MOTOR_DEVIATIONS, work)
+    clip_deviations(columns, MOTOR_DEVIATIONS, work)
     update_severity(subsystem, new, table, work)
 
 
@@ -247,7 +196,7 @@ def forget_speed(sample, table, work):
     """Let the speed of idle lanes be unknown: what comes next may be another part of a log."""
     first, last = filters_of(SURGE, table)
     n_lanes = np.uint64(sample.idle.size)
-    row = algebra.covariance_row(surge.U, surge.U)
+    row = covariance_row(surge.U, surge.U, algebra.N_STATES)
     for lane in range(n_lanes):
         if sample.idle[lane]:
             for f in range(first, last):
@@ -276,7 +225,7 @@ def update_surge(old, new, sample, table, constants, work):
         constants,
         work,
     )
-    algebra.clip_deviations(columns, SURGE_DEVIATIONS, work)
+    clip_deviations(columns, DEVIATIONS, work)
     update_severity(SURGE, new, table, work)
 
 
@@ -330,11 +279,11 @@ def motor_stands(lane, channel, shaft_speed, sample, constants):
     """
     rpm_channel = channel + motor.OF_RPM
     silent = sample.silent[rpm_channel, lane] and not sample.replaced[rpm_channel, lane]
-    largest = NOISE_OF_ZERO * constants.sensors[rpm_channel, NOISE_STD]
+    largest = NOISE_OF_ZERO * constants.bank.sensors[rpm_channel, NOISE_STD]
     reads_zero = not silent and abs(sample.reading[rpm_channel, lane]) <= largest
     turned = shaft_speed * RPM > STANDING_RPM
     voltage = 0.0 if sample.silent[channel, lane] else abs(sample.reading[channel, lane])
-    is_driven = voltage > motor.STANDING * constants.water.maximum_voltage
+    is_driven = voltage > motor.STANDING * constants.bank.water.maximum_voltage
     return reads_zero and not turned and not is_driven
 
 
@@ -342,19 +291,17 @@ def motor_stands(lane, channel, shaft_speed, sample, constants):
 def begin_sample(observation, old, new, sample, table, constants, work):
     """Fill the sample and the last readings, and let hypotheses switch, on the lanes of a pack."""
     new.spacing[:] = old.spacing
-    fill_sample(observation, old.readings, new.spacing, constants.sensors, sample)
+    fill_sample(observation, old.readings, new.spacing, constants.bank.sensors, sample)
+    keep_readings(sample, new.readings)
     mark_resting(old, sample, table, constants)
     for lane in range(len(observation)):
         if sample.idle[lane]:
             new.age[lane] = 0.0
-        for channel in range(N_READINGS):
-            has_value = sample.replaced[channel, lane] or not sample.silent[channel, lane]
-            new.readings[lane, channel] = sample.reading[channel, lane] if has_value else np.nan
         switch_hypotheses(
             lanes_of(old, lane),
             lanes_of(new, lane),
             table,
-            constants.walk,
+            constants.bank.walk,
             work.switch_probability[lane],
             work.return_probability[lane],
         )
@@ -397,16 +344,7 @@ def step_lanes(first, last, old, new, observation, table, constants, belief, wor
         update_surge(before, after, sample, table, constants, work)
         scatter(after, work)
         for lane in range(n_lanes):
-            log_posterior = after.log_posterior[lane]
             if after.age[lane] <= SETTLING_SAMPLES:
                 work.evidence[lane::n_lanes] = 0.0
-            update_posterior(log_posterior, table.filter, work.evidence[lane::n_lanes])
-            fill_belief(
-                log_posterior,
-                after.severity[lane],
-                table.class_index,
-                belief.log_probability[begin + lane],
-                belief.severity_mean[begin + lane],
-                belief.severity_std[begin + lane],
-            )
+            update_belief(lane, begin + lane, after, table, belief, work)
             temper(belief.log_probability[begin + lane], constants.temperature)

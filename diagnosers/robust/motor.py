@@ -11,19 +11,12 @@ import numpy as np
 
 from auv_fault_env import physics
 from auv_fault_env.compiling import inlined, scalar
-from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import RPM
-from diagnosers.bank.algebra import Measurement
+from diagnosers.bank.algebra import Measurement, covariance_row
 from diagnosers.bank.motor import (
-    C1,
-    C2,
-    COULOMB_FRICTION,
     CURRENT,
     CURRENT_READING,
-    DEVIATIONS,
     FIRST,
-    INERTIA,
-    N_MOTOR_ROWS,
     OF_CURRENT,
     OF_RPM,
     OF_VOLTAGE,
@@ -32,29 +25,22 @@ from diagnosers.bank.motor import (
     SECOND,
     SHAFT_SPEED,
     SPEED,
-    STEP,
     TORQUE_CONSTANT,
-    VISCOUS_FRICTION,
     VOLTAGE,
-    differences,
+    estimate_shaft_speed,
+    gather_readings,
+    linearise,
+    measurements,
+    predict_shaft_speed,
+    set_parameters,
+    shaft_of,
+    shift_innovation,
 )
 from diagnosers.bank.pack import broadcast
-from diagnosers.bank.sensors import (
-    BIAS,
-    GAIN,
-    MIN_GAIN,
-    N_SENSOR_ROWS,
-    NOISE,
-    reading_of,
-    truth_of,
-)
-from diagnosers.robust.algebra import N_STATES, SEVERITY, condition, covariance_row
-from diagnosers.robust.sensors import begin_zero, condition_on_availability, end_zero
+from diagnosers.bank.sensors import BIAS, GAIN, MIN_GAIN, NOISE, reading_of, truth_of
+from diagnosers.robust.algebra import N_STATES, SEVERITY, condition
+from diagnosers.robust.sensors import begin_zero, end_zero, keep_evidence, replace_evidence
 
-# rows that `predict` uses
-PREDICTION_ROWS = (*range(7), *(row + k for row in (CURRENT, SPEED) for k in (BIAS, GAIN)))
-# rows that `estimate_shaft_speed` uses
-SHAFT_SPEED_ROWS = (SPEED + BIAS, SPEED + GAIN, SPEED + NOISE)
 # states: true voltage [V], relative deviations of four parameters, zero offset of the current [A]
 VOLTS = 0
 FIRST_DEVIATION = 1
@@ -72,32 +58,6 @@ JUMP = 9.0  # squared standard deviations, beyond which the voltage has jumped
 
 
 @inlined
-def apply_severity(r, healthy, columns, work):
-    """Set parameter r from its healthy value (n_columns,) and the severity, and its derivative."""
-    first, last = columns
-    x = work.filters
-    for c in range(first, last):
-        by_severity = healthy[c] * work.slope[r, c] + work.offset[r, c]
-        work.by_severity[r, c] = by_severity
-        work.parameters[r, c] = healthy[c] + x[SEVERITY, c] * by_severity
-
-
-@inlined
-def set_parameters(columns, work):
-    """Set the parameters to the filters' means, and their derivatives by severity."""
-    first, last = columns
-    x = work.filters
-    for k in range(len(DEVIATIONS)):
-        row = DEVIATIONS[k]
-        for c in range(first, last):
-            relative = 1.0 + x[FIRST_DEVIATION + k, c]
-            work.parameters[row, c] = work.healthy[row, c] * relative
-    for r in range(N_MOTOR_ROWS):
-        healthy = work.parameters[r] if r in DEVIATIONS else work.healthy[r]
-        apply_severity(r, healthy, columns, work)
-
-
-@inlined
 def condition_on_voltage(columns, sample, channel, tails, work):
     """Let the voltage walk and perhaps jump over the sample, and condition on its reading."""
     first, last = columns
@@ -105,7 +65,7 @@ def condition_on_voltage(columns, sample, channel, tails, work):
     parameters = work.parameters
     by_severity = work.by_severity
     gradient = work.gradient
-    variance_row = covariance_row(VOLTS, VOLTS)
+    variance_row = covariance_row(VOLTS, VOLTS, N_STATES)
     gradient[:, first:last] = 0.0
     for c in range(first, last):
         x[variance_row, c] += work.added[c]
@@ -152,79 +112,19 @@ def imply_voltage(columns, sample, channel, maximum_voltage, work):
                 by_current = parameters[RESISTANCE, c] * (current - x[ZERO, c])
                 x[VOLTS, c] = by_current + parameters[TORQUE_CONSTANT, c] * shaft_speed
                 for i in range(N_STATES):
-                    x[covariance_row(VOLTS, i), c] = 0.0
-                x[covariance_row(VOLTS, VOLTS), c] = (UNREAD_WALK * maximum_voltage) ** 2
+                    x[covariance_row(VOLTS, i, N_STATES), c] = 0.0
+                x[covariance_row(VOLTS, VOLTS, N_STATES), c] = (UNREAD_WALK * maximum_voltage) ** 2
 
 
 @scalar
-def predict_readings(parameters, c, voltage, water, work):
-    """Shaft speed [rad/s], and the readings of rpm and current, at a true voltage [V]."""
-    shaft = physics.Shaft(
-        0.0,
-        parameters[C1, c],
-        parameters[C2, c],
-        parameters[RESISTANCE, c],
-        parameters[TORQUE_CONSTANT, c],
-        parameters[COULOMB_FRICTION, c],
-        parameters[VISCOUS_FRICTION, c],
-        parameters[INERTIA, c],
-    )
-    before = work.shaft_speed_before[c]
-    side = physics.motor(shaft, water, voltage)
-    predicted = physics.shaft_speed_after(before, side, work.surge_speed[c], 0.0, SAMPLE_TIME)
+def predict_readings(parameters, c, voltage_shift, water, work):
+    """Shaft speed [rad/s], and the readings of rpm and current, at a shift of the voltage."""
+    shaft = shaft_of(parameters, c)
+    voltage = work.filters[VOLTS, c] + voltage_shift
+    predicted = predict_shaft_speed(shaft, c, voltage, water, work)
     current = physics.armature_current(shaft, predicted, voltage)
     rpm_reading = reading_of(parameters, SPEED, c, RPM * predicted)
     return predicted, rpm_reading, reading_of(parameters, CURRENT, c, current)
-
-
-@inlined
-def predict(parameters, columns, voltage_shift, water, work, out):
-    """`predict_readings` of every filter into out (3, n_columns), at a shift of the voltage."""
-    first, last = columns
-    x = work.filters
-    for c in range(first, last):
-        voltage = x[VOLTS, c] + voltage_shift
-        prediction = predict_readings(parameters, c, voltage, water, work)
-        out[SHAFT_SPEED, c], out[RPM_READING, c], out[CURRENT_READING, c] = prediction
-
-
-@inlined
-def perturb_severity(columns, work):
-    """Fill the parameters that a prediction uses at `STEP` more of the severity."""
-    first, last = columns
-    for r in PREDICTION_ROWS:
-        for c in range(first, last):
-            step = STEP * work.by_severity[r, c]
-            work.perturbed_parameters[r, c] = work.parameters[r, c] + step
-
-
-@inlined
-def linearise(columns, water, work):
-    """Fill the predicted readings of rpm and current, and their gradients by the states."""
-    first, last = columns
-    x = work.filters
-    parameters = work.parameters
-    unperturbed = work.unperturbed
-    perturbed = work.perturbed
-    predict(parameters, columns, 0.0, water, work, work.predicted)
-    predict(parameters, columns, STEP, water, work, perturbed)
-    differences(columns, work, work.gradient[VOLTS], work.current_gradient[VOLTS])
-    for k in range(len(DEVIATIONS)):
-        row = DEVIATIONS[k]
-        state = FIRST_DEVIATION + k
-        for c in range(first, last):
-            unperturbed[c] = parameters[row, c]
-            parameters[row, c] *= 1.0 + STEP / (1.0 + x[state, c])
-        predict(parameters, columns, 0.0, water, work, perturbed)
-        differences(columns, work, work.gradient[state], work.current_gradient[state])
-        for c in range(first, last):
-            parameters[row, c] = unperturbed[c]
-    for c in range(first, last):
-        work.gradient[ZERO, c] = 0.0
-        work.current_gradient[ZERO, c] = 1.0
-    perturb_severity(columns, work)
-    predict(work.perturbed_parameters, columns, 0.0, water, work, perturbed)
-    differences(columns, work, work.gradient[SEVERITY], work.current_gradient[SEVERITY])
 
 
 @inlined
@@ -234,7 +134,7 @@ def compute_innovations(columns, constants, work):
     The rpm reading may lag by about ``constants.lateness`` samples, and the shaft with it. Where a
     shaft may stand, no prediction is exact.
     """
-    highest = STANDING * constants.water.maximum_rpm / RPM
+    highest = STANDING * constants.bank.water.maximum_rpm / RPM
     first, last = columns
     x = work.filters
     parameters = work.parameters
@@ -263,68 +163,10 @@ def compute_innovations(columns, constants, work):
 
 
 @inlined
-def shift_innovation(columns, sign, work):
-    """Add ``sign * gradient @ mean`` to the current's innovation: 1 before an update, -1 after."""
-    first, last = columns
-    x = work.filters
-    for i in range(N_STATES):
-        for c in range(first, last):
-            shift = sign * work.current_gradient[i, c] * x[i, c]
-            work.innovation[SECOND, c] += shift
-
-
-@inlined
-def estimate_shaft_speed(columns, sample, channel, work):
-    """Fill the shaft speed [rad/s] of every filter, its slope by severity and its noise [rpm].
-
-    That of a motor at rest is zero.
-    """
-    first, last = columns
-    x = work.filters
-    parameters = work.parameters
-    by_severity = work.by_severity
-    variance_row = covariance_row(VOLTS, VOLTS)
-    for r in SHAFT_SPEED_ROWS:
-        apply_severity(r, work.healthy[r], columns, work)
-    for c in range(first, last):
-        # an outlier is no measurement of the shaft speed
-        measured_share = work.available[OF_RPM, c] * work.rpm_weight[c]
-        gain = max(parameters[SPEED + GAIN, c], MIN_GAIN)
-        measured = truth_of(parameters, SPEED, c, work.readings[OF_RPM, c]) / RPM
-        predicted = work.predicted[SHAFT_SPEED, c]
-        work.shaft_speed[c] = predicted + measured_share * (measured - predicted)
-        bias_slope = by_severity[SPEED + BIAS, c] / RPM
-        slope = bias_slope + by_severity[SPEED + GAIN, c] * measured
-        work.shaft_speed_slope[c] = -measured_share * slope / gain
-        predicted_std = abs(work.gradient[VOLTS, c]) * math.sqrt(x[variance_row, c])
-        std = parameters[SPEED + NOISE, c] if measured_share > 0.5 else predicted_std
-        work.shaft_speed_noise[c] = std / gain
-    n_lanes = np.uint64(sample.deflection.size)
-    for lane in range(n_lanes):
-        if sample.resting[channel, lane]:
-            for c in range(first + lane, last, n_lanes):
-                work.shaft_speed[c] = 0.0
-                work.shaft_speed_slope[c] = 0.0
-                work.shaft_speed_noise[c] = parameters[SPEED + NOISE, c]
-
-
-@inlined
-def gather_readings(columns, sample, channel, maximum_voltage, work):
-    """Fill readings and availability, and add to the walk of voltages that are not read."""
+def widen_voltage(columns, sample, channel, maximum_voltage, work):
+    """Add to the walk of voltages that are not read, or read with much noise."""
     first, last = columns
     n_lanes = np.uint64(sample.deflection.size)
-    for k in range(3):
-        broadcast(sample.reading[channel + k], columns, work.readings[k])
-        broadcast(sample.rounding[channel + k], columns, work.rounding[k])
-        condition_on_availability(
-            work.parameters,
-            columns,
-            VOLTAGE + N_SENSOR_ROWS * k,
-            sample,
-            channel + k,
-            work.available[k],
-            work.evidence,
-        )
     for lane in range(n_lanes):
         is_held = sample.replaced[channel, lane] or sample.resting[channel, lane]
         for c in range(first + lane, last, n_lanes):
@@ -337,19 +179,24 @@ def gather_readings(columns, sample, channel, maximum_voltage, work):
 
 
 @inlined
-def keep_weight(columns, work):
-    """Keep the weight of the rpm reading."""
+def stop_shafts(columns, sample, channel, work):
+    """Let the shaft speed of motors at rest be zero."""
     first, last = columns
-    for c in range(first, last):
-        work.rpm_weight[c] = work.weight[c]
+    n_lanes = np.uint64(sample.deflection.size)
+    for lane in range(n_lanes):
+        if sample.resting[channel, lane]:
+            for c in range(first + lane, last, n_lanes):
+                work.shaft_speed[c] = 0.0
+                work.shaft_speed_slope[c] = 0.0
+                work.shaft_speed_noise[c] = work.parameters[SPEED + NOISE, c]
 
 
 @inlined
-def keep_evidence(columns, work):
-    """Keep the evidence from before a reading."""
+def keep_rpm_share(columns, work):
+    """Fill the share of the measured shaft speed in the estimate: an outlier measures nothing."""
     first, last = columns
     for c in range(first, last):
-        work.added[c] = work.evidence[c]
+        work.rpm_share[c] = work.available[OF_RPM, c] * work.weight[c]
 
 
 @inlined
@@ -361,43 +208,47 @@ def restore_evidence(columns, sample, channel, fastest, work):
     at most `fastest` [rad/s].
     """
     first, last = columns
-    n_lanes = np.uint64(sample.deflection.size)
-    for lane in range(n_lanes):
-        if sample.silent[channel + OF_VOLTAGE, lane]:
-            for c in range(first + lane, last, n_lanes):
-                if work.shaft_speed_before[c] <= fastest:
-                    work.evidence[c] = work.added[c]
+    for c in range(first, last):
+        if work.shaft_speed_before[c] > fastest:
+            work.evidence_before[c] = work.evidence[c]
+    is_silent = sample.silent[channel + OF_VOLTAGE]
+    replace_evidence(columns, is_silent, work.evidence_before, work)
 
 
 @inlined
 def update(columns, sample, channel, walk, constants, work):
     """Take the filters of a motor, whose first reading is `channel`, through one sample."""
+    first, last = columns
     tails = constants.tails
-    set_parameters(columns, work)
+    water = constants.bank.water
+    by_voltage = work.gradient[VOLTS], work.current_gradient[VOLTS]
+    set_parameters(columns, FIRST_DEVIATION, work)
     broadcast(walk, columns, work.added)
-    gather_readings(columns, sample, channel, constants.water.maximum_voltage, work)
+    gather_readings(columns, sample, channel, work)
+    for k in range(3):
+        broadcast(sample.rounding[channel + k], columns, work.rounding[k])
+    widen_voltage(columns, sample, channel, water.maximum_voltage, work)
     condition_on_voltage(columns, sample, channel, tails, work)
-    imply_voltage(columns, sample, channel, constants.water.maximum_voltage, work)
-    set_parameters(columns, work)
-    linearise(columns, constants.water, work)
+    imply_voltage(columns, sample, channel, water.maximum_voltage, work)
+    set_parameters(columns, FIRST_DEVIATION, work)
+    linearise(predict_readings, columns, FIRST_DEVIATION, by_voltage, water, work)
+    work.gradient[ZERO, first:last] = 0.0
+    work.current_gradient[ZERO, first:last] = 1.0
     compute_innovations(columns, constants, work)
-    innovation = work.innovation
-    variance = work.variance
-    available = work.available
-    gradient = work.current_gradient
-    rpm = Measurement(work.gradient, innovation[FIRST], variance[FIRST], available[OF_RPM])
-    current = Measurement(gradient, innovation[SECOND], variance[SECOND], available[OF_CURRENT])
+    rpm, current = measurements(work)
     shift_innovation(columns, 1.0, work)
     keep_evidence(columns, work)
     condition(columns, rpm, tails, work)
-    keep_weight(columns, work)
+    keep_rpm_share(columns, work)
     restore_evidence(columns, sample, channel, math.inf, work)
     shift_innovation(columns, -1.0, work)
     current_channel = channel + OF_CURRENT
     keep_evidence(columns, work)
-    begin_zero(columns, sample, current_channel, CURRENT, available[OF_CURRENT], work)
+    begin_zero(columns, sample, current_channel, CURRENT, current.available, work)
     condition(columns, current, tails, work)
     end_zero(columns, sample, current_channel, work)
-    standing = STANDING * constants.water.maximum_rpm / RPM
-    restore_evidence(columns, sample, channel, standing, work)
-    estimate_shaft_speed(columns, sample, channel, work)
+    restore_evidence(columns, sample, channel, STANDING * water.maximum_rpm / RPM, work)
+    for c in range(first, last):
+        work.voltage_std[c] = math.sqrt(work.filters[covariance_row(VOLTS, VOLTS, N_STATES), c])
+    estimate_shaft_speed(columns, work.rpm_share, by_voltage[FIRST], work.voltage_std, work)
+    stop_shafts(columns, sample, channel, work)

@@ -8,7 +8,9 @@ zero offset and the vehicle's attitude, and the slow error of the paddle wheel. 
 import numpy as np
 
 from auv_fault_env.compiling import inlined
+from diagnosers.bank.algebra import forget_state, relax_state
 from diagnosers.bank.pack import broadcast
+from diagnosers.bank.sensors import condition_on_availability
 from diagnosers.bank.surge import (
     ACCELERATION,
     ACCELERATION_CHANNEL,
@@ -22,18 +24,12 @@ from diagnosers.bank.surge import (
     expect_acceleration,
     expect_speed,
     expected_measurement,
+    predict_covariance,
     predict_speed,
     set_parameters,
 )
-from diagnosers.robust.algebra import (
-    N_STATES,
-    SEVERITY,
-    condition,
-    covariance_row,
-    covary,
-    forget_state,
-)
-from diagnosers.robust.sensors import condition_on_availability
+from diagnosers.robust.algebra import condition
+from diagnosers.robust.sensors import keep_evidence, replace_evidence
 
 # states after those of `bank.surge`: errors of accelerometer and paddle wheel
 TILT = THRUST_DEVIATION + 1
@@ -42,25 +38,6 @@ WALK_OF_TILT = 0  # column of `BankState.walk`
 # m/s, below which the paddle wheel may stand, and what it may then miss
 STANDING = 0.1
 STANDING_STD = 0.03
-
-
-@inlined
-def predict_covariance(columns, work):
-    """Advance the covariance over the sample, in which only the speed changes."""
-    first, last = columns
-    x = work.filters
-    covariance = work.covariance
-    variance = work.variance[0]
-    covary(columns, work.gradient, work)
-    for i in range(N_STATES):
-        for c in range(first, last):
-            variance[c] += work.gradient[i, c] * covariance[i, c]
-    for i in range(1, N_STATES):
-        row = covariance_row(U, i)
-        for c in range(first, last):
-            x[row, c] = covariance[i, c]
-    for c in range(first, last):
-        x[covariance_row(U, U), c] = variance[c]
 
 
 @inlined
@@ -90,27 +67,14 @@ def add_to_acceleration(columns, work):
 
 
 @inlined
-def hold_at_rest(columns, sample, available, work):
-    """Let a paddle wheel that may stand hold the speed low; keep the evidence from before."""
+def hold_at_rest(columns, sample, available):
+    """Let a paddle wheel that may stand hold the speed low."""
     first, last = columns
     n_lanes = np.uint64(sample.idle.size)
     for lane in range(n_lanes):
-        for c in range(first + lane, last, n_lanes):
-            work.added[c] = work.evidence[c]
         arrived = not (sample.silent[SPEED_CHANNEL, lane] or sample.idle[lane])
         if sample.resting[SPEED_CHANNEL, lane] and arrived:
             available[first + lane : last : n_lanes] = 1.0
-
-
-@inlined
-def restore_evidence(columns, sample, work):
-    """Forget the evidence of a paddle wheel that may stand."""
-    first, last = columns
-    n_lanes = np.uint64(sample.idle.size)
-    for lane in range(n_lanes):
-        if sample.resting[SPEED_CHANNEL, lane]:
-            for c in range(first + lane, last, n_lanes):
-                work.evidence[c] = work.added[c]
 
 
 @inlined
@@ -122,29 +86,28 @@ def update(columns, sample, walk, constants, work):
     for channel in (SPEED_CHANNEL, ACCELERATION_CHANNEL):
         broadcast(sample.reading[channel], columns, work.readings[channel])
         broadcast(sample.rounding[channel], columns, work.rounding[channel])
-    set_parameters(columns, SEVERITY, work)
-    memory = constants.disturbance_memory
-    work.added[columns[0] : columns[1]] = (1.0 - memory**2) * constants.disturbance_variance
-    forget_state(columns, D, memory, work.added, work)
+    set_parameters(columns, work)
+    memory = constants.bank.disturbance_memory
+    relax_state(columns, D, memory, constants.bank.disturbance_variance, work)
     broadcast(walk[:, WALK_OF_TILT], columns, work.added)
     forget_state(columns, TILT, 1.0, work.added, work)
-    memory = constants.paddle_memory
-    work.added[columns[0] : columns[1]] = (1.0 - memory**2) * constants.paddle_variance
-    forget_state(columns, PADDLE, memory, work.added, work)
-    compute_thrust(columns, constants.opening, work)
+    relax_state(columns, PADDLE, constants.paddle_memory, constants.paddle_variance, work)
+    compute_thrust(columns, constants.bank.opening, work)
     compute_process_noise(columns, work)
     work.variance[0, columns[0] : columns[1]] += work.water[columns[0] : columns[1]]
-    predict_speed(columns, SEVERITY, work)
+    predict_speed(columns, work)
     work.gradient[TILT : PADDLE + 1, columns[0] : columns[1]] = 0.0
     predict_covariance(columns, work)
     condition_on_availability(
         work.parameters, columns, SPEED, sample, SPEED_CHANNEL, available, evidence
     )
-    hold_at_rest(columns, sample, available, work)
-    expect_speed(columns, SEVERITY, work)
+    hold_at_rest(columns, sample, available)
+    expect_speed(columns, work)
     add_to_speed(columns, work)
+    keep_evidence(columns, work)
     condition(columns, expected_measurement(work), constants.tails, work)
-    restore_evidence(columns, sample, work)
+    # that of a paddle wheel that may stand is none
+    replace_evidence(columns, sample.resting[SPEED_CHANNEL], work.evidence_before, work)
     condition_on_availability(
         work.parameters,
         columns,
@@ -154,8 +117,8 @@ def update(columns, sample, walk, constants, work):
         available,
         evidence,
     )
-    set_parameters(columns, SEVERITY, work)
+    set_parameters(columns, work)
     compute_thrust(columns, 0.0, work)
-    expect_acceleration(columns, SEVERITY, work)
+    expect_acceleration(columns, work)
     add_to_acceleration(columns, work)
     condition(columns, expected_measurement(work), constants.tails, work)

@@ -12,9 +12,10 @@ from auv_fault_env.faults import UNKNOWN, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import Mission
 from auv_fault_env.schedules import FaultEvent
+from diagnosers.bank.algebra import covariance_row
 from diagnosers.filter_bank import FilterBank, tails_of
 from diagnosers.robust import algebra
-from diagnosers.robust.algebra import N_MOMENTS, N_STATES, SEVERITY, covariance_row
+from diagnosers.robust.algebra import N_MOMENTS, N_STATES, SEVERITY
 from diagnosers.robust.hypotheses import OTHERS, WATER_CURRENT
 from diagnosers.robust.sensors import spacing_of_values
 from training.rollouts import roll_out
@@ -49,7 +50,7 @@ def test_merging_two_filters_gives_the_moments_of_their_mixture():
     x[:N_STATES] = mean
     pairs = [(i, j) for i in range(N_STATES) for j in range(i + 1)]
     for i, j in pairs:
-        x[covariance_row.py_func(i, j)] = covariance[:, i, j]
+        x[covariance_row.py_func(i, j, N_STATES)] = covariance[:, i, j]
     algebra.merge.py_func(0, 1, 0.3, SimpleNamespace(filters=x))
     mixed = 0.3 * mean[:, 0] + 0.7 * mean[:, 1]
     distance = mean[:, 0] - mean[:, 1]
@@ -58,7 +59,7 @@ def test_merging_two_filters_gives_the_moments_of_their_mixture():
     np.testing.assert_allclose(x[:SEVERITY, 1], mixed[:SEVERITY])
     for i, j in pairs:
         merged = expected if i < SEVERITY else covariance[1]
-        assert x[covariance_row.py_func(i, j), 1] == pytest.approx(merged[i, j])
+        assert x[covariance_row.py_func(i, j, N_STATES), 1] == pytest.approx(merged[i, j])
 
 
 def test_gaussian_readings_prefer_no_other_variance_under_heavy_tails():

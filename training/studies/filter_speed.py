@@ -235,7 +235,7 @@ class SurgeBank:
 
     def moments(self, lane: int, f: int) -> tuple[np.ndarray, np.ndarray]:
         """Mean (5,) and covariance (5, 5) of one filter."""
-        rows = np.vectorize(covariance_row.py_func)(*np.indices((N_STATES, N_STATES)))
+        rows = np.vectorize(covariance_row.py_func)(*np.indices((N_STATES, N_STATES)), N_STATES)
         moments = self.filters[lane, :, f]
         return moments[:N_STATES].copy(), moments[rows]
 
