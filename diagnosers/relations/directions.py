@@ -1,0 +1,167 @@
+"""How faults change the residuals of a vehicle's relations, relative to what is predicted."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from auv_fault_env.parameters import SIDES
+from diagnosers.relations.model import RelationModel
+from diagnosers.relations.windows import BALANCE, PUSH, Windows
+
+WITHOUT_LIMIT = 100.0
+WORST_DAMAGE = 0.7  # share of its torque that a damaged propeller loses; a lost one loses more
+# thrust that a propeller loses by the torque that it loses, each relative
+THRUST_BY_TORQUE = (0.5, 0.7, 1.0, 1.4, 2.0)
+FRICTION_THRUST = 0.1  # thrust that a line on a propeller costs, by the torque that it takes
+# of the catalogue's overheating at severity 1
+HOT_LOAD = 0.25
+HOT_CONSTANT = -0.2
+HOT_RESISTANCE = 0.4
+
+
+class Direction(NamedTuple):
+    """Relative changes of the residuals by a fault of amplitude 1, and its possible amplitudes."""
+
+    change: np.ndarray  # (n_residuals,)
+    least: float = 0.0
+    most: float = WITHOUT_LIMIT
+
+
+def directions(model: RelationModel, windows: Windows, k: int) -> dict[str, list[Direction]]:
+    """Directions by class at the operating point of window k."""
+    names = model.layout.residuals
+
+    def change(**of_residuals: float) -> np.ndarray:
+        return np.array([of_residuals.get(name, 0.0) for name in names])
+
+    if not model.layout.has_shaft_speed:
+        return _without_shaft_speed(model, change)
+    speed = windows.speed[k]
+    push = model.coefficients[PUSH]
+    drag = max(push[2] * speed**2 + push[3] * speed, 1e-9)
+    shafts = {side: windows.shaft_speed[side][k] for side in model.layout.sides}
+    # of the net force by a relative change of the speed
+    by_speed = -(push[1] * sum(shafts.values()) * speed + 2 * push[2] * speed**2 + push[3] * speed)
+    load_by_speed = {}
+    found = {
+        "increased_drag": [Direction(change(push=-1.0))],
+        "decreased_drag": [Direction(change(push=1.0))],
+    }
+    for side, shaft in shafts.items():
+        load = model.coefficients[f"{side}_load"]
+        predicted = max(load[0] + load[1] * shaft + load[2] * shaft**2 - load[3] * shaft * speed, 1e-6)
+        by_shaft = load[1] * shaft + 2.0 * load[2] * shaft**2 - load[3] * shaft * speed
+        load_by_speed[f"{side}_load"] = load[3] * shaft * speed / predicted
+        thrust = (push[0] * shaft**2 - push[1] * shaft * speed) / drag
+        thrust_by_shaft = (2.0 * push[0] * shaft**2 - push[1] * shaft * speed) / drag
+        voltage, sign = _voltage_residual(names, side)
+        of_voltage = model.coefficients[f"{side}_voltage"]
+        measured = max(windows.values[f"{side}_voltage"][k], 1e-6)
+        by_current = sign * of_voltage[2] * windows.values[f"{side}_load"][k] / measured
+        back_emf = sign * of_voltage[1] * shaft / measured
+        load_name = f"{side}_load"
+        hot = HOT_CONSTANT * back_emf + HOT_RESISTANCE * by_current
+        lost = [change(**{load_name: -1.0, PUSH: -q * thrust}) for q in THRUST_BY_TORQUE]
+        found |= {
+            f"seal_friction:{side}": [
+                Direction(change(**{load_name: 1.0, PUSH: -q * thrust}))
+                for q in (0.0, FRICTION_THRUST)
+            ],
+            f"propeller_damage:{side}": [Direction(one, 0.0, WORST_DAMAGE) for one in lost],
+            f"propeller_loss:{side}": [Direction(one, WORST_DAMAGE, 1.3) for one in lost],
+            f"motor_overheating:{side}": [Direction(change(**{load_name: HOT_LOAD, voltage: hot}))],
+            f"sensor:{side}_current": _both(change(**{load_name: 1.0, voltage: -by_current})),
+            f"sensor:{side}_voltage": _both(change(**{voltage: 1.0})),
+            f"sensor:{side}_rpm": _both(
+                change(
+                    **{
+                        load_name: -by_shaft / predicted,
+                        voltage: -back_emf,
+                        PUSH: -thrust_by_shaft,
+                    }
+                )
+            ),
+        }
+    found["sensor:speed"] = _both(change(push=-by_speed / drag, **load_by_speed))
+    return found
+
+
+def _voltage_residual(names: tuple[str, ...], side: str) -> tuple[str, float]:
+    """The residual that a side's voltage is in, and with which sign."""
+    if BALANCE not in names:
+        return f"{side}_voltage", 1.0
+    return BALANCE, 1.0 if side == SIDES[0] else -1.0
+
+
+def _both(change: np.ndarray) -> list[Direction]:
+    """The direction of a sensor that reads too much or too little."""
+    return [Direction(change), Direction(-change)]
+
+
+def _without_shaft_speed(model: RelationModel, change) -> dict[str, list[Direction]]:
+    """Directions where current and voltage are predicted from the speed alone.
+
+    The voltage stands for the shaft speed n. At a given speed, thrust T takes n ~ T^0.3 and current
+    ~ T; a propeller that loses thrust and torque alike turns faster at about the same torque; the
+    current by friction needs little voltage; readings of the speed that are too low by a factor
+    look like a drag beyond that of any hull.
+    """
+    found: dict[str, list[Direction]] = {}
+    every = {f"{side}_{kind}": 1.0 for side in model.layout.sides for kind in ("load", "voltage")}
+
+    def all_sides(load: float, voltage: float) -> np.ndarray:
+        return change(**{name: load if "load" in name else voltage for name in every})
+
+    found["increased_drag"] = [Direction(all_sides(1.0, 0.3), 0.0, 1.1)]
+    found["decreased_drag"] = [Direction(all_sides(-1.0, -0.3), 0.0, 0.6)]
+    found["sensor:speed"] = [
+        Direction(all_sides(1.0, 0.28), 1.2),
+        Direction(all_sides(1.0, 0.22), 3.0),
+        Direction(all_sides(-1.0, -0.3), 0.0, 1.0),
+    ]
+    for side in model.layout.sides:
+
+        def one_side(load: float, voltage: float, side: str = side) -> np.ndarray:
+            return change(**{f"{side}_load": load, f"{side}_voltage": voltage})
+
+        found |= {
+            f"seal_friction:{side}": [Direction(one_side(1.0, 0.14))],
+            f"propeller_damage:{side}": [
+                Direction(one_side(load, 0.5), 0.0, 1.0) for load in (0.3, 0.6)
+            ],
+            f"propeller_loss:{side}": [
+                Direction(one_side(load, 1.0), 0.8) for load in (-0.1, 0.3, 0.5)
+            ],
+        }
+    return found
+
+
+def log_likelihood(
+    found: Mapping[str, list[Direction]],
+    residual: np.ndarray,
+    limit: np.ndarray,
+    per_size: np.ndarray,
+    inexact: float = 0.2,
+) -> dict[str, float]:
+    """Log likelihood of every class for one window's residuals, up to a constant.
+
+    The amplitude of each fault is the likeliest one. `residual`, `limit` and `per_size` are those
+    of `Standardised`, (n_residuals,); a limit is three standard deviations. Directions are known to
+    the relative error `inexact`.
+    """
+    scale = 3.0 / limit
+    measured = residual * scale
+    likelihood = {}
+    for name, options in found.items():
+        best = -np.inf
+        for direction in options:
+            unit = direction.change * per_size * scale
+            amplitude = np.clip(
+                measured @ unit / max(unit @ unit, 1e-9), direction.least, direction.most
+            )
+            misfit = measured - amplitude * unit
+            variance = 1.0 + (inexact * amplitude * unit) ** 2 + (0.1 * measured) ** 2
+            best = max(best, -0.5 * float(np.sum(misfit**2 / variance)))
+        likelihood[name] = best
+    return likelihood

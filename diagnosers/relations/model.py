@@ -1,0 +1,117 @@
+"""The relations of one healthy vehicle: coefficients, scatter and limits."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from diagnosers.relations.windows import BALANCE, PUSH, Layout, Typical, Windows
+
+# Changes of a healthy vehicle between missions, relative, that raise no alarm: a payload, fouling,
+# water temperature, the state of the battery.
+TOLERANCE = {"push": 0.2, "load": 0.05, "voltage": 0.1, "balance": 0.05}
+LOAD_BY_SPEED_TOLERANCE = 0.15  # of a load without a shaft speed, which the drag enters
+LEAST_LIMIT = 3.5  # standard deviations
+LEAST_SIZE = 1e-6  # of what a relation predicts
+
+
+class Scatter(NamedTuple):
+    """How far a residual of healthy windows is from zero: std^2 = constant^2 + (share size)^2."""
+
+    constant: float  # in the unit of the residual
+    share: float  # of the size of what the relation predicts
+    limit: float  # standard deviations, beyond which no healthy window was, with a margin
+
+
+@dataclass(frozen=True)
+class RelationModel:
+    """The relations of a healthy vehicle, see `diagnosers.relations.windows`.
+
+    Attributes
+    ----------
+    layout
+        Readings of the vehicle.
+    typical
+        Readings of each side under way.
+    coefficients
+        Of each relation's terms.
+    steady, changing
+        Scatter of each residual, at a speed command that has not changed for a while and otherwise.
+    lasting
+        Limit of the mean of each residual over the last half minute [standard deviations].
+    shares
+        Largest shares of zeros and of repeated values, by reading.
+    """
+
+    layout: Layout
+    typical: Mapping[str, Typical]
+    coefficients: Mapping[str, np.ndarray]
+    steady: Mapping[str, Scatter]
+    changing: Mapping[str, Scatter]
+    lasting: Mapping[str, float]
+    shares: Mapping[str, tuple[float, float]]
+
+    def residuals(self, windows: Windows) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals and sizes of what is predicted, (n, n_residuals); 0 where no relation holds.
+
+        The size of the net force is the drag; that of the balance of voltages is 1.
+        """
+        return residuals_of(self.layout, self.coefficients, windows)
+
+    def standardised(self, windows: Windows, is_steady: np.ndarray) -> "Standardised":
+        """Residuals in standard deviations; is_steady (n,) bool."""
+        residual, size = self.residuals(windows)
+        constant, share, limit = (
+            np.where(is_steady[:, None], *(self._scatter(of, k) for of in self._regimes()))
+            for k in range(3)
+        )
+        std = np.hypot(constant, share * size)
+        return Standardised(residual / std, limit, size / std)
+
+    def _regimes(self) -> tuple[Mapping[str, Scatter], Mapping[str, Scatter]]:
+        return self.steady, self.changing
+
+    def _scatter(self, scatter: Mapping[str, Scatter], field: int) -> np.ndarray:
+        return np.array([scatter[name][field] for name in self.layout.residuals])
+
+
+class Standardised(NamedTuple):
+    """Residuals of windows in standard deviations, (n, n_residuals) each."""
+
+    residual: np.ndarray
+    limit: np.ndarray  # of its absolute value
+    per_size: np.ndarray  # residual of a relative change of 1
+
+
+def residuals_of(
+    layout: Layout, coefficients: Mapping[str, np.ndarray], windows: Windows
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `RelationModel.residuals`."""
+    residual = {}
+    size = {}
+    for name in layout.relations:
+        terms = windows.terms[name]
+        predicted = terms @ coefficients[name]
+        difference = windows.values[name] - predicted
+        residual[name] = np.where(windows.is_valid[name], difference, 0.0)
+        if name == PUSH:  # the terms after the two of the thrust
+            predicted = terms[:, 2:4] @ coefficients[name][2:4]
+        size[name] = np.maximum(np.abs(predicted), LEAST_SIZE)
+    if BALANCE in layout.residuals:
+        port, starboard = (residual[f"{side}_voltage"] / size[f"{side}_voltage"] for side in layout.sides)
+        residual[BALANCE] = port - starboard
+        size[BALANCE] = np.ones(len(windows.speed))
+    names = layout.residuals
+    return (
+        np.stack([residual[name] for name in names], axis=1),
+        np.stack([size[name] for name in names], axis=1),
+    )
+
+
+def tolerance(layout: Layout, residual: str) -> float:
+    """Relative change of a healthy vehicle that raises no alarm."""
+    kind = residual.rpartition("_")[2] if residual != BALANCE else BALANCE
+    if kind == "load" and not layout.has_shaft_speed:
+        return LOAD_BY_SPEED_TOLERANCE
+    return TOLERANCE[kind]

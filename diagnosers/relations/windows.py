@@ -1,0 +1,177 @@
+"""The readings of a window as the terms of relations that hold on a healthy vehicle.
+
+Each relation is linear in averages over the window, weighted by the square of a sine, which is zero
+at both ends. By partial integration the average of a derivative is one of the readings themselves,
+so that no reading is differentiated (weak form; Messenger & Bortz, "Weak SINDy for partial
+differential equations", J. Comput. Phys. 443, 2021, doi:10.1016/j.jcp.2021.110525).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from auv_fault_env.channels import INDEX
+from auv_fault_env.parameters import SIDES
+
+DURATION = 15.0  # s, of a window
+PER_THOUSAND = 1e-3  # shaft speeds are in 1000 rpm, so that coefficients are of similar size
+LEAST_CURRENT = 0.05  # of the typical one, below which a motor does not drive its shaft
+LEAST_DRIVEN = 0.5  # share of a window in which a motor has to drive its shaft
+LEAST_VOLTAGE = 0.2  # of the typical one, above which a shaft has to turn
+
+PUSH = "push"
+BALANCE = "balance"
+
+
+class Layout(NamedTuple):
+    """Which readings a vehicle has."""
+
+    sides: tuple[str, ...]
+    has_shaft_speed: bool
+    sample_rate: float  # of the readings [Hz]
+
+    @property
+    def n_rows(self) -> int:
+        """Readings in a window."""
+        return max(4, round(DURATION * self.sample_rate))
+
+    @property
+    def relations(self) -> tuple[str, ...]:
+        """Names of the relations."""
+        of_hull = (PUSH,) if self.has_shaft_speed else ()
+        of_sides = (f"{side}_{kind}" for kind in ("load", "voltage") for side in self.sides)
+        return (*of_hull, *of_sides)
+
+    @property
+    def residuals(self) -> tuple[str, ...]:
+        """Names of the residuals that are judged.
+
+        Voltages of two sides are judged by their difference, because they share the supply.
+        """
+        if len(self.sides) < len(SIDES) or not self.has_shaft_speed:
+            return self.relations
+        loads = (f"{side}_load" for side in self.sides)
+        return (PUSH, *loads, BALANCE)
+
+    @property
+    def counted(self) -> tuple[str, ...]:
+        """Readings of which zeros and repeated values are counted, the likelier culprit first."""
+        if not self.has_shaft_speed:
+            return ("speed",)
+        kinds = ("rpm", "current", "voltage")
+        return (*(f"{side}_{kind}" for side in self.sides for kind in kinds), "speed")
+
+
+class Typical(NamedTuple):
+    """Typical readings of a side under way."""
+
+    current: float  # A
+    voltage: float  # V
+
+
+class Windows(NamedTuple):
+    """Windows as terms of the relations, window first."""
+
+    terms: dict[str, np.ndarray]  # (n, n_terms) by relation
+    values: dict[str, np.ndarray]  # (n,), what the terms have to explain
+    is_valid: dict[str, np.ndarray]  # (n,) bool, whether the relation holds in the window
+    speed: np.ndarray  # (n,), m/s
+    shaft_speed: dict[str, np.ndarray]  # (n,) by side, 1000 rpm
+    shares: np.ndarray  # (n, n_counted, 2), of zeros and of repeated values
+
+
+def weights(n_rows: int, sample_rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Weights (n_rows,) of an average, and of the average of a derivative [1/s]."""
+    phase = (np.arange(n_rows) + 0.5) / n_rows
+    weight = np.sin(np.pi * phase) ** 2
+    derivative = -np.pi * np.sin(2.0 * np.pi * phase) * sample_rate / n_rows
+    return weight / weight.sum(), derivative / weight.sum()
+
+
+def windows_of(rows: np.ndarray, layout: Layout, typical: dict[str, Typical]) -> Windows:
+    """Windows from their readings (n, n_rows, n_channels), all finite where the layout has them."""
+    weight, derivative = weights(layout.n_rows, layout.sample_rate)
+
+    def average(values: np.ndarray) -> np.ndarray:
+        return values @ weight
+
+    def rate(values: np.ndarray) -> np.ndarray:
+        return values @ derivative
+
+    speed = rows[:, :, INDEX["speed"]]
+    ones = np.ones(len(rows))
+    terms = {}
+    values = {}
+    is_valid = {}
+    shaft_speeds = {}
+    for side in layout.sides:
+        current = rows[:, :, INDEX[f"{side}_current"]]
+        voltage = rows[:, :, INDEX[f"{side}_voltage"]]
+        load = f"{side}_load"
+        values[load] = average(current)
+        is_valid[load] = np.isfinite(values[load])
+        if not layout.has_shaft_speed:
+            powers = [average(speed**k) for k in (1, 2, 3)]
+            terms[load] = np.stack([ones, *powers, rate(speed)], axis=1)
+            terms[f"{side}_voltage"] = np.stack([ones, *powers[:2], rate(speed)], axis=1)
+            values[f"{side}_voltage"] = average(voltage)
+            is_valid[f"{side}_voltage"] = np.isfinite(average(voltage))
+            continue
+        shaft = rows[:, :, INDEX[f"{side}_rpm"]] * PER_THOUSAND
+        shaft_speeds[side] = shaft
+        terms[load] = np.stack(
+            [ones, average(shaft), average(shaft**2), -average(shaft * speed), rate(shaft)],
+            axis=1,
+        )
+        # a motor that brakes or coasts is no motor of Ohm's law: its controller opens the circuit
+        drives = current > LEAST_CURRENT * typical[side].current
+        driven = average(drives.astype(float))
+        scale = 1.0 / np.maximum(driven, 1e-3)
+        driven_terms = [average(shaft * drives) * scale, average(current * drives) * scale]
+        terms[f"{side}_voltage"] = np.stack([ones, *driven_terms], axis=1)
+        values[f"{side}_voltage"] = average(voltage * drives) * scale
+        is_valid[f"{side}_voltage"] = driven > LEAST_DRIVEN
+    if layout.has_shaft_speed:
+        shafts = shaft_speeds.values()
+        turn = np.nan_to_num(rows[:, :, INDEX["rudder"]]) * speed
+        terms[PUSH] = np.stack(
+            [
+                sum(average(shaft**2) for shaft in shafts),
+                -sum(average(shaft * speed) for shaft in shafts),
+                -average(speed**2),
+                -average(speed),
+                -average(turn**2),
+            ],
+            axis=1,
+        )
+        values[PUSH] = rate(speed)
+        is_valid[PUSH] = np.isfinite(values[PUSH])
+    return Windows(
+        terms=terms,
+        values=values,
+        is_valid=is_valid,
+        speed=average(speed),
+        shaft_speed={side: average(shaft) for side, shaft in shaft_speeds.items()},
+        shares=shares_of(rows, layout, typical),
+    )
+
+
+def shares_of(rows: np.ndarray, layout: Layout, typical: dict[str, Typical]) -> np.ndarray:
+    """Shares of zeros and of repeated values, (n, n_counted, 2).
+
+    Readings of a motor count where its voltage is high enough to turn the shaft.
+    """
+    counted = []
+    for name in layout.counted:
+        side, _, kind = name.partition("_")
+        is_counted = True
+        if kind:
+            voltage = rows[:, :, INDEX[f"{side}_voltage"]]
+            is_counted = voltage > LEAST_VOLTAGE * typical[side].voltage
+        reading = rows[:, :, INDEX[name]]
+        is_zero = (reading == 0.0) & is_counted
+        is_repeated = np.diff(reading, axis=1, prepend=math.inf) == 0.0
+        is_repeated &= (reading != 0.0) & is_counted
+        counted.append(np.stack([is_zero.mean(axis=1), is_repeated.mean(axis=1)], axis=1))
+    return np.stack(counted, axis=1)

@@ -1,0 +1,172 @@
+"""Residuals of a vehicle's own relations in windows: an alarm beyond what healthy logs show."""
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from auv_fault_env.channels import CHANNELS, INDEX, READINGS
+from auv_fault_env.faults import UNKNOWN
+from diagnosers.diagnoser import Belief, Recursive, join_odds, same_severity
+from diagnosers.relations.directions import directions, log_likelihood
+from diagnosers.relations.model import LEAST_LIMIT, RelationModel, Standardised
+from diagnosers.relations.windows import DURATION, Windows, windows_of
+
+SETTLED = 15.0  # s before a window, in which the speed command of a steady one has not changed
+PERSISTENT = 5  # windows in a row, a second apart, beyond a limit: an alarm
+LASTING = 30  # windows, of the mean that finds slight lasting changes
+MEMORY = math.exp(-1.0 / 20.0)  # of the likelihood of classes, per window
+UNKNOWN_LIKELIHOOD = -6.0  # log, of a window's residuals that no known fault explains
+BY_COUNTS = -20.0  # log likelihood of other classes where zeros or repeated values are too many
+SHARPNESS = 4.0  # log odds of a fault by the squared distance to the limit
+LARGEST_LOG_ODDS = 30.0
+FIRST_READING = len(CHANNELS) - len(READINGS)
+UNIFORM_SEVERITY = (0.5, 0.29)  # mean and standard deviation: the severity is not estimated
+
+
+class ResidualsState(NamedTuple):
+    """What is remembered of every lane, lane first."""
+
+    rows: np.ndarray  # (n_lanes, n_rows, n_channels), the last readings; NaN before the first
+    n_rows: np.ndarray  # (n_lanes,), readings so far
+    command: np.ndarray  # (n_lanes,), the last speed command
+    held: np.ndarray  # (n_lanes,), readings since it changed
+    strength: np.ndarray  # (n_lanes, PERSISTENT), of the last windows: 1 at the limit
+    history: np.ndarray  # (n_lanes, LASTING, n_residuals), standardised; NaN before the first
+    evidence: np.ndarray  # (n_lanes, n_faults), log likelihood of the classes but normal
+
+
+class Residuals(Recursive):
+    """Limits on the residuals of relations that were fitted to healthy logs of the vehicle.
+
+    The relations are those of net force, loads and voltages, see `diagnosers.relations.windows`.
+    A window of 15 s is judged once a second while the vehicle is under way. The class is that whose
+    direction in the space of the residuals explains them best (structured residuals; Gertler,
+    "Fault Detection and Diagnosis in Engineering Systems", Dekker 1998, ch. 6); it is `unknown` if
+    none does.
+
+    When it misleads: it knows only what the healthy logs contained, and takes a fault in them for
+    healthy. It is silent at rest and within the first 15 s. It does not estimate the severity.
+    Without a shaft speed, propellers and drag are told apart by the ratio of current to voltage
+    alone, and the voltage is only as good as the supply is constant.
+    """
+
+    name = "residuals"
+    filled_channels: ClassVar[slice] = slice(0, 0)  # a row without readings is no row of zeros
+
+    def __init__(self, model: RelationModel):
+        self.model = model
+
+    @cached_property
+    def _every(self) -> int:
+        """Readings from one judged window to the next."""
+        return max(1, round(self.model.layout.sample_rate))
+
+    def initial(self, n_lanes: int) -> ResidualsState:
+        """Nothing read yet."""
+        layout = self.model.layout
+        return ResidualsState(
+            rows=np.full((n_lanes, layout.n_rows, len(CHANNELS)), np.nan),
+            n_rows=np.zeros(n_lanes, np.int64),
+            command=np.full(n_lanes, np.nan),
+            held=np.zeros(n_lanes, np.int64),
+            strength=np.zeros((n_lanes, PERSISTENT)),
+            history=np.full((n_lanes, LASTING, len(layout.residuals)), np.nan),
+            evidence=np.zeros((n_lanes, len(self.classes) - 1)),
+        )
+
+    def step(
+        self, state: ResidualsState, observation: np.ndarray
+    ) -> tuple[ResidualsState, Belief]:
+        """The next state and the belief."""
+        state = with_row(state, observation)
+        due = window_is_due(state, observation, self._every)
+        if due.any():
+            state = self._judged(state, np.flatnonzero(due))
+        return state, self._belief(state)
+
+    def _judged(self, state: ResidualsState, lanes: np.ndarray) -> ResidualsState:
+        """The state after the windows of these lanes."""
+        layout = self.model.layout
+        windows = windows_of(state.rows[lanes], layout, self.model.typical)
+        is_steady = state.held[lanes] >= (SETTLED + DURATION) * layout.sample_rate
+        standardised = self.model.standardised(windows, is_steady)
+        history = state.history.copy()
+        history[lanes] = pushed(history[lanes], standardised.residual)
+        lasting = np.array([self.model.lasting[name] for name in layout.residuals])
+        mean = np.nan_to_num(np.abs(history[lanes].mean(axis=1)) / lasting)
+        most_shares = np.array([self.model.shares[name] for name in layout.counted])
+        share = windows.shares / most_shares
+        at_once = np.abs(standardised.residual) / standardised.limit
+        strengths = [at_once.max(axis=1), mean.max(axis=1), share.max(axis=(1, 2))]
+        strength = state.strength.copy()
+        strength[lanes] = pushed(strength[lanes], np.max(strengths, axis=0))
+        evidence = state.evidence.copy()
+        evidence[lanes] *= MEMORY
+        for k, lane in enumerate(lanes):
+            if strength[lane, -1] > 1.0:
+                evidence[lane] += self._likelihood(windows, standardised, share, k)
+        return state._replace(strength=strength, history=history, evidence=evidence)
+
+    def _likelihood(
+        self, windows: Windows, standardised: Standardised, share: np.ndarray, k: int
+    ) -> np.ndarray:
+        """Log likelihood of every class but normal by window k, (n_faults,)."""
+        found = log_likelihood(
+            directions(self.model, windows, k),
+            standardised.residual[k],
+            standardised.limit[k],
+            standardised.per_size[k],
+        )
+        log_likelihoods = np.full(len(self.classes) - 1, BY_COUNTS)
+        for name, value in found.items():
+            log_likelihoods[self.classes.index(name) - 1] = max(value, BY_COUNTS)
+        log_likelihoods[self.classes.index(UNKNOWN) - 1] = UNKNOWN_LIKELIHOOD
+        too_many = (share[k] > 1.0).any(axis=1)
+        if too_many.any():
+            reading = self.model.layout.counted[int(too_many.argmax())]
+            log_likelihoods += BY_COUNTS
+            log_likelihoods[self.classes.index(f"sensor:{reading}") - 1] = 0.0
+        return log_likelihoods
+
+    def _belief(self, state: ResidualsState) -> Belief:
+        lowest = state.strength.min(axis=1, keepdims=True)
+        log_odds = np.minimum(SHARPNESS * (lowest**2 - 1.0), LARGEST_LOG_ODDS)
+        scores = state.evidence - state.evidence.max(axis=1, keepdims=True)
+        log_probability = join_odds(log_odds, scores)
+        severity = same_severity(log_probability.shape, *UNIFORM_SEVERITY)
+        for values in severity:
+            values[:, -1] = 0.0
+        return Belief(log_probability, *severity)
+
+
+def with_row(state: ResidualsState, observation: np.ndarray) -> ResidualsState:
+    """The state with the readings of a sample, where any arrived."""
+    arrived = np.isfinite(observation[:, FIRST_READING:]).any(axis=1)
+    last = state.rows[:, -1]
+    row = np.where(np.isnan(observation), last, observation)
+    rows = np.where(arrived[:, None, None], pushed(state.rows, row), state.rows)
+    given = observation[:, INDEX["mission_speed"]]
+    command = np.where(np.isnan(given), state.command, given)
+    is_same = (command == state.command) | np.isnan(given)
+    held = np.where(arrived, np.where(is_same, state.held + 1, 0), state.held)
+    return state._replace(
+        rows=rows, n_rows=state.n_rows + arrived, command=command, held=held
+    )
+
+
+def window_is_due(state: ResidualsState, observation: np.ndarray, every: int) -> np.ndarray:
+    """Whether a window is to be judged, (n_lanes,): whole, with a command above 0 all the while."""
+    arrived = np.isfinite(observation[:, FIRST_READING:]).any(axis=1)
+    is_whole = state.n_rows >= state.rows.shape[1]
+    command = state.rows[:, :, INDEX["mission_speed"]]
+    speed = state.rows[:, :, INDEX["speed"]]
+    is_under_way = (np.where(np.isnan(command), speed, command) > 0.0).all(axis=1)
+    return arrived & is_whole & is_under_way & (state.n_rows % every == 0)
+
+
+def pushed(memory: np.ndarray, newest: np.ndarray) -> np.ndarray:
+    """A memory (n_lanes, n, ...) without its oldest entry, and with the newest (n_lanes, ...)."""
+    return np.concatenate([memory[:, 1:], newest[:, None]], axis=1)
