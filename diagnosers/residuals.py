@@ -1,9 +1,8 @@
 """Residuals of a vehicle's own relations in windows: an alarm beyond what healthy logs show."""
 
 import math
-from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -11,12 +10,15 @@ from auv_fault_env.channels import CHANNELS, INDEX, READINGS
 from auv_fault_env.faults import UNKNOWN
 from diagnosers.diagnoser import Belief, Recursive, join_odds, same_severity
 from diagnosers.relations.directions import directions, log_likelihood
-from diagnosers.relations.model import LEAST_LIMIT, RelationModel, Standardised
-from diagnosers.relations.windows import DURATION, Windows, windows_of
+from diagnosers.relations.model import RelationModel, Standardised
+from diagnosers.relations.windows import DURATION, PUSH, Windows, windows_of
 
 SETTLED = 15.0  # s before a window, in which the speed command of a steady one has not changed
 PERSISTENT = 5  # windows in a row, a second apart, beyond a limit: an alarm
-LASTING = 30  # windows, of the mean that finds slight lasting changes
+# The same for the net force: where the water's current changes, the speed through the water does,
+# which every window of 15 s that contains it takes for a force.
+PERSISTENT_PUSH = 20
+LASTING = 45  # windows, of the median that finds slight lasting changes
 MEMORY = math.exp(-1.0 / 20.0)  # of the likelihood of classes, per window
 UNKNOWN_LIKELIHOOD = -6.0  # log, of a window's residuals that no known fault explains
 BY_COUNTS = -20.0  # log likelihood of other classes where zeros or repeated values are too many
@@ -33,7 +35,9 @@ class ResidualsState(NamedTuple):
     n_rows: np.ndarray  # (n_lanes,), readings so far
     command: np.ndarray  # (n_lanes,), the last speed command
     held: np.ndarray  # (n_lanes,), readings since it changed
-    strength: np.ndarray  # (n_lanes, PERSISTENT), of the last windows: 1 at the limit
+    # (n_lanes, PERSISTENT_PUSH, n_ratios), of the last windows, 1 at the limit: each residual, the
+    # largest median, and the largest share of zeros or repeated values
+    ratios: np.ndarray
     history: np.ndarray  # (n_lanes, LASTING, n_residuals), standardised; NaN before the first
     evidence: np.ndarray  # (n_lanes, n_faults), log likelihood of the classes but normal
 
@@ -72,14 +76,12 @@ class Residuals(Recursive):
             n_rows=np.zeros(n_lanes, np.int64),
             command=np.full(n_lanes, np.nan),
             held=np.zeros(n_lanes, np.int64),
-            strength=np.zeros((n_lanes, PERSISTENT)),
+            ratios=np.zeros((n_lanes, PERSISTENT_PUSH, len(layout.residuals) + 2)),
             history=np.full((n_lanes, LASTING, len(layout.residuals)), np.nan),
             evidence=np.zeros((n_lanes, len(self.classes) - 1)),
         )
 
-    def step(
-        self, state: ResidualsState, observation: np.ndarray
-    ) -> tuple[ResidualsState, Belief]:
+    def step(self, state: ResidualsState, observation: np.ndarray) -> tuple[ResidualsState, Belief]:
         """The next state and the belief."""
         state = with_row(state, observation)
         due = window_is_due(state, observation, self._every)
@@ -96,19 +98,20 @@ class Residuals(Recursive):
         history = state.history.copy()
         history[lanes] = pushed(history[lanes], standardised.residual)
         lasting = np.array([self.model.lasting[name] for name in layout.residuals])
-        mean = np.nan_to_num(np.abs(history[lanes].mean(axis=1)) / lasting)
+        # NaN as long as there are fewer windows
+        median = np.nan_to_num(np.abs(np.median(history[lanes], axis=1)) / lasting)
         most_shares = np.array([self.model.shares[name] for name in layout.counted])
         share = windows.shares / most_shares
         at_once = np.abs(standardised.residual) / standardised.limit
-        strengths = [at_once.max(axis=1), mean.max(axis=1), share.max(axis=(1, 2))]
-        strength = state.strength.copy()
-        strength[lanes] = pushed(strength[lanes], np.max(strengths, axis=0))
+        ratio = np.column_stack([at_once, median.max(axis=1), share.max(axis=(1, 2))])
+        ratios = state.ratios.copy()
+        ratios[lanes] = pushed(ratios[lanes], ratio)
         evidence = state.evidence.copy()
         evidence[lanes] *= MEMORY
         for k, lane in enumerate(lanes):
-            if strength[lane, -1] > 1.0:
+            if ratio[k].max() > 1.0:
                 evidence[lane] += self._likelihood(windows, standardised, share, k)
-        return state._replace(strength=strength, history=history, evidence=evidence)
+        return state._replace(ratios=ratios, history=history, evidence=evidence)
 
     def _likelihood(
         self, windows: Windows, standardised: Standardised, share: np.ndarray, k: int
@@ -131,9 +134,17 @@ class Residuals(Recursive):
             log_likelihoods[self.classes.index(f"sensor:{reading}") - 1] = 0.0
         return log_likelihoods
 
+    def _strength(self, ratios: np.ndarray) -> np.ndarray:
+        """How far beyond its limit a residual has stayed, (n_lanes, 1); 1 at the limit."""
+        lowest = ratios[:, -PERSISTENT:].min(axis=1)
+        if PUSH in self.model.layout.residuals:
+            push = self.model.layout.residuals.index(PUSH)
+            lowest[:, push] = ratios[:, :, push].min(axis=1)
+        return lowest.max(axis=1, keepdims=True)
+
     def _belief(self, state: ResidualsState) -> Belief:
-        lowest = state.strength.min(axis=1, keepdims=True)
-        log_odds = np.minimum(SHARPNESS * (lowest**2 - 1.0), LARGEST_LOG_ODDS)
+        strength = self._strength(state.ratios)
+        log_odds = np.minimum(SHARPNESS * (strength**2 - 1.0), LARGEST_LOG_ODDS)
         scores = state.evidence - state.evidence.max(axis=1, keepdims=True)
         log_probability = join_odds(log_odds, scores)
         severity = same_severity(log_probability.shape, *UNIFORM_SEVERITY)
@@ -152,9 +163,7 @@ def with_row(state: ResidualsState, observation: np.ndarray) -> ResidualsState:
     command = np.where(np.isnan(given), state.command, given)
     is_same = (command == state.command) | np.isnan(given)
     held = np.where(arrived, np.where(is_same, state.held + 1, 0), state.held)
-    return state._replace(
-        rows=rows, n_rows=state.n_rows + arrived, command=command, held=held
-    )
+    return state._replace(rows=rows, n_rows=state.n_rows + arrived, command=command, held=held)
 
 
 def window_is_due(state: ResidualsState, observation: np.ndarray, every: int) -> np.ndarray:

@@ -1,6 +1,6 @@
 """How faults change the residuals of a vehicle's relations, relative to what is predicted."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,9 @@ WORST_DAMAGE = 0.7  # share of its torque that a damaged propeller loses; a lost
 # thrust that a propeller loses by the torque that it loses, each relative
 THRUST_BY_TORQUE = (0.5, 0.7, 1.0, 1.4, 2.0)
 FRICTION_THRUST = 0.1  # thrust that a line on a propeller costs, by the torque that it takes
+AT_LIMIT = 3.0  # standard deviations
+INEXACT = 0.2  # relative error of a direction
+INEXACT_RESIDUAL = 0.1  # relative error of a large residual
 # of the catalogue's overheating at severity 1
 HOT_LOAD = 0.25
 HOT_CONSTANT = -0.2
@@ -50,8 +53,9 @@ def directions(model: RelationModel, windows: Windows, k: int) -> dict[str, list
     }
     for side, shaft in shafts.items():
         load = model.coefficients[f"{side}_load"]
-        predicted = max(load[0] + load[1] * shaft + load[2] * shaft**2 - load[3] * shaft * speed, 1e-6)
-        by_shaft = load[1] * shaft + 2.0 * load[2] * shaft**2 - load[3] * shaft * speed
+        of_propeller = load[2] * shaft**2 - load[3] * shaft * speed
+        predicted = max(load[0] + load[1] * shaft + of_propeller, 1e-6)
+        by_shaft = load[1] * shaft + load[2] * shaft**2 + of_propeller
         load_by_speed[f"{side}_load"] = load[3] * shaft * speed / predicted
         thrust = (push[0] * shaft**2 - push[1] * shaft * speed) / drag
         thrust_by_shaft = (2.0 * push[0] * shaft**2 - push[1] * shaft * speed) / drag
@@ -99,7 +103,9 @@ def _both(change: np.ndarray) -> list[Direction]:
     return [Direction(change), Direction(-change)]
 
 
-def _without_shaft_speed(model: RelationModel, change) -> dict[str, list[Direction]]:
+def _without_shaft_speed(
+    model: RelationModel, change: Callable[..., np.ndarray]
+) -> dict[str, list[Direction]]:
     """Directions where current and voltage are predicted from the speed alone.
 
     The voltage stands for the shaft speed n. At a given speed, thrust T takes n ~ T^0.3 and current
@@ -108,10 +114,11 @@ def _without_shaft_speed(model: RelationModel, change) -> dict[str, list[Directi
     look like a drag beyond that of any hull.
     """
     found: dict[str, list[Direction]] = {}
-    every = {f"{side}_{kind}": 1.0 for side in model.layout.sides for kind in ("load", "voltage")}
 
     def all_sides(load: float, voltage: float) -> np.ndarray:
-        return change(**{name: load if "load" in name else voltage for name in every})
+        loads = {f"{side}_load": load for side in model.layout.sides}
+        voltages = {f"{side}_voltage": voltage for side in model.layout.sides}
+        return change(**loads | voltages)
 
     found["increased_drag"] = [Direction(all_sides(1.0, 0.3), 0.0, 1.1)]
     found["decreased_drag"] = [Direction(all_sides(-1.0, -0.3), 0.0, 0.6)]
@@ -142,15 +149,13 @@ def log_likelihood(
     residual: np.ndarray,
     limit: np.ndarray,
     per_size: np.ndarray,
-    inexact: float = 0.2,
 ) -> dict[str, float]:
     """Log likelihood of every class for one window's residuals, up to a constant.
 
     The amplitude of each fault is the likeliest one. `residual`, `limit` and `per_size` are those
-    of `Standardised`, (n_residuals,); a limit is three standard deviations. Directions are known to
-    the relative error `inexact`.
+    of `Standardised`, (n_residuals,); a limit counts as `AT_LIMIT` standard deviations.
     """
-    scale = 3.0 / limit
+    scale = AT_LIMIT / limit
     measured = residual * scale
     likelihood = {}
     for name, options in found.items():
@@ -161,7 +166,7 @@ def log_likelihood(
                 measured @ unit / max(unit @ unit, 1e-9), direction.least, direction.most
             )
             misfit = measured - amplitude * unit
-            variance = 1.0 + (inexact * amplitude * unit) ** 2 + (0.1 * measured) ** 2
+            variance = 1.0 + (INEXACT * amplitude * unit) ** 2 + (INEXACT_RESIDUAL * measured) ** 2
             best = max(best, -0.5 * float(np.sum(misfit**2 / variance)))
         likelihood[name] = best
     return likelihood

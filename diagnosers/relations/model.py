@@ -39,7 +39,7 @@ class RelationModel:
     steady, changing
         Scatter of each residual, at a speed command that has not changed for a while and otherwise.
     lasting
-        Limit of the mean of each residual over the last half minute [standard deviations].
+        Limit of the median of each residual over the last 45 windows [standard deviations].
     shares
         Largest shares of zeros and of repeated values, by reading.
     """
@@ -99,7 +99,9 @@ def residuals_of(
             predicted = terms[:, 2:4] @ coefficients[name][2:4]
         size[name] = np.maximum(np.abs(predicted), LEAST_SIZE)
     if BALANCE in layout.residuals:
-        port, starboard = (residual[f"{side}_voltage"] / size[f"{side}_voltage"] for side in layout.sides)
+        port, starboard = (
+            residual[f"{side}_voltage"] / size[f"{side}_voltage"] for side in layout.sides
+        )
         residual[BALANCE] = port - starboard
         size[BALANCE] = np.ones(len(windows.speed))
     names = layout.residuals

@@ -81,6 +81,12 @@ class Windows(NamedTuple):
     shares: np.ndarray  # (n, n_counted, 2), of zeros and of repeated values
 
 
+def n_terms(layout: Layout) -> dict[str, int]:
+    """Number of terms by relation."""
+    by_kind = {PUSH: 5, "load": 5, "voltage": 3 if layout.has_shaft_speed else 4}
+    return {name: by_kind[name.rpartition("_")[2]] for name in layout.relations}
+
+
 def weights(n_rows: int, sample_rate: float) -> tuple[np.ndarray, np.ndarray]:
     """Weights (n_rows,) of an average, and of the average of a derivative [1/s]."""
     phase = (np.arange(n_rows) + 0.5) / n_rows

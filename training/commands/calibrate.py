@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+from dataclasses import replace
 from typing import Any
 
 from tqdm import tqdm
@@ -15,6 +16,7 @@ from training.field.calibration.calibration import (
 )
 from training.field.calibration.checks import leave_one_out
 from training.field.calibration.page import REPAIRS, page, plain
+from training.field.calibration.relation_fit import fit_relations
 from training.field.calibration.samples import samples_of
 from training.field.logs.log import read_log
 from training.field.vehicle_file import read_vehicle, write_vehicle
@@ -45,6 +47,7 @@ def calibrate(arguments: Calibrate) -> tuple[Calibration, dict[str, Any]]:
     with tqdm(arguments.logs, "reading", unit="log", leave=False, file=sys.stderr) as paths:
         logs = [read_log(path, vehicle)._replace(name=str(path)) for path in paths]
     samples = samples_of(logs)
+    vehicle = replace(vehicle, relations=fit_relations(logs, vehicle))
     calibration = calibrate_samples(samples, vehicle)
     left_out = leave_one_out(samples, calibration, [log.name for log in logs])
     results = page(logs, samples, calibration, left_out) | plain(calibration, left_out, logs)

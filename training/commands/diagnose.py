@@ -4,13 +4,15 @@ import csv
 import shlex
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from auv_fault_env.errors import InputError, refusal
 from diagnosers import Belief
+from diagnosers.residuals import Residuals
 from training.arguments import Diagnose
+from training.field.calibration.relation_fit import with_healthy_logs
 from training.field.diagnosis.diagnosis import (
     FAULT,
     HEALTHY,
@@ -53,6 +55,9 @@ def main(arguments: Diagnose) -> int:
         remedy = "name one, or add --follow to read standard input"
         raise refusal("logs", [], "at least one log", remedy)
     healthy_logs = [read_log(path, vehicle) for path in arguments.healthy]
+    if arguments.diagnoser == Residuals.name:
+        vehicle = replace(vehicle, relations=with_healthy_logs(vehicle.relations, healthy_logs))
+        healthy_logs = []
     threshold = threshold_of(healthy_logs, arguments.diagnoser, vehicle)
     if arguments.follow:
         alarmed = follow(sys.stdin.buffer, sys.stdout, vehicle, arguments.diagnoser, threshold)

@@ -2,7 +2,7 @@
 
 import json
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -11,6 +11,8 @@ from typing import Any, NamedTuple
 from auv_fault_env.channels import CHANNELS, READINGS
 from auv_fault_env.errors import finite_in_range, known_name, refusal
 from auv_fault_env.parameters import HULL, PRESETS, SHAFT, Vehicle, vehicle_of
+from diagnosers.relations.model import RelationModel
+from training.field.relation_table import KEYS, as_table, from_table
 from training.field.units import UNITS, factor
 
 QUANTITIES = {spec.name: spec.metadata for spec in fields(Vehicle) if spec.metadata}
@@ -32,7 +34,7 @@ VEHICLE_KEYS = (
     "hotel_load",
     "battery",
 )  # as in `VehicleFile`
-TABLES = ("vehicle", "parameters", "healthy_band", "noise", "time", "channels")
+TABLES = ("vehicle", "parameters", "healthy_band", "noise", "time", "channels", "relations")
 COLUMN = ("column", "unit", "scale", "offset")
 
 
@@ -71,6 +73,8 @@ class VehicleFile:
         Standard deviation by reading, in the channel's unit; by default `NOISE`.
     hotel_load, battery
         Power of all but propulsion [W]; charge of the full battery [Wh], 0 if not known.
+    relations
+        Of its readings on healthy logs, for the diagnoser `residuals`; None before calibration.
     """
 
     vehicle: Vehicle
@@ -82,6 +86,7 @@ class VehicleFile:
     noise: Mapping[str, float] = field(default_factory=dict)
     hotel_load: float = 0.0
     battery: float = 0.0
+    relations: RelationModel | None = None
 
     def __post_init__(self):
         _check_channels(self.columns, self.shafts)
@@ -146,12 +151,14 @@ def read_vehicle(path: Path) -> VehicleFile:
         name: _column(f"channels.{name}", entry, CHANNELS[name].unit)
         for name, entry in channels.items()
     }
+    relations = _table(content, "relations", KEYS)
     return VehicleFile(
         vehicle=_vehicle(general, _table(content, "parameters", QUANTITIES)),
         columns=columns,
         time=_column("time", content["time"], "s") if "time" in content else None,
         band=_table(content, "healthy_band", BAND),
         noise=_table(content, "noise", NOISE),
+        relations=from_table(relations) if relations else None,
         **{key: general[key] for key in VEHICLE_KEYS if key in general},
     )
 
@@ -226,6 +233,8 @@ def as_toml(vehicle: VehicleFile, comments: Mapping[str, str] = MappingProxyType
     }
     for name, column in vehicle.columns.items():
         tables[f"channels.{name}"] = _entry(column, CHANNELS[name].unit)
+    if vehicle.relations is not None:
+        tables["relations"] = as_table(vehicle.relations)
     texts = [_text(name, table, comments) for name, table in tables.items() if table]
     return "\n".join(texts)
 
@@ -267,7 +276,14 @@ def _about(table: str, key: str) -> str:
     return CHANNELS[key].unit if table == "noise" else GENERAL.get(key, "")
 
 
-def _literal(value: str | float) -> str:
+def _literal(value: Any) -> str:
+    if isinstance(value, Mapping):
+        entries = (f"{key} = {_literal(one)}" for key, one in value.items())
+        return "{ " + ", ".join(entries) + " }"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return "[" + ", ".join(map(_literal, value)) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     return repr(value) if isinstance(value, int) else repr(float(value))

@@ -1,13 +1,14 @@
 """The fit of a vehicle's relations to healthy logs: coefficients, scatter and limits."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
 
-from auv_fault_env.channels import CHANNELS, INDEX
-from auv_fault_env.errors import refusal
+from auv_fault_env.channels import INDEX
+from auv_fault_env.parameters import SAMPLE_RATE, SIDES
 from diagnosers.relations.model import (
     LEAST_LIMIT,
     RelationModel,
@@ -36,38 +37,82 @@ class LogWindows(NamedTuple):
 
 def layout_of(vehicle: VehicleFile) -> Layout | None:
     """The layout of the vehicle's readings; None without speed, voltage or current."""
-    sides = ("port", "starboard")[: vehicle.shafts]
+    sides = SIDES[: vehicle.shafts]
     needed = {"speed", *(f"{side}_{kind}" for side in sides for kind in ("voltage", "current"))}
     if not needed <= vehicle.columns.keys():
         return None
     has_shaft_speed = {f"{side}_rpm" for side in sides} <= vehicle.columns.keys()
-    return Layout(sides, has_shaft_speed, min(vehicle.sample_rate, 10.0))
+    return Layout(sides, has_shaft_speed, min(vehicle.sample_rate, SAMPLE_RATE))
 
 
-def fit_relations(logs: Sequence[Log], others: Sequence[Log], layout: Layout) -> RelationModel:
-    """Relations fitted to healthy logs; limits from these logs and others that are healthy too."""
-    rows = [part for log in logs for part in under_way(log, layout)]
+def fit_relations(logs: Sequence[Log], vehicle: VehicleFile) -> RelationModel | None:
+    """Relations fitted to healthy logs, with limits from the same logs.
+
+    None without the channels, or without two minutes under way.
+    """
+    layout = layout_of(vehicle)
+    rows = [part for log in logs for part in under_way(log, layout)] if layout else []
+    if layout is None or not any(is_moving(part).any() for part in rows):
+        return None
     typical = {side: typical_of(rows, side) for side in layout.sides}
-    fitted = [log_windows(part, layout, typical) for part in rows]
-    fitted = [part for part in fitted if part is not None]
-    n_windows = sum(len(part.is_steady) for part in fitted)
-    if n_windows < LEAST_WINDOWS:
-        allowed = f"at least {LEAST_WINDOWS} s under way"
-        raise refusal("healthy logs", f"{n_windows} s", allowed, "add logs")
-    coefficients = {name: fit_relation(name, fitted, layout) for name in layout.relations}
-    more = [log_windows(part, layout, typical) for log in others for part in under_way(log, layout)]
-    judged = fitted + [part for part in more if part is not None]
-    steady, changing = (scatter(judged, coefficients, layout, of) for of in (True, False))
+    parts = all_windows(rows, layout, typical)
+    if sum(len(part.is_steady) for part in parts) < LEAST_WINDOWS:
+        return None
+    coefficients = {name: fit_relation(name, parts, layout) for name in layout.relations}
     model = RelationModel(
         layout=layout,
         typical=typical,
         coefficients=coefficients,
-        steady=steady,
-        changing=changing,
+        steady=scatter(parts, coefficients, layout, steady=True),
+        changing=scatter(parts, coefficients, layout, steady=False),
         lasting=dict.fromkeys(layout.residuals, LEAST_LIMIT),
-        shares=share_limits(judged, layout),
+        shares={name: (FREE_SHARE, FREE_SHARE) for name in layout.counted},
     )
-    return _with_lasting(model, judged)
+    return widened(model, parts)
+
+
+def with_healthy_logs(model: RelationModel, logs: Sequence[Log]) -> RelationModel:
+    """The model with limits that the windows of more healthy logs do not cross."""
+    rows = [part for log in logs for part in under_way(log, model.layout)]
+    return widened(model, all_windows(rows, model.layout, model.typical))
+
+
+def widened(model: RelationModel, parts: Sequence[LogWindows]) -> RelationModel:
+    """The model with limits beyond what these healthy windows reach, by the factor `MARGIN`."""
+    names = model.layout.residuals
+    regimes = {}
+    for key, steady in (("steady", True), ("changing", False)):
+        largest = np.zeros(len(names))
+        for part in parts:
+            residual = standardised_residual(model, part)[part.is_steady == steady]
+            largest = np.maximum(largest, np.abs(residual).max(axis=0, initial=0.0))
+        regimes[key] = {
+            name: one._replace(limit=max(one.limit, MARGIN * float(largest[k])))
+            for k, (name, one) in enumerate(getattr(model, key).items())
+        }
+    lasting = dict(model.lasting)
+    shares = dict(model.shares)
+    for part in parts:
+        medians = lasting_medians(standardised_residual(model, part))
+        for name, value in zip(names, np.abs(medians).max(axis=0, initial=0.0), strict=True):
+            lasting[name] = max(lasting[name], MARGIN * float(value))
+        most = part.windows.shares.max(axis=0) + MORE_SHARE
+        for name, (zeros, repeated) in zip(model.layout.counted, most, strict=True):
+            most_zeros, most_repeated = shares[name]
+            shares[name] = (max(most_zeros, float(zeros)), max(most_repeated, float(repeated)))
+    return replace(model, lasting=lasting, shares=shares, **regimes)
+
+
+def standardised_residual(model: RelationModel, part: LogWindows) -> np.ndarray:
+    """Residuals of the windows in standard deviations, (n, n_residuals)."""
+    return model.standardised(part.windows, part.is_steady).residual
+
+
+def lasting_medians(residual: np.ndarray) -> np.ndarray:
+    """Medians over `LASTING` windows in a row, (n - LASTING + 1, n_residuals)."""
+    if len(residual) < LASTING:
+        return np.zeros((0, residual.shape[1]))
+    return np.median(np.lib.stride_tricks.sliding_window_view(residual, LASTING, axis=0), axis=-1)
 
 
 def under_way(log: Log, layout: Layout) -> list[np.ndarray]:
@@ -88,16 +133,26 @@ def filled(rows: np.ndarray) -> np.ndarray:
     return np.take_along_axis(rows, np.maximum.accumulate(last, axis=0), axis=0)
 
 
+def is_moving(rows: np.ndarray) -> np.ndarray:
+    """Where the speed command is above zero, (n,); the speed itself without a command."""
+    command = rows[:, INDEX["mission_speed"]]
+    return np.where(np.isnan(command), rows[:, INDEX["speed"]], command) > 0.0
+
+
 def typical_of(rows: Sequence[np.ndarray], side: str) -> Typical:
     """Median readings of a side under way."""
     together = np.concatenate(rows)
-    moving = together[together[:, INDEX["mission_speed"]] > 0.0]
-    if not len(moving):
-        raise refusal("healthy logs", "no speed command above 0", "a vehicle under way", "add logs")
-    current, voltage = (
-        float(np.nanmedian(moving[:, INDEX[f"{side}_{kind}"]])) for kind in ("current", "voltage")
-    )
-    return Typical(current, voltage)
+    moving = together[is_moving(together)]
+    medians = (np.nanmedian(moving[:, INDEX[f"{side}_{kind}"]]) for kind in Typical._fields)
+    return Typical(*map(float, medians))
+
+
+def all_windows(
+    rows: Sequence[np.ndarray], layout: Layout, typical: Mapping[str, Typical]
+) -> list[LogWindows]:
+    """The windows of every segment that has any."""
+    parts = [log_windows(part, layout, typical) for part in rows]
+    return [part for part in parts if part is not None]
 
 
 def log_windows(
@@ -111,8 +166,9 @@ def log_windows(
     index = np.arange(len(rows))
     held = index - np.maximum.accumulate(np.where(changed, index, 0))
     ends = np.arange(n_rows - 1, len(rows), every)
-    views = np.lib.stride_tricks.sliding_window_view(rows, n_rows, axis=0)[:: every]
-    chosen = (np.lib.stride_tricks.sliding_window_view(command, n_rows)[::every] > 0.0).all(axis=1)
+    views = np.lib.stride_tricks.sliding_window_view(rows, n_rows, axis=0)[::every]
+    moving = np.lib.stride_tricks.sliding_window_view(is_moving(rows), n_rows)
+    chosen = moving[::every].all(axis=1)
     if not chosen.any():
         return None
     windows = windows_of(np.swapaxes(views[chosen], 1, 2), layout, dict(typical))
@@ -168,31 +224,4 @@ def _scatter(residual: np.ndarray, size: np.ndarray, least_share: float) -> Scat
     variances, _ = nnls(squares / scale * weight[:, None], residual**2 * weight)
     constant, share = np.sqrt(variances / scale)
     share = max(float(share), least_share)
-    std = np.hypot(constant, share * size)
-    limit = max(LEAST_LIMIT, MARGIN * float((np.abs(residual) / std).max()))
-    return Scatter(float(constant), share, limit)
-
-
-def share_limits(parts: Sequence[LogWindows], layout: Layout) -> dict[str, tuple[float, float]]:
-    """Limits on the shares of zeros and repeated values, by reading."""
-    most = np.max([part.windows.shares.max(axis=0) for part in parts], axis=0)
-    limits = np.maximum(most + MORE_SHARE, FREE_SHARE)
-    return {
-        name: (float(zeros), float(repeated))
-        for name, (zeros, repeated) in zip(layout.counted, limits, strict=True)
-    }
-
-
-def _with_lasting(model: RelationModel, parts: Sequence[LogWindows]) -> RelationModel:
-    """The model with limits on means over `LASTING` windows in a row."""
-    largest = np.zeros(len(model.layout.residuals))
-    for part in parts:
-        residual = model.standardised(part.windows, part.is_steady).residual
-        if len(residual) >= LASTING:
-            total = np.cumsum(np.vstack([np.zeros(residual.shape[1]), residual]), axis=0)
-            mean = (total[LASTING:] - total[:-LASTING]) / LASTING
-            largest = np.maximum(largest, np.abs(mean).max(axis=0))
-    lasting = np.maximum(LEAST_LIMIT, MARGIN * largest)
-    names = model.layout.residuals
-    limits = {name: float(limit) for name, limit in zip(names, lasting, strict=True)}
-    return RelationModel(**{**vars(model), "lasting": limits})
+    return Scatter(float(constant), share, LEAST_LIMIT)

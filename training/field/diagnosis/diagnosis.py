@@ -1,6 +1,7 @@
 """From a log to a verdict: beliefs sample by sample, alarms, and the most probable fault."""
 
 import inspect
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -14,6 +15,7 @@ from auv_fault_env.parameters import SAMPLE_RATE, SIDES
 from diagnosers import Belief, Diagnoser, make
 from diagnosers.kalman import NOISE_FLOOR
 from diagnosers.registry import class_of
+from diagnosers.residuals import Residuals
 from training.benchmark.thresholds import ONE_PER_10_HOURS
 from training.field.diagnosis.estimates import excess_loads
 from training.field.logs.log import Log
@@ -31,7 +33,10 @@ VEHICLE_DIAGNOSERS = (
     "limits",
     "kalman_network",
 )
-THRESHOLDS: dict[str, float] = {name: ONE_PER_10_HOURS[name] for name in VEHICLE_DIAGNOSERS}
+THRESHOLDS: dict[str, float] = {
+    **{name: ONE_PER_10_HOURS[name] for name in VEHICLE_DIAGNOSERS},
+    Residuals.name: math.log(0.5),  # at the limits of the vehicle's own relations
+}
 HEALTHY = "healthy"
 FAULT = "fault"
 UNUSABLE = "unusable"
@@ -68,8 +73,11 @@ def diagnoser_for(name: str, vehicle: VehicleFile, resolution: Mapping[str, floa
     """The diagnoser with this vehicle's parameters; resolution by reading, in the channel's unit.
 
     Only the filter bank accepts missing channels and logs slower than 10 Hz. The other diagnosers
-    would take the missing readings for a broken sensor, and are refused.
+    would take the missing readings for a broken sensor, and are refused. `residuals` needs the
+    relations that calibration writes.
     """
+    if name == Residuals.name:
+        return residuals_for(vehicle)
     settings = inspect.signature(class_of(known_name("diagnoser", name, THRESHOLDS))).parameters
     absent = tuple(channel for channel in READINGS if channel not in vehicle.columns)
     if "faults" not in settings and (absent or vehicle.sample_rate < LEAST_RATE):
@@ -97,6 +105,15 @@ def diagnoser_for(name: str, vehicle: VehicleFile, resolution: Mapping[str, floa
         faults=tuple(fault.name for fault in faults),
     )
     return make(name, **{key: choice for key, choice in choices.items() if key in settings})
+
+
+def residuals_for(vehicle: VehicleFile) -> Residuals:
+    """The diagnoser of the vehicle's own relations."""
+    if vehicle.relations is None:
+        allowed = "a vehicle file with [relations]"
+        remedy = "calibrate it with logs that have speed, voltages and currents"
+        raise refusal("diagnoser", Residuals.name, allowed, remedy)
+    return Residuals(vehicle.relations)
 
 
 def logged_sides(vehicle: VehicleFile) -> tuple[str, ...]:
