@@ -40,6 +40,7 @@ class ResidualsState(NamedTuple):
     ratios: np.ndarray
     history: np.ndarray  # (n_lanes, LASTING, n_residuals), standardised; NaN before the first
     evidence: np.ndarray  # (n_lanes, n_faults), log likelihood of the classes but normal
+    log_probability: np.ndarray  # (n_lanes, n_classes), after the last judged window
 
 
 class Residuals(Recursive):
@@ -71,14 +72,18 @@ class Residuals(Recursive):
     def initial(self, n_lanes: int) -> ResidualsState:
         """Nothing read yet."""
         layout = self.model.layout
+        n_ratios = len(layout.residuals) + 2
+        ratios = np.zeros((n_lanes, PERSISTENT_PUSH, n_ratios))
+        evidence = np.zeros((n_lanes, len(self.classes) - 1))
         return ResidualsState(
             rows=np.full((n_lanes, layout.n_rows, len(CHANNELS)), np.nan),
             n_rows=np.zeros(n_lanes, np.int64),
             command=np.full(n_lanes, np.nan),
             held=np.zeros(n_lanes, np.int64),
-            ratios=np.zeros((n_lanes, PERSISTENT_PUSH, len(layout.residuals) + 2)),
+            ratios=ratios,
             history=np.full((n_lanes, LASTING, len(layout.residuals)), np.nan),
-            evidence=np.zeros((n_lanes, len(self.classes) - 1)),
+            evidence=evidence,
+            log_probability=self._log_probability(ratios, evidence),
         )
 
     def step(self, state: ResidualsState, observation: np.ndarray) -> tuple[ResidualsState, Belief]:
@@ -87,7 +92,10 @@ class Residuals(Recursive):
         due = window_is_due(state, observation, self._every)
         if due.any():
             state = self._judged(state, np.flatnonzero(due))
-        return state, self._belief(state)
+        severity = same_severity(state.log_probability.shape, *UNIFORM_SEVERITY)
+        for values in severity:
+            values[:, -1] = 0.0
+        return state, Belief(state.log_probability, *severity)
 
     def _judged(self, state: ResidualsState, lanes: np.ndarray) -> ResidualsState:
         """The state after the windows of these lanes."""
@@ -111,7 +119,12 @@ class Residuals(Recursive):
         for k, lane in enumerate(lanes):
             if ratio[k].max() > 1.0:
                 evidence[lane] += self._likelihood(windows, standardised, share, k)
-        return state._replace(ratios=ratios, history=history, evidence=evidence)
+        return state._replace(
+            ratios=ratios,
+            history=history,
+            evidence=evidence,
+            log_probability=self._log_probability(ratios, evidence),
+        )
 
     def _likelihood(
         self, windows: Windows, standardised: Standardised, share: np.ndarray, k: int
@@ -142,15 +155,11 @@ class Residuals(Recursive):
             lowest[:, push] = ratios[:, :, push].min(axis=1)
         return lowest.max(axis=1, keepdims=True)
 
-    def _belief(self, state: ResidualsState) -> Belief:
-        strength = self._strength(state.ratios)
+    def _log_probability(self, ratios: np.ndarray, evidence: np.ndarray) -> np.ndarray:
+        """Log probabilities (n_lanes, n_classes): even odds where a residual is at its limit."""
+        strength = self._strength(ratios)
         log_odds = np.minimum(SHARPNESS * (strength**2 - 1.0), LARGEST_LOG_ODDS)
-        scores = state.evidence - state.evidence.max(axis=1, keepdims=True)
-        log_probability = join_odds(log_odds, scores)
-        severity = same_severity(log_probability.shape, *UNIFORM_SEVERITY)
-        for values in severity:
-            values[:, -1] = 0.0
-        return Belief(log_probability, *severity)
+        return join_odds(log_odds, evidence - evidence.max(axis=1, keepdims=True))
 
 
 def with_row(state: ResidualsState, observation: np.ndarray) -> ResidualsState:
