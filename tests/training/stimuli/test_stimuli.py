@@ -52,9 +52,9 @@ def offsets(stimulus, n_samples=N_SAMPLES, normal=0.2):
 
 
 def in_the_loop(stimulus, schedules=SCHEDULES, speeds=SPEEDS):
-    """Offsets (n_samples, n_lanes) of an episode with the filter bank, and the commands [m/s]."""
+    """Offsets (n_samples, n_lanes) of an episode with the Gaussian bank, and the commands [m/s]."""
     fleet = Fleet(len(schedules))
-    bank = make("filter_bank")
+    bank = make("gaussian_bank")
     observation = fleet.reset(range(len(schedules)), schedules=schedules, missions=speeds)
     bank.reset(len(schedules))
     found = np.empty((N_SAMPLES, len(schedules)))

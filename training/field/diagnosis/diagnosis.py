@@ -16,7 +16,7 @@ from diagnosers import Belief, Diagnoser, make
 from diagnosers.kalman import NOISE_FLOOR
 from diagnosers.registry import class_of
 from diagnosers.residuals import Residuals
-from training.benchmark.thresholds import ONE_PER_10_HOURS
+from training.benchmark.thresholds import ONE_PER_HOUR
 from training.field.diagnosis.estimates import excess_loads
 from training.field.logs.log import Log
 from training.field.logs.resolution import COARSE, ROUNDING, resolutions
@@ -34,7 +34,7 @@ VEHICLE_DIAGNOSERS = (
     "kalman_network",
 )
 THRESHOLDS: dict[str, float] = {
-    **{name: ONE_PER_10_HOURS[name] for name in VEHICLE_DIAGNOSERS},
+    **{name: ONE_PER_HOUR[name] for name in VEHICLE_DIAGNOSERS},
     Residuals.name: math.log(0.5),  # at the limits of the vehicle's own relations
 }
 HEALTHY = "healthy"

@@ -11,6 +11,7 @@ from training.field.diagnosis.diagnosis import (
     FAULT,
     HEALTHY,
     THRESHOLDS,
+    VEHICLE_DIAGNOSERS,
     alarm_intervals,
     beliefs,
     diagnoser_for,
@@ -84,7 +85,7 @@ def test_a_fault_is_named_with_side_severity_and_sign_of_the_load(fault, name, s
 
 def test_every_diagnoser_diagnoses_a_log():
     log = log_of(episode("propeller_loss:port", n_samples=100))
-    for name in THRESHOLDS:
+    for name in VEHICLE_DIAGNOSERS:
         belief = beliefs(log, name, VEHICLE)
         np.testing.assert_allclose(np.exp(belief.log_probability).sum(axis=1), 1.0, rtol=1e-5)
 
