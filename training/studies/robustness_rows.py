@@ -172,8 +172,9 @@ def rest(study: Study) -> list[Finding]:
 
 
 def _few_alarms(finding: Finding, count: int, most: int) -> Finding:
-    to_reach = f"≤ {most} alarms" if most else "no alarm"
-    measured = f"{count} alarms, {finding.measured}"
+    to_reach = "at most one alarm" if most else "no alarm"
+    noun = "alarm" if count == 1 else "alarms"
+    measured = f"{count} {noun}, {finding.measured}"
     return finding._replace(measured=measured, to_reach=to_reach, reached=count <= most)
 
 

@@ -56,7 +56,8 @@ class Verdict:
     alarms: tuple[tuple[float, float], ...] = ()  # begin and end [s from the log's start]
     fault: str | None = None  # most probable class
     side: str | None = None  # of that class, if it has one
-    severity: float | None = None  # of that class, 0 to 1; an unknown one has none
+    # of that class, 0 to 1; none for an unknown one, nor where the interval is all of that
+    severity: float | None = None
     severity_low: float | None = None  # of the 95 % interval
     severity_high: float | None = None
     top: tuple[tuple[str, float], ...] = ()  # probabilities of the most probable faults
@@ -193,12 +194,11 @@ def verdict(
         return one_fault
     severity = float(belief.severity_mean[last, worst])
     margin = TWO_SIDED * float(belief.severity_std[last, worst])
-    return replace(
-        one_fault,
-        severity=severity,
-        severity_low=max(severity - margin, 0.0),
-        severity_high=min(severity + margin, 1.0),
-    )
+    low = max(severity - margin, 0.0)
+    high = min(severity + margin, 1.0)
+    if (low, high) == (0.0, 1.0):
+        return one_fault
+    return replace(one_fault, severity=severity, severity_low=low, severity_high=high)
 
 
 def alarm_intervals(log: Log, alarmed: np.ndarray) -> tuple[tuple[float, float], ...]:

@@ -206,3 +206,14 @@ def test_resolution_is_the_step_of_a_grid_that_the_values_lie_on():
     ) == pytest.approx(0.01)
     assert resolution(np.full(9, 3.0), noise=0.1) == pytest.approx(0.25)
     assert resolution(values.round(1), noise=0.001) == pytest.approx(0.0025)
+
+
+@pytest.mark.parametrize(("std", "severity"), [(0.29, None), (0.1, 0.5)])
+def test_a_severity_that_may_be_anything_is_none(std, severity):
+    log = log_of(episode(n_samples=100))
+    shape = 100, len(classes())
+    log_probability = np.full(shape, np.log(0.1 / (shape[1] - 1)))
+    log_probability[:, 1] = np.log(0.9)
+    belief = Belief(log_probability, np.full(shape, 0.5), np.full(shape, std))
+    one = verdict("log.csv", log, belief, np.ones(100, bool), VEHICLE)
+    assert (one.fault, one.severity) == (classes()[1], severity)
