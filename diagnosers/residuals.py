@@ -6,14 +6,14 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS, INDEX, READINGS
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.faults import UNKNOWN
+from diagnosers.bank.sensors import FIRST_READING
 from diagnosers.diagnoser import Belief, Recursive, join_odds, same_severity
 from diagnosers.relations.directions import directions, log_likelihood
 from diagnosers.relations.model import RelationModel, Standardised
-from diagnosers.relations.windows import DURATION, PUSH, Windows, windows_of
+from diagnosers.relations.windows import PUSH, Windows, is_steady, is_under_way, windows_of
 
-SETTLED = 15.0  # s before a window, in which the speed command of a steady one has not changed
 PERSISTENT = 5  # windows in a row, a second apart, beyond a limit: an alarm
 # The same for the net force: where the water's current changes, the speed through the water does,
 # which every window of 15 s that contains it takes for a force.
@@ -24,7 +24,6 @@ UNKNOWN_LIKELIHOOD = -6.0  # log, of a window's residuals that no known fault ex
 BY_COUNTS = -20.0  # log likelihood of other classes where zeros or repeated values are too many
 SHARPNESS = 4.0  # log odds of a fault by the squared distance to the limit
 LARGEST_LOG_ODDS = 30.0
-FIRST_READING = len(CHANNELS) - len(READINGS)
 UNIFORM_SEVERITY = (0.5, 0.29)  # mean and standard deviation: the severity is not estimated
 
 
@@ -33,8 +32,7 @@ class ResidualsState(NamedTuple):
 
     rows: np.ndarray  # (n_lanes, n_rows, n_channels), the last readings; NaN before the first
     n_rows: np.ndarray  # (n_lanes,), readings so far
-    command: np.ndarray  # (n_lanes,), the last speed command
-    held: np.ndarray  # (n_lanes,), readings since it changed
+    held: np.ndarray  # (n_lanes,), readings since the speed command changed; 0 without one
     # (n_lanes, PERSISTENT_PUSH, n_ratios), of the last windows, 1 at the limit: each residual, the
     # largest median, and the largest share of zeros or repeated values
     ratios: np.ndarray
@@ -78,7 +76,6 @@ class Residuals(Recursive):
         return ResidualsState(
             rows=np.full((n_lanes, layout.n_rows, len(CHANNELS)), np.nan),
             n_rows=np.zeros(n_lanes, np.int64),
-            command=np.full(n_lanes, np.nan),
             held=np.zeros(n_lanes, np.int64),
             ratios=ratios,
             history=np.full((n_lanes, LASTING, len(layout.residuals)), np.nan),
@@ -101,8 +98,7 @@ class Residuals(Recursive):
         """The state after the windows of these lanes."""
         layout = self.model.layout
         windows = windows_of(state.rows[lanes], layout, self.model.typical)
-        is_steady = state.held[lanes] >= (SETTLED + DURATION) * layout.sample_rate
-        standardised = self.model.standardised(windows, is_steady)
+        standardised = self.model.standardised(windows, is_steady(state.held[lanes], layout))
         history = state.history.copy()
         history[lanes] = pushed(history[lanes], standardised.residual)
         lasting = np.array([self.model.lasting[name] for name in layout.residuals])
@@ -164,25 +160,25 @@ class Residuals(Recursive):
 
 def with_row(state: ResidualsState, observation: np.ndarray) -> ResidualsState:
     """The state with the readings of a sample, where any arrived."""
-    arrived = np.isfinite(observation[:, FIRST_READING:]).any(axis=1)
+    arrived = has_reading(observation)
     last = state.rows[:, -1]
     row = np.where(np.isnan(observation), last, observation)
     rows = np.where(arrived[:, None, None], pushed(state.rows, row), state.rows)
-    given = observation[:, INDEX["mission_speed"]]
-    command = np.where(np.isnan(given), state.command, given)
-    is_same = (command == state.command) | np.isnan(given)
+    is_same = row[:, INDEX["mission_speed"]] == last[:, INDEX["mission_speed"]]
     held = np.where(arrived, np.where(is_same, state.held + 1, 0), state.held)
-    return state._replace(rows=rows, n_rows=state.n_rows + arrived, command=command, held=held)
+    return state._replace(rows=rows, n_rows=state.n_rows + arrived, held=held)
 
 
 def window_is_due(state: ResidualsState, observation: np.ndarray, every: int) -> np.ndarray:
     """Whether a window is to be judged, (n_lanes,): whole, with a command above 0 all the while."""
-    arrived = np.isfinite(observation[:, FIRST_READING:]).any(axis=1)
     is_whole = state.n_rows >= state.rows.shape[1]
-    command = state.rows[:, :, INDEX["mission_speed"]]
-    speed = state.rows[:, :, INDEX["speed"]]
-    is_under_way = (np.where(np.isnan(command), speed, command) > 0.0).all(axis=1)
-    return arrived & is_whole & is_under_way & (state.n_rows % every == 0)
+    is_moving = is_under_way(state.rows).all(axis=1)
+    return has_reading(observation) & is_whole & is_moving & (state.n_rows % every == 0)
+
+
+def has_reading(observation: np.ndarray) -> np.ndarray:
+    """Where any reading arrived, (n_lanes,)."""
+    return np.isfinite(observation[:, FIRST_READING:]).any(axis=1)
 
 
 def pushed(memory: np.ndarray, newest: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import SIDES
 from diagnosers.relations.model import RelationModel
 from diagnosers.relations.windows import BALANCE, PUSH, Windows
@@ -17,10 +18,6 @@ FRICTION_THRUST = 0.1  # thrust that a line on a propeller costs, by the torque 
 AT_LIMIT = 3.0  # standard deviations
 INEXACT = 0.2  # relative error of a direction
 INEXACT_RESIDUAL = 0.1  # relative error of a large residual
-# of the catalogue's overheating at severity 1
-HOT_LOAD = 0.25
-HOT_CONSTANT = -0.2
-HOT_RESISTANCE = 0.4
 
 
 class Direction(NamedTuple):
@@ -65,7 +62,11 @@ def directions(model: RelationModel, windows: Windows, k: int) -> dict[str, list
         by_current = sign * of_voltage[2] * windows.values[f"{side}_load"][k] / measured
         back_emf = sign * of_voltage[1] * shaft / measured
         load_name = f"{side}_load"
-        hot = HOT_CONSTANT * back_emf + HOT_RESISTANCE * by_current
+        overheating = CATALOGUE[f"motor_overheating:{side}"].scale
+        of_constant = overheating[f"{side}_torque_constant"]
+        of_resistance = overheating[f"{side}_resistance"]
+        hot_load = 1.0 / of_constant - 1.0
+        hot = (of_constant - 1.0) * back_emf + (of_resistance - 1.0) * by_current
         lost = [change(**{load_name: -1.0, PUSH: -q * thrust}) for q in THRUST_BY_TORQUE]
         found |= {
             f"seal_friction:{side}": [
@@ -74,7 +75,7 @@ def directions(model: RelationModel, windows: Windows, k: int) -> dict[str, list
             ],
             f"propeller_damage:{side}": [Direction(one, 0.0, WORST_DAMAGE) for one in lost],
             f"propeller_loss:{side}": [Direction(one, WORST_DAMAGE, 1.3) for one in lost],
-            f"motor_overheating:{side}": [Direction(change(**{load_name: HOT_LOAD, voltage: hot}))],
+            f"motor_overheating:{side}": [Direction(change(**{load_name: hot_load, voltage: hot}))],
             f"sensor:{side}_current": _both(change(**{load_name: 1.0, voltage: -by_current})),
             f"sensor:{side}_voltage": _both(change(**{voltage: 1.0})),
             f"sensor:{side}_rpm": _both(

@@ -52,28 +52,16 @@ class RelationModel:
     lasting: Mapping[str, float]
     shares: Mapping[str, tuple[float, float]]
 
-    def residuals(self, windows: Windows) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals and sizes of what is predicted, (n, n_residuals); 0 where no relation holds.
-
-        The size of the net force is the drag; that of the balance of voltages is 1.
-        """
-        return residuals_of(self.layout, self.coefficients, windows)
-
     def standardised(self, windows: Windows, is_steady: np.ndarray) -> "Standardised":
         """Residuals in standard deviations; is_steady (n,) bool."""
-        residual, size = self.residuals(windows)
-        constant, share, limit = (
-            np.where(is_steady[:, None], *(self._scatter(of, k) for of in self._regimes()))
-            for k in range(3)
-        )
+        residual, size = residuals_of(self.layout, self.coefficients, windows)
+        names = self.layout.residuals
+        steady = np.array([self.steady[name] for name in names])
+        changing = np.array([self.changing[name] for name in names])
+        scatter = np.where(is_steady[:, None, None], steady, changing)
+        constant, share, limit = np.moveaxis(scatter, -1, 0)
         std = np.hypot(constant, share * size)
         return Standardised(residual / std, limit, size / std)
-
-    def _regimes(self) -> tuple[Mapping[str, Scatter], Mapping[str, Scatter]]:
-        return self.steady, self.changing
-
-    def _scatter(self, scatter: Mapping[str, Scatter], field: int) -> np.ndarray:
-        return np.array([scatter[name][field] for name in self.layout.residuals])
 
 
 class Standardised(NamedTuple):
@@ -87,7 +75,10 @@ class Standardised(NamedTuple):
 def residuals_of(
     layout: Layout, coefficients: Mapping[str, np.ndarray], windows: Windows
 ) -> tuple[np.ndarray, np.ndarray]:
-    """As `RelationModel.residuals`."""
+    """Residuals and sizes of what is predicted, (n, n_residuals); 0 where no relation holds.
+
+    The size of the net force is the drag; that of the balance of voltages is 1.
+    """
     residual = {}
     size = {}
     for name in layout.relations:

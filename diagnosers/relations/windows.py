@@ -15,6 +15,7 @@ from auv_fault_env.channels import INDEX
 from auv_fault_env.parameters import SIDES
 
 DURATION = 15.0  # s, of a window
+SETTLED = 15.0  # s before a window, in which the speed command of a steady one has not changed
 PER_THOUSAND = 1e-3  # shaft speeds are in 1000 rpm, so that coefficients are of similar size
 LEAST_CURRENT = 0.05  # of the typical one, below which a motor does not drive its shaft
 LEAST_DRIVEN = 0.5  # share of a window in which a motor has to drive its shaft
@@ -79,6 +80,17 @@ class Windows(NamedTuple):
     speed: np.ndarray  # (n,), m/s
     shaft_speed: dict[str, np.ndarray]  # (n,) by side, 1000 rpm
     shares: np.ndarray  # (n, n_counted, 2), of zeros and of repeated values
+
+
+def is_under_way(rows: np.ndarray) -> np.ndarray:
+    """Where the speed command, or without one the speed, is above zero; rows (..., n_channels)."""
+    command = rows[..., INDEX["mission_speed"]]
+    return np.where(np.isnan(command), rows[..., INDEX["speed"]], command) > 0.0
+
+
+def is_steady(held: np.ndarray, layout: Layout) -> np.ndarray:
+    """Whether windows are steady, from the number of rows for which the command has been held."""
+    return held >= (SETTLED + DURATION) * layout.sample_rate
 
 
 def n_terms(layout: Layout) -> dict[str, int]:

@@ -16,8 +16,16 @@ from diagnosers.relations.model import (
     residuals_of,
     tolerance,
 )
-from diagnosers.relations.windows import DURATION, PUSH, Layout, Typical, Windows, windows_of
-from diagnosers.residuals import LASTING, SETTLED
+from diagnosers.relations.windows import (
+    PUSH,
+    Layout,
+    Typical,
+    Windows,
+    is_steady,
+    is_under_way,
+    windows_of,
+)
+from diagnosers.residuals import LASTING
 from training.field.logs.log import Log
 from training.field.vehicle_file import VehicleFile
 
@@ -52,7 +60,7 @@ def fit_relations(logs: Sequence[Log], vehicle: VehicleFile) -> RelationModel | 
     """
     layout = layout_of(vehicle)
     rows = [part for log in logs for part in under_way(log, layout)] if layout else []
-    if layout is None or not any(is_moving(part).any() for part in rows):
+    if layout is None or not any(is_under_way(part).any() for part in rows):
         return None
     typical = {side: typical_of(rows, side) for side in layout.sides}
     parts = all_windows(rows, layout, typical)
@@ -133,16 +141,10 @@ def filled(rows: np.ndarray) -> np.ndarray:
     return np.take_along_axis(rows, np.maximum.accumulate(last, axis=0), axis=0)
 
 
-def is_moving(rows: np.ndarray) -> np.ndarray:
-    """Where the speed command is above zero, (n,); the speed itself without a command."""
-    command = rows[:, INDEX["mission_speed"]]
-    return np.where(np.isnan(command), rows[:, INDEX["speed"]], command) > 0.0
-
-
 def typical_of(rows: Sequence[np.ndarray], side: str) -> Typical:
     """Median readings of a side under way."""
     together = np.concatenate(rows)
-    moving = together[is_moving(together)]
+    moving = together[is_under_way(together)]
     medians = (np.nanmedian(moving[:, INDEX[f"{side}_{kind}"]]) for kind in Typical._fields)
     return Typical(*map(float, medians))
 
@@ -167,13 +169,12 @@ def log_windows(
     held = index - np.maximum.accumulate(np.where(changed, index, 0))
     ends = np.arange(n_rows - 1, len(rows), every)
     views = np.lib.stride_tricks.sliding_window_view(rows, n_rows, axis=0)[::every]
-    moving = np.lib.stride_tricks.sliding_window_view(is_moving(rows), n_rows)
+    moving = np.lib.stride_tricks.sliding_window_view(is_under_way(rows), n_rows)
     chosen = moving[::every].all(axis=1)
     if not chosen.any():
         return None
     windows = windows_of(np.swapaxes(views[chosen], 1, 2), layout, dict(typical))
-    is_steady = held[ends[chosen]] >= (SETTLED + DURATION) * layout.sample_rate
-    return LogWindows(windows, is_steady)
+    return LogWindows(windows, is_steady(held[ends[chosen]], layout))
 
 
 def fit_relation(name: str, parts: Sequence[LogWindows], layout: Layout) -> np.ndarray:

@@ -66,7 +66,10 @@ def test_the_rate_of_a_line_is_its_slope_and_that_of_a_constant_is_zero():
 
 
 def test_the_coefficients_of_a_known_vehicle_are_found():
-    thrust, of_advance, quadratic, linear = 0.6, 0.2, 0.12, 0.01
+    thrust = 0.6
+    of_advance = 0.2
+    quadratic = 0.12
+    linear = 0.01
     rows = np.zeros((6000, len(CHANNELS)))
     speed = 1.0
     for k in range(len(rows)):
