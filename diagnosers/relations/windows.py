@@ -7,6 +7,7 @@ differential equations", J. Comput. Phys. 443, 2021, doi:10.1016/j.jcp.2021.1105
 """
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -107,75 +108,124 @@ def weights(n_rows: int, sample_rate: float) -> tuple[np.ndarray, np.ndarray]:
     return weight / weight.sum(), derivative / weight.sum()
 
 
-def windows_of(rows: np.ndarray, layout: Layout, typical: dict[str, Typical]) -> Windows:
+class Average(NamedTuple):
+    """Averages over windows, and of derivatives over them."""
+
+    weight: np.ndarray  # (n_rows,)
+    derivative: np.ndarray  # (n_rows,) [1/s]
+
+    def of(self, values: np.ndarray) -> np.ndarray:
+        """Average of values (n, n_rows), (n,)."""
+        return values @ self.weight
+
+    def rate(self, values: np.ndarray) -> np.ndarray:
+        """Average of the derivative of values (n, n_rows), (n,) [1/s]."""
+        return values @ self.derivative
+
+
+class Relation(NamedTuple):
+    """One relation in windows, see `Windows`."""
+
+    terms: np.ndarray
+    values: np.ndarray
+    is_valid: np.ndarray
+
+
+def windows_of(rows: np.ndarray, layout: Layout, typical: Mapping[str, Typical]) -> Windows:
     """Windows from their readings (n, n_rows, n_channels), all finite where the layout has them."""
-    weight, derivative = weights(layout.n_rows, layout.sample_rate)
-
-    def average(values: np.ndarray) -> np.ndarray:
-        return values @ weight
-
-    def rate(values: np.ndarray) -> np.ndarray:
-        return values @ derivative
-
-    speed = rows[:, :, INDEX["speed"]]
-    ones = np.ones(len(rows))
-    terms = {}
-    values = {}
-    is_valid = {}
-    shaft_speeds = {}
+    average = Average(*weights(layout.n_rows, layout.sample_rate))
+    found: dict[str, Relation] = {}
     for side in layout.sides:
-        current = rows[:, :, INDEX[f"{side}_current"]]
-        voltage = rows[:, :, INDEX[f"{side}_voltage"]]
-        load = f"{side}_load"
-        values[load] = average(current)
-        is_valid[load] = np.isfinite(values[load])
-        if not layout.has_shaft_speed:
-            powers = [average(speed**k) for k in (1, 2, 3)]
-            terms[load] = np.stack([ones, *powers, rate(speed)], axis=1)
-            terms[f"{side}_voltage"] = np.stack([ones, *powers[:2], rate(speed)], axis=1)
-            values[f"{side}_voltage"] = average(voltage)
-            is_valid[f"{side}_voltage"] = np.isfinite(average(voltage))
-            continue
-        shaft = rows[:, :, INDEX[f"{side}_rpm"]] * PER_THOUSAND
-        shaft_speeds[side] = shaft
-        terms[load] = np.stack(
-            [ones, average(shaft), average(shaft**2), -average(shaft * speed), rate(shaft)],
-            axis=1,
-        )
-        # a motor that brakes or coasts is no motor of Ohm's law: its controller opens the circuit
-        drives = current > LEAST_CURRENT * typical[side].current
-        driven = average(drives.astype(float))
-        scale = 1.0 / np.maximum(driven, 1e-3)
-        driven_terms = [average(shaft * drives) * scale, average(current * drives) * scale]
-        terms[f"{side}_voltage"] = np.stack([ones, *driven_terms], axis=1)
-        values[f"{side}_voltage"] = average(voltage * drives) * scale
-        is_valid[f"{side}_voltage"] = driven > LEAST_DRIVEN
+        if layout.has_shaft_speed:
+            found |= _of_shaft(rows, side, typical[side], average)
+        else:
+            found |= _of_speed(rows, side, average)
     if layout.has_shaft_speed:
-        shafts = shaft_speeds.values()
-        turn = np.nan_to_num(rows[:, :, INDEX["rudder"]]) * speed
-        terms[PUSH] = np.stack(
-            [
-                sum(average(shaft**2) for shaft in shafts),
-                -sum(average(shaft * speed) for shaft in shafts),
-                -average(speed**2),
-                -average(speed),
-                -average(turn**2),
-            ],
-            axis=1,
-        )
-        values[PUSH] = rate(speed)
-        is_valid[PUSH] = np.isfinite(values[PUSH])
+        found[PUSH] = _of_force(rows, layout, average)
     return Windows(
-        terms=terms,
-        values=values,
-        is_valid=is_valid,
-        speed=average(speed),
-        shaft_speed={side: average(shaft) for side, shaft in shaft_speeds.items()},
+        terms={name: relation.terms for name, relation in found.items()},
+        values={name: relation.values for name, relation in found.items()},
+        is_valid={name: relation.is_valid for name, relation in found.items()},
+        speed=average.of(rows[:, :, INDEX["speed"]]),
+        shaft_speed={side: average.of(_shaft_speed(rows, side)) for side in layout.sides},
         shares=shares_of(rows, layout, typical),
     )
 
 
-def shares_of(rows: np.ndarray, layout: Layout, typical: dict[str, Typical]) -> np.ndarray:
+def _shaft_speed(rows: np.ndarray, side: str) -> np.ndarray:
+    """Shaft speed (n, n_rows) [1000 rpm]."""
+    return rows[:, :, INDEX[f"{side}_rpm"]] * PER_THOUSAND
+
+
+def _of_shaft(
+    rows: np.ndarray, side: str, typical: Typical, average: Average
+) -> dict[str, Relation]:
+    """Load and voltage of a side whose shaft speed is read."""
+    speed = rows[:, :, INDEX["speed"]]
+    current = rows[:, :, INDEX[f"{side}_current"]]
+    voltage = rows[:, :, INDEX[f"{side}_voltage"]]
+    shaft = _shaft_speed(rows, side)
+    ones = np.ones(len(rows))
+    load_terms = [
+        ones,
+        average.of(shaft),
+        average.of(shaft**2),
+        -average.of(shaft * speed),
+        average.rate(shaft),
+    ]
+    # a motor that brakes or coasts is no motor of Ohm's law: its controller opens the circuit
+    drives = current > LEAST_CURRENT * typical.current
+    driven = average.of(drives.astype(float))
+    scale = 1.0 / np.maximum(driven, 1e-3)
+    voltage_terms = [
+        ones,
+        average.of(shaft * drives) * scale,
+        average.of(current * drives) * scale,
+    ]
+    voltages = average.of(voltage * drives) * scale
+    return {
+        f"{side}_load": _wherever_read(load_terms, average.of(current)),
+        f"{side}_voltage": Relation(
+            np.stack(voltage_terms, axis=1), voltages, driven > LEAST_DRIVEN
+        ),
+    }
+
+
+def _of_speed(rows: np.ndarray, side: str, average: Average) -> dict[str, Relation]:
+    """Load and voltage of a side whose shaft speed is not read: by the speed of the vehicle."""
+    speed = rows[:, :, INDEX["speed"]]
+    current = rows[:, :, INDEX[f"{side}_current"]]
+    voltage = rows[:, :, INDEX[f"{side}_voltage"]]
+    ones = np.ones(len(rows))
+    powers = [average.of(speed**k) for k in (1, 2, 3)]
+    rate = average.rate(speed)
+    return {
+        f"{side}_load": _wherever_read([ones, *powers, rate], average.of(current)),
+        f"{side}_voltage": _wherever_read([ones, *powers[:2], rate], average.of(voltage)),
+    }
+
+
+def _of_force(rows: np.ndarray, layout: Layout, average: Average) -> Relation:
+    """Net force: thrust by shaft speed and advance, drag quadratic, linear, and of the rudder."""
+    speed = rows[:, :, INDEX["speed"]]
+    shafts = [_shaft_speed(rows, side) for side in layout.sides]
+    turn = np.nan_to_num(rows[:, :, INDEX["rudder"]]) * speed
+    terms = [
+        sum(average.of(shaft**2) for shaft in shafts),
+        -sum(average.of(shaft * speed) for shaft in shafts),
+        -average.of(speed**2),
+        -average.of(speed),
+        -average.of(turn**2),
+    ]
+    return _wherever_read(terms, average.rate(speed))
+
+
+def _wherever_read(terms: Sequence[np.ndarray], values: np.ndarray) -> Relation:
+    """A relation that holds wherever its value is read."""
+    return Relation(np.stack(terms, axis=1), values, np.isfinite(values))
+
+
+def shares_of(rows: np.ndarray, layout: Layout, typical: Mapping[str, Typical]) -> np.ndarray:
     """Shares of zeros and of repeated values, (n, n_counted, 2).
 
     Readings of a motor count where its voltage is high enough to turn the shaft.

@@ -173,7 +173,7 @@ def log_windows(
     chosen = moving[::every].all(axis=1)
     if not chosen.any():
         return None
-    windows = windows_of(np.swapaxes(views[chosen], 1, 2), layout, dict(typical))
+    windows = windows_of(np.swapaxes(views[chosen], 1, 2), layout, typical)
     return LogWindows(windows, is_steady(held[ends[chosen]], layout))
 
 
