@@ -26,7 +26,7 @@ from diagnosers.relations.windows import (
     windows_of,
 )
 from diagnosers.residuals import LASTING
-from training.field.logs.log import Log
+from training.field.logs.log import Log, last_values
 from training.field.vehicle_file import VehicleFile
 
 MARGIN = 1.5  # factor on what healthy windows reach, which are few
@@ -131,14 +131,8 @@ def under_way(log: Log, layout: Layout) -> list[np.ndarray]:
         has_speed = np.isfinite(observation[:, INDEX["speed"]])
         part = observation[has_speed].astype(np.float64)
         if len(part) > layout.n_rows:
-            parts.append(filled(part))
+            parts.append(last_values(part))
     return parts
-
-
-def filled(rows: np.ndarray) -> np.ndarray:
-    """The rows with the last reading where one is missing."""
-    last = np.where(np.isnan(rows), 0, np.arange(len(rows))[:, None])
-    return np.take_along_axis(rows, np.maximum.accumulate(last, axis=0), axis=0)
 
 
 def typical_of(rows: Sequence[np.ndarray], side: str) -> Typical:

@@ -134,14 +134,14 @@ def _on_grid(time: np.ndarray, observations: np.ndarray) -> tuple[np.ndarray, np
         rows = nearest_last[is_available]
         grid[sample[rows], k] = observations[rows, k]
         if channel in COMMANDS:
-            grid[:, k] = _last_values(grid[:, k])
+            grid[:, k : k + 1] = last_values(grid[:, k : k + 1])
     return time[0] + SAMPLE_TIME * np.arange(len(grid)), grid
 
 
-def _last_values(values: np.ndarray) -> np.ndarray:
-    """Each NaN replaced by the last value before it; those before the first stay."""
-    index = np.where(np.isfinite(values), np.arange(values.size), 0)
-    return values[np.maximum.accumulate(index)]
+def last_values(rows: np.ndarray) -> np.ndarray:
+    """Each NaN of (n_rows, n_columns) replaced by the last value above it, where there is one."""
+    index = np.where(np.isnan(rows), 0, np.arange(len(rows))[:, None])
+    return np.take_along_axis(rows, np.maximum.accumulate(index, axis=0), axis=0)
 
 
 def _consecutive_slices(lengths: list[int]) -> tuple[slice, ...]:

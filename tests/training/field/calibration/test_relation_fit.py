@@ -14,13 +14,13 @@ from auv_fault_env.schedules import FaultEvent
 from diagnosers.relations.windows import Layout, Typical, weights
 from diagnosers.residuals import Residuals
 from training.field.calibration.relation_fit import (
-    filled,
     fit_relation,
     fit_relations,
     log_windows,
     with_healthy_logs,
 )
 from training.field.diagnosis.diagnosis import diagnoser_for
+from training.field.logs.log import last_values
 from training.field.vehicle_file import Column, VehicleFile, read_vehicle, write_vehicle
 from training.rollouts import roll_out
 from training.seeds import seeds
@@ -92,7 +92,7 @@ def test_the_coefficients_of_a_known_vehicle_are_found():
 
 def test_a_missing_reading_is_the_last_one():
     rows = np.array([[1.0, math.nan], [math.nan, 2.0], [3.0, math.nan]])
-    np.testing.assert_array_equal(filled(rows), [[1.0, math.nan], [1.0, 2.0], [3.0, 2.0]])
+    np.testing.assert_array_equal(last_values(rows), [[1.0, math.nan], [1.0, 2.0], [3.0, 2.0]])
 
 
 def test_healthy_missions_that_were_left_out_raise_no_alarm():
