@@ -139,8 +139,8 @@ def _on_grid(time: np.ndarray, observations: np.ndarray) -> tuple[np.ndarray, np
 
 
 def last_values(rows: np.ndarray) -> np.ndarray:
-    """Each NaN of (n_rows, n_columns) replaced by the last value above it, where there is one."""
-    index = np.where(np.isnan(rows), 0, np.arange(len(rows))[:, None])
+    """Each gap of (n_rows, n_columns) replaced by the last value above it, where there is one."""
+    index = np.where(np.isfinite(rows), np.arange(len(rows))[:, None], 0)
     return np.take_along_axis(rows, np.maximum.accumulate(index, axis=0), axis=0)
 
 
