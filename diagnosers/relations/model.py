@@ -1,5 +1,6 @@
 """The relations of one healthy vehicle: coefficients, scatter and limits."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -40,6 +41,8 @@ class RelationModel:
         Scatter of each residual, at a speed command that has not changed for a while and otherwise.
     lasting
         Limit of the median of each residual over the last 45 windows [standard deviations].
+    sizes
+        Median size of what each residual's relation predicts under way, in the unit of the residual.
     shares
         Largest shares of zeros and of repeated values, by reading.
     """
@@ -50,6 +53,7 @@ class RelationModel:
     steady: Mapping[str, Scatter]
     changing: Mapping[str, Scatter]
     lasting: Mapping[str, float]
+    sizes: Mapping[str, float]
     shares: Mapping[str, tuple[float, float]]
 
     def standardised(self, windows: Windows, is_steady: np.ndarray) -> "Standardised":
@@ -62,6 +66,19 @@ class RelationModel:
         constant, share, limit = np.moveaxis(scatter, -1, 0)
         std = np.hypot(constant, share * size)
         return Standardised(residual / std, limit, size / std)
+
+    def smallest_changes(self) -> dict[str, float]:
+        """Smallest lasting change that crosses a limit at a steady command, relative, by residual.
+
+        A change of the net force is relative to the drag, one of the others to current and voltage.
+        """
+        changes = {}
+        for name in self.layout.residuals:
+            scatter = self.steady[name]
+            size = self.sizes[name]
+            std = math.hypot(scatter.constant, scatter.share * size)
+            changes[name] = min(scatter.limit, self.lasting[name]) * std / size
+        return changes
 
 
 class Standardised(NamedTuple):

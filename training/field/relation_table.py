@@ -19,6 +19,7 @@ KEYS = (
     "steady",
     "changing",
     "lasting",
+    "sizes",
     "shares",
 )
 LARGEST = 1e12
@@ -36,6 +37,7 @@ def as_table(model: RelationModel) -> dict[str, Any]:
         "steady": {name: list(values) for name, values in model.steady.items()},
         "changing": {name: list(values) for name, values in model.changing.items()},
         "lasting": dict(model.lasting),
+        "sizes": dict(model.sizes),
         "shares": {name: list(values) for name, values in model.shares.items()},
     }
 
@@ -60,17 +62,19 @@ def from_table(table: Mapping[str, Any]) -> RelationModel:
             ("coefficients", layout.relations, n_terms(layout)),
             ("steady", layout.residuals, dict.fromkeys(layout.residuals, 3)),
             ("changing", layout.residuals, dict.fromkeys(layout.residuals, 3)),
+            ("lasting", layout.residuals, dict.fromkeys(layout.residuals, 0)),
+            ("sizes", layout.residuals, dict.fromkeys(layout.residuals, 0)),
             ("shares", layout.counted, dict.fromkeys(layout.counted, 2)),
         )
     }
-    lasting = _numbers(table, "lasting", layout.residuals, dict.fromkeys(layout.residuals, 0))
     return RelationModel(
         layout=layout,
         typical={side: Typical(*values) for side, values in numbers["typical"].items()},
         coefficients={name: np.array(values) for name, values in numbers["coefficients"].items()},
         steady={name: Scatter(*values) for name, values in numbers["steady"].items()},
         changing={name: Scatter(*values) for name, values in numbers["changing"].items()},
-        lasting={name: values[0] for name, values in lasting.items()},
+        lasting={name: values[0] for name, values in numbers["lasting"].items()},
+        sizes={name: values[0] for name, values in numbers["sizes"].items()},
         shares={name: (values[0], values[1]) for name, values in numbers["shares"].items()},
     )
 

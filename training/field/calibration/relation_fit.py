@@ -74,6 +74,7 @@ def fit_relations(logs: Sequence[Log], vehicle: VehicleFile) -> RelationModel | 
         steady=scatter(parts, coefficients, layout, steady=True),
         changing=scatter(parts, coefficients, layout, steady=False),
         lasting=dict.fromkeys(layout.residuals, LEAST_LIMIT),
+        sizes=median_sizes(parts, coefficients, layout),
         shares={name: (FREE_SHARE, FREE_SHARE) for name in layout.counted},
     )
     return widened(model, parts)
@@ -190,6 +191,15 @@ def fit_relation(name: str, parts: Sequence[LogWindows], layout: Layout) -> np.n
     else:
         solution, *_ = np.linalg.lstsq(weighted / scale, values * weight, rcond=None)
     return solution / scale
+
+
+def median_sizes(
+    parts: Sequence[LogWindows], coefficients: Mapping[str, np.ndarray], layout: Layout
+) -> dict[str, float]:
+    """Median size of what each residual's relation predicts."""
+    sizes = [residuals_of(layout, coefficients, part.windows)[1] for part in parts]
+    medians = np.median(np.concatenate(sizes), axis=0)
+    return dict(zip(layout.residuals, medians.tolist(), strict=True))
 
 
 def scatter(

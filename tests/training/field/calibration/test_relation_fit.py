@@ -194,3 +194,12 @@ def test_without_relations_the_remedy_is_calibration():
 def test_without_currents_there_are_no_relations():
     columns = {name: Column(name) for name in CHANNELS if "current" not in name}
     assert fit_relations(logs_of(1), VehicleFile(OFF, columns)) is None
+
+
+def test_a_drag_beyond_the_smallest_change_is_found_and_one_far_below_is_not():
+    smallest = model().smallest_changes()["push"]
+    assert 0.2 < smallest < 1.0
+    for factor, found in ((0.5, False), (2.0, True)):
+        draggy = replace(OFF, alpha=(1.0 + factor * smallest) * OFF.alpha)
+        log_normal = beliefs_of(logs_of(3, vehicle=draggy, first=400), model())[:, :, 0]
+        assert ((log_normal < LOG_ALARM).any(axis=0) == found).all()
