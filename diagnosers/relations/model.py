@@ -42,7 +42,7 @@ class RelationModel:
     lasting
         Limit of the median of each residual over the last 45 windows [standard deviations].
     sizes
-        Median size of what each residual's relation predicts under way, in the unit of the residual.
+        Median size of what each relation predicts, in the unit of its residual.
     shares
         Largest shares of zeros and of repeated values, by reading.
     """
