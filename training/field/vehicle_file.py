@@ -12,7 +12,7 @@ from auv_fault_env.channels import CHANNELS, READINGS
 from auv_fault_env.errors import finite_in_range, known_name, refusal
 from auv_fault_env.parameters import HULL, PRESETS, SHAFT, Vehicle, vehicle_of
 from diagnosers.relations.model import RelationModel
-from training.field.relation_table import KEYS, as_table, from_table
+from diagnosers.relations.table import KEYS, as_table, from_table
 from training.field.units import UNITS, factor
 
 QUANTITIES = {spec.name: spec.metadata for spec in fields(Vehicle) if spec.metadata}

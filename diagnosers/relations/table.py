@@ -1,4 +1,4 @@
-"""The relations of a vehicle as the table [relations] of its file."""
+"""The relations of a vehicle as plain data, as in the table [relations] of a vehicle file."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
