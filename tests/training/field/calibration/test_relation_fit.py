@@ -37,10 +37,10 @@ FIRST_SEED = 90_000
 LOG_ALARM = math.log(0.5)
 
 
-def logs_of(n, *events, vehicle=OFF, first=0):
+def logs_of(n, *events, vehicle=OFF, first=0, legs=LEGS, n_samples=N_SAMPLES):
     lanes = seeds("calibration", n, FIRST_SEED + first)
     fleet = Fleet(n, vehicle, realism=1.0)
-    rolled = roll_out(fleet, lanes, N_SAMPLES, None, [events] * n, [Mission(LEGS)] * n)
+    rolled = roll_out(fleet, lanes, n_samples, None, [events] * n, [Mission(legs)] * n)
     return [log_of(rolled.observations[:, k].astype(float)) for k in range(n)]
 
 
@@ -97,6 +97,14 @@ def test_a_missing_reading_is_the_last_one():
 
 def test_healthy_missions_that_were_left_out_raise_no_alarm():
     log_normal = beliefs_of(logs_of(8, first=100), model())[:, :, 0]
+    assert (log_normal > LOG_ALARM).all()
+
+
+def test_a_healthy_mission_of_two_hours_with_stops_raises_no_alarm():
+    pattern = (0.0, 0.4, 0.2, 0.0, 0.5, 0.3)
+    legs = tuple((120.0 * k, pattern[k % len(pattern)]) for k in range(60))
+    log = logs_of(2, first=500, legs=legs, n_samples=72_000)
+    log_normal = beliefs_of(log, model())[:, :, 0]
     assert (log_normal > LOG_ALARM).all()
 
 
