@@ -112,9 +112,12 @@ class Residuals(Recursive):
         ratios[lanes] = pushed(ratios[lanes], ratio)
         evidence = state.evidence.copy()
         evidence[lanes] *= MEMORY
-        for k, lane in enumerate(lanes):
-            if ratio[k].max() > 1.0:
-                evidence[lane] += self._likelihood(windows, standardised, share, k)
+        beyond = np.flatnonzero(ratio.max(axis=1) > 1.0)
+        if beyond.size:
+            likelihood = self._likelihood(
+                windows.part(beyond), standardised.part(beyond), share[beyond]
+            )
+            evidence[lanes[beyond]] += likelihood
         return state._replace(
             ratios=ratios,
             history=history,
@@ -123,25 +126,24 @@ class Residuals(Recursive):
         )
 
     def _likelihood(
-        self, windows: Windows, standardised: Standardised, share: np.ndarray, k: int
+        self, windows: Windows, standardised: Standardised, share: np.ndarray
     ) -> np.ndarray:
-        """Log likelihood of every class but normal by window k, (n_faults,)."""
-        found = log_likelihood(
-            directions(self.model, windows, k),
-            standardised.residual[k],
-            standardised.limit[k],
-            standardised.per_size[k],
-        )
-        log_likelihoods = np.full(len(self.classes) - 1, BY_COUNTS)
+        """Log likelihood of every class but normal by these windows, (n, n_faults)."""
+        found = log_likelihood(directions(self.model, windows), standardised)
+        log_likelihoods = np.full((len(share), len(self.classes) - 1), BY_COUNTS)
         for name, value in found.items():
-            log_likelihoods[self.classes.index(name) - 1] = max(value, BY_COUNTS)
-        log_likelihoods[self.classes.index(UNKNOWN) - 1] = UNKNOWN_LIKELIHOOD
-        too_many = (share[k] > 1.0).any(axis=1)
-        if too_many.any():
-            reading = self.model.layout.counted[int(too_many.argmax())]
-            log_likelihoods += BY_COUNTS
-            log_likelihoods[self.classes.index(f"sensor:{reading}") - 1] = 0.0
+            log_likelihoods[:, self._fault(name)] = np.maximum(value, BY_COUNTS)
+        log_likelihoods[:, self._fault(UNKNOWN)] = UNKNOWN_LIKELIHOOD
+        too_many = (share > 1.0).any(axis=2)
+        counted = np.flatnonzero(too_many.any(axis=1))
+        faults = np.array([self._fault(f"sensor:{name}") for name in self.model.layout.counted])
+        log_likelihoods[counted] += BY_COUNTS
+        log_likelihoods[counted, faults[too_many[counted].argmax(axis=1)]] = 0.0
         return log_likelihoods
+
+    def _fault(self, name: str) -> int:
+        """The column of a class among the faults."""
+        return self.classes.index(name) - 1
 
     def _strength(self, ratios: np.ndarray) -> np.ndarray:
         """How far beyond its limit a residual has stayed, (n_lanes, 1); 1 at the limit."""

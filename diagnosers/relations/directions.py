@@ -7,7 +7,7 @@ import numpy as np
 
 from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import SIDES
-from diagnosers.relations.model import RelationModel
+from diagnosers.relations.model import RelationModel, Standardised
 from diagnosers.relations.windows import BALANCE, PUSH, Windows
 
 WITHOUT_LIMIT = 100.0
@@ -23,24 +23,28 @@ INEXACT_RESIDUAL = 0.1  # relative error of a large residual
 class Direction(NamedTuple):
     """Relative changes of the residuals by a fault of amplitude 1, and its possible amplitudes."""
 
-    change: np.ndarray  # (n_residuals,)
+    change: np.ndarray  # (n, n_residuals), window first
     least: float = 0.0
     most: float = WITHOUT_LIMIT
 
 
-def directions(model: RelationModel, windows: Windows, k: int) -> dict[str, list[Direction]]:
-    """Directions by class at the operating point of window k."""
+def directions(model: RelationModel, windows: Windows) -> dict[str, list[Direction]]:
+    """Directions by class at the operating points of the windows."""
     names = model.layout.residuals
+    speed = windows.speed
 
-    def change(**of_residuals: float) -> np.ndarray:
-        return np.array([of_residuals.get(name, 0.0) for name in names])
+    def change(**of_residuals: float | np.ndarray) -> np.ndarray:
+        changes = np.zeros((len(speed), len(names)))
+        for name, values in of_residuals.items():
+            if name in names:
+                changes[:, names.index(name)] = values
+        return changes
 
     if not model.layout.has_shaft_speed:
         return _without_shaft_speed(model, change)
-    speed = windows.speed[k]
     push = model.coefficients[PUSH]
-    drag = max(push[2] * speed**2 + push[3] * speed, 1e-9)
-    shafts = {side: windows.shaft_speed[side][k] for side in model.layout.sides}
+    drag = np.maximum(push[2] * speed**2 + push[3] * speed, 1e-9)
+    shafts = windows.shaft_speed
     # of the net force by a relative change of the speed
     by_speed = -(push[1] * sum(shafts.values()) * speed + 2 * push[2] * speed**2 + push[3] * speed)
     load_by_speed = {}
@@ -51,15 +55,15 @@ def directions(model: RelationModel, windows: Windows, k: int) -> dict[str, list
     for side, shaft in shafts.items():
         load = model.coefficients[f"{side}_load"]
         of_propeller = load[2] * shaft**2 - load[3] * shaft * speed
-        predicted = max(load[0] + load[1] * shaft + of_propeller, 1e-6)
+        predicted = np.maximum(load[0] + load[1] * shaft + of_propeller, 1e-6)
         by_shaft = load[1] * shaft + load[2] * shaft**2 + of_propeller
         load_by_speed[f"{side}_load"] = load[3] * shaft * speed / predicted
         thrust = (push[0] * shaft**2 - push[1] * shaft * speed) / drag
         thrust_by_shaft = (2.0 * push[0] * shaft**2 - push[1] * shaft * speed) / drag
         voltage, sign = _voltage_residual(names, side)
         of_voltage = model.coefficients[f"{side}_voltage"]
-        measured = max(windows.values[f"{side}_voltage"][k], 1e-6)
-        by_current = sign * of_voltage[2] * windows.values[f"{side}_load"][k] / measured
+        measured = np.maximum(windows.values[f"{side}_voltage"], 1e-6)
+        by_current = sign * of_voltage[2] * windows.values[f"{side}_load"] / measured
         back_emf = sign * of_voltage[1] * shaft / measured
         load_name = f"{side}_load"
         overheating = CATALOGUE[f"motor_overheating:{side}"].scale
@@ -146,28 +150,23 @@ def _without_shaft_speed(
 
 
 def log_likelihood(
-    found: Mapping[str, list[Direction]],
-    residual: np.ndarray,
-    limit: np.ndarray,
-    per_size: np.ndarray,
-) -> dict[str, float]:
-    """Log likelihood of every class for one window's residuals, up to a constant.
+    found: Mapping[str, list[Direction]], standardised: Standardised
+) -> dict[str, np.ndarray]:
+    """Log likelihood (n,) of every class for the residuals of the windows, up to a constant.
 
-    The amplitude of each fault is the likeliest one. `residual`, `limit` and `per_size` are those
-    of `Standardised`, (n_residuals,); a limit counts as `AT_LIMIT` standard deviations.
+    The amplitude of each fault is the likeliest one. A limit counts as `AT_LIMIT` standard
+    deviations.
     """
-    scale = AT_LIMIT / limit
-    measured = residual * scale
-    likelihood = {}
-    for name, options in found.items():
-        best = -np.inf
-        for direction in options:
-            unit = direction.change * per_size * scale
-            amplitude = np.clip(
-                measured @ unit / max(unit @ unit, 1e-9), direction.least, direction.most
-            )
-            misfit = measured - amplitude * unit
-            variance = 1.0 + (INEXACT * amplitude * unit) ** 2 + (INEXACT_RESIDUAL * measured) ** 2
-            best = max(best, -0.5 * float(np.sum(misfit**2 / variance)))
-        likelihood[name] = best
-    return likelihood
+    options = [direction for of_class in found.values() for direction in of_class]
+    least = np.array([direction.least for direction in options])[:, None]
+    most = np.array([direction.most for direction in options])[:, None]
+    scale = AT_LIMIT / standardised.limit
+    measured = standardised.residual * scale
+    unit = np.stack([direction.change for direction in options]) * standardised.per_size * scale
+    squared = np.maximum(np.sum(unit**2, axis=-1), 1e-9)
+    amplitude = np.clip(np.sum(measured * unit, axis=-1) / squared, least, most)
+    explained = amplitude[:, :, None] * unit
+    variance = 1.0 + (INEXACT * explained) ** 2 + (INEXACT_RESIDUAL * measured) ** 2
+    likelihood = -0.5 * np.sum((measured - explained) ** 2 / variance, axis=-1)
+    first = np.cumsum([0, *map(len, found.values())])[:-1]
+    return dict(zip(found, np.maximum.reduceat(likelihood, first), strict=True))

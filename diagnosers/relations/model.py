@@ -88,6 +88,10 @@ class Standardised(NamedTuple):
     limit: np.ndarray  # of its absolute value
     per_size: np.ndarray  # residual of a relative change of 1
 
+    def part(self, chosen: np.ndarray) -> "Standardised":
+        """Those of some windows, by number or as a mask."""
+        return Standardised(*(values[chosen] for values in self))
+
 
 def residuals_of(
     layout: Layout, coefficients: Mapping[str, np.ndarray], windows: Windows

@@ -82,6 +82,16 @@ class Windows(NamedTuple):
     shaft_speed: dict[str, np.ndarray]  # (n,) by side, 1000 rpm
     shares: np.ndarray  # (n, n_counted, 2), of zeros and of repeated values
 
+    def part(self, chosen: np.ndarray) -> "Windows":
+        """Some of the windows, by number or as a mask."""
+
+        def of(part: np.ndarray | dict[str, np.ndarray]) -> np.ndarray | dict[str, np.ndarray]:
+            if isinstance(part, dict):
+                return {name: values[chosen] for name, values in part.items()}
+            return part[chosen]
+
+        return Windows(*map(of, self))
+
 
 def is_under_way(rows: np.ndarray) -> np.ndarray:
     """Where the speed command, or without one the speed, is above zero; rows (..., n_channels)."""
