@@ -37,7 +37,7 @@ def directions(model: RelationModel, windows: Windows) -> dict[str, list[Directi
         changes = np.zeros((len(speed), len(names)))
         for name, values in of_residuals.items():
             if name in names:
-                changes[:, names.index(name)] = values
+                changes[:, names.index(name)] = np.nan_to_num(values)
         return changes
 
     if not model.layout.has_shaft_speed:

@@ -96,26 +96,27 @@ class Standardised(NamedTuple):
 def residuals_of(
     layout: Layout, coefficients: Mapping[str, np.ndarray], windows: Windows
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals and sizes of what is predicted, (n, n_residuals); 0 where no relation holds.
+    """Residuals and sizes of what is predicted, (n, n_residuals), about 0 where no relation holds.
 
-    The size of the net force is the drag; that of the balance of voltages is 1.
+    The size of the net force is the drag; the balance of voltages is the difference of their
+    relative residuals, times its size, the mean of both.
     """
     residual = {}
     size = {}
     for name in layout.relations:
         terms = windows.terms[name]
+        is_valid = windows.is_valid[name]
         predicted = terms @ coefficients[name]
-        difference = windows.values[name] - predicted
-        residual[name] = np.where(windows.is_valid[name], difference, 0.0)
+        residual[name] = np.where(is_valid, windows.values[name] - predicted, 0.0)
         if name == PUSH:  # the terms after the two of the thrust
             predicted = terms[:, 2:4] @ coefficients[name][2:4]
-        size[name] = np.maximum(np.abs(predicted), LEAST_SIZE)
+        size[name] = np.maximum(np.where(is_valid, np.abs(predicted), 0.0), LEAST_SIZE)
     if BALANCE in layout.residuals:
-        port, starboard = (
-            residual[f"{side}_voltage"] / size[f"{side}_voltage"] for side in layout.sides
-        )
-        residual[BALANCE] = port - starboard
-        size[BALANCE] = np.ones(len(windows.speed))
+        voltages = [f"{side}_voltage" for side in layout.sides]
+        are_valid = np.all([windows.is_valid[name] for name in voltages], axis=0)
+        port, starboard = (residual[name] / size[name] for name in voltages)
+        size[BALANCE] = np.where(are_valid, 0.5 * sum(map(size.get, voltages)), LEAST_SIZE)
+        residual[BALANCE] = np.where(are_valid, port - starboard, 0.0) * size[BALANCE]
     names = layout.residuals
     return (
         np.stack([residual[name] for name in names], axis=1),

@@ -192,12 +192,11 @@ def _of_shaft(
         average.of(shaft * drives) * scale,
         average.of(current * drives) * scale,
     ]
-    voltages = average.of(voltage * drives) * scale
+    of_voltage = _wherever_read(voltage_terms, average.of(voltage * drives) * scale)
+    is_valid = of_voltage.is_valid & (driven > LEAST_DRIVEN)
     return {
         f"{side}_load": _wherever_read(load_terms, average.of(current)),
-        f"{side}_voltage": Relation(
-            np.stack(voltage_terms, axis=1), voltages, driven > LEAST_DRIVEN
-        ),
+        f"{side}_voltage": of_voltage._replace(is_valid=is_valid),
     }
 
 
@@ -231,8 +230,10 @@ def _of_force(rows: np.ndarray, layout: Layout, average: Average) -> Relation:
 
 
 def _wherever_read(terms: Sequence[np.ndarray], values: np.ndarray) -> Relation:
-    """A relation that holds wherever its value is read."""
-    return Relation(np.stack(terms, axis=1), values, np.isfinite(values))
+    """A relation that holds wherever its terms and its value are read."""
+    stacked = np.stack(terms, axis=1)
+    is_valid = np.isfinite(values) & np.isfinite(stacked).all(axis=1)
+    return Relation(stacked, values, is_valid)
 
 
 def shares_of(rows: np.ndarray, layout: Layout, typical: Mapping[str, Typical]) -> np.ndarray:
