@@ -1,46 +1,29 @@
-"""The fit of a vehicle's relations to healthy logs: coefficients, scatter and limits."""
+"""The relations of a vehicle from its healthy logs, with limits beyond what these reach."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
 
 from auv_fault_env.channels import INDEX
 from auv_fault_env.parameters import SAMPLE_RATE, SIDES
-from diagnosers.relations.model import (
-    LEAST_LIMIT,
-    RelationModel,
-    Scatter,
-    residuals_of,
-    tolerance,
-)
-from diagnosers.relations.windows import (
-    PUSH,
-    Layout,
-    Typical,
-    Windows,
-    is_steady,
-    is_under_way,
-    windows_of,
-)
-from diagnosers.residuals import LASTING
+from diagnosers.relations.model import RelationModel
+from diagnosers.relations.windows import Layout, is_under_way
 from training.field.logs.log import Log, last_values
 from training.field.vehicle_file import VehicleFile
+from training.learning.relation_fit import (
+    MissionWindows,
+    all_windows,
+    fit_relation,
+    lasting_medians,
+    model_with,
+    standardised_residual,
+    typical_of,
+    with_shares,
+)
 
 MARGIN = 1.5  # factor on what healthy windows reach, which are few
-FLOOR = 0.3  # of the median size, below which an error counts as one of that size
-FREE_SHARE = 0.3  # of zeros or repeated values, however few the healthy logs have
-MORE_SHARE = 0.15  # than in the healthy logs
 LEAST_WINDOWS = 120  # two minutes under way
-
-
-class LogWindows(NamedTuple):
-    """The windows of a segment, a second apart, under way."""
-
-    windows: Windows
-    is_steady: np.ndarray  # (n,)
 
 
 def layout_of(vehicle: VehicleFile) -> Layout | None:
@@ -67,17 +50,7 @@ def fit_relations(logs: Sequence[Log], vehicle: VehicleFile) -> RelationModel | 
     if sum(len(part.is_steady) for part in parts) < LEAST_WINDOWS:
         return None
     coefficients = {name: fit_relation(name, parts, layout) for name in layout.relations}
-    model = RelationModel(
-        layout=layout,
-        typical=typical,
-        coefficients=coefficients,
-        steady=scatter(parts, coefficients, layout, steady=True),
-        changing=scatter(parts, coefficients, layout, steady=False),
-        lasting=dict.fromkeys(layout.residuals, LEAST_LIMIT),
-        sizes=median_sizes(parts, coefficients, layout),
-        shares={name: (FREE_SHARE, FREE_SHARE) for name in layout.counted},
-    )
-    return widened(model, parts)
+    return widened(model_with(coefficients, parts, layout, typical), parts)
 
 
 def with_healthy_logs(model: RelationModel, logs: Sequence[Log]) -> RelationModel:
@@ -86,7 +59,7 @@ def with_healthy_logs(model: RelationModel, logs: Sequence[Log]) -> RelationMode
     return widened(model, all_windows(rows, model.layout, model.typical))
 
 
-def widened(model: RelationModel, parts: Sequence[LogWindows]) -> RelationModel:
+def widened(model: RelationModel, parts: Sequence[MissionWindows]) -> RelationModel:
     """The model with limits beyond what these healthy windows reach, by the factor `MARGIN`."""
     names = model.layout.residuals
     regimes = {}
@@ -100,28 +73,11 @@ def widened(model: RelationModel, parts: Sequence[LogWindows]) -> RelationModel:
             for k, (name, one) in enumerate(getattr(model, key).items())
         }
     lasting = dict(model.lasting)
-    shares = dict(model.shares)
     for part in parts:
         medians = lasting_medians(standardised_residual(model, part))
         for name, value in zip(names, np.abs(medians).max(axis=0, initial=0.0), strict=True):
             lasting[name] = max(lasting[name], MARGIN * float(value))
-        most = part.windows.shares.max(axis=0) + MORE_SHARE
-        for name, (zeros, repeated) in zip(model.layout.counted, most, strict=True):
-            most_zeros, most_repeated = shares[name]
-            shares[name] = (max(most_zeros, float(zeros)), max(most_repeated, float(repeated)))
-    return replace(model, lasting=lasting, shares=shares, **regimes)
-
-
-def standardised_residual(model: RelationModel, part: LogWindows) -> np.ndarray:
-    """Residuals of the windows in standard deviations, (n, n_residuals)."""
-    return model.standardised(part.windows, part.is_steady).residual
-
-
-def lasting_medians(residual: np.ndarray) -> np.ndarray:
-    """Medians over `LASTING` windows in a row, (n - LASTING + 1, n_residuals)."""
-    if len(residual) < LASTING:
-        return np.zeros((0, residual.shape[1]))
-    return np.median(np.lib.stride_tricks.sliding_window_view(residual, LASTING, axis=0), axis=-1)
+    return replace(with_shares(model, parts), lasting=lasting, **regimes)
 
 
 def under_way(log: Log, layout: Layout) -> list[np.ndarray]:
@@ -134,99 +90,3 @@ def under_way(log: Log, layout: Layout) -> list[np.ndarray]:
         if len(part) > layout.n_rows:
             parts.append(last_values(part))
     return parts
-
-
-def typical_of(rows: Sequence[np.ndarray], side: str) -> Typical:
-    """Median readings of a side under way."""
-    together = np.concatenate(rows)
-    moving = together[is_under_way(together)]
-    medians = (np.nanmedian(moving[:, INDEX[f"{side}_{kind}"]]) for kind in Typical._fields)
-    return Typical(*map(float, medians))
-
-
-def all_windows(
-    rows: Sequence[np.ndarray], layout: Layout, typical: Mapping[str, Typical]
-) -> list[LogWindows]:
-    """The windows of every segment that has any."""
-    parts = [log_windows(part, layout, typical) for part in rows]
-    return [part for part in parts if part is not None]
-
-
-def log_windows(
-    rows: np.ndarray, layout: Layout, typical: Mapping[str, Typical]
-) -> LogWindows | None:
-    """The windows of a segment's rows; None if the vehicle was not under way."""
-    n_rows = layout.n_rows
-    every = max(1, round(layout.sample_rate))
-    command = rows[:, INDEX["mission_speed"]]
-    changed = np.concatenate([[True], np.diff(command) != 0.0])
-    index = np.arange(len(rows))
-    held = index - np.maximum.accumulate(np.where(changed, index, 0))
-    ends = np.arange(n_rows - 1, len(rows), every)
-    views = np.lib.stride_tricks.sliding_window_view(rows, n_rows, axis=0)[::every]
-    moving = np.lib.stride_tricks.sliding_window_view(is_under_way(rows), n_rows)
-    chosen = moving[::every].all(axis=1)
-    if not chosen.any():
-        return None
-    windows = windows_of(np.swapaxes(views[chosen], 1, 2), layout, typical)
-    return LogWindows(windows, is_steady(held[ends[chosen]], layout))
-
-
-def fit_relation(name: str, parts: Sequence[LogWindows], layout: Layout) -> np.ndarray:
-    """Coefficients of a relation by weighted least squares of relative errors.
-
-    Those of net force and load have signs by physics, where a shaft speed is read.
-    """
-    chosen = [part.windows.is_valid[name] for part in parts]
-    terms = np.concatenate([p.windows.terms[name][c] for p, c in zip(parts, chosen, strict=True)])
-    values = np.concatenate([p.windows.values[name][c] for p, c in zip(parts, chosen, strict=True)])
-    size = terms[:, 2] if name == PUSH else values
-    size = np.abs(size)
-    weight = 1.0 / np.maximum(size, FLOOR * np.median(size))
-    weighted = terms * weight[:, None]
-    scale = np.maximum(np.abs(weighted).mean(axis=0), 1e-12)
-    has_signs = name == PUSH or (layout.has_shaft_speed and name.endswith("load"))
-    if has_signs:
-        solution, _ = nnls(weighted / scale, values * weight)
-    else:
-        solution, *_ = np.linalg.lstsq(weighted / scale, values * weight, rcond=None)
-    return solution / scale
-
-
-def median_sizes(
-    parts: Sequence[LogWindows], coefficients: Mapping[str, np.ndarray], layout: Layout
-) -> dict[str, float]:
-    """Median size of what each residual's relation predicts."""
-    sizes = [residuals_of(layout, coefficients, part.windows)[1] for part in parts]
-    medians = np.median(np.concatenate(sizes), axis=0)
-    return dict(zip(layout.residuals, medians.tolist(), strict=True))
-
-
-def scatter(
-    parts: Sequence[LogWindows],
-    coefficients: Mapping[str, np.ndarray],
-    layout: Layout,
-    steady: bool,
-) -> dict[str, Scatter]:
-    """Scatter of each residual over the steady windows, or over the others."""
-    pairs = [residuals_of(layout, coefficients, part.windows) for part in parts]
-    chosen = [part.is_steady == steady for part in parts]
-    residual = np.concatenate([pair[0][c] for pair, c in zip(pairs, chosen, strict=True)])
-    size = np.concatenate([pair[1][c] for pair, c in zip(pairs, chosen, strict=True)])
-    found = {}
-    for k, name in enumerate(layout.residuals):
-        least_share = tolerance(layout, name) / LEAST_LIMIT
-        found[name] = _scatter(residual[:, k], size[:, k], least_share)
-    return found
-
-
-def _scatter(residual: np.ndarray, size: np.ndarray, least_share: float) -> Scatter:
-    if not len(residual):
-        return Scatter(0.0, least_share, LEAST_LIMIT)
-    squares = np.stack([np.ones(len(size)), size**2], axis=1)
-    scale = squares.mean(axis=0)
-    weight = 1.0 / (size**2 + 0.05 * scale[1])
-    variances, _ = nnls(squares / scale * weight[:, None], residual**2 * weight)
-    constant, share = np.sqrt(variances / scale)
-    share = max(float(share), least_share)
-    return Scatter(float(constant), share, LEAST_LIMIT)
