@@ -219,6 +219,12 @@ def fill_missing(
     return observation
 
 
+def last_values(rows: np.ndarray) -> np.ndarray:
+    """Each gap of (n_rows, n_columns) replaced by the last value above it, where there is one."""
+    index = np.where(np.isfinite(rows), np.arange(len(rows))[:, None], 0)
+    return np.take_along_axis(rows, np.maximum.accumulate(index, axis=0), axis=0)
+
+
 def decide(
     belief: Belief, classes: tuple[str, ...], alarm: float = 0.5, name: float = 0.5
 ) -> list[str]:

@@ -9,8 +9,16 @@ import numpy as np
 from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.faults import UNKNOWN
 from diagnosers.bank.sensors import FIRST_READING
-from diagnosers.diagnoser import Belief, Recursive, join_odds, same_severity
+from diagnosers.diagnoser import (
+    Belief,
+    Recursive,
+    fill_missing,
+    join_odds,
+    last_values,
+    same_severity,
+)
 from diagnosers.relations.directions import directions, log_likelihood
+from diagnosers.relations.episode import episode_windows
 from diagnosers.relations.model import RelationModel, Standardised
 from diagnosers.relations.windows import PUSH, Windows, is_steady, is_under_way, windows_of
 
@@ -18,6 +26,7 @@ PERSISTENT = 5  # windows in a row, a second apart, beyond a limit: an alarm
 # The same for the net force: where the water's current changes, the speed through the water does,
 # which every window of 15 s that contains it takes for a force.
 PERSISTENT_PUSH = 20
+COUNTS = ("zeros", "repeated values")  # of readings in a window
 LASTING = 45  # windows, of the median that finds slight lasting changes
 MEMORY = math.exp(-1.0 / 20.0)  # of the likelihood of classes, per window
 UNKNOWN_LIKELIHOOD = -6.0  # log, of a window's residuals that no known fault explains
@@ -33,12 +42,25 @@ class ResidualsState(NamedTuple):
     rows: np.ndarray  # (n_lanes, n_rows, n_channels), the last readings; NaN before the first
     n_rows: np.ndarray  # (n_lanes,), readings so far
     held: np.ndarray  # (n_lanes,), readings since the speed command changed; 0 without one
-    # (n_lanes, PERSISTENT_PUSH, n_ratios), of the last windows, 1 at the limit: each residual, the
-    # largest median, and the largest share of zeros or repeated values
-    ratios: np.ndarray
+    ratios: np.ndarray  # (n_lanes, PERSISTENT_PUSH, n_rules), of the last windows, 1 at the limit
     history: np.ndarray  # (n_lanes, LASTING, n_residuals), standardised; NaN before the first
     evidence: np.ndarray  # (n_lanes, n_faults), log likelihood of the classes but normal
     log_probability: np.ndarray  # (n_lanes, n_classes), after the last judged window
+
+
+class Course(NamedTuple):
+    """An episode in windows, window first, by `Residuals.course`.
+
+    Values and limits of the rules are relative: to what the relation predicts (the net force: to
+    the drag), and shares of zeros and of repeated values in a window.
+    """
+
+    last: np.ndarray  # (n,), index of the last observation
+    value: np.ndarray  # (n, n_rules); NaN where there are too few windows
+    limit: np.ndarray  # (n, n_rules), of the absolute value
+    std: np.ndarray  # (n, n_residuals), of a healthy vehicle, relative
+    strength: np.ndarray  # (n, n_rules), how far beyond its limit each has stayed; 1 at the limit
+    log_probability: np.ndarray  # (n, n_classes)
 
 
 class Residuals(Recursive):
@@ -63,15 +85,17 @@ class Residuals(Recursive):
         self.model = model
 
     @cached_property
-    def _every(self) -> int:
-        """Readings from one judged window to the next."""
-        return max(1, round(self.model.layout.sample_rate))
+    def rules(self) -> tuple[str, ...]:
+        """What is compared with a limit: residuals, their lasting medians, and counts."""
+        layout = self.model.layout
+        lasting = (f"lasting {name}" for name in layout.residuals)
+        counts = (f"{kind} of {name}" for name in layout.counted for kind in COUNTS)
+        return (*layout.residuals, *lasting, *counts)
 
     def initial(self, n_lanes: int) -> ResidualsState:
         """Nothing read yet."""
         layout = self.model.layout
-        n_ratios = len(layout.residuals) + 2
-        ratios = np.zeros((n_lanes, PERSISTENT_PUSH, n_ratios))
+        ratios = np.zeros((n_lanes, PERSISTENT_PUSH, len(self.rules)))
         evidence = np.zeros((n_lanes, len(self.classes) - 1))
         return ResidualsState(
             rows=np.full((n_lanes, layout.n_rows, len(CHANNELS)), np.nan),
@@ -80,19 +104,57 @@ class Residuals(Recursive):
             ratios=ratios,
             history=np.full((n_lanes, LASTING, len(layout.residuals)), np.nan),
             evidence=evidence,
-            log_probability=self._log_probability(ratios, evidence),
+            log_probability=log_probability(self._strength(ratios), evidence),
         )
 
     def step(self, state: ResidualsState, observation: np.ndarray) -> tuple[ResidualsState, Belief]:
         """The next state and the belief."""
         state = with_row(state, observation)
-        due = window_is_due(state, observation, self._every)
+        due = window_is_due(state, observation, self.model.layout.every)
         if due.any():
             state = self._judged(state, np.flatnonzero(due))
-        severity = same_severity(state.log_probability.shape, *UNIFORM_SEVERITY)
-        for values in severity:
-            values[:, -1] = 0.0
-        return state, Belief(state.log_probability, *severity)
+        return state, belief_of(state.log_probability)
+
+    def course(self, observations: np.ndarray) -> Course:
+        """What `update` finds along one episode, (n_samples, n_channels), from its beginning."""
+        model = self.model
+        nothing = np.zeros_like(observations)
+        observations = fill_missing(observations, nothing, self.filled_channels)
+        arrived = np.flatnonzero(has_reading(observations))
+        rows = last_values(observations[arrived])
+        windows, steady, last = episode_windows(rows, model.layout, model.typical)
+        standardised = model.standardised(windows, steady)
+        value, limit = self._compared(
+            windows, standardised, so_far(standardised.residual, LASTING, math.nan)
+        )
+        ratio = ratio_of(value, limit)
+        evidence = np.zeros((len(ratio), len(self.classes) - 1))
+        beyond = np.flatnonzero(ratio.max(axis=1, initial=0.0) > 1.0)
+        if beyond.size:
+            evidence[beyond] = self._likelihood(
+                windows.part(beyond), standardised.part(beyond), ratio[beyond]
+            )
+        for k in range(1, len(evidence)):
+            evidence[k] += MEMORY * evidence[k - 1]
+        strength = self._strength(so_far(ratio, PERSISTENT_PUSH, 0.0))
+        per_size = np.tile(standardised.per_size, 2)
+        n_counts = len(self.rules) - per_size.shape[1]
+        relative = 1.0 / np.pad(per_size, ((0, 0), (0, n_counts)), constant_values=1.0)
+        return Course(
+            last=arrived[last],
+            value=value * relative,
+            limit=limit * relative,
+            std=1.0 / standardised.per_size,
+            strength=strength,
+            log_probability=log_probability(strength, evidence),
+        )
+
+    def beliefs(self, course: Course, n_samples: int) -> Belief:
+        """The beliefs after every sample of an episode, (n_samples, n_classes) each."""
+        first = self.initial(1).log_probability
+        by_window = np.concatenate([first, course.log_probability])
+        n_windows = np.searchsorted(course.last, np.arange(n_samples), side="right")
+        return belief_of(by_window[n_windows])
 
     def _judged(self, state: ResidualsState, lanes: np.ndarray) -> ResidualsState:
         """The state after the windows of these lanes."""
@@ -101,13 +163,7 @@ class Residuals(Recursive):
         standardised = self.model.standardised(windows, is_steady(state.held[lanes], layout))
         history = state.history.copy()
         history[lanes] = pushed(history[lanes], standardised.residual)
-        lasting = np.array([self.model.lasting[name] for name in layout.residuals])
-        # NaN as long as there are fewer windows
-        median = np.nan_to_num(np.abs(np.median(history[lanes], axis=1)) / lasting)
-        most_shares = np.array([self.model.shares[name] for name in layout.counted])
-        share = windows.shares / most_shares
-        at_once = np.abs(standardised.residual) / standardised.limit
-        ratio = np.column_stack([at_once, median.max(axis=1), share.max(axis=(1, 2))])
+        ratio = ratio_of(*self._compared(windows, standardised, history[lanes]))
         ratios = state.ratios.copy()
         ratios[lanes] = pushed(ratios[lanes], ratio)
         evidence = state.evidence.copy()
@@ -115,28 +171,54 @@ class Residuals(Recursive):
         beyond = np.flatnonzero(ratio.max(axis=1) > 1.0)
         if beyond.size:
             likelihood = self._likelihood(
-                windows.part(beyond), standardised.part(beyond), share[beyond]
+                windows.part(beyond), standardised.part(beyond), ratio[beyond]
             )
             evidence[lanes[beyond]] += likelihood
         return state._replace(
             ratios=ratios,
             history=history,
             evidence=evidence,
-            log_probability=self._log_probability(ratios, evidence),
+            log_probability=log_probability(self._strength(ratios), evidence),
         )
 
+    def _compared(
+        self, windows: Windows, standardised: Standardised, history: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Values of the rules and their limits, (n, n_rules) each.
+
+        Residuals are standardised; `history` (n, LASTING, n_residuals) has those of the last
+        windows, NaN before the first.
+        """
+        layout = self.model.layout
+        lasting = np.array([self.model.lasting[name] for name in layout.residuals])
+        shares = np.array([self.model.shares[name] for name in layout.counted])
+        n = len(history)
+        value = [
+            standardised.residual,
+            np.median(history, axis=1),
+            windows.shares.reshape(n, shares.size),
+        ]
+        limit = [
+            standardised.limit,
+            np.broadcast_to(lasting, (n, lasting.size)),
+            np.broadcast_to(shares.ravel(), (n, shares.size)),
+        ]
+        return np.hstack(value), np.hstack(limit)
+
     def _likelihood(
-        self, windows: Windows, standardised: Standardised, share: np.ndarray
+        self, windows: Windows, standardised: Standardised, ratio: np.ndarray
     ) -> np.ndarray:
         """Log likelihood of every class but normal by these windows, (n, n_faults)."""
+        layout = self.model.layout
         found = log_likelihood(directions(self.model, windows), standardised)
-        log_likelihoods = np.full((len(share), len(self.classes) - 1), BY_COUNTS)
+        log_likelihoods = np.full((len(ratio), len(self.classes) - 1), BY_COUNTS)
         for name, value in found.items():
             log_likelihoods[:, self._fault(name)] = np.maximum(value, BY_COUNTS)
         log_likelihoods[:, self._fault(UNKNOWN)] = UNKNOWN_LIKELIHOOD
+        share = ratio[:, 2 * len(layout.residuals) :].reshape(windows.shares.shape)
         too_many = (share > 1.0).any(axis=2)
         counted = np.flatnonzero(too_many.any(axis=1))
-        faults = np.array([self._fault(f"sensor:{name}") for name in self.model.layout.counted])
+        faults = np.array([self._fault(f"sensor:{name}") for name in layout.counted])
         log_likelihoods[counted] += BY_COUNTS
         log_likelihoods[counted, faults[too_many[counted].argmax(axis=1)]] = 0.0
         return log_likelihoods
@@ -146,18 +228,43 @@ class Residuals(Recursive):
         return self.classes.index(name) - 1
 
     def _strength(self, ratios: np.ndarray) -> np.ndarray:
-        """How far beyond its limit a residual has stayed, (n_lanes, 1); 1 at the limit."""
-        lowest = ratios[:, -PERSISTENT:].min(axis=1)
-        if PUSH in self.model.layout.residuals:
-            push = self.model.layout.residuals.index(PUSH)
-            lowest[:, push] = ratios[:, :, push].min(axis=1)
-        return lowest.max(axis=1, keepdims=True)
+        """How far beyond its limit each rule has stayed, (n, n_rules); 1 at the limit.
 
-    def _log_probability(self, ratios: np.ndarray, evidence: np.ndarray) -> np.ndarray:
-        """Log probabilities (n_lanes, n_classes): even odds where a residual is at its limit."""
-        strength = self._strength(ratios)
-        log_odds = np.minimum(SHARPNESS * (strength**2 - 1.0), LARGEST_LOG_ODDS)
-        return join_odds(log_odds, evidence - evidence.max(axis=1, keepdims=True))
+        `ratios` (n, PERSISTENT_PUSH, n_rules) are those of the last windows.
+        """
+        lowest = ratios[:, -PERSISTENT:].min(axis=1)
+        if PUSH in self.rules:
+            push = self.rules.index(PUSH)
+            lowest[:, push] = ratios[:, :, push].min(axis=1)
+        return lowest
+
+
+def ratio_of(value: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Values relative to their limits, 1 at the limit; 0 where there is none yet."""
+    return np.nan_to_num(np.abs(value) / limit)
+
+
+def log_probability(strength: np.ndarray, evidence: np.ndarray) -> np.ndarray:
+    """Log probabilities (n, n_classes): even odds where a rule is at its limit."""
+    strongest = strength.max(axis=1, keepdims=True)
+    log_odds = np.minimum(SHARPNESS * (strongest**2 - 1.0), LARGEST_LOG_ODDS)
+    return join_odds(log_odds, evidence - evidence.max(axis=1, keepdims=True))
+
+
+def belief_of(log_probability: np.ndarray) -> Belief:
+    """The belief, whose severities are not estimated; log probabilities are (n, n_classes)."""
+    severity = same_severity(log_probability.shape, *UNIFORM_SEVERITY)
+    for values in severity:
+        values[:, -1] = 0.0
+    return Belief(log_probability, *severity)
+
+
+def so_far(values: np.ndarray, n: int, before: float) -> np.ndarray:
+    """The last n values up to each, (n_values, n, n_columns), `before` the first this number."""
+    padded = np.concatenate([np.full((n - 1, values.shape[1]), before), values])
+    if not len(values):
+        return padded[:0, None].repeat(n, axis=1)
+    return np.swapaxes(np.lib.stride_tricks.sliding_window_view(padded, n, axis=0), 1, 2)
 
 
 def with_row(state: ResidualsState, observation: np.ndarray) -> ResidualsState:

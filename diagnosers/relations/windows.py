@@ -39,6 +39,11 @@ class Layout(NamedTuple):
         return max(4, round(DURATION * self.sample_rate))
 
     @property
+    def every(self) -> int:
+        """Readings from one judged window to the next, a second later."""
+        return max(1, round(self.sample_rate))
+
+    @property
     def relations(self) -> tuple[str, ...]:
         """Names of the relations."""
         of_hull = (PUSH,) if self.has_shaft_speed else ()

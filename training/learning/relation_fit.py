@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from auv_fault_env.channels import INDEX
+from diagnosers.relations.episode import episode_windows
 from diagnosers.relations.model import (
     LEAST_LIMIT,
     RelationModel,
@@ -20,9 +21,7 @@ from diagnosers.relations.windows import (
     Layout,
     Typical,
     Windows,
-    is_steady,
     is_under_way,
-    windows_of,
 )
 from diagnosers.residuals import LASTING
 
@@ -100,20 +99,8 @@ def mission_windows(
     rows: np.ndarray, layout: Layout, typical: Mapping[str, Typical]
 ) -> MissionWindows | None:
     """The windows of a mission's rows; None if the vehicle was not under way."""
-    n_rows = layout.n_rows
-    every = max(1, round(layout.sample_rate))
-    command = rows[:, INDEX["mission_speed"]]
-    changed = np.concatenate([[True], np.diff(command) != 0.0])
-    index = np.arange(len(rows))
-    held = index - np.maximum.accumulate(np.where(changed, index, 0))
-    ends = np.arange(n_rows - 1, len(rows), every)
-    views = np.lib.stride_tricks.sliding_window_view(rows, n_rows, axis=0)[::every]
-    moving = np.lib.stride_tricks.sliding_window_view(is_under_way(rows), n_rows)
-    chosen = moving[::every].all(axis=1)
-    if not chosen.any():
-        return None
-    windows = windows_of(np.swapaxes(views[chosen], 1, 2), layout, typical)
-    return MissionWindows(windows, is_steady(held[ends[chosen]], layout))
+    windows, steady, last = episode_windows(rows, layout, typical)
+    return MissionWindows(windows, steady) if last.size else None
 
 
 def fit_relation(name: str, parts: Sequence[MissionWindows], layout: Layout) -> np.ndarray:

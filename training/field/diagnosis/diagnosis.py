@@ -2,7 +2,7 @@
 
 import inspect
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -145,13 +145,24 @@ def beliefs(log: Log, name: str, vehicle: VehicleFile) -> Belief:
     along = Belief(*(np.zeros(shape, np.float32) for _ in Belief._fields))
     with tqdm(total=shape[0], desc=log.name, unit="sample", unit_scale=True, leave=False) as bar:
         for segment in log.segments:
-            diagnoser.reset(1)
-            for k in range(segment.start, segment.stop):
-                belief = diagnoser.update(log.observation[k : k + 1])
-                for column, values in zip(along, belief, strict=True):
-                    column[k] = values[0]
-                bar.update()
+            begin = segment.start
+            for part in _beliefs_in_parts(diagnoser, log.observation[segment]):
+                end = begin + len(part.log_probability)
+                for column, values in zip(along, part, strict=True):
+                    column[begin:end] = values
+                bar.update(end - begin)
+                begin = end
     return along
+
+
+def _beliefs_in_parts(diagnoser: Diagnoser, observations: np.ndarray) -> Iterator[Belief]:
+    """The beliefs along an episode (n_samples, n_channels), from part to part of it."""
+    if isinstance(diagnoser, Residuals):
+        yield diagnoser.beliefs(diagnoser.course(observations), len(observations))
+        return
+    diagnoser.reset(1)
+    for k in range(len(observations)):
+        yield diagnoser.update(observations[k : k + 1])
 
 
 def is_alarmed(log: Log, belief: Belief, threshold: float, samples: int) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 from auv_fault_env.channels import CHANNELS, COMMANDS, INDEX
 from auv_fault_env.errors import known_name, refusal
 from auv_fault_env.parameters import SAMPLE_TIME
+from diagnosers.diagnoser import last_values
 from training.field.logs.clock import TimeAxis, time_axis
 from training.field.logs.files import read_table
 from training.field.logs.plausible import plausible_values
@@ -136,12 +137,6 @@ def _on_grid(time: np.ndarray, observations: np.ndarray) -> tuple[np.ndarray, np
         if channel in COMMANDS:
             grid[:, k : k + 1] = last_values(grid[:, k : k + 1])
     return time[0] + SAMPLE_TIME * np.arange(len(grid)), grid
-
-
-def last_values(rows: np.ndarray) -> np.ndarray:
-    """Each gap of (n_rows, n_columns) replaced by the last value above it, where there is one."""
-    index = np.where(np.isfinite(rows), np.arange(len(rows))[:, None], 0)
-    return np.take_along_axis(rows, np.maximum.accumulate(index, axis=0), axis=0)
 
 
 def _consecutive_slices(lengths: list[int]) -> tuple[slice, ...]:

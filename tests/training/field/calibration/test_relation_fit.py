@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from auv_fault_env.channels import CHANNELS, INDEX
+from auv_fault_env.channels import CHANNELS, INDEX, READINGS
 from auv_fault_env.errors import InputError
 from auv_fault_env.faults import classes
 from auv_fault_env.fleet import Fleet
@@ -132,6 +132,44 @@ def test_a_fault_raises_an_alarm_after_its_onset_and_is_named(fault, severity):
         last = np.flatnonzero(is_alarm[:, lane])[-1]
         named.append(classes()[1 + int(belief[last, lane, 1:].argmax())])
     assert named.count(right) >= 3, named
+
+
+def with_gaps(observation):
+    """A log with rows without readings, readings that lack, and one that is impossible."""
+    random = np.random.default_rng(3)
+    gappy = observation.copy()
+    readings = np.array([INDEX[name] for name in READINGS])
+    is_lost = random.random((len(gappy), len(readings))) < 0.2
+    gappy[:, readings] = np.where(is_lost, np.nan, gappy[:, readings])
+    gappy[np.ix_(np.arange(7, len(gappy), 9), readings)] = np.nan
+    gappy[1500, INDEX["speed"]] = 1e300
+    return gappy
+
+
+@pytest.mark.parametrize("change", [np.copy, with_gaps, lambda log: log[:100], lambda log: log[:0]])
+def test_the_course_of_an_episode_is_what_it_gives_sample_by_sample(change):
+    log = logs_of(1, FaultEvent("seal_friction:port", ONSET, 0.9), first=300)[0]
+    observation = change(log.observation)
+    diagnoser = Residuals(model())
+    found = diagnoser.beliefs(diagnoser.course(observation), len(observation))
+    diagnoser.reset(1)
+    for k, row in enumerate(observation):
+        belief = diagnoser.update(row[None])
+        for values, one in zip(found, belief, strict=True):
+            np.testing.assert_allclose(values[k], one[0], rtol=1e-9, atol=1e-9)
+
+
+def test_a_course_names_the_rule_that_is_strongest():
+    log = logs_of(1, FaultEvent("seal_friction:port", ONSET, 0.9), first=300)[0]
+    diagnoser = Residuals(model())
+    course = diagnoser.course(log.observation)
+    strongest = diagnoser.rules[int(course.strength[-1].argmax())]
+    assert strongest.endswith("port_load")
+    load = diagnoser.rules.index("port_load")
+    is_late = course.last > 10 * (ONSET + 30.0)
+    assert (course.value[is_late, load] > course.limit[is_late, load]).all()
+    assert 0.03 < np.median(course.limit[:, load]) < 0.5
+    assert 0.005 < np.median(course.std[:, load]) < 0.1
 
 
 def test_probabilities_sum_to_one_and_severity_is_given_for_faults_alone():
