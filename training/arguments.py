@@ -166,9 +166,10 @@ class Diagnose:
     """Vehicle file (TOML), best the one that calibrate wrote."""
     logs: Annotated[Positional[tuple[Path, ...]], arg(metavar="LOGS")] = ()
     """Logs: CSV, Parquet, MCAP, as the vehicle file describes them."""
-    diagnoser: str = "filter_bank"
-    """filter_bank; residuals after calibration; with all channels at 10 Hz also integrated, cusum,
-    rules, limits, kalman_network."""
+    diagnoser: str | None = None
+    """By default that of the vehicle file, which calibrate chooses. filter_bank; residuals after
+    calibration; with all channels at 10 Hz also integrated, cusum, rules, limits,
+    kalman_network."""
     follow: bool = False
     """Read CSV with a header or JSON objects from standard input; answer each line in JSON."""
     healthy: tuple[Path, ...] = ()

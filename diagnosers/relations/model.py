@@ -126,7 +126,16 @@ def residuals_of(
 
 def tolerance(layout: Layout, residual: str) -> float:
     """Relative change of a healthy vehicle that raises no alarm."""
-    kind = residual.rpartition("_")[2] if residual != BALANCE else BALANCE
+    kind = kind_of(residual)
     if kind == "load" and not layout.has_shaft_speed:
         return LOAD_BY_SPEED_TOLERANCE
     return TOLERANCE[kind]
+
+
+def kind_of(residual: str) -> str:
+    """The key of `TOLERANCE` for a residual.
+
+    >>> kind_of("port_load"), kind_of("balance")
+    ('load', 'balance')
+    """
+    return residual.rpartition("_")[2]

@@ -15,6 +15,7 @@ from training.field.calibration.calibration import (
     calibrate_samples,
 )
 from training.field.calibration.checks import leave_one_out
+from training.field.calibration.fit_quality import FitQuality, fit_quality
 from training.field.calibration.page import REPAIRS, page, plain
 from training.field.calibration.relation_fit import fit_relations
 from training.field.calibration.samples import samples_of
@@ -29,17 +30,19 @@ def main(arguments: Calibrate) -> None:
     if not arguments.logs:
         raise refusal("logs", 0, "at least one healthy log", "name them after the options")
     with run_folder(arguments.output, "calibrate", arguments) as folder:
-        calibration, results = calibrate(arguments)
-        write_vehicle(folder / "vehicle.toml", calibration.vehicle, comments(calibration))
+        calibration, quality, results = calibrate(arguments)
+        vehicle = replace(calibration.vehicle, diagnoser=quality.diagnoser)
+        write_vehicle(folder / "vehicle.toml", vehicle, comments(calibration, quality))
         write_json(folder / "results.json", results)
         write_report(results, folder)
     print_tables(section for section in results["sections"] if section["heading"] != REPAIRS)
     print(f"\nvehicle file: {arguments.output / 'vehicle.toml'}")
     print(f"report: {arguments.output / 'index.html'}")
+    print(quality.line)
 
 
-def calibrate(arguments: Calibrate) -> tuple[Calibration, dict[str, Any]]:
-    """The calibration, and all results as plain data."""
+def calibrate(arguments: Calibrate) -> tuple[Calibration, FitQuality, dict[str, Any]]:
+    """The calibration, how well it knows the vehicle, and all results as plain data."""
     vehicle = read_vehicle(arguments.vehicle)
     if len({path.resolve() for path in arguments.logs}) < len(arguments.logs):
         names = [str(path) for path in arguments.logs]
@@ -50,7 +53,10 @@ def calibrate(arguments: Calibrate) -> tuple[Calibration, dict[str, Any]]:
     vehicle = replace(vehicle, relations=fit_relations(logs, vehicle))
     calibration = calibrate_samples(samples, vehicle)
     left_out = leave_one_out(samples, calibration, [log.name for log in logs])
+    quality = fit_quality(logs, calibration.vehicle)
     results = page(logs, samples, calibration, left_out) | plain(calibration, left_out, logs)
+    results["intro"].append(quality.line)
+    results["fit_quality"] = quality._asdict()
     command = (
         "auv-fault",
         "calibrate",
@@ -59,11 +65,11 @@ def calibrate(arguments: Calibrate) -> tuple[Calibration, dict[str, Any]]:
         *arguments.logs,
     )
     results["command"] = shlex.join(map(str, command))
-    return calibration, results
+    return calibration, quality, results
 
 
-def comments(calibration: Calibration) -> dict[str, str]:
-    """The comments of the vehicle file on each fitted parameter."""
+def comments(calibration: Calibration, quality: FitQuality) -> dict[str, str]:
+    """The comments of the vehicle file: on each fitted parameter, and on the diagnoser."""
     notes = {}
     for name in filter(calibration.is_fitted, NAMES):
         parameter = calibration.parameter(name)
@@ -72,4 +78,5 @@ def comments(calibration: Calibration) -> dict[str, str]:
             notes |= dict.fromkeys(("parameters.c1", "parameters.c2"), interval)
         else:
             notes[f"parameters.{name}"] = f"{parameter.low:.5g} to {parameter.high:.5g}"
-    return {key: f"fitted, 95 % interval {interval}" for key, interval in notes.items()}
+    fitted = {key: f"fitted, 95 % interval {interval}" for key, interval in notes.items()}
+    return fitted | {"vehicle.diagnoser": quality.line}

@@ -12,7 +12,7 @@ from auv_fault_env.errors import InputError, refusal
 from diagnosers import Belief
 from diagnosers.residuals import Residuals
 from training.arguments import Diagnose
-from training.field.calibration.relation_fit import with_healthy_logs
+from training.field.calibration.sensitivity import described, with_healthy_logs
 from training.field.diagnosis.diagnosis import (
     FAULT,
     HEALTHY,
@@ -36,6 +36,8 @@ from training.report.run_folder import run_folder, write_json
 
 EXIT_CODES = {HEALTHY: 0, UNUSABLE: 2, FAULT: 3}
 MOST_FIGURES = {FAULT: 12, HEALTHY: 2}  # of logs, by verdict
+# log p(normal) of a threshold: below, most faults would raise no alarm
+LEAST_THRESHOLD = -30.0
 CELLS = "log verdict alarm_time fault side severity severity_low severity_high duration".split()
 
 
@@ -50,6 +52,7 @@ class DiagnosedLog(NamedTuple):
 def main(arguments: Diagnose) -> int:
     """Diagnose; the exit code is that of the worst verdict: 0 healthy, 2 unusable, 3 a fault."""
     vehicle = read_vehicle(arguments.vehicle)
+    arguments = replace(arguments, diagnoser=arguments.diagnoser or vehicle.diagnoser)
     diagnoser_for(arguments.diagnoser, vehicle, {})
     if not arguments.follow and not arguments.logs:
         remedy = "name one, or add --follow to read standard input"
@@ -58,6 +61,9 @@ def main(arguments: Diagnose) -> int:
     if arguments.diagnoser == Residuals.name:
         vehicle = replace(vehicle, relations=with_healthy_logs(vehicle.relations, healthy_logs))
         healthy_logs = []
+        changes = described(vehicle.relations.smallest_changes())
+        output = sys.stderr if arguments.follow else sys.stdout
+        print(f"residuals finds lasting changes from: {changes}", file=output)
     threshold = threshold_of(healthy_logs, arguments.diagnoser, vehicle)
     if arguments.follow:
         alarmed = follow(sys.stdin.buffer, sys.stdout, vehicle, arguments.diagnoser, threshold)
@@ -71,14 +77,33 @@ def main(arguments: Diagnose) -> int:
 
 
 def threshold_of(healthy_logs: Sequence[Log], name: str, vehicle: VehicleFile) -> float:
-    """Threshold of log p(normal): the benchmark's, or the lowest value on the healthy logs."""
+    """Threshold of log p(normal): the benchmark's, or the lowest value on the healthy logs.
+
+    `InputError` for a log that would lower it below `LEAST_THRESHOLD`.
+    """
     threshold = THRESHOLDS[name]
     for log in healthy_logs:
         log_normal = beliefs(log, name, vehicle).log_probability[:, :1]
         for segment in log.segments:
-            lowest = running_maximum(log_normal[segment], persistence(vehicle)).min()
-            threshold = min(threshold, float(lowest))
+            lasting = running_maximum(log_normal[segment], persistence(vehicle))[:, 0]
+            lowest = float(lasting.min())
+            if lowest < LEAST_THRESHOLD:
+                time = float(log.time[segment][lasting.argmin()])
+                raise too_improbable(log, lowest, time, vehicle)
+            threshold = min(threshold, lowest)
     return threshold
+
+
+def too_improbable(log: Log, lowest: float, time: float, vehicle: VehicleFile) -> InputError:
+    """The refusal of a healthy log for its lowest log p(normal), reached at a time [s]."""
+    allowed = (
+        f"{LEAST_THRESHOLD:g} or more: with a lower threshold most faults would raise no alarm"
+    )
+    remedy = "leave the log out of --healthy, or calibrate with it"
+    if vehicle.relations is not None:
+        remedy = f"the model does not explain the log: add --diagnoser {Residuals.name}"
+    got = f"log p(normal) of {lowest:.0f} at {time:.0f} s"
+    return refusal(f"healthy log {log.name}", got, allowed, remedy)
 
 
 def write_verdicts(

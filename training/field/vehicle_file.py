@@ -13,6 +13,7 @@ from auv_fault_env.errors import finite_in_range, known_name, refusal
 from auv_fault_env.parameters import HULL, PRESETS, SHAFT, Vehicle, vehicle_of
 from diagnosers.relations.model import RelationModel
 from diagnosers.relations.table import KEYS, as_table, from_table
+from diagnosers.residuals import Residuals
 from training.field.units import UNITS, factor
 
 QUANTITIES = {spec.name: spec.metadata for spec in fields(Vehicle) if spec.metadata}
@@ -20,6 +21,16 @@ BAND: Mapping[str, float] = MappingProxyType(
     {name: QUANTITIES[name]["band"] for name in (*HULL, *SHAFT)}
 )
 NOISE: Mapping[str, float] = MappingProxyType({name: CHANNELS[name].noise for name in READINGS})
+# diagnosers that take the parameters of a vehicle file
+VEHICLE_DIAGNOSERS = (
+    "filter_bank",
+    "integrated",
+    "cusum",
+    "rules",
+    "limits",
+    "kalman_network",
+)
+DIAGNOSERS = (*VEHICLE_DIAGNOSERS, Residuals.name)
 GENERAL = {
     "name": "",
     "preset": "",
@@ -27,12 +38,14 @@ GENERAL = {
     "sample_rate": "Hz",
     "hotel_load": "W",
     "battery": "Wh",
+    "diagnoser": "",
 }
 VEHICLE_KEYS = (
     "shafts",
     "sample_rate",
     "hotel_load",
     "battery",
+    "diagnoser",
 )  # as in `VehicleFile`
 TABLES = ("vehicle", "parameters", "healthy_band", "noise", "time", "channels", "relations")
 COLUMN = ("column", "unit", "scale", "offset")
@@ -73,6 +86,8 @@ class VehicleFile:
         Standard deviation by reading, in the channel's unit; by default `NOISE`.
     hotel_load, battery
         Power of all but propulsion [W]; charge of the full battery [Wh], 0 if not known.
+    diagnoser
+        The one that `diagnose` uses unless told otherwise, of `DIAGNOSERS`; calibration chooses it.
     relations
         Of its readings on healthy logs, for the diagnoser `residuals`; None before calibration.
     """
@@ -86,6 +101,7 @@ class VehicleFile:
     noise: Mapping[str, float] = field(default_factory=dict)
     hotel_load: float = 0.0
     battery: float = 0.0
+    diagnoser: str = VEHICLE_DIAGNOSERS[0]
     relations: RelationModel | None = None
 
     def __post_init__(self):
@@ -100,6 +116,7 @@ class VehicleFile:
         finite_in_range("sample_rate [Hz]", self.sample_rate, 0.5, 1e4)
         finite_in_range("hotel_load [W]", self.hotel_load, 0.0, 1e6)
         finite_in_range("battery [Wh]", self.battery, 0.0, 1e9)
+        known_name("diagnoser", self.diagnoser, DIAGNOSERS)
         object.__setattr__(self, "band", {**BAND, **self.band})
         object.__setattr__(self, "noise", {**NOISE, **self.noise})
 

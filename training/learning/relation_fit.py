@@ -35,6 +35,7 @@ class MissionWindows(NamedTuple):
 
     windows: Windows
     is_steady: np.ndarray  # (n,)
+    last: np.ndarray  # index of the last row of each, (n,)
 
 
 def model_with(
@@ -100,7 +101,7 @@ def mission_windows(
 ) -> MissionWindows | None:
     """The windows of a mission's rows; None if the vehicle was not under way."""
     windows, steady, last = episode_windows(rows, layout, typical)
-    return MissionWindows(windows, steady) if last.size else None
+    return MissionWindows(windows, steady, last) if last.size else None
 
 
 def fit_relation(name: str, parts: Sequence[MissionWindows], layout: Layout) -> np.ndarray:

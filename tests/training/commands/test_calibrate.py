@@ -48,6 +48,17 @@ def test_vehicle_file_holds_the_fit_and_says_so(finished):
     assert text.count("fitted, 95 % interval") == 9  # with c1, c2 and the disturbance's two
 
 
+def test_the_last_line_says_how_well_the_vehicle_is_known(paths, tmp_path, capfd):
+    code, folder = run(tmp_path, *paths)
+    last = capfd.readouterr().out.strip().split("\n")[-1]
+    quality = json.loads((folder / "results.json").read_text())["fit_quality"]
+    assert code == 0 and last.startswith(f"fit: {quality['level']}: ")
+    assert last.endswith(f"diagnose uses {quality['diagnoser']}")
+    assert last in (folder / "vehicle.toml").read_text()
+    assert f"diagnose uses {quality['diagnoser']}" in (folder / "index.html").read_text()
+    assert read_vehicle(folder / "vehicle.toml").diagnoser == quality["diagnoser"]
+
+
 def test_page_has_fits_residuals_and_what_is_not_known(finished):
     text = (finished / "index.html").read_text()
     for heading in (

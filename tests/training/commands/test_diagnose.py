@@ -1,17 +1,23 @@
 import csv
+import io
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from auv_fault_env.errors import InputError
 from training.arguments import Diagnose
 from training.commands import diagnose
-from training.field.vehicle_file import write_vehicle
+from training.field.vehicle_file import Column, write_vehicle
 
+from ..field.calibration.test_relation_fit import FILE, logs_of, model
+from ..field.calibration.test_sensitivity import LOST
 from ..field.fleet_logs import VEHICLE, episode, write_log
 
 FAULT = "seal_friction:port"
+SLIGHT = 0.4  # severity
 
 
 @pytest.fixture(scope="module")
@@ -82,8 +88,64 @@ def test_the_verdicts_are_printed(folder, tmp_path, capsys):
 
 def test_healthy_logs_lower_the_threshold_as_far_as_they_come(folder, tmp_path):
     """A log said to be healthy raises no alarm, nor does one that is no worse."""
-    assert run(folder, tmp_path / "out", "faulty", healthy=(folder / "faulty.csv",)) == 0
+    write_log(folder / "slight.csv", episode(FAULT, SLIGHT))
+    assert run(folder, tmp_path / "out", "slight") == 3
+    assert run(folder, tmp_path / "out", "slight", healthy=(folder / "slight.csv",)) == 0
     assert run(folder, tmp_path / "out", "faulty", healthy=(folder / "healthy.csv",)) == 3
+
+
+def test_a_healthy_log_that_the_model_excludes_is_refused(folder, tmp_path):
+    """A threshold as low as that would let most faults pass."""
+    with pytest.raises(InputError) as error:
+        run(folder, tmp_path / "out", "faulty", healthy=(folder / "faulty.csv",))
+    for words in ("healthy log faulty.csv", "log p(normal) of -", "leave the log out of --healthy"):
+        assert words in str(error.value)
+    assert "residuals" not in str(error.value)  # the vehicle has no relations
+
+
+@pytest.fixture(scope="module")
+def related(tmp_path_factory):
+    """A vehicle file that chooses residuals, and a healthy and a faulty log of the vehicle."""
+    folder = tmp_path_factory.mktemp("related")
+    file = replace(FILE, time=Column("time"), relations=model(), diagnoser="residuals")
+    write_vehicle(folder / "v.toml", file)
+    for name, events in (("healthy", ()), ("lost", (LOST,))):
+        log, *_ = logs_of(1, *events, first=700)
+        write_log(folder / f"{name}.csv", log.observation)
+    return folder
+
+
+def test_the_vehicle_file_chooses_the_diagnoser_and_the_option_overrides_it(
+    related, tmp_path, capsys
+):
+    assert run(related, tmp_path / "chosen", "lost") == 3
+    printed = capsys.readouterr().out
+    assert "residuals finds lasting changes from: drag " in printed
+    assert "--diagnoser residuals" in (tmp_path / "chosen" / "results.json").read_text()
+    run(related, tmp_path / "limits", "healthy", diagnoser="limits")
+    assert "--diagnoser limits" in (tmp_path / "limits" / "results.json").read_text()
+    assert "lasting changes" not in capsys.readouterr().out
+
+
+def test_a_stream_has_the_diagnoser_of_the_vehicle_file(related, monkeypatch, capsys):
+    lost = (related / "lost.csv").read_bytes()
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(buffer=io.BytesIO(lost)))
+    assert run(related, Path("nowhere"), follow=True) == 3
+    captured = capsys.readouterr()
+    assert "residuals finds lasting changes from: drag " in captured.err
+    assert all(line.startswith("{") for line in captured.out.splitlines())
+
+
+def test_a_healthy_log_that_blinds_the_residuals_is_refused(related, tmp_path):
+    with pytest.raises(InputError, match=r"healthy log lost\.csv: .* leave the log out"):
+        run(related, tmp_path / "out", "healthy", healthy=(related / "lost.csv",))
+    assert not list(tmp_path.iterdir())
+
+
+def test_where_the_bank_refuses_a_healthy_log_residuals_are_the_remedy(related, tmp_path):
+    with pytest.raises(InputError, match="add --diagnoser residuals"):
+        settings = {"diagnoser": "filter_bank", "healthy": (related / "lost.csv",)}
+        run(related, tmp_path / "out", "healthy", **settings)
 
 
 @pytest.mark.parametrize(

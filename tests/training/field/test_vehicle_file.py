@@ -35,6 +35,7 @@ def test_smallest_file_has_the_preset_and_its_defaults(tmp_path):
     assert (vehicle.time, vehicle.sample_rate, vehicle.shafts) == (None, 10, 2)
     assert (vehicle.band, vehicle.noise) == (BAND, NOISE)
     assert (vehicle.hotel_load, vehicle.battery) == (0.0, 0.0)
+    assert vehicle.diagnoser == "filter_bank"
 
 
 def test_units_scale_and_offset(tmp_path):
@@ -71,6 +72,7 @@ def some_vehicle():
         noise={"speed": 1 / 70},
         hotel_load=12.5,
         battery=np.float64(800.1),
+        diagnoser="cusum",
     )
 
 
@@ -120,6 +122,10 @@ WRONG = {
     "infinite hotel load": (
         MINIMAL.replace("10\n", "10\nhotel_load = inf\n"),
         ["hotel_load [W]", "inf"],
+    ),
+    "unknown diagnoser": (
+        MINIMAL.replace("10\n", '10\ndiagnoser = "residual"\n'),
+        ["diagnoser", "did you mean 'residuals'"],
     ),
     "no channels": ("[vehicle]\nsample_rate = 10\n", ["channels", "speed"]),
     "commands only": (

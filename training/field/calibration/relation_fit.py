@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from auv_fault_env.channels import INDEX
 from auv_fault_env.parameters import SAMPLE_RATE, SIDES
 from diagnosers.relations.model import RelationModel
-from diagnosers.relations.windows import Layout, is_under_way
+from diagnosers.relations.windows import DURATION, Layout, Typical, is_under_way
 from training.field.logs.log import Log, last_values
 from training.field.vehicle_file import VehicleFile
 from training.learning.relation_fit import (
@@ -26,12 +27,25 @@ MARGIN = 1.5  # factor on what healthy windows reach, which are few
 LEAST_WINDOWS = 120  # two minutes under way
 
 
+class Rows(NamedTuple):
+    """The rows of a segment in which readings arrived."""
+
+    time: np.ndarray  # s from the log's start, (n,)
+    reading: np.ndarray  # (n, n_channels), a missing one as the last before it
+
+
+def lacking_channels(vehicle: VehicleFile) -> list[str]:
+    """The channels that relations need and the vehicle does not log."""
+    sides = SIDES[: vehicle.shafts]
+    needed = ["speed", *(f"{side}_{kind}" for side in sides for kind in ("voltage", "current"))]
+    return [name for name in needed if name not in vehicle.columns]
+
+
 def layout_of(vehicle: VehicleFile) -> Layout | None:
     """The layout of the vehicle's readings; None without speed, voltage or current."""
-    sides = SIDES[: vehicle.shafts]
-    needed = {"speed", *(f"{side}_{kind}" for side in sides for kind in ("voltage", "current"))}
-    if not needed <= vehicle.columns.keys():
+    if lacking_channels(vehicle):
         return None
+    sides = SIDES[: vehicle.shafts]
     has_shaft_speed = {f"{side}_rpm" for side in sides} <= vehicle.columns.keys()
     return Layout(sides, has_shaft_speed, min(vehicle.sample_rate, SAMPLE_RATE))
 
@@ -42,21 +56,42 @@ def fit_relations(logs: Sequence[Log], vehicle: VehicleFile) -> RelationModel | 
     None without the channels, or without two minutes under way.
     """
     layout = layout_of(vehicle)
-    rows = [part for log in logs for part in under_way(log, layout)] if layout else []
-    if layout is None or not any(is_under_way(part).any() for part in rows):
+    if layout is None:
         return None
-    typical = {side: typical_of(rows, side) for side in layout.sides}
-    parts = all_windows(rows, layout, typical)
-    if sum(len(part.is_steady) for part in parts) < LEAST_WINDOWS:
+    typical, parts = windows_under_way(logs, layout)
+    if n_windows(parts) < LEAST_WINDOWS:
         return None
     coefficients = {name: fit_relation(name, parts, layout) for name in layout.relations}
     return widened(model_with(coefficients, parts, layout, typical), parts)
 
 
-def with_healthy_logs(model: RelationModel, logs: Sequence[Log]) -> RelationModel:
-    """The model with limits that the windows of more healthy logs do not cross."""
-    rows = [part for log in logs for part in under_way(log, model.layout)]
-    return widened(model, all_windows(rows, model.layout, model.typical))
+def why_no_relations(logs: Sequence[Log], vehicle: VehicleFile) -> tuple[str, str]:
+    """Why `fit_relations` gives None, and the remedy."""
+    lacking = lacking_channels(vehicle)
+    if lacking:
+        return f"no relations without {', '.join(lacking)}", "log what is lacking"
+    _, parts = windows_under_way(logs, layout_of(vehicle))
+    why = (
+        f"no relations from {n_windows(parts)} s under way, each stretch counted from its "
+        f"{DURATION:g}th second; {LEAST_WINDOWS} s are the least"
+    )
+    return why, "add healthy missions"
+
+
+def windows_under_way(
+    logs: Sequence[Log], layout: Layout
+) -> tuple[dict[str, Typical], list[MissionWindows]]:
+    """Typical readings by side, and all windows; both empty if the vehicle never was under way."""
+    rows = [part.reading for log in logs for part in rows_of(log, layout)]
+    if not any(is_under_way(part).any() for part in rows):
+        return {}, []
+    typical = {side: typical_of(rows, side) for side in layout.sides}
+    return typical, all_windows(rows, layout, typical)
+
+
+def n_windows(parts: Sequence[MissionWindows]) -> int:
+    """Number of windows, which are a second apart."""
+    return sum(len(part.is_steady) for part in parts)
 
 
 def widened(model: RelationModel, parts: Sequence[MissionWindows]) -> RelationModel:
@@ -80,13 +115,13 @@ def widened(model: RelationModel, parts: Sequence[MissionWindows]) -> RelationMo
     return replace(with_shares(model, parts), lasting=lasting, **regimes)
 
 
-def under_way(log: Log, layout: Layout) -> list[np.ndarray]:
-    """The readings (n, n_channels) of each segment, without the rows in which none arrived."""
+def rows_of(log: Log, layout: Layout) -> list[Rows]:
+    """The rows of each segment that is longer than a window."""
     parts = []
     for segment in log.segments:
         observation = log.observation[segment]
         has_speed = np.isfinite(observation[:, INDEX["speed"]])
-        part = observation[has_speed].astype(np.float64)
-        if len(part) > layout.n_rows:
-            parts.append(last_values(part))
+        reading = observation[has_speed].astype(np.float64)
+        if len(reading) > layout.n_rows:
+            parts.append(Rows(log.time[segment][has_speed], last_values(reading)))
     return parts

@@ -20,19 +20,10 @@ from training.benchmark.thresholds import ONE_PER_HOUR
 from training.field.diagnosis.estimates import excess_loads
 from training.field.logs.log import Log
 from training.field.logs.resolution import COARSE, ROUNDING, resolutions
-from training.field.vehicle_file import VehicleFile
+from training.field.vehicle_file import VEHICLE_DIAGNOSERS, VehicleFile
 from training.metrics import alarms
 from training.metrics.records import PERSISTENCE
 
-# diagnosers that take the parameters of a vehicle file
-VEHICLE_DIAGNOSERS = (
-    "filter_bank",
-    "integrated",
-    "cusum",
-    "rules",
-    "limits",
-    "kalman_network",
-)
 THRESHOLDS: dict[str, float] = {
     **{name: ONE_PER_HOUR[name] for name in VEHICLE_DIAGNOSERS},
     Residuals.name: math.log(0.5),  # at the limits of the vehicle's own relations

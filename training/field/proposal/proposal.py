@@ -33,6 +33,7 @@ COARSE_CLOCK = 0.3  # share of rows with the stamp of the row before
 COMMENTS = {
     "vehicle.preset": "a guess to start with: calibrate fits the constants to healthy logs",
     "vehicle.hotel_load": "not in a log: the power of all but propulsion",
+    "vehicle.diagnoser": "calibrate chooses it",
     "vehicle.battery": "not in a log: the charge when full",
 }
 

@@ -13,7 +13,7 @@ from auv_fault_env.missions import Mission
 from auv_fault_env.schedules import FaultEvent
 from diagnosers.relations.windows import Layout, Typical, weights
 from diagnosers.residuals import Residuals
-from training.field.calibration.relation_fit import fit_relations, with_healthy_logs
+from training.field.calibration.relation_fit import fit_relations
 from training.field.diagnosis.diagnosis import diagnoser_for
 from training.field.logs.log import last_values
 from training.field.vehicle_file import Column, VehicleFile, read_vehicle, write_vehicle
@@ -187,15 +187,6 @@ def test_an_hour_of_rest_raises_no_alarm():
     for _ in range(600):
         belief = diagnoser.update(np.zeros((1, len(CHANNELS))))
     assert belief.log_probability[0, 0] > LOG_ALARM
-
-
-def test_healthy_logs_widen_limits_and_never_narrow_them():
-    wide = with_healthy_logs(model(), logs_of(2, FaultEvent("increased_drag", ONSET, 0.6)))
-    same = with_healthy_logs(model(), [])
-    assert same == replace(model(), coefficients=same.coefficients)
-    for name, limit in wide.lasting.items():
-        assert limit >= model().lasting[name]
-    assert wide.lasting["push"] > model().lasting["push"]
 
 
 def test_the_vehicle_file_keeps_the_relations(tmp_path):

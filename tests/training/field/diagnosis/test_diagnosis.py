@@ -11,7 +11,6 @@ from training.field.diagnosis.diagnosis import (
     FAULT,
     HEALTHY,
     THRESHOLDS,
-    VEHICLE_DIAGNOSERS,
     alarm_intervals,
     beliefs,
     diagnoser_for,
@@ -21,6 +20,7 @@ from training.field.diagnosis.diagnosis import (
 )
 from training.field.diagnosis.page import verdict_row
 from training.field.logs.resolution import resolution
+from training.field.vehicle_file import VEHICLE_DIAGNOSERS
 
 from ..fleet_logs import NAMES, VEHICLE, episode, log_of
 
