@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from auv_fault_env.channels import INDEX
 from auv_fault_env.errors import InputError
 from training.arguments import Diagnose
 from training.commands import diagnose
@@ -17,7 +18,6 @@ from ..field.calibration.test_sensitivity import LOST
 from ..field.fleet_logs import VEHICLE, episode, write_log
 
 FAULT = "seal_friction:port"
-SLIGHT = 0.4  # severity
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +88,7 @@ def test_the_verdicts_are_printed(folder, tmp_path, capsys):
 
 def test_healthy_logs_lower_the_threshold_as_far_as_they_come(folder, tmp_path):
     """A log said to be healthy raises no alarm, nor does one that is no worse."""
-    write_log(folder / "slight.csv", episode(FAULT, SLIGHT))
+    write_log(folder / "slight.csv", episode("propeller_damage:port", 0.4))
     assert run(folder, tmp_path / "out", "slight") == 3
     assert run(folder, tmp_path / "out", "slight", healthy=(folder / "slight.csv",)) == 0
     assert run(folder, tmp_path / "out", "faulty", healthy=(folder / "healthy.csv",)) == 3
@@ -96,9 +96,12 @@ def test_healthy_logs_lower_the_threshold_as_far_as_they_come(folder, tmp_path):
 
 def test_a_healthy_log_that_the_model_excludes_is_refused(folder, tmp_path):
     """A threshold as low as that would let most faults pass."""
+    unlike = episode().copy()
+    unlike[:, [INDEX["port_voltage"], INDEX["starboard_voltage"]]] *= 2.0
+    write_log(folder / "unlike.csv", unlike)
     with pytest.raises(InputError) as error:
-        run(folder, tmp_path / "out", "faulty", healthy=(folder / "faulty.csv",))
-    for words in ("healthy log faulty.csv", "log p(normal) of -", "leave the log out of --healthy"):
+        run(folder, tmp_path / "out", "faulty", healthy=(folder / "unlike.csv",))
+    for words in ("healthy log unlike.csv", "log p(normal) of -", "leave the log out of --healthy"):
         assert words in str(error.value)
     assert "residuals" not in str(error.value)  # the vehicle has no relations
 
