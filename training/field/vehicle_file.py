@@ -48,15 +48,24 @@ VEHICLE_KEYS = (
     "diagnoser",
 )  # as in `VehicleFile`
 TABLES = ("vehicle", "parameters", "healthy_band", "noise", "time", "channels", "relations")
-COLUMN = ("column", "unit", "scale", "offset")
+COLUMN = ("column", "unit", "scale", "offset", "times")
 
 
 class Column(NamedTuple):
-    """A column of the log: reading in the channel's unit = scale * column + offset."""
+    """A column of the log: reading in the channel's unit = scale * column + offset.
+
+    With `times`, that is multiplied by another column, as a duty by the supply's voltage.
+    """
 
     name: str
     scale: float = 1.0
     offset: float = 0.0
+    times: str | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the columns that are read."""
+        return (self.name,) if self.times is None else (self.name, self.times)
 
 
 @dataclass(frozen=True)
@@ -110,6 +119,9 @@ class VehicleFile:
             _check_column(f"channels.{channel}", column)
         if self.time is not None:
             _check_column("time", self.time)
+            if self.time.times is not None:
+                remedy = "leave it out"
+                raise refusal("time.times", self.time.times, "no factor of the time", remedy)
         _check_numbers("healthy_band", self.band, dict.fromkeys(BAND, 0.9))
         ranges = {name: CHANNELS[name].high - CHANNELS[name].low for name in NOISE}
         _check_numbers("noise", self.noise, ranges)
@@ -135,9 +147,10 @@ def _check_channels(columns: Mapping[str, Column], shafts: int) -> None:
 
 
 def _check_column(where: str, column: Column) -> None:
-    if not isinstance(column.name, str) or not column.name:
-        allowed = "a name of the log's header"
-        raise refusal(f"{where}.column", column.name, allowed, "name the column")
+    for key, name in zip(("column", "times"), column.names, strict=False):
+        if not isinstance(name, str) or not name:
+            allowed = "a name of the log's header"
+            raise refusal(f"{where}.{key}", name, allowed, "name the column")
     finite_in_range(f"{where}.offset", column.offset, -1e12, 1e12)
     if not finite_in_range(f"{where}.scale", column.scale, -1e9, 1e9):
         remedy = "write the factor to the channel's unit"
@@ -214,7 +227,8 @@ def _column(where: str, entry: Any, kind: str) -> Column:
     entry = _table({where: entry}, where, COLUMN)
     scale = finite_in_range(f"{where}.scale", entry.get("scale", 1.0), -1e9, 1e9)
     unit = factor(f"{where}.unit", entry.get("unit", kind), kind)
-    return Column(entry.get("column"), unit * scale, entry.get("offset", 0.0))
+    offset = entry.get("offset", 0.0)
+    return Column(entry.get("column"), unit * scale, offset, entry.get("times"))
 
 
 def write_vehicle(
@@ -273,6 +287,8 @@ def _entry(column: Column, kind: str) -> dict[str, str | float]:
         entry["scale"] = scale
     if column.offset != 0.0:
         entry["offset"] = column.offset
+    if column.times is not None:
+        entry["times"] = column.times
     return entry
 
 

@@ -62,6 +62,7 @@ def some_vehicle():
     columns |= {
         "speed": Column('Speed "quoted" \\ µ\x7f', -1852 / 3600, 0.0),
         "rudder": Column("deg", np.pi / 180),
+        "port_voltage": Column("duty", 0.01, 0.0, "supply"),
     }
     return VehicleFile(
         vehicle=replace(PRESETS["npsnet1995"], name="number 5", alpha=np.float64(-1 / 13)),
@@ -153,6 +154,11 @@ WRONG = {
     "unit of another kind": (MINIMAL + 'unit = "V"\n', ["channels.speed.unit", "'V'", "m/s"]),
     "scale of zero": (MINIMAL + "scale = 0\n", ["channels.speed.scale", "other than 0"]),
     "offset not a number": (MINIMAL + "offset = nan\n", ["channels.speed.offset", "nan"]),
+    "times a number": (MINIMAL + "times = 3\n", ["channels.speed.times", "got 3"]),
+    "time times a column": (
+        MINIMAL + '[time]\ncolumn = "t"\ntimes = "u"\n',
+        ["time.times", "'u'", "no factor"],
+    ),
     "time without column": (MINIMAL + '[time]\nunit = "s"\n', ["time.column", "None"]),
     "unknown parameter": (
         MINIMAL + "[parameters]\nalfa = -1\n",

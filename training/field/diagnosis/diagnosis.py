@@ -78,7 +78,9 @@ def diagnoser_for(name: str, vehicle: VehicleFile, resolution: Mapping[str, floa
         raise refusal("diagnoser", name, allowed, "leave --diagnoser out")
     sides = logged_sides(vehicle)
     absent_sides = [side for side in SIDES if side not in sides]
-    unobservable = [f"{prefix}_" for prefix in (*absent, *absent_sides)]
+    # a voltage computed from a command and the supply is no sensor that fails
+    computed = [channel for channel, column in vehicle.columns.items() if column.times]
+    unobservable = [f"{prefix}_" for prefix in (*absent, *absent_sides, *computed)]
     noise = {}
     for reading, std in vehicle.noise.items():
         sensor_std = max(std, NOISE_FLOOR * CHANNELS[reading].noise)

@@ -132,7 +132,8 @@ class CsvRows:
         self._separator = separator_of([header])
         self._names = cells_of(header, self._separator)
         for column in filter(None, (*vehicle.columns.values(), vehicle.time)):
-            known_name("column of the vehicle file", column.name, self._names)
+            for name in column.names:
+                known_name("column of the vehicle file", name, self._names)
         self._labels: list[str] | None = None
         self._decimal_mark: str | None = None
 
@@ -175,6 +176,14 @@ def value_of(cell: Any, column: Column) -> float:
     return scaled if math.isfinite(scaled) else math.nan
 
 
+def reading_of(row: Row, column: Column) -> float:
+    """The reading of a line in the channel's unit, NaN where a cell is no finite number."""
+    value = value_of(row.get(column.name), column)
+    if column.times is not None:
+        value *= value_of(row.get(column.times), Column(column.times))
+    return value
+
+
 def time_of(cell: Any, column: Column) -> float:
     """A cell of the time's column in seconds: a number or a time stamp."""
     time = value_of(cell, column)
@@ -187,11 +196,12 @@ def time_of(cell: Any, column: Column) -> float:
 
 
 def printed_resolutions(row: Row, vehicle: VehicleFile) -> dict[str, float]:
-    """Resolution of every reading as a line prints it; a reading that the line lacks is absent."""
+    """Resolution of every reading as a line prints it, where it has it in one cell."""
     steps = {}
     for name in READINGS:
         column = vehicle.columns.get(name)
-        if column and not math.isnan(value_of(row.get(column.name), column)):
+        is_printed = column and column.times is None
+        if is_printed and not math.isnan(reading_of(row, column)):
             text = str(row[column.name])
             steps[name] = printed_resolution(text, column.scale, vehicle.noise[name])
     return steps
@@ -243,12 +253,12 @@ class Stream:
 
     def _value(self, channel: str, row: Row) -> float:
         column = self._vehicle.columns[channel]
-        cell = row.get(column.name)
-        shown = str(cell)[:40]
-        value = value_of(cell, column)
+        cell = " * ".join(str(row.get(name)) for name in column.names)
+        shown = cell[:40]
+        value = reading_of(row, column)
         limit = self._limits[channel]
         if math.isnan(value):
-            if str(cell).lower() not in MISSING:
+            if cell.lower() not in MISSING:
                 self.remarks.append(f"{channel}: {shown!r}")
         elif abs(value) > limit:
             self.remarks.append(f"{channel}: {shown!r} is beyond {limit:.3g}")

@@ -83,9 +83,11 @@ def observations_of(values: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _scaled_column(table: Table, thing: str, column: Column) -> np.ndarray:
-    name = known_name(f"column of {thing}", column.name, table.columns)
+    for name in column.names:
+        known_name(f"column of {thing}", name, table.columns)
     with np.errstate(over="ignore"):
-        return column.scale * table.columns[name] + column.offset
+        values = column.scale * table.columns[column.name] + column.offset
+        return values if column.times is None else values * table.columns[column.times]
 
 
 def _rows_with_numbers(columns: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -20,7 +20,7 @@ from training.field.diagnosis.diagnosis import (
 )
 from training.field.diagnosis.page import verdict_row
 from training.field.logs.resolution import resolution
-from training.field.vehicle_file import VEHICLE_DIAGNOSERS
+from training.field.vehicle_file import VEHICLE_DIAGNOSERS, Column
 
 from ..fleet_logs import NAMES, VEHICLE, episode, log_of
 
@@ -217,3 +217,11 @@ def test_a_severity_that_may_be_anything_is_none(std, severity):
     belief = Belief(log_probability, np.full(shape, 0.5), np.full(shape, std))
     one = verdict("log.csv", log, belief, np.ones(100, bool), VEHICLE)
     assert (one.fault, one.severity) == (classes()[1], severity)
+
+
+def test_a_voltage_computed_from_the_supply_is_no_sensor_that_fails():
+    computed = {"port_voltage": Column("duty", 0.01, 0.0, "supply")}
+    vehicle = replace(VEHICLE, columns=dict(VEHICLE.columns) | computed)
+    faults = diagnoser_for("filter_bank", vehicle, {}).faults
+    assert "sensor_scale:port_current" in faults
+    assert not any("port_voltage" in name for name in faults)

@@ -12,7 +12,7 @@ import pytest
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import InputError
 from training.field.diagnosis.diagnosis import THRESHOLDS, beliefs
-from training.field.diagnosis.stream import follow, lines
+from training.field.diagnosis.stream import follow, lines, printed_resolutions, reading_of
 from training.field.logs.cells import LONGEST_LINE
 from training.field.vehicle_file import Column, write_vehicle
 
@@ -115,6 +115,16 @@ def test_units_are_those_of_the_vehicle_file(faulty):
     observations[:, NAMES.index("speed")] /= 0.3048
     got = [row["p_normal"] for row in answers(csv_lines(observations), feet)[0]]
     np.testing.assert_allclose(got, [row["p_normal"] for row in faulty[0][:SHORT]], rtol=1e-6)
+
+
+def test_a_reading_may_be_the_product_of_two_cells():
+    column = Column("duty", 0.01, -0.5, "supply")
+    assert reading_of({"duty": "80", "supply": "12.5"}, column) == pytest.approx(3.75)
+    assert np.isnan(reading_of({"duty": "80", "supply": ""}, column))
+    product = replace(VEHICLE, columns=dict(VEHICLE.columns) | {"port_voltage": column})
+    assert "port_voltage" not in printed_resolutions(
+        {"duty": "80", "supply": "12.5", "port_current": "1.0"}, product
+    )
 
 
 def test_slow_lines_are_diagnosed_as_a_log_with_missing_readings():

@@ -215,6 +215,18 @@ def test_wrong_but_possible_readings_are_accepted(tmp_path):
     assert log.remarks == ()
 
 
+def test_a_duty_times_the_supply_is_the_voltage_of_the_motor(tmp_path):
+    k = np.arange(200)
+    pwm = 1500.0 + 2.0 * k
+    supply = 15.0 - 0.001 * k
+    column = Column("pwm", 0.0025, -3.75, "supply")
+    log = read(tmp_path, 0.1 * k, vehicle(port_voltage=column), pwm=pwm, supply=supply)
+    np.testing.assert_allclose(channel(log, "port_voltage"), 0.005 * k * supply, atol=1e-9)
+    wrong = vehicle(port_voltage=column._replace(times="supplies"))
+    with pytest.raises(InputError, match="supplies"):
+        read(tmp_path, 0.1 * k, wrong, pwm=pwm, supply=supply)
+
+
 @pytest.mark.parametrize(
     ("columns", "words"),
     [
