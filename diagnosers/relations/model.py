@@ -14,7 +14,6 @@ from diagnosers.relations.windows import BALANCE, PUSH, Layout, Typical, Windows
 TOLERANCE = {"push": 0.2, "load": 0.05, "voltage": 0.1, "balance": 0.05}
 LOAD_BY_SPEED_TOLERANCE = 0.15  # of a load without a shaft speed, which the drag enters
 LEAST_LIMIT = 3.5  # standard deviations
-LEAST_LASTING_LIMIT = 4.0  # the same for the median of windows
 LEAST_SIZE = 1e-6  # of what a relation predicts
 
 

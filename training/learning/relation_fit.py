@@ -10,7 +10,6 @@ from scipy.optimize import nnls
 from auv_fault_env.channels import INDEX
 from diagnosers.relations.episode import episode_windows
 from diagnosers.relations.model import (
-    LEAST_LASTING_LIMIT,
     LEAST_LIMIT,
     RelationModel,
     Scatter,
@@ -52,7 +51,7 @@ def model_with(
         coefficients=coefficients,
         steady=scatter(parts, coefficients, layout, steady=True),
         changing=scatter(parts, coefficients, layout, steady=False),
-        lasting=dict.fromkeys(layout.residuals, LEAST_LASTING_LIMIT),
+        lasting=dict.fromkeys(layout.residuals, LEAST_LIMIT),
         sizes=median_sizes(parts, coefficients, layout),
         shares={name: (FREE_SHARE, FREE_SHARE) for name in layout.counted},
     )
