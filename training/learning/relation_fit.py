@@ -2,13 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
 
 from auv_fault_env.channels import INDEX
-from diagnosers.relations.episode import episode_windows
+from diagnosers.relations.episode import EpisodeWindows, episode_windows
 from diagnosers.relations.model import (
     LEAST_LIMIT,
     RelationModel,
@@ -20,7 +19,6 @@ from diagnosers.relations.windows import (
     PUSH,
     Layout,
     Typical,
-    Windows,
     is_under_way,
 )
 from diagnosers.residuals import LASTING
@@ -30,17 +28,9 @@ FREE_SHARE = 0.3  # of zeros or repeated values, however few healthy missions ha
 MORE_SHARE = 0.15  # than on the healthy missions
 
 
-class MissionWindows(NamedTuple):
-    """The windows of a mission, or of a part of it without a gap, a second apart, under way."""
-
-    windows: Windows
-    is_steady: np.ndarray  # (n,)
-    last: np.ndarray  # index of the last row of each, (n,)
-
-
 def model_with(
     coefficients: Mapping[str, np.ndarray],
-    parts: Sequence[MissionWindows],
+    parts: Sequence[EpisodeWindows],
     layout: Layout,
     typical: Mapping[str, Typical],
 ) -> RelationModel:
@@ -57,7 +47,7 @@ def model_with(
     )
 
 
-def with_shares(model: RelationModel, parts: Sequence[MissionWindows]) -> RelationModel:
+def with_shares(model: RelationModel, parts: Sequence[EpisodeWindows]) -> RelationModel:
     """The model with shares of zeros and repeated values beyond those of these windows."""
     shares = dict(model.shares)
     for part in parts:
@@ -68,7 +58,7 @@ def with_shares(model: RelationModel, parts: Sequence[MissionWindows]) -> Relati
     return replace(model, shares=shares)
 
 
-def standardised_residual(model: RelationModel, part: MissionWindows) -> np.ndarray:
+def standardised_residual(model: RelationModel, part: EpisodeWindows) -> np.ndarray:
     """Residuals of the windows in standard deviations, (n, n_residuals)."""
     return model.standardised(part.windows, part.is_steady).residual
 
@@ -90,21 +80,13 @@ def typical_of(rows: Sequence[np.ndarray], side: str) -> Typical:
 
 def all_windows(
     rows: Sequence[np.ndarray], layout: Layout, typical: Mapping[str, Typical]
-) -> list[MissionWindows]:
+) -> list[EpisodeWindows]:
     """The windows of every mission that has any."""
-    parts = [mission_windows(part, layout, typical) for part in rows]
-    return [part for part in parts if part is not None]
+    parts = [episode_windows(part, layout, typical) for part in rows]
+    return [part for part in parts if part.last.size]
 
 
-def mission_windows(
-    rows: np.ndarray, layout: Layout, typical: Mapping[str, Typical]
-) -> MissionWindows | None:
-    """The windows of a mission's rows; None if the vehicle was not under way."""
-    windows, steady, last = episode_windows(rows, layout, typical)
-    return MissionWindows(windows, steady, last) if last.size else None
-
-
-def fit_relation(name: str, parts: Sequence[MissionWindows], layout: Layout) -> np.ndarray:
+def fit_relation(name: str, parts: Sequence[EpisodeWindows], layout: Layout) -> np.ndarray:
     """Coefficients of a relation by weighted least squares of relative errors.
 
     Those of net force and load have signs by physics, where a shaft speed is read.
@@ -126,7 +108,7 @@ def fit_relation(name: str, parts: Sequence[MissionWindows], layout: Layout) -> 
 
 
 def median_sizes(
-    parts: Sequence[MissionWindows], coefficients: Mapping[str, np.ndarray], layout: Layout
+    parts: Sequence[EpisodeWindows], coefficients: Mapping[str, np.ndarray], layout: Layout
 ) -> dict[str, float]:
     """Median size of what each residual's relation predicts."""
     sizes = [residuals_of(layout, coefficients, part.windows)[1] for part in parts]
@@ -135,7 +117,7 @@ def median_sizes(
 
 
 def scatter(
-    parts: Sequence[MissionWindows],
+    parts: Sequence[EpisodeWindows],
     coefficients: Mapping[str, np.ndarray],
     layout: Layout,
     steady: bool,

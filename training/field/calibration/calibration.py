@@ -14,7 +14,7 @@ from training.field.calibration import motor_fit, surge_fit
 from training.field.calibration.healthy_band import healthy_band
 from training.field.calibration.model_fit import ModelFit
 from training.field.calibration.motor_noise import motor_noise
-from training.field.calibration.robust_fit import Values
+from training.field.calibration.robust_fit import NO_FIT, Fit, Values
 from training.field.calibration.samples import Samples, noise_levels, samples_of
 from training.field.logs.log import Log
 from training.field.vehicle_file import NOISE, QUANTITIES, VehicleFile
@@ -105,11 +105,31 @@ def calibrate_samples(samples: Samples, vehicle: VehicleFile) -> Calibration:
     nominal = vehicle.vehicle
     noise = _channel_noise(samples, vehicle)
     motor = motor_fit.motor_fit(samples, nominal, noise)
-    noise |= _motor_noise(samples, nominal, noise, motor)
-    motor = motor_fit.motor_fit(samples, nominal, noise)
+    better_noise = noise | _motor_noise(samples, nominal, noise, motor)
+    if better_noise != noise:
+        motor = motor_fit.motor_fit(samples, nominal, better_noise)
+    return _with_surge(samples, vehicle, better_noise, motor)
+
+
+def refitted(samples: Samples, calibration: Calibration) -> Calibration:
+    """A calibration to other samples of the same vehicle, with the same noise.
+
+    It has the same parameters as long as the samples identify them.
+    """
+    vehicle = calibration.before
+    noise = calibration.vehicle.noise
+    motor = motor_fit.motor_fit(samples, vehicle.vehicle, noise, calibration.motor.fit)
+    return _with_surge(samples, vehicle, noise, motor, calibration.surge.fit)
+
+
+def _with_surge(
+    samples: Samples, vehicle: VehicleFile, noise: Values, motor: ModelFit, like: Fit = NO_FIT
+) -> Calibration:
+    """The calibration with a fit of the motors, after the fit of surge."""
+    nominal = vehicle.vehicle
     speeds = shaft_speeds(samples, nominal, motor)
     nominal = replace(nominal, **motor_fit.vehicle_constants(nominal, motor.fit.values))
-    surge = surge_fit.surge_fit(samples, nominal, noise["speed"], speeds)
+    surge = surge_fit.surge_fit(samples, nominal, noise["speed"], speeds, like)
     nominal = replace(nominal, **surge_fit.vehicle_constants(nominal, surge.fit.values))
     file_band = dict(vehicle.band)
     band = file_band | _bands(motor, file_band) | _bands(surge, file_band)

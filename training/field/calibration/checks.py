@@ -11,7 +11,7 @@ from training.field.calibration import motor_fit, surge_fit
 from training.field.calibration.calibration import (
     NAMES,
     Calibration,
-    calibrate_samples,
+    refitted,
 )
 from training.field.calibration.samples import Samples
 from training.field.vehicle_file import VehicleFile
@@ -98,7 +98,7 @@ def leave_one_out(
     for mission in bar:
         bar.set_postfix_str(names[mission])
         is_mission = samples.mission == mission
-        without = calibrate_samples(samples.where(~is_mission), calibration.before)
+        without = refitted(samples.where(~is_mission), calibration)
         changes = {}
         for name in VEHICLE_PARAMETERS:
             common = calibration.parameter(name).value

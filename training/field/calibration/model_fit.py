@@ -34,9 +34,11 @@ def no_model_fit(names: tuple[str, ...], why: str, remedy: str) -> ModelFit:
     return ModelFit(NO_FIT, {}, dict.fromkeys(names, (why, remedy)))
 
 
-def model_fit(problem: Problem, scale: Values, remedies: Mapping[str, str]) -> ModelFit:
-    """Fit what the residuals identify; the rest gets a reason and its remedy."""
-    fit = fit_identifiable(problem)
+def model_fit(
+    problem: Problem, scale: Values, remedies: Mapping[str, str], like: Fit = NO_FIT
+) -> ModelFit:
+    """Fit what the residuals identify, first as another fit; the rest gets a reason and remedy."""
+    fit = fit_identifiable(problem, like)
     reasons = {name: reason_unidentified(std) for name, std in fit.unidentified.items()}
     why = {name: (reason, remedies[name]) for name, reason in reasons.items()}
     return ModelFit(fit, scale, why)

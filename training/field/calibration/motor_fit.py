@@ -14,7 +14,7 @@ from training.field.calibration.model_fit import (
     no_model_fit,
 )
 from training.field.calibration.prediction import shaft_residuals
-from training.field.calibration.robust_fit import Problem, Residuals, Values
+from training.field.calibration.robust_fit import NO_FIT, Fit, Problem, Residuals, Values
 from training.field.calibration.samples import Samples
 from training.field.vehicle_file import NOISE
 
@@ -47,8 +47,11 @@ class ShaftLog(NamedTuple):
     noise: np.ndarray
 
 
-def motor_fit(samples: Samples, vehicle: Vehicle, noise: Values) -> ModelFit:
-    """Fit what the readings identify of the motors; `noise` by reading, as in a vehicle file."""
+def motor_fit(samples: Samples, vehicle: Vehicle, noise: Values, like: Fit = NO_FIT) -> ModelFit:
+    """Fit what the readings identify of the motors, first as a fit to other samples.
+
+    `noise` is by reading, as in a vehicle file.
+    """
     sides = [side for side in SIDES if samples.has(f"{side}_current")]
     if not sides:
         return no_model_fit(PARAMETERS, "there is no current reading", "log the motors' currents")
@@ -60,7 +63,7 @@ def motor_fit(samples: Samples, vehicle: Vehicle, noise: Values) -> ModelFit:
         why = "there is no speed, which the propeller's torque depends on"
         return no_model_fit(PARAMETERS, why, "log the speed")
     problem = motor_problem(samples, vehicle, noise, sides)
-    return model_fit(problem, parameter_scales(vehicle), REMEDIES)
+    return model_fit(problem, parameter_scales(vehicle), REMEDIES, like)
 
 
 def motor_problem(
@@ -68,27 +71,24 @@ def motor_problem(
 ) -> Problem:
     """Whitened residuals of rpm and current of all sides, by factors on `PARAMETERS`."""
     logs = {side: shaft_log(samples, side, noise) for side in sides}
-    has_residual = {
-        side: [samples.has(f"{side}_rpm"), samples.has(f"{side}_voltage")] for side in sides
-    }
+    chosen = {}  # indices of the residuals of rpm and current, of all samples one after the other
+    for side, log in logs.items():
+        has_residual = [samples.has(f"{side}_rpm"), samples.has(f"{side}_voltage")]
+        chosen[side] = np.flatnonzero(np.outer(log.is_read, has_residual))
 
     def residuals_of(logs: Mapping[str, ShaftLog]) -> Residuals:
         def residuals(values: Values) -> np.ndarray:
             by_side = []
             for side, log in logs.items():
                 residual, _ = predict_shaft(log, vehicle, values)
-                by_side.append(residual[log.is_read][:, has_residual[side]].ravel())
+                by_side.append(residual.take(chosen[side]))
             return np.concatenate(by_side)
 
         return residuals
 
     def of_residuals(by_side: Mapping[str, np.ndarray]) -> np.ndarray:
         """Numbers of samples, by side, as numbers of residuals."""
-        repeated = [
-            np.repeat(by_side[side][log.is_read], sum(has_residual[side]))
-            for side, log in logs.items()
-        ]
-        return np.concatenate(repeated)
+        return np.concatenate([by_side[side][chosen[side] // 2] for side in logs])
 
     start = dict.fromkeys(PARAMETERS, 1.0)
     start["viscous_friction"] = vehicle.viscous_friction / electric_damping(vehicle)

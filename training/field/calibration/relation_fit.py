@@ -8,12 +8,12 @@ import numpy as np
 
 from auv_fault_env.channels import INDEX
 from auv_fault_env.parameters import SAMPLE_RATE, SIDES
+from diagnosers.relations.episode import EpisodeWindows
 from diagnosers.relations.model import RelationModel
 from diagnosers.relations.windows import DURATION, Layout, Typical, is_under_way
 from training.field.logs.log import Log, last_values
 from training.field.vehicle_file import VehicleFile
 from training.learning.relation_fit import (
-    MissionWindows,
     all_windows,
     fit_relation,
     lasting_medians,
@@ -80,7 +80,7 @@ def why_no_relations(logs: Sequence[Log], vehicle: VehicleFile) -> tuple[str, st
 
 def windows_under_way(
     logs: Sequence[Log], layout: Layout
-) -> tuple[dict[str, Typical], list[MissionWindows]]:
+) -> tuple[dict[str, Typical], list[EpisodeWindows]]:
     """Typical readings by side, and all windows; both empty if the vehicle never was under way."""
     rows = [part.reading for log in logs for part in rows_of(log, layout)]
     if not any(is_under_way(part).any() for part in rows):
@@ -89,12 +89,12 @@ def windows_under_way(
     return typical, all_windows(rows, layout, typical)
 
 
-def n_windows(parts: Sequence[MissionWindows]) -> int:
+def n_windows(parts: Sequence[EpisodeWindows]) -> int:
     """Number of windows, which are a second apart."""
     return sum(len(part.is_steady) for part in parts)
 
 
-def widened(model: RelationModel, parts: Sequence[MissionWindows]) -> RelationModel:
+def widened(model: RelationModel, parts: Sequence[EpisodeWindows]) -> RelationModel:
     """The model with limits beyond what these healthy windows reach, by the factor `MARGIN`."""
     names = model.layout.residuals
     regimes = {}

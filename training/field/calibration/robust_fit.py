@@ -7,28 +7,29 @@ assumed too small; with few blocks they are wide.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import t as student
 
-from training.field.calibration.samples import NORMAL_MAD
+from training.field.calibration.robust_optimum import (
+    LEAST_INFORMATION,
+    ROBUST,
+    Bounds,
+    PointResiduals,
+    jacobian_of,
+    normal_equations,
+    robust_optimum,
+    weighted,
+)
 
-# standard deviations, beyond which a residual counts less than its square (soft_l1)
-ROBUST = 3.0
-# scatter of the residuals, above which the model and not the noise causes them
-MISFIT = 1.5
 LARGEST_STD = 0.15  # of an estimate, relative: above, a parameter is not identified
 LEAST_BLOCKS = 4
-STEP = 1e-6  # of forward differences
-# of the largest information: makes a matrix invertible that lacks information on a parameter
-RIDGE = 1e-12
 
 Values = Mapping[str, float]  # by the name of the parameter or the reading
-Bounds = tuple[float, float]
 Residuals = Callable[[Values], np.ndarray]
-PointResiduals = Callable[[np.ndarray], np.ndarray]
+NOWHERE: Values = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Problem:
     """A least-squares problem."""
 
     residuals: Residuals  # (n_residuals,) of unit variance, from all parameters by name
-    start: Values  # first value by parameter
+    start: Values  # first value by parameter, which one that is not fitted keeps
     bounds: Mapping[str, Bounds]  # least and largest value by parameter
     order: Sequence[str]  # parameters to fit, first those to be fixed when not all are identified
     nuisance: Sequence[str]  # parameters that are fitted in any case
@@ -88,8 +89,8 @@ NO_FIT = Fit(
 )
 
 
-def fit_identifiable(problem: Problem) -> Fit:
-    """Fit the parameters that the residuals identify.
+def fit_identifiable(problem: Problem, like: Fit = NO_FIT) -> Fit:
+    """Fit the parameters that the residuals identify, first those of another fit, near its values.
 
     As long as a parameter is not identified, the first of the problem's order is fixed; then those
     fixed before the last are tried once more. With fewer than `LEAST_BLOCKS` blocks of time nothing
@@ -99,6 +100,10 @@ def fit_identifiable(problem: Problem) -> Fit:
     unidentified = {}
     if np.unique(problem.block).size < LEAST_BLOCKS:
         return NO_FIT._replace(unidentified=dict.fromkeys(free, np.nan))
+    if like.names:
+        fit = fit_parameters(problem, like.names, like.values)
+        if fit.largest_std([name for name in free if name in like.names]) <= LARGEST_STD:
+            return fit._replace(unidentified=like.unidentified)
     fit = fit_parameters(problem, (*free, *problem.nuisance))
     while (std := fit.largest_std(free)) > LARGEST_STD:
         unidentified[free.pop(0)] = std
@@ -112,93 +117,65 @@ def fit_identifiable(problem: Problem) -> Fit:
     return fit._replace(unidentified=unidentified)
 
 
-def fit_parameters(problem: Problem, names: Sequence[str]) -> Fit:
-    """Fit these parameters, the others fixed at their start."""
+def fit_parameters(problem: Problem, names: Sequence[str], near: Values = NOWHERE) -> Fit:
+    """Fit these parameters, beginning near these values, the others fixed at their start."""
 
     def at_point(residuals: Residuals) -> PointResiduals:
         return lambda point: residuals(dict(problem.start) | dict(zip(names, point, strict=True)))
 
     if not names:
         return NO_FIT
-    start = [problem.start[name] for name in names]
+    start = [near.get(name, problem.start[name]) for name in names]
     bounds = [problem.bounds[name] for name in names]
-    optimum, scale = _robust_optimum(at_point(problem.residuals), start, bounds)
-    jacobian = optimum.jac
-    # least_squares returns the Jacobian of the robust cost: its rows by (1 + z)^(-3/4)
-    z = (optimum.fun / scale) ** 2
-    score = jacobian * (optimum.fun * (1.0 + z) ** 0.25)[:, None]
-    covariance, quantile = _jackknife(jacobian, score, problem.block)
-    for variant in problem.variants:
-        change = _newton_step(at_point(variant), optimum.x, jacobian, scale)
+    optimum = robust_optimum(at_point(problem.residuals), start, bounds)
+    score = optimum.jacobian * weighted(optimum.residual, optimum.scale)[:, None]
+    slope = optimum.jacobian * ((1.0 + optimum.excess) ** -0.75)[:, None]
+    covariance, quantile = _jackknife(slope, score, problem.block)
+    information, _ = normal_equations(optimum)
+    _, high = np.transpose(bounds)
+    for variant in map(at_point, problem.variants):
+        residual = variant(optimum.point)
+        jacobian = jacobian_of(variant, optimum.point, residual, high)
+        _, gradient = normal_equations(optimum._replace(residual=residual, jacobian=jacobian))
+        change = np.linalg.solve(_invertible(information), gradient)
         covariance = covariance + np.outer(change, change)
-    weighted = jacobian * np.sqrt(1.0 + z)[:, None]
-    changes, variances = _unit_changes(*_group_sums(weighted, score, problem.unit))
+    weighted_slope = optimum.jacobian * ((1.0 + optimum.excess) ** -0.25)[:, None]
+    changes, variances = _unit_changes(*_group_sums(weighted_slope, score, problem.unit))
     return Fit(
         names=tuple(names),
-        estimate=optimum.x,
+        estimate=optimum.point,
         covariance=covariance,
         quantile=quantile,
         units=np.unique(problem.unit),
-        unit_estimates=optimum.x + changes,
-        unit_variances=variances * (scale / ROBUST) ** 2,
+        unit_estimates=optimum.point + changes,
+        unit_variances=variances * (optimum.scale / ROBUST) ** 2,
         unidentified={},
     )
 
 
-def _robust_optimum(
-    residuals: PointResiduals, start: list[float], bounds: list[Bounds]
-) -> tuple[OptimizeResult, float]:
-    """The robust optimum, and the size from which a residual is large.
-
-    Where the residuals scatter by more than `MISFIT`, the size follows their scatter.
-    """
-    scale = ROBUST
-    low_high = tuple(zip(*bounds, strict=True))
-    optimum = least_squares(residuals, start, bounds=low_high, loss="soft_l1", f_scale=scale)
-    scatter = NORMAL_MAD * float(np.median(np.abs(optimum.fun)))
-    if scatter > MISFIT:
-        scale = ROBUST * scatter
-        start = optimum.x
-        optimum = least_squares(residuals, start, bounds=low_high, loss="soft_l1", f_scale=scale)
-    return optimum, scale
-
-
 def _group_sums(
-    jacobian: np.ndarray, score: np.ndarray, group: np.ndarray
+    slope: np.ndarray, score: np.ndarray, group: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Information (n_groups, n_fitted, n_fitted) and gradient (n_groups, n_fitted)."""
     order = np.argsort(group, kind="stable")
     first = np.flatnonzero(np.diff(group[order], prepend=-1))
-    products = jacobian[order, :, None] * jacobian[order, None, :]
-    information = np.add.reduceat(products, first)
+    parts = np.split(slope[order], first[1:])
+    information = np.stack([part.T @ part for part in parts])
     gradient = np.add.reduceat(score[order], first)
     return information, gradient
 
 
-def _jackknife(
-    jacobian: np.ndarray, score: np.ndarray, block: np.ndarray
-) -> tuple[np.ndarray, float]:
+def _jackknife(slope: np.ndarray, score: np.ndarray, block: np.ndarray) -> tuple[np.ndarray, float]:
     """Covariance (n_fitted, n_fitted), and the quantile of a 95 % interval."""
-    information, gradient = _group_sums(jacobian, score, block)
+    information, gradient = _group_sums(slope, score, block)
     total = information.sum(axis=0)
     n_blocks = len(gradient)
     without_block = _invertible(total - information)
     change = np.linalg.solve(without_block, gradient[:, :, None])[:, :, 0]
     covariance = (n_blocks - 1) / n_blocks * change.T @ change
-    is_unknown = np.diagonal(total) <= 0.0
+    is_unknown = np.diagonal(total) <= LEAST_INFORMATION * np.trace(total)
     covariance = covariance + np.diag(np.where(is_unknown, np.inf, 0.0))
     return covariance, float(student.ppf(0.975, n_blocks - 1))
-
-
-def _newton_step(
-    residuals: PointResiduals, point: np.ndarray, jacobian: np.ndarray, scale: float
-) -> np.ndarray:
-    """Newton step (n_fitted,) to the optimum of other residuals than those of the jacobian."""
-    values = residuals(point)
-    slopes = [(residuals(point + step) - values) / STEP for step in STEP * np.eye(point.size)]
-    weighted = values / np.sqrt(1.0 + (values / scale) ** 2)
-    gradient = np.column_stack(slopes).T @ weighted
-    return -np.linalg.solve(_invertible(jacobian.T @ jacobian), gradient)
 
 
 def _unit_changes(information: np.ndarray, gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -211,4 +188,4 @@ def _unit_changes(information: np.ndarray, gradient: np.ndarray) -> tuple[np.nda
 def _invertible(information: np.ndarray) -> np.ndarray:
     size = information.shape[-1]
     trace = np.trace(information, axis1=-2, axis2=-1)[..., None, None]
-    return information + (RIDGE * trace + np.finfo(float).tiny) * np.eye(size)
+    return information + (LEAST_INFORMATION * trace + np.finfo(float).tiny) * np.eye(size)

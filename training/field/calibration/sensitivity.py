@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from auv_fault_env.errors import InputError, refusal
+from diagnosers.relations.episode import episode_windows
 from diagnosers.relations.model import RelationModel, kind_of
 from diagnosers.relations.windows import BALANCE, PUSH
 from diagnosers.residuals import LASTING
@@ -13,7 +14,6 @@ from training.field.logs.log import Log
 from training.learning.relation_fit import (
     all_windows,
     lasting_medians,
-    mission_windows,
     standardised_residual,
 )
 
@@ -92,8 +92,8 @@ def _time_of_largest(residual: str, log: Log, model: RelationModel, is_lasting: 
     largest = 0.0
     time = np.nan
     for rows in rows_of(log, model.layout):
-        part = mission_windows(rows.reading, model.layout, model.typical)
-        if part is None:
+        part = episode_windows(rows.reading, model.layout, model.typical)
+        if not part.last.size:
             continue
         values = standardised_residual(model, part)
         times = rows.time[part.last]

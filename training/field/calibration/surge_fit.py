@@ -21,7 +21,7 @@ from training.field.calibration.model_fit import (
     no_model_fit,
 )
 from training.field.calibration.prediction import speed_innovations
-from training.field.calibration.robust_fit import Problem, Residuals, Values
+from training.field.calibration.robust_fit import NO_FIT, Fit, Problem, Residuals, Values
 from training.field.calibration.samples import Samples
 
 # in the order in which they are fixed if not all are identified
@@ -41,8 +41,9 @@ def surge_fit(
     vehicle: Vehicle,
     noise: float,
     shaft_speeds: Sequence[np.ndarray],
+    like: Fit = NO_FIT,
 ) -> ModelFit:
-    """Fit what the readings identify of the hull and the thrust.
+    """Fit what the readings identify of the hull and the thrust, first as a fit to other samples.
 
     `noise` is the standard deviation of a speed reading [m/s]. Shaft speeds [rad/s] are
     (n_samples, 2) each: the best estimate first, then some that are each a standard deviation off.
@@ -54,7 +55,8 @@ def surge_fit(
         why = "there is neither a shaft speed nor a voltage"
         return no_model_fit(PARAMETERS, why, "log one of them")
     problem = surge_problem(samples, vehicle, noise, shaft_speeds)
-    fit = model_fit(problem, {name: getattr(vehicle, name) for name in PARAMETERS}, REMEDIES)
+    scales = {name: getattr(vehicle, name) for name in PARAMETERS}
+    fit = model_fit(problem, scales, REMEDIES, like)
     if samples.deflection.any():
         return fit
     unmoved = "rudder and planes do not move", REMEDIES["gamma"]

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from auv_fault_env.parameters import PRESETS
-from training.field.calibration.calibration import NAMES, calibrate, side_differences
+from training.field.calibration.calibration import (
+    NAMES,
+    calibrate,
+    calibrate_samples,
+    refitted,
+    side_differences,
+)
 from training.field.calibration.checks import leave_one_out, prediction_errors
 from training.field.calibration.robust_fit import LARGEST_STD
 from training.field.calibration.samples import samples_of
@@ -39,6 +45,17 @@ def test_vehicles_of_foreign_logs_are_found_within_their_intervals():
         assert row["inside"] >= 4, name
         assert row["half_width"] < 0.06 and row["error"] < 0.03 < 0.08 < row["error_before"]
     assert sum(results["summary"][name]["inside"] for name in SAMPLED) >= 26  # of 30
+
+
+def test_the_fit_without_a_mission_is_that_of_the_other_missions_alone(logs, calibration):
+    others = samples_of(logs[1:])
+    quick = refitted(others, calibration)
+    alone = calibrate_samples(others, FILE)
+    for name in NAMES:
+        assert quick.is_fitted(name) == alone.is_fitted(name)
+        if quick.is_fitted(name):
+            difference = quick.parameter(name).value - alone.parameter(name).value
+            assert abs(difference) < 0.2 * alone.parameter(name).std, name
 
 
 @pytest.mark.parametrize("name", (*SURGE, *MOTOR))

@@ -1,5 +1,7 @@
 """The general pieces of a calibration against cases that can be computed by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -57,6 +59,35 @@ def test_linear_problem_has_the_estimates_and_errors_of_ordinary_least_squares()
         and fit.unidentified["ghost"] > LARGEST_STD
     )
     assert fit.quantile == pytest.approx(2.0227, abs=1e-3)  # Student's t, 39 degrees of freedom
+
+
+def counted(problem):
+    """The problem, and the list of the points at which its residuals were computed."""
+    points = []
+
+    def residuals(values):
+        points.append(values)
+        return problem.residuals(values)
+
+    return replace(problem, residuals=residuals), points
+
+
+def test_a_fit_like_another_begins_there_and_has_its_parameters():
+    first = fit_identifiable(problem(RANDOM.standard_normal(N)))
+    other, points = counted(problem(RANDOM.standard_normal(N)))
+    alone = fit_identifiable(other)
+    n_alone = len(points)
+    like = fit_identifiable(other, first)
+    assert 2 * (len(points) - n_alone) < n_alone
+    assert like.names == alone.names and like.unidentified == first.unidentified
+    assert (abs(like.estimate - alone.estimate) < 0.05 * alone.std).all()
+
+
+def test_a_fit_like_another_fixes_what_its_own_residuals_do_not_identify():
+    first = fit_identifiable(problem(RANDOM.standard_normal(N)))
+    without_tilt = problem(RANDOM.standard_normal(N), design=DESIGN * [1.0, 1e-9, 1.0])
+    assert first.names == ("tilt", "slope")
+    assert fit_identifiable(without_tilt, first).names == ("slope",)
 
 
 def test_correlated_errors_within_a_block_widen_the_interval():

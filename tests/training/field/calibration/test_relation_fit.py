@@ -11,13 +11,14 @@ from auv_fault_env.faults import classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import Mission
 from auv_fault_env.schedules import FaultEvent
+from diagnosers.relations.episode import episode_windows
 from diagnosers.relations.windows import Layout, Typical, weights
 from diagnosers.residuals import Residuals
 from training.field.calibration.relation_fit import fit_relations
 from training.field.diagnosis.diagnosis import diagnoser_for
 from training.field.logs.log import last_values
 from training.field.vehicle_file import Column, VehicleFile, read_vehicle, write_vehicle
-from training.learning.relation_fit import fit_relation, mission_windows
+from training.learning.relation_fit import fit_relation
 from training.rollouts import roll_out
 from training.seeds import seeds
 
@@ -80,7 +81,7 @@ def test_the_coefficients_of_a_known_vehicle_are_found():
     rows[:, INDEX["mission_speed"]] = 1.0
     rows[:, [INDEX["port_current"], INDEX["port_voltage"]]] = 1.0
     layout = Layout(("port",), has_shaft_speed=True, sample_rate=10.0)
-    part = mission_windows(rows, layout, {"port": Typical(1.0, 1.0)})
+    part = episode_windows(rows, layout, {"port": Typical(1.0, 1.0)})
     found = fit_relation("push", [part], layout)
     np.testing.assert_allclose(found[:3], [thrust, of_advance, quadratic], rtol=0.05)
     assert found[3] == pytest.approx(linear, abs=0.01)
