@@ -23,6 +23,7 @@ REGISTRY: dict[str, Entry] = {
     "limits": Entry("diagnosers.limits:Limits"),
     "cusum": Entry("diagnosers.cusum:Cusum"),
     "rules": Entry("diagnosers.rules:Rules"),
+    "residuals": Entry("diagnosers.residuals:Residuals"),
     "filter_bank": Entry("diagnosers.filter_bank:FilterBank"),
     "gaussian_bank": Entry("diagnosers.gaussian_bank:GaussianBank"),
     "raw_network": Entry("diagnosers.raw_network:RawNetwork"),

@@ -1,8 +1,9 @@
 """Residuals of a vehicle's own relations in windows: an alarm beyond what healthy logs show."""
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -20,8 +21,11 @@ from diagnosers.diagnoser import (
 from diagnosers.relations.directions import directions, log_likelihood
 from diagnosers.relations.episode import episode_windows
 from diagnosers.relations.model import RelationModel, Standardised
+from diagnosers.relations.table import as_table, from_table
 from diagnosers.relations.windows import PUSH, Windows, is_steady, is_under_way, windows_of
+from diagnosers.storage import WEIGHTS, settings_of
 
+PACKAGED = WEIGHTS / "residuals.safetensors"
 PERSISTENT = 5  # windows in a row, a second apart, beyond a limit: an alarm
 # The same for the net force: where the water's current changes, the speed through the water does,
 # which every window of 15 s that contains it takes for a force.
@@ -81,16 +85,21 @@ class Residuals(Recursive):
     name = "residuals"
     filled_channels: ClassVar[slice] = slice(0, 0)  # a row without readings is no row of zeros
 
-    def __init__(self, model: RelationModel):
-        self.model = model
+    def __init__(self, model: RelationModel | Mapping[str, Any] | None = None):
+        if model is None:
+            model = settings_of(PACKAGED).get("model", {})
+        self.model = from_table(model) if isinstance(model, Mapping) else model
+
+    def settings(self) -> dict[str, Any]:
+        """The relations as plain data."""
+        return {"model": as_table(self.model)}
 
     @cached_property
     def rules(self) -> tuple[str, ...]:
         """What is compared with a limit: residuals, their lasting medians, and counts."""
         layout = self.model.layout
-        lasting = (f"lasting {name}" for name in layout.residuals)
         counts = (f"{kind} of {name}" for name in layout.counted for kind in COUNTS)
-        return (*layout.residuals, *lasting, *counts)
+        return (*layout.residuals, *map(lasting, layout.residuals), *counts)
 
     def initial(self, n_lanes: int) -> ResidualsState:
         """Nothing read yet."""
@@ -190,7 +199,7 @@ class Residuals(Recursive):
         windows, NaN before the first.
         """
         layout = self.model.layout
-        lasting = np.array([self.model.lasting[name] for name in layout.residuals])
+        medians = np.array([self.model.lasting[name] for name in layout.residuals])
         shares = np.array([self.model.shares[name] for name in layout.counted])
         n = len(history)
         value = [
@@ -200,7 +209,7 @@ class Residuals(Recursive):
         ]
         limit = [
             standardised.limit,
-            np.broadcast_to(lasting, (n, lasting.size)),
+            np.broadcast_to(medians, (n, medians.size)),
             np.broadcast_to(shares.ravel(), (n, shares.size)),
         ]
         return np.hstack(value), np.hstack(limit)
@@ -237,6 +246,11 @@ class Residuals(Recursive):
             push = self.rules.index(PUSH)
             lowest[:, push] = ratios[:, :, push].min(axis=1)
         return lowest
+
+
+def lasting(residual: str) -> str:
+    """The rule of the median of a residual."""
+    return f"lasting {residual}"
 
 
 def ratio_of(value: np.ndarray, limit: np.ndarray) -> np.ndarray:

@@ -51,10 +51,10 @@ class Simulate:
 
 @dataclass(frozen=True)
 class Train:
-    """Train a diagnoser's network; a run that was broken off goes on with the same command."""
+    """Train a diagnoser; a run that was broken off goes on with the same command."""
 
     name: Annotated[Positional[str], arg(metavar="NAME")]
-    """Diagnoser to train: raw_network, kalman_network or integrated."""
+    """Diagnoser to train: raw_network, kalman_network, integrated or residuals."""
     output: Path | None = None
     """Folder of weights, card and report, default runs/train-NAME."""
     seed: int = 0

@@ -7,10 +7,17 @@ import numpy as np
 
 from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import SIDES
-from diagnosers.relations.model import RelationModel, Standardised
+from diagnosers.relations.model import (
+    LEAST_SIZE,
+    TOLERANCE,
+    RelationModel,
+    Standardised,
+    residual_of,
+)
 from diagnosers.relations.windows import BALANCE, PUSH, Windows
 
 WITHOUT_LIMIT = 100.0
+LEAST_OF_PROPELLER = 0.1  # of a load, that is not the constant one of friction
 WORST_DAMAGE = 0.7  # share of its torque that a damaged propeller loses; a lost one loses more
 # thrust that a propeller loses by the torque that it loses, each relative
 THRUST_BY_TORQUE = (0.5, 0.7, 1.0, 1.4, 2.0)
@@ -26,6 +33,7 @@ class Direction(NamedTuple):
     change: np.ndarray  # (n, n_residuals), window first
     least: float = 0.0
     most: float = WITHOUT_LIMIT
+    log_prior: float | np.ndarray = 0.0  # (n,), by what is not among the residuals
 
 
 def directions(model: RelationModel, windows: Windows) -> dict[str, list[Direction]]:
@@ -71,7 +79,10 @@ def directions(model: RelationModel, windows: Windows) -> dict[str, list[Directi
         of_resistance = overheating[f"{side}_resistance"]
         hot_load = 1.0 / of_constant - 1.0
         hot = (of_constant - 1.0) * back_emf + (of_resistance - 1.0) * by_current
-        lost = [change(**{load_name: -1.0, PUSH: -q * thrust}) for q in THRUST_BY_TORQUE]
+        without_friction = np.clip(1.0 - load[0] / predicted, LEAST_OF_PROPELLER, 1.0)
+        lost = [
+            change(**{load_name: -without_friction, PUSH: -q * thrust}) for q in THRUST_BY_TORQUE
+        ]
         found |= {
             f"seal_friction:{side}": [
                 Direction(change(**{load_name: 1.0, PUSH: -q * thrust}))
@@ -81,7 +92,10 @@ def directions(model: RelationModel, windows: Windows) -> dict[str, list[Directi
             f"propeller_loss:{side}": [Direction(one, WORST_DAMAGE, 1.3) for one in lost],
             f"motor_overheating:{side}": [Direction(change(**{load_name: hot_load, voltage: hot}))],
             f"sensor:{side}_current": _both(change(**{load_name: 1.0, voltage: -by_current})),
-            f"sensor:{side}_voltage": _both(change(**{voltage: 1.0})),
+            f"sensor:{side}_voltage": [
+                one._replace(log_prior=_log_prior_of_voltage(model, windows, side))
+                for one in _both(change(**{voltage: 1.0}))
+            ],
             f"sensor:{side}_rpm": _both(
                 change(
                     **{
@@ -101,6 +115,16 @@ def _voltage_residual(names: tuple[str, ...], side: str) -> tuple[str, float]:
     if BALANCE not in names:
         return f"{side}_voltage", 1.0
     return BALANCE, 1.0 if side == SIDES[0] else -1.0
+
+
+def _log_prior_of_voltage(model: RelationModel, windows: Windows, side: str) -> float | np.ndarray:
+    """How well the other voltage fits its own relation, if only this one is wrong, (n,)."""
+    if BALANCE not in model.layout.residuals:
+        return 0.0
+    other = SIDES[1 - SIDES.index(side)]
+    residual, predicted = residual_of(f"{other}_voltage", model.coefficients, windows)
+    error = residual / np.maximum(np.abs(predicted), LEAST_SIZE)
+    return -0.5 * (AT_LIMIT * error / TOLERANCE["voltage"]) ** 2
 
 
 def _both(change: np.ndarray) -> list[Direction]:
@@ -168,5 +192,8 @@ def log_likelihood(
     explained = amplitude[:, :, None] * unit
     variance = 1.0 + (INEXACT * explained) ** 2 + (INEXACT_RESIDUAL * measured) ** 2
     likelihood = -0.5 * np.sum((measured - explained) ** 2 / variance, axis=-1)
+    likelihood += np.stack(
+        [np.broadcast_to(direction.log_prior, likelihood.shape[1]) for direction in options]
+    )
     first = np.cumsum([0, *map(len, found.values())])[:-1]
     return dict(zip(found, np.maximum.reduceat(likelihood, first), strict=True))

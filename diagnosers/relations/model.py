@@ -104,13 +104,11 @@ def residuals_of(
     residual = {}
     size = {}
     for name in layout.relations:
-        terms = windows.terms[name]
-        is_valid = windows.is_valid[name]
-        predicted = terms @ coefficients[name]
-        residual[name] = np.where(is_valid, windows.values[name] - predicted, 0.0)
+        residual[name], predicted = residual_of(name, coefficients, windows)
         if name == PUSH:  # the terms after the two of the thrust
-            predicted = terms[:, 2:4] @ coefficients[name][2:4]
-        size[name] = np.maximum(np.where(is_valid, np.abs(predicted), 0.0), LEAST_SIZE)
+            drag = windows.terms[name][:, 2:4] @ coefficients[name][2:4]
+            predicted = np.where(windows.is_valid[name], drag, 0.0)
+        size[name] = np.maximum(np.abs(predicted), LEAST_SIZE)
     if BALANCE in layout.residuals:
         voltages = [f"{side}_voltage" for side in layout.sides]
         are_valid = np.all([windows.is_valid[name] for name in voltages], axis=0)
@@ -122,6 +120,15 @@ def residuals_of(
         np.stack([residual[name] for name in names], axis=1),
         np.stack([size[name] for name in names], axis=1),
     )
+
+
+def residual_of(
+    name: str, coefficients: Mapping[str, np.ndarray], windows: Windows
+) -> tuple[np.ndarray, np.ndarray]:
+    """Residual of a relation and what it predicts, (n,) each, 0 where it does not hold."""
+    is_valid = windows.is_valid[name]
+    predicted = np.where(is_valid, windows.terms[name] @ coefficients[name], 0.0)
+    return np.where(is_valid, windows.values[name] - predicted, 0.0), predicted
 
 
 def tolerance(layout: Layout, residual: str) -> float:

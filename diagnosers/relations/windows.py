@@ -148,6 +148,8 @@ class Relation(NamedTuple):
 
 def windows_of(rows: np.ndarray, layout: Layout, typical: Mapping[str, Typical]) -> Windows:
     """Windows from their readings (n, n_rows, n_channels), all finite where the layout has them."""
+    shares = shares_of(rows, layout, typical)
+    rows = without_spikes(rows)
     average = Average(*weights(layout.n_rows, layout.sample_rate))
     found: dict[str, Relation] = {}
     for side in layout.sides:
@@ -163,8 +165,21 @@ def windows_of(rows: np.ndarray, layout: Layout, typical: Mapping[str, Typical])
         is_valid={name: relation.is_valid for name, relation in found.items()},
         speed=average.of(rows[:, :, INDEX["speed"]]),
         shaft_speed={side: average.of(_shaft_speed(rows, side)) for side in layout.sides},
-        shares=shares_of(rows, layout, typical),
+        shares=shares,
     )
+
+
+def without_spikes(rows: np.ndarray) -> np.ndarray:
+    """Rows (n, n_rows, n_channels) of which a single odd value is gone: medians of three in a row.
+
+    The first and the last, whose weights are about zero, stay as they are.
+    """
+    before = rows[:, :-2]
+    present = rows[:, 1:-1]
+    after = rows[:, 2:]
+    upper = np.minimum(np.maximum(before, present), after)
+    median = np.maximum(np.minimum(before, present), upper)
+    return np.concatenate([rows[:, :1], median, rows[:, -1:]], axis=1)
 
 
 def _shaft_speed(rows: np.ndarray, side: str) -> np.ndarray:

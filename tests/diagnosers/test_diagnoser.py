@@ -14,7 +14,7 @@ from diagnosers import NAMES, UNKNOWN, Belief, Recursive, decide, make
 from diagnosers.diagnoser import IMPOSSIBLE, same_severity, with_impossible_unknown
 
 # diagnosers that measure whether their classes explain the readings, or have a part that does
-CAN_KNOW = ("filter_bank", "integrated")
+CAN_KNOW = ("residuals", "filter_bank", "integrated")
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ LARGEST_REALISM = 2.0  # of the others, uniform
 AT_REST = 0.5  # probability of a rest, at the start and at the end alike, on missions with rests
 REST = (0.05, 0.4)  # share of an episode
 CONSTANT = 0.3  # share of the missions with rests that have one speed throughout
+DEFAULT_LEGS = MissionSampler()
 
 
 class Course(NamedTuple):
@@ -109,25 +110,27 @@ def random_course(lanes: range) -> Course:
     return Course(None, waves, np.zeros(len(lanes)))
 
 
-def course_with_rests(lanes: range) -> Course:
+def course_with_rests(
+    lanes: range, n_samples: int = N_SAMPLES, sampler: MissionSampler = DEFAULT_LEGS
+) -> Course:
     """Missions as whole ones are: at rest before and after, some with one speed throughout."""
     n_lanes = len(lanes)
     random = np.random.default_rng([lanes[0], 2])
-    duration = N_SAMPLES * SAMPLE_TIME
+    duration = n_samples * SAMPLE_TIME
     is_at_rest = random.uniform(size=(n_lanes, 2)) < AT_REST
     rests = duration * is_at_rest * random.uniform(*REST, (n_lanes, 2))
     start, last_rest = rests.T
-    n_legs = np.where(random.uniform(size=n_lanes) < CONSTANT, 1, MissionSampler.n_legs)
+    n_legs = np.where(random.uniform(size=n_lanes) < CONSTANT, 1, sampler.n_legs)
     keys = episode_keys(np.array(lanes, np.uint64), np.zeros(n_lanes, np.uint64))
-    legs, start_speed = MissionSampler().sample_legs(keys)
+    legs, start_speed = sampler.sample_legs(keys)
     end = duration - last_rest
     missions = [
         _with_rests(legs[lane, : n_legs[lane]], start_speed[lane], start[lane], end[lane])
         for lane in range(n_lanes)
     ]
-    time = np.arange(N_SAMPLES)[:, None] * SAMPLE_TIME
+    time = np.arange(n_samples)[:, None] * SAMPLE_TIME
     is_moving = (time >= start) & (time < end)
-    waves = manoeuvres(lanes[0], N_SAMPLES, n_lanes) * is_moving[:, :, None]
+    waves = manoeuvres(lanes[0], n_samples, n_lanes) * is_moving[:, :, None]
     return Course(missions, waves, start)
 
 

@@ -1,6 +1,6 @@
 """The fit of relations to healthy missions: coefficients, scatter, shares of odd readings."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -79,10 +79,10 @@ def typical_of(rows: Sequence[np.ndarray], side: str) -> Typical:
 
 
 def all_windows(
-    rows: Sequence[np.ndarray], layout: Layout, typical: Mapping[str, Typical]
+    rows: Iterable[np.ndarray], layout: Layout, typical: Mapping[str, Typical]
 ) -> list[EpisodeWindows]:
     """The windows of every mission that has any."""
-    parts = [episode_windows(part, layout, typical) for part in rows]
+    parts = [episode_windows(one, layout, typical) for one in rows]
     return [part for part in parts if part.last.size]
 
 

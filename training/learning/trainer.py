@@ -56,6 +56,7 @@ TRAINERS: dict[str, str] = {
     "raw_network": "training.learning.raw_network:RawNetworkTrainer",
     "kalman_network": "training.learning.kalman_network:KalmanNetworkTrainer",
     "integrated": "training.learning.integrated:IntegratedTrainer",
+    "residuals": "training.learning.residuals:ResidualsTrainer",
 }
 
 
