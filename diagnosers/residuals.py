@@ -68,7 +68,7 @@ class Course(NamedTuple):
 
 
 class Residuals(Recursive):
-    """Limits on the residuals of relations that were fitted to healthy logs of the vehicle.
+    """Limits on the residuals of relations that were fitted to healthy missions.
 
     The relations are those of net force, loads and voltages, see `diagnosers.relations.windows`.
     A window of 15 s is judged once a second while the vehicle is under way. The class is that whose
@@ -76,10 +76,22 @@ class Residuals(Recursive):
     "Fault Detection and Diagnosis in Engineering Systems", Dekker 1998, ch. 6); it is `unknown` if
     none does.
 
-    When it misleads: it knows only what the healthy logs contained, and takes a fault in them for
-    healthy. It is silent at rest and within the first 15 s. It does not estimate the severity.
+    When it misleads: it knows only what the healthy missions contained, and takes a fault in them
+    for healthy. It is silent at rest and within the first 15 s, and a change of the net force has
+    to last for 20 s more. It does not estimate the severity and does not read the accelerometer.
+    A single odd reading counts for nothing, two in a row stay in the windows for 15 s; a reading
+    that falls silent counts as one that repeats its last value.
     Without a shaft speed, propellers and drag are told apart by the ratio of current to voltage
     alone, and the voltage is only as good as the supply is constant.
+    The default relations are those of an average vehicle of the simulated band: their limits are
+    as wide as vehicles of the band differ, so that smaller faults pass, and for a real vehicle,
+    which is in no such band, they mean nothing; `auv-fault calibrate` fits its own.
+
+    Parameters
+    ----------
+    model
+        Relations of the vehicle, or their table as `diagnosers.relations.table` has it; by default
+        those of simulated vehicles with imperfect sensors (``auv-fault train residuals``).
     """
 
     name = "residuals"
