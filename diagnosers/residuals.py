@@ -50,6 +50,8 @@ class ResidualsState(NamedTuple):
     history: np.ndarray  # (n_lanes, LASTING, n_residuals), standardised; NaN before the first
     evidence: np.ndarray  # (n_lanes, n_faults), log likelihood of the classes but normal
     log_probability: np.ndarray  # (n_lanes, n_classes), after the last judged window
+    value: np.ndarray  # (n_lanes, n_rules), relative as in `Course`, of that window; NaN before
+    limit: np.ndarray  # (n_lanes, n_rules)
 
 
 class Course(NamedTuple):
@@ -126,6 +128,8 @@ class Residuals(Recursive):
             history=np.full((n_lanes, LASTING, len(layout.residuals)), np.nan),
             evidence=evidence,
             log_probability=log_probability(self._strength(ratios), evidence),
+            value=np.full((n_lanes, len(self.rules)), np.nan),
+            limit=np.full((n_lanes, len(self.rules)), np.nan),
         )
 
     def step(self, state: ResidualsState, observation: np.ndarray) -> tuple[ResidualsState, Belief]:
@@ -158,9 +162,7 @@ class Residuals(Recursive):
         for k in range(1, len(evidence)):
             evidence[k] += MEMORY * evidence[k - 1]
         strength = self._strength(so_far(ratio, PERSISTENT_PUSH, 0.0))
-        per_size = np.tile(standardised.per_size, 2)
-        n_counts = len(self.rules) - per_size.shape[1]
-        relative = 1.0 / np.pad(per_size, ((0, 0), (0, n_counts)), constant_values=1.0)
+        relative = self._relative(standardised)
         return Course(
             last=arrived[last],
             value=value * relative,
@@ -184,7 +186,13 @@ class Residuals(Recursive):
         standardised = self.model.standardised(windows, is_steady(state.held[lanes], layout))
         history = state.history.copy()
         history[lanes] = pushed(history[lanes], standardised.residual)
-        ratio = ratio_of(*self._compared(windows, standardised, history[lanes]))
+        value, limit = self._compared(windows, standardised, history[lanes])
+        ratio = ratio_of(value, limit)
+        relative = self._relative(standardised)
+        values = state.value.copy()
+        values[lanes] = relative * value
+        limits = state.limit.copy()
+        limits[lanes] = relative * limit
         ratios = state.ratios.copy()
         ratios[lanes] = pushed(ratios[lanes], ratio)
         evidence = state.evidence.copy()
@@ -200,6 +208,8 @@ class Residuals(Recursive):
             history=history,
             evidence=evidence,
             log_probability=log_probability(self._strength(ratios), evidence),
+            value=values,
+            limit=limits,
         )
 
     def _compared(
@@ -225,6 +235,17 @@ class Residuals(Recursive):
             np.broadcast_to(shares.ravel(), (n, shares.size)),
         ]
         return np.hstack(value), np.hstack(limit)
+
+    def _relative(self, standardised: Standardised) -> np.ndarray:
+        """Factors (n, n_rules) on values and limits of the rules that make residuals relative."""
+        relative = np.ones((len(standardised.per_size), len(self.rules)))
+        n_residuals = standardised.per_size.shape[1]
+        relative[:, : 2 * n_residuals] = np.tile(1.0 / standardised.per_size, 2)
+        return relative
+
+    def strongest(self, state: ResidualsState) -> np.ndarray:
+        """The rule of each lane that has stayed farthest beyond its limit, (n_lanes,)."""
+        return self._strength(state.ratios).argmax(axis=1)
 
     def _likelihood(
         self, windows: Windows, standardised: Standardised, ratio: np.ndarray

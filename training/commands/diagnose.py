@@ -6,13 +6,13 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from auv_fault_env.errors import InputError, refusal
-from diagnosers import Belief
 from diagnosers.residuals import Residuals
 from training.arguments import Diagnose
 from training.field.calibration.sensitivity import described, with_healthy_logs
+from training.field.diagnosis.causes import causes
 from training.field.diagnosis.diagnosis import (
     FAULT,
     HEALTHY,
@@ -25,12 +25,15 @@ from training.field.diagnosis.diagnosis import (
     persistence,
     verdict,
 )
+from training.field.diagnosis.indicators import course_of, indicators_during
 from training.field.diagnosis.load_limits import Limits, is_overloaded, load_limits
-from training.field.diagnosis.page import log_figure, page
+from training.field.diagnosis.log_figure import DiagnosedLog, log_figure
+from training.field.diagnosis.page import REPAIRS, VERDICTS, Setting, page
 from training.field.diagnosis.stream import close_quietly, follow
 from training.field.logs.log import Log, read_log
 from training.field.vehicle_file import VehicleFile, read_vehicle
 from training.metrics import running_maximum
+from training.report.cells import distinct_names
 from training.report.page import print_tables, write_report
 from training.report.run_folder import run_folder, write_json
 
@@ -39,19 +42,13 @@ MOST_FIGURES = {FAULT: 12, HEALTHY: 2}  # of logs, by verdict
 # log p(normal) of a threshold: simulated vehicles with severe faults are at -8 to -15
 LEAST_THRESHOLD = -15.0
 CELLS = "log verdict alarm_time fault side severity severity_low severity_high duration".split()
-
-
-class DiagnosedLog(NamedTuple):
-    """A verdict with log and beliefs, which an unusable log does not have."""
-
-    verdict: Verdict
-    log: Log | None = None
-    belief: Belief | None = None
+CELLS += ["raised_by"]  # of the last alarm
 
 
 def main(arguments: Diagnose) -> int:
     """Diagnose; the exit code is that of the worst verdict: 0 healthy, 2 unusable, 3 a fault."""
     vehicle = read_vehicle(arguments.vehicle)
+    why = "as `--diagnoser` says" if arguments.diagnoser else "as the vehicle file says"
     arguments = replace(arguments, diagnoser=arguments.diagnoser or vehicle.diagnoser)
     diagnoser_for(arguments.diagnoser, vehicle, {})
     if not arguments.follow and not arguments.logs:
@@ -69,9 +66,12 @@ def main(arguments: Diagnose) -> int:
         alarmed = follow(sys.stdin.buffer, sys.stdout, vehicle, arguments.diagnoser, threshold)
         close_quietly(sys.stdout)
         return EXIT_CODES[FAULT if alarmed else HEALTHY]
+    limits = load_limits(healthy_logs, vehicle)
+    setting = Setting(
+        command_of(arguments), arguments.diagnoser, why, threshold, vehicle, bool(limits)
+    )
     with run_folder(arguments.output, "diagnose", arguments) as folder:
-        limits = load_limits(healthy_logs, vehicle)
-        verdicts = write_verdicts(folder, arguments, vehicle, threshold, limits)
+        verdicts = write_verdicts(folder, arguments.logs, setting, limits)
     print(f"\nreport: {arguments.output / 'index.html'}")
     return max(EXIT_CODES[verdict.verdict] for verdict in verdicts)
 
@@ -107,32 +107,26 @@ def too_improbable(log: Log, lowest: float, time: float, vehicle: VehicleFile) -
 
 
 def write_verdicts(
-    folder: Path,
-    arguments: Diagnose,
-    vehicle: VehicleFile,
-    threshold: float,
-    limits: Limits,
+    folder: Path, paths: Sequence[Path], setting: Setting, limits: Limits
 ) -> list[Verdict]:
     """Diagnose every log and write results and report; refused if none is usable."""
     verdicts: list[Verdict] = []
     figures: dict[str, list[dict[str, Any]]] = {FAULT: [], HEALTHY: []}
-    for one_verdict, log, belief in diagnosed(arguments, vehicle, threshold, limits):
-        verdicts.append(one_verdict)
-        kind = one_verdict.verdict
-        if log is not None and len(figures[kind]) < MOST_FIGURES[kind]:
-            number = len(verdicts)
-            figure = log_figure(number, one_verdict, log, belief, threshold, vehicle)
-            figures[kind].append(figure)
+    names = distinct_names(list(map(str, paths)))
+    for name, one in zip(names, diagnosed(paths, setting, limits), strict=True):
+        verdicts.append(one.verdict)
+        kind = one.verdict.verdict
+        if one.log is not None and len(figures[kind]) < MOST_FIGURES[kind]:
+            figures[kind].append(log_figure(len(verdicts), name, one, setting))
     if all(verdict.verdict == UNUSABLE for verdict in verdicts):
         raise InputError("; ".join(verdict.remarks[0] for verdict in verdicts))
-    shown = [*figures[FAULT], *figures[HEALTHY]]
-    results = page(command_of(arguments), arguments.diagnoser, threshold, verdicts, shown)
+    results = page(setting, verdicts, [*figures[FAULT], *figures[HEALTHY]])
     plain_verdicts = [asdict(verdict) for verdict in verdicts]
     write_json(folder / "results.json", results | {"verdicts": plain_verdicts})
     write_csv(folder / "results.csv", verdicts)
     write_report(results, folder)
-    sections = results["sections"]
-    print_tables(section for section in sections if section["heading"] != "Logs in detail")
+    sections = [one for one in results["sections"] if one["heading"] in (VERDICTS, REPAIRS)]
+    print_tables(sections, whole=True)
     return verdicts
 
 
@@ -150,20 +144,30 @@ def command_of(arguments: Diagnose) -> str:
     return shlex.join(map(str, ("auv-fault", "diagnose", *options)))
 
 
-def diagnosed(
-    arguments: Diagnose, vehicle: VehicleFile, threshold: float, limits: Limits
-) -> Iterator[DiagnosedLog]:
+def diagnosed(paths: Sequence[Path], setting: Setting, limits: Limits) -> Iterator[DiagnosedLog]:
     """Every log with its verdict."""
-    for path in arguments.logs:
+    for path in paths:
         try:
-            log = read_log(path, vehicle)
+            log = read_log(path, setting.vehicle)
         except InputError as error:
             yield DiagnosedLog(Verdict(str(path), UNUSABLE, remarks=(str(error),)))
-            continue
-        belief = beliefs(log, arguments.diagnoser, vehicle)
-        alarmed = is_alarmed(log, belief, threshold, persistence(vehicle))
-        alarmed |= is_overloaded(log, vehicle, limits)
-        yield DiagnosedLog(verdict(str(path), log, belief, alarmed, vehicle), log, belief)
+        else:
+            yield diagnosed_log(str(path), log, setting, limits)
+
+
+def diagnosed_log(path: str, log: Log, setting: Setting, limits: Limits) -> DiagnosedLog:
+    """The verdict on a log, with the cause of each alarm and the indicators in the last one."""
+    vehicle = setting.vehicle
+    belief = beliefs(log, setting.diagnoser, vehicle)
+    is_improbable = is_alarmed(log, belief, setting.threshold, persistence(vehicle))
+    alarmed = is_improbable | is_overloaded(log, vehicle, limits)
+    found = verdict(path, log, belief, alarmed, vehicle)
+    course = None if vehicle.relations is None else course_of(log, vehicle.relations)
+    by_rules = course if setting.diagnoser == Residuals.name else None
+    found = replace(found, raised_by=causes(log, found.alarms, belief, is_improbable, by_rules))
+    if found.alarms and course is not None:
+        found = replace(found, indicators=indicators_during(course, *found.alarms[-1]))
+    return DiagnosedLog(found, log, belief, course)
 
 
 def write_csv(path: Path, verdicts: list[Verdict]) -> None:
@@ -172,7 +176,8 @@ def write_csv(path: Path, verdicts: list[Verdict]) -> None:
         writer = csv.DictWriter(file, CELLS)
         writer.writeheader()
         for verdict in verdicts:
-            row = asdict(verdict) | {"alarm_time": verdict.alarm_time}
+            rule = verdict.raised_by[-1].rule if verdict.raised_by else None
+            row = asdict(verdict) | {"alarm_time": verdict.alarm_time, "raised_by": rule}
             writer.writerow({name: _rounded(row[name]) for name in CELLS})
 
 

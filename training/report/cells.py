@@ -2,8 +2,11 @@
 
 import re
 from collections.abc import Collection, Sequence
+from pathlib import PurePath
 
 import numpy as np
+
+LARGEST_SHARE = 10.0
 
 
 def row_name(name: str, references: Collection[str]) -> str:
@@ -25,6 +28,17 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f} %"
 
 
+def signed_percent(share: float) -> str:
+    """A relative change in whole per cent, up to +1000 %.
+
+    >>> signed_percent(0.62), signed_percent(-0.001), signed_percent(208.0)
+    ('+62 %', '+0 %', 'over +1000 %')
+    """
+    if share > LARGEST_SHARE:
+        return f"over {signed_percent(LARGEST_SHARE)}"
+    return f"{round(100.0 * share):+d} %"
+
+
 def seconds(time: float | None, horizon: float) -> str:
     """A time [s]; None is beyond the horizon [s]."""
     return f"> {horizon:g}" if time is None else f"{time:.1f}"
@@ -43,3 +57,20 @@ def without_nan(values: np.ndarray) -> list[float | None]:
 def file_name(text: str) -> str:
     """The text reduced to letters, digits and single hyphens."""
     return re.sub(r"\W+", "-", text).strip("-")
+
+
+def distinct_names(paths: Sequence[str]) -> list[str]:
+    """The paths, each without the folders that no two of them need to be told apart.
+
+    >>> distinct_names(["runs/a/log.csv", "runs/b/log.csv"])
+    ['a/log.csv', 'b/log.csv']
+    >>> distinct_names(["/data/one.csv", "/data/two.csv"])
+    ['one.csv', 'two.csv']
+    """
+    parts = [PurePath(path).parts for path in paths]
+    n_distinct = len(set(parts))
+    longest = max(map(len, parts), default=0)
+    for n in range(1, longest):
+        if len({one[-n:] for one in parts}) == n_distinct:
+            return [str(PurePath(*one[-n:])) for one in parts]
+    return list(paths)

@@ -3,9 +3,11 @@
 import base64
 import io
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib.resources import files
+from itertools import zip_longest
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 from jinja2 import Environment
@@ -14,6 +16,8 @@ from markupsafe import Markup, escape
 from training.report.figures.registry import draw
 
 N_PRINTED_COLUMNS = 6
+PRINTED_WIDTH = 120  # characters of a terminal
+MARGIN = "  "  # left of a column
 
 
 def write_report(results: dict[str, Any], folder: Path) -> None:
@@ -65,7 +69,23 @@ def print_tables(sections: Iterable[dict[str, Any]], whole: bool = False) -> Non
 
 def _print_table(table: dict[str, Any], n_columns: int | None) -> None:
     rows = [row[:n_columns] for row in (table["columns"], *table["rows"])]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    widths = _widths(list(zip(*rows, strict=True)))
     for row in rows:
-        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]
-        print("  " + "  ".join(cells).rstrip())
+        cells = [
+            wrap(cell, width, break_on_hyphens=False)
+            for cell, width in zip(row, widths, strict=True)
+        ]
+        for line in zip_longest(*cells, fillvalue=""):
+            padded = [part.ljust(width) for part, width in zip(line, widths, strict=True)]
+            print((MARGIN + MARGIN.join(padded)).rstrip())
+
+
+def _widths(columns: Sequence[Sequence[str]]) -> list[int]:
+    """Widths of the columns within `PRINTED_WIDTH`: the widest that has several words gives way."""
+    widths = [max(map(len, cells)) for cells in columns]
+    words = [max(map(len, " ".join(cells).split()), default=0) for cells in columns]
+    while sum(widths) + len(MARGIN) * len(widths) > PRINTED_WIDTH:
+        divisible = [k for k, width in enumerate(widths) if width > words[k]]
+        widest = max(divisible or range(len(widths)), key=widths.__getitem__)
+        widths[widest] -= 1
+    return widths

@@ -56,7 +56,10 @@ def test_the_results_name_verdict_time_class_side_severity_and_load(all_three):
     assert (faulty["fault"], faulty["side"]) == (FAULT, "port")
     assert faulty["severity_low"] <= 0.9 <= faulty["severity_high"]
     assert 5.0 < faulty["alarms"][0][0] < 10.0 and faulty["load"]["port"] > 0.1
-    assert len(faulty["top"]) == 3 and broken["remarks"]
+    assert len(faulty["top"]) == 3 and not healthy["top"] and broken["remarks"]
+    (cause,) = faulty["raised_by"]
+    assert [cause["begin"], cause["end"]] == faulty["alarms"][0]
+    assert (cause["rule"], cause["fault"]) == ("probability", FAULT)
 
 
 def test_the_csv_has_a_row_for_each_log(all_three):
@@ -64,20 +67,37 @@ def test_the_csv_has_a_row_for_each_log(all_three):
         rows = list(csv.DictReader(file))
     assert [row["verdict"] for row in rows] == ["healthy", "fault", "unusable"]
     assert rows[1]["fault"] == FAULT and float(rows[1]["alarm_time"]) > 5.0
-    assert rows[0]["alarm_time"] == rows[0]["severity"] == ""
+    assert rows[1]["raised_by"] == "probability"
+    assert rows[0]["alarm_time"] == rows[0]["severity"] == rows[0]["raised_by"] == ""
 
 
 def test_the_page_shows_signals_estimates_belief_and_alarms(all_three):
     text = (all_three[1] / "index.html").read_text()
     assert text.count("data:image/svg+xml;base64,") == 2
-    for words in ("seal_friction:port", "unusable", "faulty.csv: fault, seal_friction:port from"):
+    for words in (
+        "seal_friction:port",
+        "unusable",
+        "faulty.csv, 20 s: fault, seal_friction:port from",
+    ):
         assert words in text
     results = json.loads((all_three[1] / "results.json").read_text())
-    panels = results["sections"][1]["figures"][0]["data"]["panels"]
+    panels = details(results)["figures"][0]["data"]["panels"]
     assert list(panels)[-3:] == ["estimate", "log10 p(normal)", "probability"]
     assert (
         set(panels["estimate"]) == {"drag", "thrust"} and "port, healthy" in panels["current [A]"]
     )
+
+
+def details(results):
+    return next(one for one in results["sections"] if one["heading"] == "Logs in detail")
+
+
+def test_no_fault_is_listed_for_a_log_without_an_alarm(all_three):
+    results = json.loads((all_three[1] / "results.json").read_text())
+    healthy = details(results)["figures"][1]["data"]
+    assert "healthy.csv" in healthy["title"] and "probability" not in healthy["panels"]
+    (row, *_) = results["sections"][0]["table"]["rows"]
+    assert [cell for cell in row if cell] == ["healthy.csv", "healthy"]
 
 
 def test_the_verdicts_are_printed(folder, tmp_path, capsys):
@@ -124,7 +144,14 @@ def test_the_vehicle_file_chooses_the_diagnoser_and_the_option_overrides_it(
     assert run(related, tmp_path / "chosen", "lost") == 3
     printed = capsys.readouterr().out
     assert "residuals finds lasting changes from: drag " in printed
-    assert "--diagnoser residuals" in (tmp_path / "chosen" / "results.json").read_text()
+    results = json.loads((tmp_path / "chosen" / "results.json").read_text())
+    assert "--diagnoser residuals" in results["command"]
+    assert "as the vehicle file says" in results["intro"][0]
+    (verdict,) = results["verdicts"]
+    assert [[one["begin"], one["end"]] for one in verdict["raised_by"]] == verdict["alarms"]
+    last = verdict["raised_by"][-1]
+    assert abs(last["value"]) > last["limit"]
+    assert set(verdict["indicators"]["drag"]) == {"value", "std", "limit"}
     run(related, tmp_path / "limits", "healthy", diagnoser="limits")
     assert "--diagnoser limits" in (tmp_path / "limits" / "results.json").read_text()
     assert "lasting changes" not in capsys.readouterr().out

@@ -7,7 +7,7 @@ import numpy as np
 from auv_fault_env.errors import InputError, refusal
 from diagnosers.relations.episode import episode_windows
 from diagnosers.relations.model import RelationModel, kind_of
-from diagnosers.relations.windows import BALANCE, PUSH
+from diagnosers.relations.names import name_of
 from diagnosers.residuals import LASTING
 from training.field.calibration.relation_fit import MARGIN, rows_of, widened
 from training.field.logs.log import Log
@@ -20,16 +20,6 @@ from training.learning.relation_fit import (
 # Relative, by kind of residual: where no smaller lasting change is found, the residual is blind. A
 # line on a propeller doubles a load, a fouled hull the drag; voltages hardly change by a fault.
 LARGEST_CHANGE = {"push": 1.5, "load": 1.0, "voltage": 0.5, "balance": 0.5}
-NAMES = {PUSH: "drag", BALANCE: "difference of the voltages"}
-
-
-def name_of(residual: str) -> str:
-    """What changes, in words.
-
-    >>> name_of("push"), name_of("port_load")
-    ('drag', 'port load')
-    """
-    return NAMES.get(residual, residual.replace("_", " "))
 
 
 def described(changes: Mapping[str, float]) -> str:

@@ -17,6 +17,7 @@ from diagnosers.kalman import NOISE_FLOOR
 from diagnosers.registry import class_of
 from diagnosers.residuals import Residuals
 from training.benchmark.thresholds import ONE_PER_HOUR
+from training.field.diagnosis.causes import Cause
 from training.field.diagnosis.estimates import excess_loads
 from training.field.logs.log import Log
 from training.field.logs.resolution import COARSE, ROUNDING, resolutions
@@ -51,7 +52,10 @@ class Verdict:
     severity: float | None = None
     severity_low: float | None = None  # of the 95 % interval
     severity_high: float | None = None
-    top: tuple[tuple[str, float], ...] = ()  # probabilities of the most probable faults
+    top: tuple[tuple[str, float], ...] = ()  # the most probable faults with their probabilities
+    raised_by: tuple[Cause, ...] = ()  # the rule of each alarm
+    # in the last alarm, by name: value, std and limit, relative; none without relations
+    indicators: Mapping[str, Mapping[str, float]] | None = None
     load: Mapping[str, float] | None = None  # relative to a healthy shaft in the alarms, less one
     remarks: tuple[str, ...] = ()  # what was repaired in the log, or why it is unusable
 
@@ -171,20 +175,18 @@ def verdict(
     path: str, log: Log, belief: Belief, alarmed: np.ndarray, vehicle: VehicleFile
 ) -> Verdict:
     """The verdict from the beliefs and alarms along a log."""
-    names = classes()
-    has_alarm = bool(alarmed.any())
-    last = int(np.flatnonzero(alarmed)[-1]) if has_alarm else len(alarmed) - 1
-    probability = np.exp(belief.log_probability[last].astype(np.float64))
-    order = 1 + np.argsort(-probability[1:])[:TOP]
     healthy = Verdict(
         log=path,
         verdict=HEALTHY,
         duration=float(log.time[-1] - log.time[0]),
-        top=tuple((names[k], float(probability[k])) for k in order),
         remarks=log.remarks,
     )
-    if not has_alarm:
+    if not alarmed.any():
         return healthy
+    names = classes()
+    last = int(np.flatnonzero(alarmed)[-1])
+    probability = np.exp(belief.log_probability[last].astype(np.float64))
+    order = 1 + np.argsort(-probability[1:])[:TOP]
     worst = int(order[0])
     one_fault = replace(
         healthy,
@@ -192,6 +194,7 @@ def verdict(
         alarms=alarm_intervals(log, alarmed),
         fault=names[worst],
         side=side_of(names[worst]),
+        top=tuple((names[k], float(probability[k])) for k in order),
         load=excess_loads(log, alarmed, vehicle),
     )
     if names[worst] == UNKNOWN:

@@ -1,159 +1,215 @@
 """The page of ``auv-fault diagnose``: a row per log, and figures of some logs."""
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
-import numpy as np
-
-from auv_fault_env.channels import INDEX
-from auv_fault_env.faults import classes
-from auv_fault_env.parameters import SIDES
-from diagnosers import Belief
-from training.field.diagnosis.diagnosis import FAULT, TOP, Verdict
-from training.field.diagnosis.estimates import healthy_currents, hull_history
-from training.field.logs.log import Log
+from diagnosers.relations.names import name_of
+from diagnosers.relations.windows import DURATION, PUSH
+from diagnosers.residuals import LASTING, PERSISTENT, PERSISTENT_PUSH, Residuals
+from training.field.diagnosis.diagnosis import FAULT, THRESHOLDS, Verdict
+from training.field.logs.remarks import remark_rows
 from training.field.vehicle_file import VehicleFile
-from training.report.lines import rounded
-from training.report.sections import Section, figure, table_section
+from training.report.cells import distinct_names, signed_percent
+from training.report.sections import Section, table_section
 
-POINTS = 1500  # of a line in a figure
-PANELS = {
-    "speed [m/s]": {"commanded": "speed_command", "speed": "speed"},
-    "voltage [V]": {side: f"{side}_voltage" for side in SIDES},
-    "shaft [rpm]": {side: f"{side}_rpm" for side in SIDES},
-}
-LOWEST = -30.0  # decimal logarithm of p(normal) at which the figure ends
 LEAST_PROBABILITY = 1e-3  # of a class in the table
-COLUMNS = (
-    "log, verdict, alarm at [s], fault, severity (95 %), load of the shaft, duration [s], "
-    "most probable faults"
-).split(", ")
-Line = dict[str, list[float | None]]
+DRAG = name_of(PUSH)
+VERDICTS = "Verdicts"
+DETAILS = "Logs in detail"
+REPAIRS = "Repairs"
+
+
+class Setting(NamedTuple):
+    """With what the logs were diagnosed."""
+
+    command: str
+    diagnoser: str
+    why: str  # this diagnoser
+    threshold: float  # of log p(normal)
+    vehicle: VehicleFile
+    has_load_limits: bool = False
 
 
 def page(
-    command: str,
-    diagnoser: str,
-    threshold: float,
-    verdicts: Sequence[Verdict],
-    figures: Sequence[dict[str, Any]],
+    setting: Setting, verdicts: Sequence[Verdict], figures: Sequence[dict[str, Any]]
 ) -> dict[str, Any]:
     """The report as plain data; figures are those of `log_figure`."""
-    n_faulty = sum(verdict.verdict == FAULT for verdict in verdicts)
-    summary = (
-        f"{n_faulty} of {len(verdicts)} logs with a fault. Diagnoser: {diagnoser} on the vehicle's "
-        f"own parameters; alarm where log p(normal) stays below {threshold:.2f}."
-    )
-    warning = (
-        "A fault outside the catalogue gets the class with the most similar readings. Then the "
-        "load of the shafts says more than the class: it does not depend on the catalogue."
-    )
-    verdict_text = "Times are from the log's start; the rest is from the last moment of an alarm."
-    rows = [verdict_row(verdict) for verdict in verdicts]
-    figure_text = "Faulty logs first. Dotted: currents of healthy motors. Estimates: ±1 std."
-    sections = [
-        table_section("Verdicts", COLUMNS, rows, verdict_text),
-        {
-            "heading": "Logs in detail",
-            "text": [figure_text],
-            "figures": list(figures),
-        },
-        remarks_section(verdicts),
-    ]
-    intro = [summary, warning]
+    names = distinct_names([verdict.log for verdict in verdicts])
+    named = list(zip(names, verdicts, strict=True))
+    sections = [verdicts_section(named)]
+    alarmed = [(name, verdict) for name, verdict in named if verdict.alarms]
+    if alarmed:
+        sections += [alarms_section(setting, alarmed), last_alarm_section(alarmed)]
+    sections += [details_section(setting, figures), repairs_section(named)]
     return {
         "title": "Diagnosis",
-        "command": command,
-        "intro": intro,
+        "command": setting.command,
+        "intro": intro(setting, verdicts),
         "sections": sections,
     }
 
 
-def verdict_row(verdict: Verdict) -> list[str]:
-    """A verdict as the cells of the table."""
-    severity = ""
-    if verdict.severity is not None:
-        interval = f"{verdict.severity_low:.2f}–{verdict.severity_high:.2f}"
-        severity = f"{verdict.severity:.2f} ({interval})"
-    loads = [f"{side} {load:+.0%}" for side, load in (verdict.load or {}).items()]
-    top = [f"{name} {share:.2g}" for name, share in verdict.top if share > LEAST_PROBABILITY]
-    return [
-        verdict.log,
-        verdict.verdict,
-        "" if verdict.alarm_time is None else f"{verdict.alarm_time:.1f}",
-        verdict.fault or "",
-        severity,
-        ", ".join(loads),
-        "" if verdict.duration is None else f"{verdict.duration:.1f}",
-        ", ".join(top),
+def intro(setting: Setting, verdicts: Sequence[Verdict]) -> list[str]:
+    """How many logs have a fault, what an alarm is, and when the class misleads."""
+    n_faulty = sum(verdict.verdict == FAULT for verdict in verdicts)
+    summary = (
+        f"{n_faulty} of {len(verdicts)} logs with a fault. Diagnoser: `{setting.diagnoser}`, "
+        f"{setting.why}."
+    )
+    of_shafts = "the load of the shafts says"
+    if setting.vehicle.relations is not None:
+        of_shafts = "the indicators (drag, loads, voltages) say"
+    warning = (
+        "A fault outside the catalogue is `unknown`, or gets the class with the most similar "
+        f"readings. Then {of_shafts} more than the class: independent of the catalogue."
+    )
+    return [summary, meaning_of_alarm(setting), warning]
+
+
+def meaning_of_alarm(setting: Setting) -> str:
+    """What raises an alarm, and where its threshold comes from."""
+    if setting.diagnoser == Residuals.name:
+        return (
+            f"An alarm is a residual of the vehicle's own relations that stays beyond its limit "
+            f"for {PERSISTENT} windows of {DURATION:g} s, a second apart (the drag: for "
+            f"{PERSISTENT_PUSH}), or the median of {LASTING} windows beyond its limit (`lasting`), "
+            "or more zeros or repeated values of a reading than in healthy logs. Limits are beyond "
+            "all that the healthy logs reached, by a margin."
+        )
+    usual = THRESHOLDS[setting.diagnoser]
+    origin = "at which simulated healthy vehicles raise one false alarm per hour"
+    if setting.threshold < usual:
+        origin = f"the lowest on the healthy logs (without them it is {math.exp(usual):.2g})"
+    loads = ""
+    if setting.has_load_limits:
+        loads = " So is a load of a shaft beyond those of the healthy logs (`load limit`)."
+    return (
+        f"An alarm is a probability of `normal` below {math.exp(setting.threshold):.2g} for three "
+        f"readings in a row, {origin}.{loads}"
+    )
+
+
+def verdicts_section(named: Sequence[tuple[str, Verdict]]) -> Section:
+    """A row per log; a column without an entry is left out."""
+    columns: dict[str, Callable[[Verdict], str]] = {
+        "verdict": lambda verdict: verdict.verdict,
+        "alarm at [s]": _alarm_time,
+        "fault": lambda verdict: verdict.fault or "",
+        "severity (95 %)": _severity,
+        "raised by": lambda verdict: verdict.raised_by[-1].text if verdict.raised_by else "",
+        "beyond its limit": _beyond_limit,
+        "load of the shaft": _loads,
+    }
+    cells = {title: [cell(verdict) for _, verdict in named] for title, cell in columns.items()}
+    shown = {title: column for title, column in cells.items() if any(column)}
+    rows = zip((name for name, _ in named), *shown.values(), strict=True)
+    text = (
+        "`alarm at` is when the first alarm began, from the log's start; the columns after it are "
+        "of the last alarm."
+    )
+    return table_section(VERDICTS, ["log", *shown], [list(row) for row in rows], text)
+
+
+def _alarm_time(verdict: Verdict) -> str:
+    return "" if verdict.alarm_time is None else f"{verdict.alarm_time:.1f}"
+
+
+def _severity(verdict: Verdict) -> str:
+    if verdict.severity is None:
+        return ""
+    return f"{verdict.severity:.2f} ({verdict.severity_low:.2f}–{verdict.severity_high:.2f})"
+
+
+def _beyond_limit(verdict: Verdict) -> str:
+    if verdict.raised_by and verdict.raised_by[-1].value is not None:
+        return ""
+    beyond = {
+        name: one["value"]
+        for name, one in (verdict.indicators or {}).items()
+        if abs(one["value"]) > one["limit"]
+    }
+    return ", ".join(f"{name} {signed_percent(value)}" for name, value in beyond.items())
+
+
+def _loads(verdict: Verdict) -> str:
+    if verdict.indicators is not None:
+        return ""
+    return ", ".join(f"{side} {load:+.0%}" for side, load in (verdict.load or {}).items())
+
+
+def alarms_section(setting: Setting, alarmed: Sequence[tuple[str, Verdict]]) -> Section:
+    """A row per alarm."""
+    rows = [
+        [name, f"{cause.begin:.1f}", f"{cause.end:.1f}", cause.fault, cause.text]
+        for name, verdict in alarmed
+        for cause in verdict.raised_by
     ]
+    columns = ["log", "from [s]", "to [s]", "fault", "raised by"]
+    text = ["The fault is the most probable one at the end of the alarm."]
+    if setting.diagnoser == Residuals.name:
+        text.append(
+            "`raised by` is what was farthest beyond its limit when the alarm began; its value is "
+            "the median over the part of the alarm in which it was beyond."
+        )
+    return table_section("Alarms", columns, rows, *text)
 
 
-def remarks_section(verdicts: Sequence[Verdict]) -> Section:
+def last_alarm_section(alarmed: Sequence[tuple[str, Verdict]]) -> Section:
+    """The indicators in the last alarm of each log, and its most probable faults."""
+    indicators = dict.fromkeys(name for _, one in alarmed for name in one.indicators or {})
+    rows = [
+        [name, *(_indicator(verdict, of) for of in indicators), _most_probable(verdict)]
+        for name, verdict in alarmed
+    ]
+    columns = ["log", *indicators, "most probable faults"]
+    text = []
+    if indicators:
+        text.append(
+            "Indicators are relative to what the relations of the vehicle predict: median ± std of "
+            "a healthy vehicle (healthy band)."
+        )
+        if DRAG in indicators:
+            text.append(f"{DRAG.capitalize()}: the force that lacks; lost thrust looks the same.")
+    return table_section("In the last alarm", columns, rows, *text)
+
+
+def _indicator(verdict: Verdict, name: str) -> str:
+    """Value, std and limit of an indicator."""
+    one = (verdict.indicators or {}).get(name)
+    if one is None:
+        return ""
+    std = 100.0 * one["std"]
+    limit = 100.0 * one["limit"]
+    value = signed_percent(one["value"]).removesuffix(" %")
+    return f"{value} ± {std:.0f} % (±{limit:.0f} %)"
+
+
+def _most_probable(verdict: Verdict) -> str:
+    return ", ".join(
+        f"{name} {share:.2g}" for name, share in verdict.top if share > LEAST_PROBABILITY
+    )
+
+
+def repairs_section(named: Sequence[tuple[str, Verdict]]) -> Section:
     """What was repaired in the logs, and why some are unusable."""
-    rows = [[verdict.log, remark] for verdict in verdicts for remark in verdict.remarks]
+    rows = remark_rows((name, remark) for name, verdict in named for remark in verdict.remarks)
     if not rows:
-        return {"heading": "Repairs", "text": ["No log had to be repaired."]}
-    text = "What was repaired in a log, or why it is unusable."
-    return table_section("Repairs", ["log", "remark"], rows, text)
+        return {"heading": REPAIRS, "text": ["No log had to be repaired."]}
+    text = "What was repaired or is odd in a log, or why it is unusable."
+    return table_section(REPAIRS, ["remark", "logs"], rows, text)
 
 
-def log_figure(
-    number: int,
-    verdict: Verdict,
-    log: Log,
-    belief: Belief,
-    threshold: float,
-    vehicle: VehicleFile,
-) -> dict[str, Any]:
-    """The figure of a log as plain data for `write_report`."""
-    panels = {label: measured_lines(log, channels) for label, channels in PANELS.items()}
-    panels["current [A]"] = current_lines(log, vehicle)
-    panels["estimate"] = {
-        name: line(log.time, *history) for name, history in hull_history(log, vehicle).items()
-    }
-    log_probability = belief.log_probability.astype(np.float64)
-    log10_normal = np.maximum(log_probability[:, 0] / math.log(10.0), LOWEST)
-    log10_threshold = np.full(2, threshold / math.log(10.0))
-    panels["log10 p(normal)"] = {
-        "belief": line(log.time, log10_normal),
-        "threshold": line(log.time[[0, -1]], log10_threshold),
-    }
-    names = list(classes())
-    shown = ["normal", *(name for name, _ in verdict.top[:TOP])]
-    panels["probability"] = {
-        name: line(log.time, np.exp(log_probability[:, names.index(name)])) for name in shown
-    }
-    panels = {label: lines for label, lines in panels.items() if lines}
-    fault = f", {verdict.fault} from {verdict.alarm_time:.1f} s" if verdict.alarms else ""
-    caption = f"{verdict.log}: {verdict.verdict}{fault}."
-    data = {"panels": panels, "alarms": [list(alarm) for alarm in verdict.alarms]}
-    return figure("diagnosed_log", f"log-{number}", caption, data)
-
-
-def measured_lines(log: Log, channels: dict[str, str]) -> dict[str, Line]:
-    """Lines of the channels with readings, by their name in the panel."""
-    lines = {}
-    for name, channel in channels.items():
-        values = log.observation[:, INDEX[channel]]
-        if not np.isnan(values).all():
-            lines[name] = line(log.time, values)
-    return lines
-
-
-def current_lines(log: Log, vehicle: VehicleFile) -> dict[str, Line]:
-    """Measured currents, and those of healthy motors."""
-    lines = measured_lines(log, {side: f"{side}_current" for side in SIDES})
-    for side, current in healthy_currents(log, vehicle).items():
-        if side in lines:
-            lines[f"{side}, healthy"] = line(log.time, current)
-    return lines
-
-
-def line(time: np.ndarray, value: np.ndarray, width: np.ndarray | None = None) -> Line:
-    """A line for the figure, of at most `POINTS` points, without missing values."""
-    available = np.flatnonzero(~np.isnan(value))
-    shown = available[:: -(-available.size // POINTS) or 1]
-    columns = {"time": time, "value": value, "width": width}
-    return {name: rounded(column[shown]) for name, column in columns.items() if column is not None}
+def details_section(setting: Setting, figures: Sequence[dict[str, Any]]) -> Section:
+    """The figures of some logs."""
+    text = ["Faulty logs first. Dotted: currents of healthy motors by the model of the vehicle."]
+    if setting.vehicle.relations is None:
+        text.append("Estimates: ± 1 std.")
+    else:
+        text.append(
+            "Drag, loads and voltages are relative to what the relations predict from the other "
+            "readings, in windows of "
+            f"{DURATION:g} s while the vehicle is under way: ± 1 std of a healthy "
+            "vehicle, with the healthy band in grey."
+        )
+    return {"heading": DETAILS, "text": [" ".join(text)], "figures": list(figures)}

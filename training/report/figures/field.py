@@ -1,6 +1,7 @@
 """Figures of the logs of real vehicles: their calibration and their diagnosis."""
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,9 +22,14 @@ LINE_COLOURS = {
     "speed": SPEED,
     "commanded": COMMAND,
     "threshold": TRUTH,
+    "drag ± 1 std": SPEED,
 }
 SIDE_COLOURS = {"all shafts": SPEED, "port": PORT, "starboard": STARBOARD}
 DASHED = ("threshold", "commanded")
+USUAL = 97.0  # per cent of the values that an axis with a limit shows
+HEADROOM = 1.3
+LABEL_WIDTH = 20  # characters in a line of an axis label
+HEALTHY_BAND = {"color": COMMAND, "alpha": 0.25, "lw": 0, "label": "healthy band"}
 SPARSE = 100  # points; fewer are marked one by one
 
 
@@ -78,11 +84,13 @@ def _error_bars(axis: Axes, side: str, estimates: Mapping[str, Series], shift: f
 def diagnosed_log(
     panels: Mapping[str, Mapping[str, Mapping[str, Sequence[float]]]],
     alarms: Sequence[Sequence[float]],
+    title: str = "",
 ) -> Figure:
     """Panels above one another on one time axis, the alarms shaded in all of them.
 
-    `panels` hold by label of the axis and name of the line time [s], value, and the half-width of a
-    band if it has one. A name that ends in ", healthy" is the dotted companion of the line before.
+    `panels` hold by label of the axis and name of the line time [s], value, the half-width of a
+    band around it if it has one, and the limit of a healthy band around zero if it has one. A name
+    that ends in ", healthy" is the dotted companion of the line before.
     `alarms` are begins and ends [s], (n_alarms, 2).
     """
     figure, axes = new_panels(1.45 * len(panels) + 0.5, len(panels), 1, sharex=True, squeeze=False)
@@ -92,7 +100,7 @@ def diagnosed_log(
             _log_line(axis, name, line, COLOURS[k % len(COLOURS)])
         for begin, end in alarms:
             axis.axvspan(begin, max(end, begin + 0.1), color=PORT, alpha=0.10, lw=0)
-        axis.set_ylabel(label)
+        axis.set_ylabel(fill(label, LABEL_WIDTH))
         if lines:
             axis.legend(
                 loc="center left",
@@ -100,6 +108,7 @@ def diagnosed_log(
                 frameon=False,
                 fontsize=8,
             )
+    axes[0].set_title(title, loc="left", fontsize=9)
     axes[-1].set_xlabel("time [s]; shaded: alarm")
     return figure
 
@@ -108,7 +117,8 @@ def _log_line(
     axis: Axes, name: str, line: Mapping[str, Sequence[float]], default_colour: str
 ) -> None:
     base, healthy, _ = name.partition(", healthy")
-    colour = LINE_COLOURS.get(base, default_colour)
+    side = base.partition(" ")[0]
+    colour = LINE_COLOURS.get(base) or LINE_COLOURS.get(side, default_colour)
     style = {"color": colour, "lw": 1.2, "label": name}
     if healthy:
         style["ls"] = ":"
@@ -116,7 +126,20 @@ def _log_line(
         style["ls"] = "--"
     if len(line["time"]) < SPARSE and base not in DASHED:
         style |= {"marker": ".", "ms": 3}
-    axis.plot(line["time"], line["value"], **style)
-    if "width" in line:
-        middle = np.array(line["value"])
-        fill_band(axis, line["time"], middle, np.array(line["width"]), colour)
+    time, value, width, limit = (
+        np.array(line[key], float) if key in line else None
+        for key in ("time", "value", "width", "limit")
+    )
+    axis.plot(time, value, **style)
+    if width is not None:
+        fill_band(axis, time, value, width, colour)
+    if limit is not None:
+        axis.fill_between(time, -limit, limit, **HEALTHY_BAND)
+        axis.set_ylim(_ends(value, limit))
+
+
+def _ends(value: np.ndarray, limit: np.ndarray) -> tuple[float, float]:
+    """Ends of an axis for most values and limits: single ones are far off at low speed."""
+    largest = np.nanpercentile(limit, USUAL)
+    low, high = np.nanpercentile(value, (100.0 - USUAL, USUAL))
+    return HEADROOM * min(low, -largest), HEADROOM * max(high, largest)
