@@ -163,7 +163,10 @@ def test_a_stream_has_the_diagnoser_of_the_vehicle_file(related, monkeypatch, ca
     assert run(related, Path("nowhere"), follow=True) == 3
     captured = capsys.readouterr()
     assert "residuals finds lasting changes from: drag " in captured.err
-    assert all(line.startswith("{") for line in captured.out.splitlines())
+    answers = [json.loads(line) for line in captured.out.splitlines()]
+    for answer in answers:
+        assert (answer["raised_by"] is not None) == answer["alarm"]
+    assert "(limit " in answers[-1]["raised_by"]
 
 
 def test_a_healthy_log_that_blinds_the_residuals_is_refused(related, tmp_path):

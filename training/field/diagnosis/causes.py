@@ -7,8 +7,8 @@ import numpy as np
 
 from auv_fault_env.faults import classes
 from diagnosers import Belief
-from diagnosers.residuals import COUNTS, PERSISTENT
-from training.field.diagnosis.indicators import LogCourse
+from diagnosers.residuals import COUNTS, PERSISTENT, Residuals
+from training.field.diagnosis.indicators import LogCourse, rules_in_words, signs_in_words
 from training.field.logs.log import Log
 from training.report.cells import percent, signed_percent
 
@@ -30,19 +30,31 @@ class Cause:
 
     @property
     def text(self) -> str:
-        """The rule with its value and limit in per cent.
-
-        >>> Cause(8.0, 9.5, "port load", "seal_friction:port", 0.62, 0.15).text
-        'port load +62 % (limit ±15 %)'
-        >>> Cause(8.0, 9.5, "zeros of port_rpm", "sensor:port_rpm", 0.5, 0.3).text
-        'zeros of port_rpm 50 % (limit 30 %)'
-        """
-        if self.value is None:
+        """The rule, with value and limit in per cent where it has them."""
+        if self.value is None or self.limit is None:
             return self.rule
-        limit = percent(self.limit)
-        if self.rule.startswith(COUNTS):
-            return f"{self.rule} {percent(self.value)} (limit {limit})"
-        return f"{self.rule} {signed_percent(self.value)} (limit ±{limit})"
+        return rule_text(self.rule, self.value, self.limit)
+
+
+def rule_text(rule: str, value: float, limit: float) -> str:
+    """A rule of `residuals` with value and limit in per cent.
+
+    >>> rule_text("port load", 0.62, 0.15)
+    'port load +62 % (limit ±15 %)'
+    >>> rule_text("zeros of port_rpm", 0.5, 0.3)
+    'zeros of port_rpm 50 % (limit 30 %)'
+    """
+    if rule.startswith(COUNTS):
+        return f"{rule} {percent(value)} (limit {percent(limit)})"
+    return f"{rule} {signed_percent(value)} (limit ±{percent(limit)})"
+
+
+def strongest_rule(diagnoser: Residuals) -> str:
+    """What is farthest beyond its limit on the first lane now."""
+    state = diagnoser.running.state
+    rule = int(diagnoser.strongest(state)[0])
+    value = signs_in_words(diagnoser)[rule] * state.value[0, rule]
+    return rule_text(rules_in_words(diagnoser)[rule], value, state.limit[0, rule])
 
 
 def causes(

@@ -51,14 +51,11 @@ def course_of(log: Log, model: RelationModel) -> LogCourse:
         np.concatenate([getattr(course, field) for course in courses])
         for field in ("value", "limit", "std", "strength")
     )
-    residuals = model.layout.residuals
-    signs = np.ones(len(diagnoser.rules))
-    signs[: 2 * len(residuals)] = np.tile([sign_of(name) for name in residuals], 2)
     return LogCourse(
         rules=rules_in_words(diagnoser),
-        n_residuals=len(residuals),
+        n_residuals=len(model.layout.residuals),
         time=np.concatenate(times),
-        value=signs * value,
+        value=signs_in_words(diagnoser) * value,
         limit=limit,
         std=std,
         strength=strength,
@@ -72,6 +69,14 @@ def rules_in_words(diagnoser: Residuals) -> tuple[str, ...]:
     lasting = [f"lasting {name}" for name in words]
     counts = diagnoser.rules[2 * len(words) :]
     return (*words, *lasting, *counts)
+
+
+def signs_in_words(diagnoser: Residuals) -> np.ndarray:
+    """The sign of the value of each rule in words, (n_rules,)."""
+    residuals = diagnoser.model.layout.residuals
+    signs = np.ones(len(diagnoser.rules))
+    signs[: 2 * len(residuals)] = np.tile([sign_of(name) for name in residuals], 2)
+    return signs
 
 
 def indicators(course: LogCourse) -> dict[str, Indicator]:

@@ -18,6 +18,8 @@ from auv_fault_env.channels import CHANNELS, READINGS
 from auv_fault_env.errors import known_name, refusal
 from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from diagnosers import Diagnoser
+from diagnosers.residuals import Residuals
+from training.field.diagnosis.causes import strongest_rule
 from training.field.diagnosis.diagnosis import TWO_SIDED, diagnoser_for, persistence
 from training.field.logs.cells import (
     COMMENT_MARKS,
@@ -59,7 +61,8 @@ def follow(
     """Answer every line of the source with a line on the sink, until either ends.
 
     An answer is a JSON object with time [s], p_normal, class, severity, its 95 % interval, and
-    alarm; class is `normal` as long as no alarm stands. Lines may be 0.1 s apart: the answer to a
+    alarm; class is `normal` as long as no alarm stands. With `residuals` it also has raised_by,
+    what is farthest beyond its limit in an alarm. Lines may be 0.1 s apart: the answer to a
     line that comes sooner repeats the last one. Between lines further apart the vehicle is
     predicted; after more than 5 s the diagnoser starts anew.
 
@@ -285,7 +288,7 @@ class Stream:
         margin = TWO_SIDED * float(std[k])
         low = max(severity - margin, 0.0)
         high = min(severity + margin, 1.0)
-        return {
+        answer = {
             "time": round(self.time, 6),
             "p_normal": math.exp(log_probability[0]),
             "class": self._diagnoser.classes[k],
@@ -293,6 +296,9 @@ class Stream:
             "severity_95": [round(low, 4), round(high, 4)],
             "alarm": alarm,
         }
+        if isinstance(self._diagnoser, Residuals):
+            answer["raised_by"] = strongest_rule(self._diagnoser) if alarm else None
+        return answer
 
 
 def close_quietly(sink: TextIO) -> None:

@@ -152,12 +152,18 @@ def test_the_course_of_an_episode_is_what_it_gives_sample_by_sample(change):
     log = logs_of(1, FaultEvent("seal_friction:port", ONSET, 0.9), first=300)[0]
     observation = change(log.observation)
     diagnoser = Residuals(model())
-    found = diagnoser.beliefs(diagnoser.course(observation), len(observation))
+    course = diagnoser.course(observation)
+    found = diagnoser.beliefs(course, len(observation))
     diagnoser.reset(1)
     for k, row in enumerate(observation):
         belief = diagnoser.update(row[None])
         for values, one in zip(found, belief, strict=True):
             np.testing.assert_allclose(values[k], one[0], rtol=1e-9, atol=1e-9)
+    state = diagnoser.running.state
+    if len(course.last):
+        np.testing.assert_allclose(state.value[0], course.value[-1], rtol=1e-9)
+        np.testing.assert_allclose(state.limit[0], course.limit[-1], rtol=1e-9)
+        assert diagnoser.strongest(state) == course.strength[-1].argmax()
 
 
 def test_a_course_names_the_rule_that_is_strongest():

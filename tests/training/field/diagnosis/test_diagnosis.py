@@ -18,7 +18,7 @@ from training.field.diagnosis.diagnosis import (
     persistence,
     verdict,
 )
-from training.field.diagnosis.page import verdict_row
+from training.field.diagnosis.page import verdicts_section
 from training.field.logs.resolution import resolution
 from training.field.vehicle_file import VEHICLE_DIAGNOSERS, Column
 
@@ -146,7 +146,7 @@ def test_an_unknown_fault_has_neither_side_nor_severity():
     one = verdict("log.csv", log, belief, alarmed, VEHICLE)
     assert (one.verdict, one.fault, one.side) == (FAULT, UNKNOWN, None)
     assert one.severity is None and one.severity_low is None and one.severity_high is None
-    assert verdict_row(one)[4] == ""
+    assert "severity (95 %)" not in verdicts_section([("log.csv", one)])["table"]["columns"]
 
 
 def test_faults_of_absent_channels_are_no_hypotheses():
