@@ -2,12 +2,13 @@
 
 import shlex
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 from tqdm import tqdm
 
-from auv_fault_env.errors import refusal
+from auv_fault_env.errors import InputError, refusal
 from training.arguments import Calibrate
 from training.field.calibration.calibration import (
     NAMES,
@@ -16,6 +17,9 @@ from training.field.calibration.calibration import (
 )
 from training.field.calibration.checks import leave_one_out
 from training.field.calibration.fit_quality import FitQuality, fit_quality
+from training.field.calibration.mistakes.finding import Finding
+from training.field.calibration.mistakes.search import find_mistakes
+from training.field.calibration.mistakes.section import HEADING
 from training.field.calibration.page import REPAIRS, page, plain
 from training.field.calibration.relation_fit import fit_relations
 from training.field.calibration.samples import samples_of
@@ -35,9 +39,12 @@ def main(arguments: Calibrate) -> None:
         write_vehicle(folder / "vehicle.toml", vehicle, comments(calibration, quality))
         write_json(folder / "results.json", results)
         write_report(results, folder)
-    print_tables(section for section in results["sections"] if section["heading"] != REPAIRS)
+    unprinted = (REPAIRS, HEADING)
+    print_tables(one for one in results["sections"] if one["heading"] not in unprinted)
     print(f"\nvehicle file: {arguments.output / 'vehicle.toml'}")
     print(f"report: {arguments.output / 'index.html'}")
+    if results["mistakes"]:
+        print(f"likely mistakes: {len(results['mistakes'])}, see the warnings and the report")
     print(quality.line)
 
 
@@ -49,12 +56,16 @@ def calibrate(arguments: Calibrate) -> tuple[Calibration, FitQuality, dict[str, 
         raise refusal("logs", names, "each log once", "leave the repetitions out")
     with tqdm(arguments.logs, "reading", unit="log", leave=False, file=sys.stderr) as paths:
         logs = [read_log(path, vehicle)._replace(name=str(path)) for path in paths]
+    findings = find_mistakes(logs, vehicle)
+    warn(findings)
     samples = samples_of(logs)
     vehicle = replace(vehicle, relations=fit_relations(logs, vehicle))
     calibration = calibrate_samples(samples, vehicle)
     left_out = leave_one_out(samples, calibration, [log.name for log in logs])
     quality = fit_quality(logs, calibration.vehicle)
-    results = page(logs, samples, calibration, left_out) | plain(calibration, left_out, logs)
+    results = page(logs, samples, calibration, left_out, findings)
+    results |= plain(calibration, left_out, logs)
+    results["mistakes"] = [one._asdict() for one in findings]
     results["intro"].append(quality.line)
     results["fit_quality"] = quality._asdict()
     command = (
@@ -66,6 +77,16 @@ def calibrate(arguments: Calibrate) -> tuple[Calibration, FitQuality, dict[str, 
     )
     results["command"] = shlex.join(map(str, command))
     return calibration, quality, results
+
+
+def warn(findings: Sequence[Finding]) -> None:
+    """Print the findings; one that leaves the fit without a meaning is an `InputError`."""
+    fatal = next((one for one in findings if one.is_fatal), None)
+    for one in findings:
+        if one is not fatal:
+            print(f"auv-fault calibrate: warning: {one}", file=sys.stderr)
+    if fatal is not None:
+        raise InputError(str(fatal))
 
 
 def comments(calibration: Calibration, quality: FitQuality) -> dict[str, str]:

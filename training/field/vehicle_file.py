@@ -278,11 +278,16 @@ def _changed(values: Mapping[str, float], usual: Mapping[str, float]) -> dict[st
     return {name: value for name, value in values.items() if value != usual[name]}
 
 
+def unit_of(column: Column, kind: str) -> str:
+    """The unit that is the column's scale, apart from the sign; else that of the channel."""
+    units = UNITS[kind].items()
+    return next((name for name, factor in units if factor == abs(column.scale)), kind)
+
+
 def _entry(column: Column, kind: str) -> dict[str, str | float]:
-    units = UNITS[kind]
-    unit = next((name for name, factor in units.items() if factor == abs(column.scale)), kind)
+    unit = unit_of(column, kind)
     entry = {"column": column.name, "unit": unit}
-    scale = column.scale / units[unit]
+    scale = column.scale / UNITS[kind][unit]
     if scale != 1.0:
         entry["scale"] = scale
     if column.offset != 0.0:

@@ -1,11 +1,12 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from auv_fault_env.channels import INDEX
 from training import cli
-from training.field.vehicle_file import read_vehicle, write_vehicle
+from training.field.vehicle_file import Column, read_vehicle, write_vehicle
 
 from ..field.fleet_logs import VEHICLE, write_log
 from ..field.healthy_missions import OFF, healthy_logs, kept
@@ -128,3 +129,31 @@ def test_bad_input_ends_with_two_one_line_and_nothing_written(paths, tmp_path, c
 def test_a_log_given_twice_is_refused(paths, tmp_path, capfd):
     code, folder = run(tmp_path, paths[0], paths[1], paths[1])
     assert code == 2 and "each log once" in capfd.readouterr().err and not folder.exists()
+
+
+def test_likely_mistakes_are_warnings_lines_and_a_section(paths, tmp_path, capfd):
+    vehicle = replace(VEHICLE, columns=VEHICLE.columns | {"port_rpm": Column("port_rpm", 1 / 60)})
+    write_vehicle(tmp_path / "vehicle.toml", vehicle)
+    code, folder = run(tmp_path, tmp_path / "vehicle.toml", paths[1])
+    output = capfd.readouterr()
+    assert code == 0
+    assert "auv-fault calibrate: warning: port_rpm: " in output.err
+    assert "multiply scale by 60 in [channels.port_rpm]" in output.err
+    assert "likely mistakes: 1" in output.out
+    (mistake,) = json.loads((folder / "results.json").read_text())["mistakes"]
+    assert mistake["channels"] == ["port_rpm"] and mistake["remedy"] in output.err
+    assert ">Likely mistakes</h2>" in (folder / "index.html").read_text()
+
+
+def test_a_mistake_that_leaves_no_meaning_is_refused(paths, tmp_path, capfd):
+    vehicle = replace(VEHICLE, columns=VEHICLE.columns | {"speed": Column("speed", -1.0)})
+    write_vehicle(tmp_path / "vehicle.toml", vehicle)
+    code, folder = run(tmp_path, tmp_path / "vehicle.toml", *paths[1:])
+    assert code == 2 and not folder.exists()
+    assert "auv-fault calibrate: speed: negative" in capfd.readouterr().err
+
+
+def test_a_right_file_has_no_mistake(finished):
+    results = json.loads((finished / "results.json").read_text())
+    assert results["mistakes"] == []
+    assert "Likely mistakes" not in (finished / "index.html").read_text()

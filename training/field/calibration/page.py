@@ -21,6 +21,8 @@ from training.field.calibration.checks import (
     simulated_readings,
 )
 from training.field.calibration.healthy_band import PRIOR_UNITS
+from training.field.calibration.mistakes.finding import Finding
+from training.field.calibration.mistakes.section import mistakes_section
 from training.field.calibration.robust_fit import LARGEST_STD
 from training.field.calibration.samples import BLOCK, Samples
 from training.field.logs.log import Log
@@ -39,10 +41,12 @@ def page(
     samples: Samples,
     calibration: Calibration,
     left_out: Sequence[LeftOut],
+    findings: Sequence[Finding],
 ) -> dict[str, Any]:
     """The report as plain data."""
     parameters = [calibration.parameter(name) for name in NAMES]
     sections = [
+        mistakes_section(findings),
         fitted_section([parameter for parameter in parameters if np.isfinite(parameter.std)]),
         unidentified_section([parameter for parameter in parameters if parameter.why]),
         left_out_section(logs, left_out),

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS, READINGS
+from auv_fault_env.channels import CHANNELS, COMMANDS, READINGS
 from auv_fault_env.errors import refusal
 from auv_fault_env.parameters import SIDES, Vehicle
 from auv_fault_env.physics import RPM
@@ -89,11 +89,15 @@ def _possible_values(
 
 
 def _check_unit(channel: str, column: np.ndarray, is_impossible: np.ndarray, limit: float) -> None:
-    """Refuse many impossible values, unless all are one number, which then means missing."""
-    n_known = np.isfinite(column).sum()
+    """Refuse many impossible values, unless all are one number, which then means missing.
+
+    Of a command, those at zero do not count: a rudder is amidships for most of a mission.
+    """
+    is_known = np.isfinite(column)
+    is_counted = is_known & (column != 0.0) if channel in COMMANDS else is_known
     impossible = column[is_impossible]
-    is_missing_mark = impossible.size < n_known and (impossible == impossible[0]).all()
-    if impossible.size < WRONG_UNIT * n_known or is_missing_mark:
+    is_missing_mark = impossible.size < is_known.sum() and (impossible == impossible[0]).all()
+    if impossible.size < WRONG_UNIT * is_counted.sum() or is_missing_mark:
         return
     unit = CHANNELS[channel].unit
     typical = float(np.median(abs(impossible)))

@@ -68,6 +68,16 @@ def test_units_scale_and_offset(tmp_path):
     np.testing.assert_allclose(channel(log, "port_rpm"), np.resize(RPM, 150))
 
 
+def test_a_rudder_in_degrees_is_refused_though_it_is_mostly_amidships(tmp_path):
+    rudder = np.zeros(1000)
+    rudder[500:520] = np.linspace(9.0, 10.0, 20)
+    with pytest.raises(InputError, match=r"channels.rudder\] \(deg"):
+        read(tmp_path, 0.1 * np.arange(1000), vehicle(rudder=Column("r")), r=rudder)
+    rudder[500:520] = 999.0
+    log = read(tmp_path, 0.1 * np.arange(1000), vehicle(rudder=Column("r")), r=rudder)
+    assert "rudder: impossible values" in " ".join(log.remarks)
+
+
 @pytest.mark.parametrize("one", ["mission_speed", "speed_command"])
 def test_one_speed_command_replaces_the_other(one):
     rows = observations_of({one: np.array([0.3, 0.4]), "speed": np.array([0.1, 0.2])})
