@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.channels import INDEX
+from diagnosers.relations.episode import EpisodeWindows, episode_windows
 from diagnosers.relations.model import residuals_of
 from diagnosers.relations.windows import BALANCE, DURATION, PUSH, Layout, Windows, is_under_way
 from training.field.calibration.mistakes.finding import Finding
@@ -15,10 +16,8 @@ from training.field.logs.log import Log
 from training.field.vehicle_file import VehicleFile
 from training.learning.relation_fit import (
     FLOOR,
-    MissionWindows,
     fit_relation,
     median_sizes,
-    mission_windows,
     typical_of,
 )
 
@@ -36,7 +35,7 @@ class LogWindows(NamedTuple):
     """The windows of one log."""
 
     name: str
-    parts: list[MissionWindows]
+    parts: list[EpisodeWindows]
     times: list[np.ndarray]  # of the middle of each part's windows [s]
     commands: list[np.ndarray]  # of the speed at the end of each part's windows [m/s]
 
@@ -100,8 +99,8 @@ def windows_of_logs(logs: Sequence[Log], layout: Layout) -> list[LogWindows]:
         times = []
         commands = []
         for rows in log_rows:
-            part = mission_windows(rows.reading, layout, typical)
-            if part is not None:
+            part = episode_windows(rows.reading, layout, typical)
+            if part.last.size:
                 parts.append(part)
                 times.append(rows.time[part.last] - DURATION / 2.0)
                 commands.append(rows.reading[part.last, INDEX["mission_speed"]])
