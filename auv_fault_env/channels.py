@@ -10,7 +10,8 @@ from typing import NamedTuple
 class Channel(NamedTuple):
     """One element of an observation.
 
-    Readings saturate at `low` and `high`; `noise` is the default standard deviation.
+    Readings saturate at `low` and `high`, which in `CHANNELS` are those of `thesis1992`
+    (`parameters.channels_of` has those of any vehicle); `noise` is the default standard deviation.
     """
 
     unit: str
@@ -20,7 +21,8 @@ class Channel(NamedTuple):
     about: str
 
 
-# m/s, commanded surge speed: twice the 1.5 ft/s of the thesis; the plant reaches 2.7 at 24 V
+# m/s, largest surge speed command of thesis1992: twice the 1.5 ft/s of the thesis; the plant
+# reaches 2.7 at 24 V
 MAXIMUM_COMMAND = 1.0
 MAXIMUM_DEFLECTION = 0.4  # rad, rudder and stern plane
 

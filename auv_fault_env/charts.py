@@ -9,7 +9,7 @@ import numpy as np
 from auv_fault_env import palette
 from auv_fault_env.canvas import SMALL, Canvas, Point
 from auv_fault_env.channels import CHANNELS
-from auv_fault_env.parameters import SIDES
+from auv_fault_env.parameters import SIDES, Vehicle, is_of_missing_side
 
 WINDOW = 60.0  # s, length of the strip charts
 
@@ -47,6 +47,14 @@ CHARTS = {
     "deflection": DEFLECTIONS,
     "motor current": _pair("current"),
 }
+
+
+def charts(vehicle: Vehicle) -> dict[str, tuple[Trace, ...]]:
+    """Traces of the vehicle's charts by title, those of `CHARTS` that it has."""
+    return {
+        title: tuple(trace for trace in traces if not is_of_missing_side(trace.channel, vehicle))
+        for title, traces in CHARTS.items()
+    }
 
 
 def ticks(low: float, high: float, intervals: int = 4) -> np.ndarray:

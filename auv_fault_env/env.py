@@ -21,17 +21,18 @@ from auv_fault_env.errors import (
 )
 from auv_fault_env.fleet import Fleet, checked_actions
 from auv_fault_env.missions import Mission, mission_of
-from auv_fault_env.parameters import SAMPLE_RATE, Vehicle
+from auv_fault_env.parameters import SAMPLE_RATE, Vehicle, channels_of
 from auv_fault_env.schedules import Schedule, schedule_of
 from auv_fault_env.truth import FleetTruth, SingleLaneTruth
 
 ACTIONS = COMMANDS[1:]
 
 
-def _box(names: Sequence[str]) -> gym.spaces.Box:
-    """The space of these channels."""
-    low = np.array([CHANNELS[name].low for name in names], np.float32)
-    high = np.array([CHANNELS[name].high for name in names], np.float32)
+def _box(names: Sequence[str], vehicle: Vehicle) -> gym.spaces.Box:
+    """The space of these channels of a vehicle."""
+    channels = channels_of(vehicle)
+    low = np.array([channels[name].low for name in names], np.float32)
+    high = np.array([channels[name].high for name in names], np.float32)
     return gym.spaces.Box(low, high, dtype=np.float32)
 
 
@@ -76,6 +77,7 @@ class PropulsionEnv(gym.Env):
 
     ## Action Space
     `Box(3)`, float32, in physical units; values outside are clipped, NaN and infinity are refused.
+    The largest speed is the vehicle's `maximum_speed`, here that of `thesis1992`.
 
     | Index | Action | Minimum | Maximum | Unit |
     |---|---|---|---|---|
@@ -84,7 +86,9 @@ class PropulsionEnv(gym.Env):
     | 2 | stern plane | -0.4 | 0.4 | rad |
 
     ## Observation Space
-    `Box(12)`, float32, in the order of `auv_fault_env.CHANNELS`. Readings saturate at these limits.
+    `Box(12)`, float32, in the order of `auv_fault_env.CHANNELS`. Readings saturate at these limits,
+    which grow with the vehicle's largest speed, shaft speed, voltage and current (here those of
+    `thesis1992`). A vehicle with one shaft has that of port; its starboard readings are always 0.
 
     | Index | Channel | Minimum | Maximum | Unit | Noise (1 sigma) |
     |---|---|---|---|---|---|
@@ -126,7 +130,7 @@ class PropulsionEnv(gym.Env):
     arguments = dict(preset="thesis1992", sensor_noise=1.0, disturbance=1.0, healthy_band=1.0)
     gym.make("auv_fault_env/Propulsion-v0", **arguments)
     ```
-    `preset`: `thesis1992`, `npsnet1995` or a `Vehicle`. `sensor_noise`, `disturbance`,
+    `preset`: a name in `auv_fault_env.PRESETS` or a `Vehicle`. `sensor_noise`, `disturbance`,
     `healthy_band`: factors on the default noise, the disturbing acceleration and the healthy band;
     0 switches off. `horizon`: end of the episode [s], before which every fault of a schedule must
     begin; raise it together with `max_episode_steps`. `realism`: factor on the imperfections of
@@ -178,8 +182,8 @@ class PropulsionEnv(gym.Env):
             realism=realism,
             imperfections=imperfections,
         )
-        self.action_space = _box(ACTIONS)
-        self.observation_space = _box(tuple(CHANNELS))
+        self.action_space = _box(ACTIONS, self.fleet.vehicle)
+        self.observation_space = _box(tuple(CHANNELS), self.fleet.vehicle)
         self._truth = SingleLaneTruth(self.fleet)
         self._observation: np.ndarray | None = None
         self._renderer = None
@@ -217,7 +221,8 @@ class PropulsionEnv(gym.Env):
         if self._renderer is None:
             from auv_fault_env.rendering import Renderer
 
-            self._renderer = Renderer(self.render_mode, self.metadata["render_fps"])
+            fps = self.metadata["render_fps"]
+            self._renderer = Renderer(self.render_mode, fps, self.fleet.vehicle)
         self._renderer.record(float(self.fleet.time[0]), self._observation, info["truth"])
         if self.render_mode == "human":
             self._renderer.show()
@@ -273,8 +278,8 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
         )
         self.num_envs = self.fleet.n_lanes
         self.max_episode_steps = whole_number("max_episode_steps", max_episode_steps)
-        self.single_action_space = _box(ACTIONS)
-        self.single_observation_space = _box(tuple(CHANNELS))
+        self.single_action_space = _box(ACTIONS, self.fleet.vehicle)
+        self.single_observation_space = _box(tuple(CHANNELS), self.fleet.vehicle)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._terminated = np.zeros(self.num_envs, bool)

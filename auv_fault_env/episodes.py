@@ -196,15 +196,16 @@ def start_episodes(
         alpha = block[row.ALPHA * LANES + k]
         shaft_speed = physics.equilibrium_shaft_speed(alpha, beta, speed, shared)
         start_shaft(block, k, row.PORT_SHAFT, row.PORT_STATE, shaft_speed, speed, shared)
-        start_shaft(
-            block,
-            k,
-            row.STARBOARD_SHAFT,
-            row.STARBOARD_STATE,
-            shaft_speed,
-            speed,
-            shared,
-        )
+        if physics.has_starboard(shared):
+            start_shaft(
+                block,
+                k,
+                row.STARBOARD_SHAFT,
+                row.STARBOARD_STATE,
+                shaft_speed,
+                speed,
+                shared,
+            )
         block[row.SPEED * LANES + k] = speed
         block[row.FILTERED_SPEED * LANES + k] = speed
         block[row.SPEED_COMMAND * LANES + k] = block[row.MISSION_SPEED * LANES + k]

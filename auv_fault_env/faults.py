@@ -27,7 +27,7 @@ import numpy as np
 from auv_fault_env.channels import CHANNELS, READINGS
 from auv_fault_env.errors import finite_in_range, known_name
 from auv_fault_env.layout import Catalogue
-from auv_fault_env.parameters import PARAMETERS, SIDES
+from auv_fault_env.parameters import PARAMETERS, SIDES, Vehicle, is_of_missing_side
 
 NORMAL = "normal"
 UNKNOWN = "unknown"  # class of the readings that none of the others explains
@@ -61,6 +61,11 @@ class Fault:
     def diagnosis(self) -> str:
         """Diagnosis class: one for all faults of a sensor, else one for each fault."""
         return self.component if self.component.startswith("sensor:") else self.name
+
+    def is_possible(self, vehicle: Vehicle) -> bool:
+        """Whether it changes a part of the vehicle, not only a shaft that does not exist."""
+        changed = (*self.scale, *self.offset)
+        return not changed or not all(is_of_missing_side(name, vehicle) for name in changed)
 
 
 def _hull_faults() -> list[Fault]:

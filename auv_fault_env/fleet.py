@@ -18,7 +18,10 @@ from auv_fault_env.noise import STREAMS, episode_keys, uniforms
 from auv_fault_env.parameters import (
     PARAMETERS,
     SAMPLE_RATE,
+    SIDES,
     Vehicle,
+    channels_of,
+    full_scale_factors,
     nominal,
     vehicle_of,
 )
@@ -118,11 +121,11 @@ class Fleet:
         bands = np.array([spec.band for spec in PARAMETERS.values()])
         self._band = healthy_band * bands
         self._shift, self._latency = healthy_spread(realism, effects)
-        self._realism = kernel_values(realism, effects)
+        self._realism = kernel_values(realism, effects, full_scale_factors(self.vehicle))
         self._always_real = realism > 0.0 and bool(effects)
         self.effects = np.empty(0)
         self.constants = np.array(plant_constants(self.vehicle, disturbance))
-        limits = [(channel.low, channel.high) for channel in CHANNELS.values()]
+        limits = [(channel.low, channel.high) for channel in channels_of(self.vehicle).values()]
         self.limits = np.array(limits)
         self.more_faults = tuple(more_faults)
         self._read_catalogue()
@@ -186,12 +189,16 @@ class Fleet:
         if seeds is not None:
             seeds = one_per_lane("seeds", seeds, indices.size)
             seeds = [whole_number("seed", seed, 0) for seed in seeds]
-        events, legs = _events_and_legs(schedules, missions, indices.size)
+        events, legs = self._possible_plan(schedules, missions, indices.size)
         key = self._next_episode(indices, seeds)
         place = 2.0 * uniforms(key, STREAMS["healthy_parameters"], len(PARAMETERS)) - 1.0
         self.plan.healthy[indices] = self._drawn(place)
-        self._set_events(indices, self.schedules.sample_events(key) if events is None else events)
-        legs, speeds = self.missions.sample_legs(key) if legs is None else legs
+        if events is None:
+            events = self.schedules.sample_events(key, self.vehicle)
+        self._set_events(indices, events)
+        if legs is None:
+            legs = self.missions.sample_legs(key, self.vehicle.maximum_speed)
+        legs, speeds = legs
         self._set_legs(indices, legs)
         self.outcomes = self.outcomes.copy()
         shared = self.plan, self.catalogue, self.limits, self.constants, self.effects
@@ -204,6 +211,34 @@ class Fleet:
         """Healthy parameters from uniform numbers in (-1, 1), both (m, n_parameters)."""
         late = np.floor(0.5 * (1.0 + place) * (self._latency + 1.0))
         return self._nominal * (1.0 + self._band * place) + self._shift * place + late
+
+    def _possible_plan(
+        self,
+        schedules: Sequence[Schedule] | Events | None,
+        missions: Sequence[Mission] | None,
+        n_lanes: int,
+    ) -> tuple[Events | None, tuple[np.ndarray, np.ndarray] | None]:
+        """Events, legs and start speeds, as `_events_and_legs`, if the vehicle can have them."""
+        events, legs = _events_and_legs(schedules, missions, n_lanes)
+        if events is not None:
+            self._check_faults(events)
+        if legs is not None:
+            speeds = legs[0][:, :, 1]
+            fastest = max(speeds[np.isfinite(speeds)].max(), legs[1].max())
+            finite_in_range("mission speed", float(fastest), 0.0, self.vehicle.maximum_speed)
+        return events, legs
+
+    def _check_faults(self, events: Events):
+        """Refuse a fault of a shaft that the vehicle does not have."""
+        if self.vehicle.sides == SIDES:
+            return
+        faults = self._faults_now()
+        for row in np.unique(events.fault[events.fault >= 0]):
+            fault = faults[row]
+            if not fault.is_possible(self.vehicle):
+                place = " or ".join(self.vehicle.sides)
+                allowed = f"one of {place} or of the hull, as {self.vehicle.name} has one shaft"
+                raise refusal("fault", fault.name, allowed, f"name that of {place}")
 
     def _next_episode(self, indices: np.ndarray, seeds: list[int] | None) -> np.ndarray:
         """Set and return the noise keys of the next episodes."""
@@ -286,8 +321,8 @@ class Fleet:
     def step(self, actions: np.ndarray) -> np.ndarray:
         """Advance every lane by 0.1 s; return new observations (n_lanes, n_channels), float32.
 
-        actions is (n_lanes, 3): speed command [m/s], rudder and stern plane [rad]; clipped to the
-        channels' limits. Reward, energy and cost are in `outcomes`.
+        actions is (n_lanes, 3): speed command [m/s], rudder and stern plane [rad]; clipped to
+        `limits`. Reward, energy and cost are in `outcomes`.
         """
         return self.advance(checked_actions(actions, (self.n_lanes, 3)))
 
@@ -356,7 +391,7 @@ class Fleet:
         if not self.changes:
             allowed = "another plan after a reset of all lanes"
             raise refusal("replan", "no reset before", allowed, "call reset() first")
-        events, legs = _events_and_legs(schedules, missions, self.n_lanes)
+        events, legs = self._possible_plan(schedules, missions, self.n_lanes)
         if events is not None:
             self._set_events(np.arange(self.n_lanes), events)
         if legs is not None:

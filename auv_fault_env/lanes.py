@@ -65,7 +65,8 @@ def run_shaft_controller(block, k, constants, command, rpm_reading, state):
 
 @kernel
 def run_controllers(block, width, constants):
-    """Set both voltages from the commands and the latest readings."""
+    """Set the voltages from the commands and the latest readings."""
+    has_starboard = physics.has_starboard(constants)
     share = 1.0 - math.exp(-SAMPLE_TIME / constants.speed_filter_time)
     for k in range(width):
         speed_reading = block[row.SPEED_READING * LANES + k]
@@ -74,14 +75,15 @@ def run_controllers(block, width, constants):
         speed_command = block[row.SPEED_COMMAND * LANES + k]
         command = physics.rpm_command(constants, speed_command, speed, delta_squared(block, k))
         run_shaft_controller(block, k, constants, command, row.PORT_RPM_READING, row.PORT_STATE)
-        run_shaft_controller(
-            block,
-            k,
-            constants,
-            command,
-            row.STARBOARD_RPM_READING,
-            row.STARBOARD_STATE,
-        )
+        if has_starboard:
+            run_shaft_controller(
+                block,
+                k,
+                constants,
+                command,
+                row.STARBOARD_RPM_READING,
+                row.STARBOARD_STATE,
+            )
 
 
 @kernel

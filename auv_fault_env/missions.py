@@ -16,14 +16,17 @@ from auv_fault_env.errors import (
     whole_number,
 )
 from auv_fault_env.noise import STREAMS, uniforms
-from auv_fault_env.parameters import FOOT, SAMPLE_TIME
+from auv_fault_env.parameters import FASTEST, FOOT, SAMPLE_TIME
 
 LONGEST = 1e12  # s
 
 
 @dataclass(frozen=True)
 class Mission:
-    """Mission speed in legs, and the speed at the start: that of the first leg if None."""
+    """Mission speed in legs, and the speed at the start: that of the first leg if None.
+
+    A vehicle refuses one that is faster than its largest command.
+    """
 
     legs: tuple[tuple[float, float], ...]  # (start [s], speed [m/s]), ascending, the first at 0 s
     start_speed: float | None = None  # m/s
@@ -35,14 +38,14 @@ class Mission:
             allowed = "start times that begin at 0 and ascend"
             raise refusal("mission legs", starts, allowed, "order the legs")
         start_speed = legs[0][1] if self.start_speed is None else self.start_speed
-        start_speed = finite_in_range("mission speed", start_speed, 0.0, MAXIMUM_COMMAND)
+        start_speed = finite_in_range("mission speed", start_speed, 0.0, FASTEST)
         object.__setattr__(self, "legs", legs)
         object.__setattr__(self, "start_speed", start_speed)
 
 
 def _checked_leg(start: float, speed: float) -> tuple[float, float]:
     start = finite_in_range("start of a mission leg", start, 0.0, LONGEST)
-    return start, finite_in_range("mission speed", speed, 0.0, MAXIMUM_COMMAND)
+    return start, finite_in_range("mission speed", speed, 0.0, FASTEST)
 
 
 # V.D of the thesis: 0.5 ft/s, at 10 s 1.0 ft/s, at 20 s 0.5 ft/s, and so on
@@ -78,26 +81,32 @@ def mission_of(value: "Mission | str | float | Sequence | Mapping") -> Mission:
 class MissionSampler:
     """Random missions: legs of uniform speed and duration, the last one without an end."""
 
-    speed: tuple[float, float] = (0.15, 0.6)  # m/s
+    speed: tuple[float, float] = (0.15, 0.6)  # of the vehicle's largest command
     duration: tuple[float, float] = (8.0, 20.0)  # s
     n_legs: int = 5
     from_rest: float = 0.2  # probability of a start at rest, otherwise in motion
 
     def __post_init__(self):
-        pair_in_range("speed of the legs", self.speed, 0.0, MAXIMUM_COMMAND)
+        pair_in_range("speed of the legs", self.speed, 0.0, 1.0)
         pair_in_range("duration of the legs", self.duration, SAMPLE_TIME, LONGEST)
         whole_number("number of legs", self.n_legs)
         finite_in_range("from_rest", self.from_rest, 0.0, 1.0)
 
-    def sample_legs(self, key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Random legs (n_lanes, n_legs, 2) and start speeds (n_lanes,), from noise keys."""
+    def sample_legs(
+        self, key: np.ndarray, maximum_speed: float = MAXIMUM_COMMAND
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Random legs (n_lanes, n_legs, 2) and start speeds (n_lanes,), from noise keys.
+
+        maximum_speed: the vehicle's largest command [m/s].
+        """
         u = uniforms(key, STREAMS["mission"], 2 * self.n_legs + 1)
         legs = np.empty((key.size, self.n_legs, 2))
         shortest, longest = self.duration
         durations = shortest + (longest - shortest) * u[:, : self.n_legs]
         legs[:, :, 0] = np.cumsum(durations, axis=1) - durations
         slowest, fastest = self.speed
-        legs[:, :, 1] = slowest + (fastest - slowest) * u[:, self.n_legs : -1]
+        shares = slowest + (fastest - slowest) * u[:, self.n_legs : -1]
+        legs[:, :, 1] = maximum_speed * shares
         start_at_rest = u[:, -1] < self.from_rest
         return legs, np.where(start_at_rest, 0.0, legs[:, 0, 1])
 

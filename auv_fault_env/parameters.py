@@ -17,7 +17,7 @@ Sources
 from dataclasses import dataclass, field, fields
 from typing import NamedTuple
 
-from auv_fault_env.channels import CHANNELS, READINGS
+from auv_fault_env.channels import CHANNELS, MAXIMUM_COMMAND, READINGS, Channel
 from auv_fault_env.errors import finite_in_range, known_name, refusal
 
 FOOT = 0.3048  # m
@@ -27,6 +27,7 @@ SAMPLE_RATE = 10.0  # 1/s, the vehicle's data rate [T]
 SAMPLE_TIME = 1.0 / SAMPLE_RATE  # s
 ENERGY_WEIGHT = 0.01  # 1/J, in the reward beside the squared speed deviation [m^2/s^2]
 SIDES = ("port", "starboard")
+FASTEST = 20.0  # m/s, beyond the speed of any vehicle
 
 
 def blade_pair_inertia(
@@ -58,10 +59,11 @@ def quantity(
 
 @dataclass(frozen=True)
 class Vehicle:
-    """A healthy vehicle: hull, shafts and motors (both sides alike), water and controller gains.
+    """A healthy vehicle: hull, shafts and motors (all alike), water and controller gains.
 
     A variant is ``dataclasses.replace(PRESETS["thesis1992"], alpha=-0.1)``; a value outside its
-    physical limits raises `ValueError`. `describe` lists units, meanings and sources.
+    physical limits raises `ValueError`. `describe` lists units, meanings and sources. A vehicle
+    with one of its `shafts`, 1 or 2, has that of port.
     """
 
     # fmt: off
@@ -71,7 +73,7 @@ class Vehicle:
         -10.0, -1e-4, 0.05,
     )
     beta: float = quantity(
-        2.1906e-7 / 0.65 * FOOT, "(m/s^2)/rpm^2", "thrust coefficient, both propellers",
+        2.1906e-7 / 0.65 * FOOT, "(m/s^2)/rpm^2", "thrust coefficient, all propellers together",
         "T IV.C: 2.1906e-7 (ft/s^2)/rpm^2 is -35 %", 0.0, 1e-5, 0.03,
     )
     gamma: float = quantity(
@@ -110,6 +112,14 @@ class Vehicle:
     maximum_voltage: float = quantity(
         24.0, "V", "supply voltage", "T III.B: 0 to 24 V", 1.0, 1000.0,
     )
+    maximum_current: float = quantity(
+        25.0, "A", "largest current that a motor's sensor measures", "E: shunt of a common part",
+        0.1, 1000.0,
+    )
+    maximum_speed: float = quantity(
+        MAXIMUM_COMMAND, "m/s", "largest surge speed command", "E: twice the 1.5 ft/s of T",
+        0.1, FASTEST,
+    )
     disturbance_std: float = quantity(
         0.001, "m/s^2", "standard deviation of the disturbing acceleration",
         "E: moves the speed by about 1 cm/s at held shaft speed", 0.0, 1.0,
@@ -137,8 +147,11 @@ class Vehicle:
         0.03, "V/(rpm s)", "shaft speed controller: integral gain", "E", 0.0, 100.0,
     )
     # fmt: on
+    shafts: int = 2
 
     def __post_init__(self):
+        if type(self.shafts) is not int or self.shafts not in (1, 2):
+            raise refusal("shafts", self.shafts, "1 or 2", "count the shafts")
         for spec in fields(self):
             if spec.metadata:
                 limits = spec.metadata["low"], spec.metadata["high"]
@@ -154,6 +167,11 @@ class Vehicle:
             allowed = f"from {least_inertia:.3g}, a motor time constant of 1 us"
             raise refusal("inertia", self.inertia, allowed, "raise it")
 
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """The sides that have a shaft."""
+        return SIDES[: self.shafts]
+
 
 PRESETS: dict[str, Vehicle] = {
     "thesis1992": Vehicle(),
@@ -161,6 +179,33 @@ PRESETS: dict[str, Vehicle] = {
         "npsnet1995", alpha=-0.0276 / FOOT, beta=2.252e-7 * FOOT, gamma=-0.0722 / FOOT
     ),
 }
+
+
+def full_scale_factors(vehicle: Vehicle) -> dict[str, float]:
+    """Full scales of a vehicle relative to those of `thesis1992` in `CHANNELS`, by unit.
+
+    They grow with its largest speed, shaft speed, voltage and current.
+    """
+    reference = PRESETS["thesis1992"]
+    return {
+        "m/s": vehicle.maximum_speed / reference.maximum_speed,
+        "rpm": vehicle.maximum_rpm / reference.maximum_rpm,
+        "V": vehicle.maximum_voltage / reference.maximum_voltage,
+        "A": vehicle.maximum_current / reference.maximum_current,
+        "m/s^2": 1.0,
+        "rad": 1.0,
+    }
+
+
+def channels_of(vehicle: Vehicle) -> dict[str, Channel]:
+    """The channels with the full scales of this vehicle, in the order of `CHANNELS`."""
+    factors = full_scale_factors(vehicle)
+    return {
+        name: channel._replace(
+            low=channel.low * factors[channel.unit], high=channel.high * factors[channel.unit]
+        )
+        for name, channel in CHANNELS.items()
+    }
 
 
 def vehicle_of(preset: str | Vehicle) -> Vehicle:
@@ -232,13 +277,24 @@ PARAMETERS: dict[str, Parameter] = {
 }
 
 
+def is_of_missing_side(name: str, vehicle: Vehicle) -> bool:
+    """Whether a reading or a parameter, by its name, belongs to a shaft that does not exist."""
+    return any(name.startswith(f"{side}_") for side in SIDES if side not in vehicle.sides)
+
+
 def nominal(vehicle: Vehicle, sensor_noise: float = 1.0) -> dict[str, float]:
-    """Healthy value of every parameter, in that order; each side has half of ``beta``."""
-    shaft = {name: getattr(vehicle, name) for name in SHAFT} | {"beta": vehicle.beta / 2}
+    """Healthy value of every parameter, in that order; the shafts share ``beta`` evenly.
+
+    A shaft that does not exist gives no thrust, and its readings are always zero.
+    """
+    shaft = {name: getattr(vehicle, name) for name in SHAFT}
     values = {name: getattr(vehicle, name) for name in HULL}
-    values |= {f"{side}_{name}": shaft[name] for side in SIDES for name in SHAFT}
+    for side in SIDES:
+        beta = vehicle.beta / vehicle.shafts if side in vehicle.sides else 0.0
+        values |= {f"{side}_{name}": value for name, value in (shaft | {"beta": beta}).items()}
     for channel in READINGS:
-        healthy = (0.0, 1.0, sensor_noise * CHANNELS[channel].noise, 0.0, 0.0)
+        dropout = 1.0 if is_of_missing_side(channel, vehicle) else 0.0
+        healthy = (0.0, 1.0, sensor_noise * CHANNELS[channel].noise, 0.0, dropout)
         values |= {f"{channel}_{name}": value for name, value in zip(SENSOR, healthy, strict=True)}
     return values | {f"{channel}_{name}": 0.0 for channel in READINGS for name in SIGNAL}
 

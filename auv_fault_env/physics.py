@@ -60,6 +60,7 @@ class PlantConstants(NamedTuple):
     maximum_rpm: float
     proportional_gain: float
     integral_gain: float
+    shafts: float
     energy_weight: float
 
 
@@ -79,6 +80,12 @@ def constants_from_array(values):
     return PlantConstants(*to_fixed_tuple(values, N_CONSTANTS))
 
 
+@scalar
+def has_starboard(constants):
+    """Whether the vehicle has a starboard shaft beside that of port."""
+    return constants.shafts > 1.0
+
+
 class Shaft(NamedTuple):
     """Parameters of one shaft, in SI but for beta in (m/s^2)/rpm^2."""
 
@@ -93,9 +100,9 @@ class Shaft(NamedTuple):
 
 
 def nominal_shaft(vehicle: Vehicle) -> Shaft:
-    """One of the two equal shafts of a vehicle."""
+    """One of the equal shafts of a vehicle."""
     values = {name: float(getattr(vehicle, name)) for name in SHAFT}
-    return Shaft(**values | {"beta": vehicle.beta / 2})
+    return Shaft(**values | {"beta": vehicle.beta / vehicle.shafts})
 
 
 @scalar

@@ -5,7 +5,7 @@ project from the data sheets of common parts of that kind; it stands for no part
 """
 
 from collections import namedtuple
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +32,10 @@ EFFECTS: dict[str, str] = {
 
 
 class Imperfections(NamedTuple):
-    """What is imperfect in a healthy sensor besides its white noise, in the unit of its reading."""
+    """What is imperfect in a healthy sensor besides its white noise, in the unit of its reading.
+
+    Step and full scale of the converter are those of `thesis1992`.
+    """
 
     step: float  # of its converter
     zero: float  # largest offset
@@ -164,22 +167,35 @@ def surroundings(realism: float, effects: Sequence[str]) -> Surroundings:
     return Surroundings(*values)
 
 
-def conversion(channel: str, realism: float, effects: Sequence[str]) -> Conversion:
-    """How the signal of this channel's sensor becomes its reading when these effects act."""
+def conversion(
+    channel: str, realism: float, effects: Sequence[str], factor: float = 1.0
+) -> Conversion:
+    """How the signal of this channel's sensor becomes its reading when these effects act.
+
+    factor: full scale of the vehicle's channel relative to that of `thesis1992`.
+    """
     datum = IMPERFECTIONS[channel]
     clips = realism > 0.0 and "clipping" in effects
     return Conversion(
-        step=realism * datum.step if "resolution" in effects else 0.0,
+        step=realism * datum.step * factor if "resolution" in effects else 0.0,
         least=realism * datum.least if "counters" in effects else 0.0,
-        low=datum.low if clips else -np.inf,
-        high=datum.high if clips else np.inf,
+        low=datum.low * factor if clips else -np.inf,
+        high=datum.high * factor if clips else np.inf,
         outlier=SURROUNDINGS["outlier_size"].value * CHANNELS[channel].noise,
     )
 
 
-def kernel_values(realism: float, effects: Sequence[str]) -> np.ndarray:
-    """`Surroundings` and the `Conversion` of every reading as one array, for the kernels."""
-    conversions = [conversion(channel, realism, effects) for channel in READINGS]
+def kernel_values(
+    realism: float, effects: Sequence[str], factors: Mapping[str, float]
+) -> np.ndarray:
+    """`Surroundings` and the `Conversion` of every reading as one array, for the kernels.
+
+    factors: `parameters.full_scale_factors` of the vehicle.
+    """
+    conversions = [
+        conversion(channel, realism, effects, factors[CHANNELS[channel].unit])
+        for channel in READINGS
+    ]
     return np.concatenate([surroundings(realism, effects), *conversions])
 
 

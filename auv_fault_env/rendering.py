@@ -12,20 +12,19 @@ import numpy as np
 
 from auv_fault_env import palette
 from auv_fault_env.canvas import LARGE, SIZE, SMALL, Canvas
-from auv_fault_env.channels import MAXIMUM_COMMAND
 from auv_fault_env.charts import (
-    CHARTS,
     COLUMNS,
     SPEEDS,
     TRUE_SPEED,
     WINDOW,
+    charts,
     draw_chart,
     draw_legend,
     draw_times,
     ticks,
 )
 from auv_fault_env.faults import CATALOGUE
-from auv_fault_env.parameters import SAMPLE_RATE, SIDES
+from auv_fault_env.parameters import SAMPLE_RATE, Vehicle
 from auv_fault_env.physics import RPM
 from auv_fault_env.silhouette import (
     PROJECTIONS,
@@ -36,14 +35,16 @@ from auv_fault_env.silhouette import (
 
 # factor by which propellers turn slower on the screen: ten frames a second would show them at rest
 SLOW_MOTION = 20.0
+# px, places of the names of the sides below the view from astern
+SIDE_LABELS = {1: (546,), 2: (513, 579)}
 
 
-def _draw_gauge(canvas: Canvas, row: Mapping[str, float]):
+def _draw_gauge(canvas: Canvas, row: Mapping[str, float], maximum_speed: float):
     """The scale of speed: true speed as a bar, reading as a line, mission and command as marks."""
     left = 678.0
     width = 258.0
     top = 74.0
-    marks = ticks(0.0, max(MAXIMUM_COMMAND, row[TRUE_SPEED]))
+    marks = ticks(0.0, max(maximum_speed, row[TRUE_SPEED]))
     places = {}
     for trace in SPEEDS:
         fraction = min(max(row[trace.channel] / marks[-1], 0.0), 1.0)
@@ -64,11 +65,13 @@ def _draw_gauge(canvas: Canvas, row: Mapping[str, float]):
         canvas.text(f"{mark:.1f}", (x, top + 24), palette.FAINT, 0.5, SMALL)
 
 
-def _draw_caption(canvas: Canvas, time: float, faults: Sequence[tuple[str, float, float]]):
-    """Time, and a table of the present faults: class, severity, onset."""
-    for side, x in zip(SIDES, (513, 579), strict=True):
+def _draw_caption(
+    canvas: Canvas, vehicle: Vehicle, time: float, faults: Sequence[tuple[str, float, float]]
+):
+    """Vehicle, time, and a table of the present faults: class, severity, onset."""
+    for side, x in zip(vehicle.sides, SIDE_LABELS[vehicle.shafts], strict=True):
         canvas.text(side, (x, 204), palette.SIDES[side], 0.5)
-    canvas.text("NPS AUV II", (674, 18), size=LARGE)
+    canvas.text(vehicle.name, (674, 18), size=LARGE)
     canvas.text(f"{time:.1f} s", (946, 18), size=LARGE, align=1.0)
     canvas.text("fault" if faults else "no fault", (674, 122), palette.FAINT)
     if faults:
@@ -89,10 +92,13 @@ class Renderer:
     """Records the last minute of an episode and draws it.
 
     `mode` is ``rgb_array`` (off screen; needs no display) or ``human`` (a window of so many frames
-    per second). Without pygame it raises `gymnasium.error.DependencyNotInstalled`.
+    per second). Without pygame it raises `gymnasium.error.DependencyNotInstalled`. The hull is that
+    of the NPS AUV II, whatever the vehicle.
     """
 
-    def __init__(self, mode: str, fps: float):
+    def __init__(self, mode: str, fps: float, vehicle: Vehicle):
+        self._vehicle = vehicle
+        self._charts = charts(vehicle)
         self._mode = mode
         self._fps = fps
         self._canvas = Canvas()
@@ -106,8 +112,8 @@ class Renderer:
         self._rows: deque[tuple[float, ...]] = deque(maxlen=n_rows)
         self._onsets: dict[str, float] = {}
         self._severity: dict[str, float] = {}
-        self._angles = dict.fromkeys(SIDES, 0.0)
-        self._thrust = dict.fromkeys(SIDES, 0.0)
+        self._angles = dict.fromkeys(self._vehicle.sides, 0.0)
+        self._thrust = dict.fromkeys(self._vehicle.sides, 0.0)
         self._travelled = 0.0
         self._full_thrust = 0.0
 
@@ -121,7 +127,7 @@ class Renderer:
             self._onsets.setdefault(name, previous)
         duration = time - previous
         self._travelled += state["speed"] * duration
-        for side in SIDES:
+        for side in self._vehicle.sides:
             shaft_speed = state[f"{side}_rpm"] / RPM
             self._angles[side] += shaft_speed / SLOW_MOTION * duration
             self._thrust[side] = truth["parameters"][f"{side}_beta"]
@@ -142,7 +148,7 @@ class Renderer:
         display = self._canvas.pygame.display
         if display.get_surface() is None:
             display.init()
-            display.set_caption("NPS AUV II")
+            display.set_caption(self._vehicle.name)
             display.set_mode(SIZE)
         display.get_surface().blit(self._canvas.surface, (0, 0))
         display.flip()
@@ -173,9 +179,10 @@ class Renderer:
             for projection in PROJECTIONS:
                 draw_vehicle(canvas, projection, parts, faulty)
             draw_ruler(canvas, self._travelled)
-            _draw_gauge(canvas, row)
-            _draw_caption(canvas, row["time"], sorted(faults, key=lambda fault: fault[2]))
-            for place, (title, traces) in enumerate(CHARTS.items()):
+            _draw_gauge(canvas, row, self._vehicle.maximum_speed)
+            by_onset = sorted(faults, key=lambda fault: fault[2])
+            _draw_caption(canvas, self._vehicle, row["time"], by_onset)
+            for place, (title, traces) in enumerate(self._charts.items()):
                 corner = (14 + place % 2 * 486, 244 + place // 2 * 124)
                 draw_chart(canvas, traces, corner, rows, onsets)
                 draw_legend(canvas, title, traces, corner, row, faulty)

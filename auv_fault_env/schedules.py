@@ -20,9 +20,11 @@ from auv_fault_env.errors import (
 from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.layout import EpisodePlan, SeverityProfile
 from auv_fault_env.noise import STREAMS, episode_keys, uniforms
+from auv_fault_env.parameters import Vehicle
 from auv_fault_env.unmodelled import plant_fault, plant_faults
 
 LONGEST = 1e12  # s
+TWO_SHAFTS = Vehicle()  # a vehicle that can have every fault of the catalogue
 # largest value of each column of a severity profile but its end
 LIMITS = {
     "severity": 1.0,
@@ -183,6 +185,7 @@ class ScheduleSampler:
     A severity is at least the fault's own `least_severity`.
 
     Diagnosis classes are equally likely unless `prior` weighs them, as are the faults of a class.
+    A vehicle has only faults of parts that it has.
     """
 
     prior: Mapping[str, float] = field(default_factory=dict)  # relative weight by class
@@ -218,20 +221,25 @@ class ScheduleSampler:
                 "give a class weight",
             )
 
-    def weights(self) -> np.ndarray:
-        """Probability of every fault of the catalogue, (n_faults,)."""
+    def weights(self, vehicle: Vehicle = TWO_SHAFTS) -> np.ndarray:
+        """Probability of every fault of the catalogue on a vehicle, (n_faults,)."""
         diagnoses = _diagnoses()
         weight_of_others = 0.0 if self.prior else 1.0
         weights = np.array([self.prior.get(name, weight_of_others) for name in diagnoses])
         weights /= [diagnoses.count(name) for name in diagnoses]
+        weights *= [fault.is_possible(vehicle) for fault in CATALOGUE.values()]
+        if not weights.any():
+            allowed = f"the weight of a fault that {vehicle.name} can have"
+            remedy = f"weigh a class of {' or '.join(vehicle.sides)} or of the hull"
+            raise refusal("prior", dict(self.prior), allowed, remedy)
         return weights / weights.sum()
 
-    def _faults(self, chance: np.ndarray) -> np.ndarray:
+    def _faults(self, chance: np.ndarray, vehicle: Vehicle) -> np.ndarray:
         """Rows of the catalogue of two candidates, from uniform chances, both (n_lanes, 2).
 
         The second comes from what the first one leaves of the probability.
         """
-        weights = self.weights()
+        weights = self.weights(vehicle)
         edges = np.cumsum(weights)
         first = np.searchsorted(edges[:-1], chance[:, 0], side="right")
         from_first = chance[:, 1] * (1.0 - weights[first])
@@ -239,13 +247,13 @@ class ScheduleSampler:
         second = np.searchsorted(edges[:-1], without_first, side="right")
         return np.stack([first, second], axis=1)
 
-    def sample_events(self, key: np.ndarray) -> Events:
+    def sample_events(self, key: np.ndarray, vehicle: Vehicle = TWO_SHAFTS) -> Events:
         """Events of many lanes at random, from their noise keys (n_lanes,)."""
         n_columns = len(EventUniforms._fields)
         numbers = uniforms(key, STREAMS["fault_events"], self.EVENTS * n_columns)
         numbers = numbers.reshape(-1, self.EVENTS, n_columns)
         u = EventUniforms(*np.moveaxis(numbers, -1, 0))
-        fault = self._faults(u.fault)
+        fault = self._faults(u.fault, vehicle)
         onset = _within(self.onset, u.onset)
         is_intermittent = u.intermittent < self.intermittent
         ramp = _within(self.ramp, u.ramp)

@@ -8,7 +8,6 @@ import numpy as np
 
 from auv_fault_env import palette
 from auv_fault_env.canvas import Canvas, Point
-from auv_fault_env.channels import READINGS
 from auv_fault_env.parameters import SIDES
 
 
@@ -40,17 +39,20 @@ PROJECTIONS = (
     Projection("from astern", (440, 16), (546.0, 112.0), 300.0, (1, 2)),
 )
 
-SHAFT_OFFSET = dict(zip(SIDES, (-0.11, 0.11), strict=True))  # m, to starboard
+SHAFT_OFFSET = dict(zip(SIDES, (-0.11, 0.11), strict=True))  # m, to starboard; 0 if alone
 # m
 PROPELLER_RADIUS = 0.0508
 PROPELLER_PLACE = -1.18
-SENSOR_PLACES = {
-    "speed": (0.92, 0.0, 0.1),
-    "acceleration": (0.2, 0.0, 0.0),
-    **{f"{side}_voltage": (-0.56, y, 0.0) for side, y in SHAFT_OFFSET.items()},
-    **{f"{side}_current": (-0.46, y, 0.0) for side, y in SHAFT_OFFSET.items()},
-    **{f"{side}_rpm": (-1.03, y, 0.0) for side, y in SHAFT_OFFSET.items()},
-}
+
+
+def _sensor_places(shaft_offsets: Mapping[str, float]) -> dict[str, Point]:
+    """Places of the sensors by reading [m], from the offset of each side's shaft."""
+    places = {"speed": (0.92, 0.0, 0.1), "acceleration": (0.2, 0.0, 0.0)}
+    for side, y in shaft_offsets.items():
+        places[f"{side}_voltage"] = (-0.56, y, 0.0)
+        places[f"{side}_current"] = (-0.46, y, 0.0)
+        places[f"{side}_rpm"] = (-1.03, y, 0.0)
+    return places
 
 
 def _box(low: Point, high: Point) -> np.ndarray:
@@ -122,9 +124,8 @@ def _blades(x: float, y: float, radius: float) -> np.ndarray:
     return np.concatenate([tips, middle])
 
 
-def _drive(side: str, angle: float, thrust: float) -> list[Part]:
+def _drive(side: str, y: float, angle: float, thrust: float) -> list[Part]:
     """Motor, shaft with its seal, swept disc and blades, whose length shows the relative thrust."""
-    y = SHAFT_OFFSET[side]
     x = PROPELLER_PLACE
     motor = _box((-0.84, y - 0.035, -0.035), (-0.62, y + 0.035, 0.035))
     shaft = _box((x - 0.015, y - 0.008, -0.008), (-0.84, y + 0.008, 0.008))
@@ -157,20 +158,23 @@ def vehicle_parts(
     plane
         Deflection of the stern planes [rad], positive downwards at the trailing edge.
     angles
-        Angle of the propeller of each side [rad]; the two turn against each other.
+        Angle of the propeller of each side that has one [rad]; two turn against each other.
     shares
         Thrust of each side relative to a whole propeller, 0 if lost.
     """
     hull = Part("hull", _hull(), palette.HULL)
     fins = [Part("fins", fin, palette.FIN) for fin in _fins(rudder, plane)]
     sensors = []
-    for name in READINGS:
-        centre = np.array(SENSOR_PLACES.get(name, (0.0, 0.0, 0.0)))
+    offsets = SHAFT_OFFSET if len(angles) > 1 else dict.fromkeys(angles, 0.0)
+    for name, place in _sensor_places(offsets).items():
+        centre = np.array(place)
         cube = _box(centre - 0.013, centre + 0.013)
         sensors.append(Part(f"sensor:{name}", cube, palette.PANEL))
-    port = _drive("port", -angles["port"], shares["port"])
-    starboard = _drive("starboard", angles["starboard"], shares["starboard"])
-    return [hull, *fins, *sensors, *port, *starboard]
+    drives = []
+    for side, y in offsets.items():
+        sense = -1.0 if side == "port" else 1.0
+        drives += _drive(side, y, sense * angles[side], shares[side])
+    return [hull, *fins, *sensors, *drives]
 
 
 def _turns_right(first: Point, second: Point, third: Point) -> bool:

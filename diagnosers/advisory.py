@@ -21,10 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import MAXIMUM_COMMAND
 from auv_fault_env.errors import refusal
 from auv_fault_env.faults import UNKNOWN, classes
-from auv_fault_env.parameters import Vehicle
+from auv_fault_env.parameters import FASTEST, Vehicle
 from diagnosers.capability import capability, sample_parameters
 from diagnosers.diagnoser import Belief
 
@@ -58,7 +57,7 @@ class Situation(NamedTuple):
 
 
 LIMITS = {
-    "speed": (0.01, MAXIMUM_COMMAND),
+    "speed": (0.01, FASTEST),
     "distance_to_go": (0.0, 1e7),
     "distance_home": (0.0, 1e7),
     "energy_left": (0.0, 1e12),
@@ -106,7 +105,6 @@ def advise(
     belief: Belief,
     situation: Situation,
     vehicle: Vehicle,
-    shafts: int = 2,
     previous: Advice | None = None,
 ) -> Advice:
     """Advice for every lane.
@@ -121,17 +119,13 @@ def advise(
     situation
         Where the missions stand; a value out of range is refused by an `InputError`.
     vehicle
-        The nominal vehicle.
-    shafts
-        1 or 2. With one, a fault of the port side is a fault of all propulsion.
+        The nominal vehicle. With one shaft, a fault of the port side is one of all propulsion.
     previous
         The last advice, about a second ago. With it the action changes only as far as all of the
         last `N_AGREEING` judgements demand.
     """
-    if shafts not in (1, 2):
-        raise refusal("shafts", shafts, "1 or 2", "say how many the vehicle has")
-    situation = _checked(situation, len(belief.log_probability))
-    assessment = _assess(belief, situation, vehicle, shafts)
+    situation = _checked(situation, len(belief.log_probability), vehicle)
+    assessment = _assess(belief, situation, vehicle)
     level = _levels(assessment)
     proposals = np.repeat(level[:, None], N_AGREEING, axis=1)
     if previous is not None:
@@ -140,19 +134,23 @@ def advise(
     return _advice(assessment, level, proposals)
 
 
-def _checked(situation: Situation, n_lanes: int) -> Situation:
-    """The situation as float64 arrays (n_lanes,), each within `LIMITS`, else a refusal."""
-    return Situation(*(_checked_field(situation, name, n_lanes) for name in Situation._fields))
+def _checked(situation: Situation, n_lanes: int, vehicle: Vehicle) -> Situation:
+    """The situation as float64 arrays (n_lanes,), each within its limits, else a refusal."""
+    slowest, _ = LIMITS["speed"]
+    limits = LIMITS | {"speed": (slowest, vehicle.maximum_speed)}
+    checked = {}
+    for name, field in situation._asdict().items():
+        checked[name] = _checked_field(name, field, n_lanes, limits[name])
+    return Situation(**checked)
 
 
-def _checked_field(situation: Situation, name: str, n_lanes: int) -> np.ndarray:
-    field = getattr(situation, name)
+def _checked_field(name: str, field, n_lanes: int, limits: tuple[float, float]) -> np.ndarray:
     try:
         values = np.broadcast_to(np.asarray(field, np.float64), n_lanes)
     except (TypeError, ValueError):
         remedy = "give one number, or one per lane"
         raise refusal(name, field, f"numbers of shape ({n_lanes},)", remedy) from None
-    low, high = LIMITS[name]
+    low, high = limits
     wrong = ~((values >= low) & (values <= high))
     if wrong.any():
         allowed = f"a number from {low:g} to {high:g}"
@@ -191,9 +189,9 @@ class Assessment(NamedTuple):
         return (self.probable_range_home >= needed).any(axis=1)
 
 
-def _assess(belief: Belief, situation: Situation, vehicle: Vehicle, shafts: int) -> Assessment:
-    speeds = np.minimum(situation.speed[:, None] * RELATIVE_SPEEDS, MAXIMUM_COMMAND)
-    possible = capability(sample_parameters(belief, vehicle, shafts), speeds, vehicle)
+def _assess(belief: Belief, situation: Situation, vehicle: Vehicle) -> Assessment:
+    speeds = np.minimum(situation.speed[:, None] * RELATIVE_SPEEDS, vehicle.maximum_speed)
+    possible = capability(sample_parameters(belief, vehicle), speeds, vehicle)
     needed_speed = np.abs(situation.current)[:, None] + MIN_GROUND_SPEED
     drifting = possible.reachable_speed < needed_speed
     rated_current = RATED_SHARE * vehicle.maximum_voltage / vehicle.resistance

@@ -58,17 +58,18 @@ def _steady_shaft(shaft, shaft_speed, speed, constants):
 
 @scalar
 def _steady_motion(speed, alpha, port, starboard, constants):
-    """Power [W] and larger current [A] at a constant speed, both shafts at the same shaft speed."""
+    """Power [W] and larger current [A] at a constant speed, all shafts at the same shaft speed."""
     beta = port.beta + starboard.beta
     shaft_speed = physics.equilibrium_shaft_speed(alpha, beta, speed, constants)
     port_power, port_current, port_motor, port_suffices = _steady_shaft(
         port, shaft_speed, speed, constants
     )
+    turning = shaft_speed if physics.has_starboard(constants) else 0.0
     starboard_power, starboard_current, starboard_motor, starboard_suffices = _steady_shaft(
-        starboard, shaft_speed, speed, constants
+        starboard, turning, speed, constants
     )
     acceleration = physics.surge_acceleration(
-        speed, shaft_speed, shaft_speed, alpha, 0.0, port_motor, starboard_motor
+        speed, shaft_speed, turning, alpha, 0.0, port_motor, starboard_motor
     )
     can_hold = port_suffices and starboard_suffices and acceleration > -FORCE_TOLERANCE
     power = port_power + starboard_power if can_hold else np.inf
@@ -112,7 +113,7 @@ def capability(parameters: np.ndarray, speeds: np.ndarray, vehicle: Vehicle) -> 
     speeds
         Speeds through the water (n_lanes, n_speeds) [m/s].
     vehicle
-        The nominal one, for water, supply and largest shaft speed.
+        The nominal one, for shafts, water, supply and largest shaft speed.
     """
     n_lanes, n_vehicles, _ = parameters.shape
     shape = n_lanes, n_vehicles, speeds.shape[1]
@@ -125,12 +126,11 @@ def capability(parameters: np.ndarray, speeds: np.ndarray, vehicle: Vehicle) -> 
     return filled
 
 
-def sample_parameters(belief: Belief, vehicle: Vehicle, shafts: int = 2) -> np.ndarray:
+def sample_parameters(belief: Belief, vehicle: Vehicle) -> np.ndarray:
     """Plant parameters of equally likely possible vehicles, (n_lanes, n_vehicles, N_PLANT).
 
     Class and severity follow the belief (severity as a normal distribution within 0 and 1), and the
-    healthy vehicle its band. An unknown fault counts as any of the known ones, evenly. With one
-    shaft, both sides are as port.
+    healthy vehicle its band. An unknown fault counts as any of the known ones, evenly.
     """
     probability = np.exp(belief.log_probability)
     if probability.shape[1] != len(classes()):
@@ -150,7 +150,7 @@ def sample_parameters(belief: Belief, vehicle: Vehicle, shafts: int = 2) -> np.n
     half_width = np.array([spec.band for spec in specs])
     healthy = np.array(list(nominal(vehicle).values())[:N_PLANT])
     healthy = healthy * (1.0 + half_width * (2.0 * _quantiles()[:, 2:] - 1.0))
-    scale, offset = _effects(shafts)
+    scale, offset = _effects()
     factor, shift = fault_effect(severity[..., None], scale[chosen], offset[chosen])
     parameters = healthy * factor + shift
     low = [spec.low for spec in specs]
@@ -165,7 +165,7 @@ def _quantiles() -> np.ndarray:
     return sequence.random(N_VEHICLES) + 0.5 / N_VEHICLES
 
 
-def _effects(shafts: int) -> tuple[np.ndarray, np.ndarray]:
+def _effects() -> tuple[np.ndarray, np.ndarray]:
     """Factor and shift of each plant parameter at severity 1 by known class, (n_known, N_PLANT)."""
     diagnoses = [fault.diagnosis for fault in CATALOGUE.values()]
     rows = [diagnoses.index(name) for name in fault_classes()]
@@ -174,7 +174,4 @@ def _effects(shafts: int) -> tuple[np.ndarray, np.ndarray]:
     offset = np.zeros_like(scale)
     scale[1:] = effects.scale[rows, :N_PLANT]
     offset[1:] = effects.offset[rows, :N_PLANT]
-    if shafts == 1:
-        for effect in (scale, offset):
-            effect[:, STARBOARD:] = effect[:, PORT:STARBOARD]
     return scale, offset

@@ -157,16 +157,28 @@ class Memoryless(Recursive):
 
 @dataclass(frozen=True)
 class ModelBased(Recursive):
-    """A recursion with the equations of a nominal vehicle, a preset's name or a `Vehicle`."""
+    """A recursion with the equations of a nominal vehicle of two shafts, a name or a `Vehicle`."""
 
     vehicle: str | Vehicle = "thesis1992"
 
     def __post_init__(self):
-        vehicle_of(self.vehicle)
+        two_shaft_vehicle(self.vehicle)
 
     @cached_property
     def _nominal(self) -> Vehicle:
         return vehicle_of(self.vehicle)
+
+
+def two_shaft_vehicle(preset: str | Vehicle) -> Vehicle:
+    """The vehicle of that preset, or the `Vehicle`; one with a single shaft is refused.
+
+    For diagnosers that compare the shafts, or were trained on two.
+    """
+    vehicle = vehicle_of(preset)
+    if vehicle.shafts == 1:
+        remedy = "take filter_bank or gaussian_bank"
+        raise refusal("shafts", vehicle.shafts, "2 for this diagnoser", remedy)
+    return vehicle
 
 
 def same_severity(shape: tuple[int, int], mean: float, std: float) -> tuple[np.ndarray, np.ndarray]:

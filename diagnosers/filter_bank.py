@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 
 from auv_fault_env.errors import finite_in_range
-from auv_fault_env.parameters import PARAMETERS, SAMPLE_TIME, SIDES, vehicle_of
+from auv_fault_env.parameters import PARAMETERS, SAMPLE_TIME
 from auv_fault_env.realism import IMPERFECTIONS, SURROUNDINGS
 from diagnosers.bank.algebra import covariance_row
 from diagnosers.bank.base import Bank, BankConstants, Machinery, prior_severity
@@ -121,7 +121,7 @@ class FilterBank(Bank):
         )
 
     def _walk_limits(self) -> np.ndarray:
-        voltage = vehicle_of(self.vehicle).maximum_voltage
+        voltage = self._nominal.maximum_voltage
         least = LEAST_VOLTAGE_WALK * voltage
         largest = LARGEST_VOLTAGE_WALK * voltage
         of_tilt = (TILT_ADAPTATION, LEAST_TILT_WALK**2, LARGEST_TILT_WALK**2)
@@ -137,8 +137,9 @@ class FilterBank(Bank):
         std = {name: STD_OF_UNIFORM * self._band_of(name) for name in PARAMETERS}
         if subsystem == SURGE:
             gain_std = STD_OF_UNIFORM * IMPERFECTIONS["speed"].gain
-            of_sides = (std[f"{side}_beta"] for side in SIDES[: self.shafts])
-            thrust_std = math.hypot(math.hypot(*of_sides) / self.shafts, gain_std)
+            sides = self._nominal.sides
+            of_sides = (std[f"{side}_beta"] for side in sides)
+            thrust_std = math.hypot(math.hypot(*of_sides) / len(sides), gain_std)
             drag_std = math.hypot(std["alpha"], gain_std)
             return np.square([0.0, 0.0, drag_std, thrust_std, 0.0, 0.0])
         voltage_std = STD_OF_UNIFORM * IMPERFECTIONS["port_voltage"].gain
@@ -209,7 +210,7 @@ class FilterBank(Bank):
 
     def _initial_walk(self) -> list[float]:
         """The first `BankState.walk` of a lane."""
-        of_voltage = (START_VOLTAGE_WALK * vehicle_of(self.vehicle).maximum_voltage) ** 2
+        of_voltage = (START_VOLTAGE_WALK * self._nominal.maximum_voltage) ** 2
         return [START_TILT_WALK**2, of_voltage, of_voltage]
 
 

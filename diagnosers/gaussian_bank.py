@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from auv_fault_env.parameters import PARAMETERS, SIDES
+from auv_fault_env.parameters import PARAMETERS
 from diagnosers.bank import algebra
 from diagnosers.bank.algebra import N_STATES, SEVERITY
 from diagnosers.bank.base import Bank, Machinery, prior_severity
@@ -102,9 +102,10 @@ class GaussianBank(Bank):
         std = {name: band * self._band_of(name) / math.sqrt(3.0) for name in PARAMETERS}
         if subsystem != SURGE:
             return [std[OWN_PARAMETERS[subsystem][row]] for row in DEVIATIONS]
-        of_sides = (std[f"{side}_beta"] for side in SIDES[: self.shafts])
+        sides = self._nominal.sides
+        of_sides = (std[f"{side}_beta"] for side in sides)
         disturbance_std = math.sqrt(self.constants.disturbance_variance)
-        thrust_std = math.hypot(*of_sides) / self.shafts
+        thrust_std = math.hypot(*of_sides) / len(sides)
         return [START_SPEED_STD, disturbance_std, std["alpha"], thrust_std]
 
     def state_at_onset(self, state: BankState, lanes: np.ndarray) -> BankState:

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from auv_fault_env.parameters import Vehicle, vehicle_of
+from auv_fault_env.parameters import Vehicle
 from diagnosers import storage
-from diagnosers.diagnoser import Belief, Recursive
+from diagnosers.diagnoser import Belief, Recursive, two_shaft_vehicle
 from diagnosers.networks.class_list import (
     SHIPPED_CLASSES,
     check_class_list,
@@ -65,7 +65,7 @@ class Integrated(Recursive):
         weights: storage.Weights = PACKAGED,
         trained_classes: Sequence[str] | None = None,
     ):
-        self.vehicle = vehicle_of(vehicle)
+        self.vehicle = two_shaft_vehicle(vehicle)
         if trained_classes is None:
             trained_classes = storage.settings_of(weights).get("trained_classes", SHIPPED_CLASSES)
         self.trained_classes = check_class_list(trained_classes, self.classes)

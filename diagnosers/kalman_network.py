@@ -13,8 +13,13 @@ import numpy as np
 
 from auv_fault_env.faults import classes
 from auv_fault_env.faults import labels as tables
-from auv_fault_env.parameters import Vehicle, vehicle_of
-from diagnosers.diagnoser import Belief, Recursive, with_impossible_unknown
+from auv_fault_env.parameters import Vehicle
+from diagnosers.diagnoser import (
+    Belief,
+    Recursive,
+    two_shaft_vehicle,
+    with_impossible_unknown,
+)
 from diagnosers.kalman import Estimate, ParameterFilter
 from diagnosers.networks import modes
 from diagnosers.networks.fault_map import MODES_5_2, normalise, severity
@@ -62,7 +67,7 @@ class KalmanNetwork(Recursive):
     name = "kalman_network"
 
     def __init__(self, vehicle: str | Vehicle = "thesis1992", weights: Weights = PACKAGED):
-        self.vehicle = vehicle_of(vehicle)
+        self.vehicle = two_shaft_vehicle(vehicle)
         self.filter = ParameterFilter(self.vehicle)
         self.learnt = load_tensors(weights, ARCHITECTURE | CALIBRATION)
         self.network = FeedForward({name: self.learnt[name] for name in ARCHITECTURE})

@@ -5,7 +5,7 @@ import os
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
@@ -13,11 +13,17 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from auv_fault_env import parameters as plant
-from auv_fault_env.channels import CHANNELS, COMMANDS, READINGS
+from auv_fault_env.channels import CHANNELS, COMMANDS, INDEX, READINGS
 from auv_fault_env.compiling import n_threads
 from auv_fault_env.errors import finite_in_range, known_name, pair_in_range, refusal
 from auv_fault_env.faults import CATALOGUE, classes, fault_of
-from auv_fault_env.parameters import PARAMETERS, SAMPLE_TIME, Vehicle, vehicle_of
+from auv_fault_env.parameters import (
+    PARAMETERS,
+    SAMPLE_TIME,
+    Vehicle,
+    is_of_missing_side,
+    vehicle_of,
+)
 from auv_fault_env.physics import PlantConstants, plant_constants
 from diagnosers.bank.pack import pack_size
 from diagnosers.diagnoser import Belief, Recursive
@@ -106,11 +112,11 @@ class Bank(Recursive):
     walk_std
         Random walk of the severity per square root of a second, for faults that grow.
     faults
-        Names of the faults that are hypotheses; the whole catalogue if None. The classes of the
-        others remain in the belief with probability 0.
+        Names of the faults that are hypotheses; if None all of the catalogue that a vehicle with
+        these shafts can have. The classes of the others remain in the belief with probability 0.
     shafts
-        2, or 1: that of port, whose propeller gives all the thrust. Leave the other side's faults
-        out of `faults`.
+        2, or 1: that of port, whose propeller gives all the thrust; starboard readings are then not
+        used. None: those of the vehicle.
     band, noise, resolution
         Where not the default: relative half-width of the healthy band by parameter of `Vehicle`;
         standard deviation, and smallest step of the values, by reading [its unit].
@@ -123,13 +129,13 @@ class Bank(Recursive):
     hazard: float = 1e-3
     walk_std: float = 0.015
     faults: tuple[str, ...] | None = None
-    shafts: int = 2
+    shafts: int | None = None
     band: Mapping[str, float] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
     resolution: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self):
-        vehicle_of(self.vehicle)
+        _with_shafts(self.vehicle, self.shafts)
         finite_in_range("hazard", self.hazard, 1e-12, 0.5)
         finite_in_range("walk_std", self.walk_std, 0.0, 10.0)
         if not isinstance(self.grades, Sequence) or not self.grades:
@@ -139,8 +145,6 @@ class Bank(Recursive):
         if self.faults is not None:
             names = tuple(fault_of(name).name for name in self.faults)
             object.__setattr__(self, "faults", names)
-        if self.shafts not in (1, 2):
-            raise refusal("shafts", self.shafts, "1 or 2", "count the shafts")
         for name, width in self.band.items():
             known_name("parameter", name, (*plant.HULL, *plant.SHAFT))
             finite_in_range(f"healthy band of {name}", width, 0.0, 1.0)
@@ -155,24 +159,20 @@ class Bank(Recursive):
     @property
     def healthy(self) -> np.ndarray:
         """Parameters of the nominal vehicle, (n_parameters,), with this bank's noise and shafts."""
-        vehicle = vehicle_of(self.vehicle)
-        thrust = {
-            "port_beta": vehicle.beta / self.shafts,
-            "starboard_beta": vehicle.beta * (self.shafts - 1) / 2,
-        }
         noise = {f"{name}_noise": std for name, std in self.noise.items()}
-        parameters = plant.nominal(vehicle) | thrust | noise
+        parameters = plant.nominal(self._nominal) | noise
         return np.array(list(parameters.values()))
 
     @cached_property
     def constants(self) -> BankConstants:
         """What the kernel needs: water, noise and disturbance of the nominal vehicle."""
-        vehicle = vehicle_of(self.vehicle)
+        vehicle = self._nominal
+        channels = plant.channels_of(vehicle)
         sensors = [
             (
-                CHANNELS[name].low,
-                CHANNELS[name].high,
-                self.noise.get(name, CHANNELS[name].noise),
+                channels[name].low,
+                channels[name].high,
+                self.noise.get(name, channels[name].noise),
                 self.resolution.get(name, 0.0),
             )
             for name in READINGS
@@ -189,7 +189,20 @@ class Bank(Recursive):
     @property
     def fault_names(self) -> tuple[str, ...]:
         """The faults that are hypotheses, of the catalogue as it is now."""
-        return tuple(CATALOGUE) if self.faults is None else self.faults
+        if self.faults is not None:
+            return self.faults
+        possible = (fault for fault in CATALOGUE.values() if fault.is_possible(self._nominal))
+        return tuple(fault.name for fault in possible)
+
+    @cached_property
+    def _nominal(self) -> Vehicle:
+        """The vehicle with as many shafts as the bank has."""
+        return _with_shafts(self.vehicle, self.shafts)
+
+    @cached_property
+    def _unused_channels(self) -> list[int]:
+        """Columns of the readings of a shaft that does not exist."""
+        return [INDEX[name] for name in READINGS if is_of_missing_side(name, self._nominal)]
 
     def _band_of(self, name: str) -> float:
         """Relative half-width of the healthy band of a parameter in `PARAMETERS`."""
@@ -206,11 +219,20 @@ class Bank(Recursive):
         if state.log_posterior.shape[1] != table.log_hazard.size:
             change = "faults added or removed"
             raise refusal("catalogue", change, "that of the reset", "call reset(n_lanes) again")
+        if self._unused_channels:
+            observation = observation.copy()
+            observation[:, self._unused_channels] = np.nan
         parts = state._asdict()
         empty = {name: np.empty_like(part) for name, part in parts.items() if name not in KEPT}
         new = state._replace(**empty, age=state.age + 1.0)
         belief = self.machinery.run(state, new, observation, table, self.constants)
         return new, belief
+
+
+def _with_shafts(preset: str | Vehicle, shafts: int | None) -> Vehicle:
+    """The vehicle with that many shafts, None for its own; other numbers are refused."""
+    vehicle = vehicle_of(preset)
+    return vehicle if shafts is None else replace(vehicle, shafts=shafts)
 
 
 def prior_severity(prior: np.ndarray, table: NamedTuple) -> np.ndarray:

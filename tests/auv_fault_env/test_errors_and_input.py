@@ -267,7 +267,8 @@ def legs(*pairs):
     return list(pairs)
 
 
-SPEED = "0 to 1$"
+SPEED = "0 to 1$"  # of the vehicle
+ANY_SPEED = "0 to 20$"  # of any vehicle
 FORM = r"a name, a speed or a list of \(start, speed\)"
 MISSIONS = {
     "unknown": (
@@ -278,9 +279,11 @@ MISSIONS = {
         "did you mean 'cruise'",
     ),
     "number_as_text": ("0.3", "^mission$", "'0.3'", "one of thesis"),
-    "negative": (-0.1, "mission speed", "-0.1", SPEED),
+    "negative": (-0.1, "mission speed", "-0.1", ANY_SPEED),
     "in_knots": (2.0, "mission speed", "2.0", SPEED),
-    "nan": (NAN, "mission speed", "nan", SPEED),
+    "later_leg_in_knots": (legs((0, 0.3), (5, 2.0)), "mission speed", "2.0", SPEED),
+    "start_in_knots": ({"legs": [(0, 0.3)], "start_speed": 2.0}, "mission speed", "2.0", SPEED),
+    "nan": (NAN, "mission speed", "nan", ANY_SPEED),
     "bool": (True, "mission", "True", "."),
     "unordered": (
         legs((0, 0.3), (5, 0.2), (3, 0.1)),
@@ -316,7 +319,7 @@ def test_missions(case):
 
 
 def test_mission_start_speed():
-    assert_refused(lambda: Mission(((0.0, 0.3),), start_speed=NAN), "speed", "nan", SPEED)
+    assert_refused(lambda: Mission(((0.0, 0.3),), start_speed=NAN), "speed", "nan", ANY_SPEED)
 
 
 ACTIONS = {

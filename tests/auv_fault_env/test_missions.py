@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from auv_fault_env import MISSIONS, PRESETS, Mission
+from auv_fault_env.channels import INDEX
 from auv_fault_env.env import PropulsionEnv, PropulsionVectorEnv
 from auv_fault_env.missions import mission_of
 
@@ -73,7 +74,9 @@ def test_a_mission_starts_in_steady_motion(preset, speed):
     env = PropulsionEnv(preset=preset, **QUIET)
     first, _ = env.reset(seed=1, options={"mission": speed, "schedule": []})
     assert first[4] == np.float32(speed) and first[5] == pytest.approx(0.0, abs=1e-9)
-    assert first[8] == first[11] > 0.0 and first[7] == first[10] > 0.0
+    for side in PRESETS[preset].sides:
+        for quantity, of_port in (("rpm", first[8]), ("current", first[7])):
+            assert first[INDEX[f"{side}_{quantity}"]] == of_port > 0.0
     for _ in range(20):
         later, *_ = env.step([speed, 0.0, 0.0])
     np.testing.assert_allclose(later[4:], first[4:], rtol=1e-3, atol=1e-3)

@@ -11,7 +11,7 @@ import pytest
 from gymnasium.utils import env_checker
 
 import auv_fault_env
-from auv_fault_env import CATALOGUE, CHANNELS, Fault
+from auv_fault_env import CATALOGUE, CHANNELS, PRESETS, Fault
 from auv_fault_env.canvas import SIZE
 from auv_fault_env.charts import ticks
 from auv_fault_env.faults import UNKNOWN, fault_classes
@@ -50,7 +50,7 @@ def truth(severity=None, parameters=HEALTHY, rpm=300.0):
 
 
 def frame_of(severity=None, parameters=HEALTHY):
-    renderer = Renderer("rgb_array", 10)
+    renderer = Renderer("rgb_array", 10, PRESETS["thesis1992"])
     renderer.record(0.0, np.zeros(len(CHANNELS), np.float32), truth(severity, parameters))
     return renderer.frame()
 
@@ -128,7 +128,7 @@ def test_deflected_rudder_shows_from_above():
 
 
 def test_propellers_turn_and_stand_still():
-    renderer = Renderer("rgb_array", 10)
+    renderer = Renderer("rgb_array", 10, PRESETS["thesis1992"])
     frames = []
     for step, rpm in enumerate((300.0, 300.0, 0.0)):
         renderer.record(step / 10, np.zeros(len(CHANNELS)), truth(rpm=rpm))
@@ -200,7 +200,7 @@ def test_lost_propeller_is_missing_and_a_damaged_one_is_shorter():
 
 
 def test_onset_is_marked_where_the_fault_struck_and_leaves_with_the_minute():
-    renderer = Renderer("rgb_array", 10)
+    renderer = Renderer("rgb_array", 10, PRESETS["thesis1992"])
     for step in range(1300):
         severity = {"increased_drag": 0.5} if 200 <= step < 300 else {}
         renderer.record(step / 10, np.zeros(len(CHANNELS)), truth(severity))
@@ -257,7 +257,7 @@ def test_missing_pygame_is_named_with_the_remedy(monkeypatch):
     with pytest.raises(
         gym.error.DependencyNotInstalled, match=r'pip install "auv-fault\[render\]"'
     ):
-        Renderer("rgb_array", 10)
+        Renderer("rgb_array", 10, PRESETS["thesis1992"])
 
 
 def test_window_follows_the_episode_and_its_rate(dummy_display):

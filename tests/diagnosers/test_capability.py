@@ -36,8 +36,10 @@ def belief_of(shares, severity=0.0, std=0.0):
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_power_at_a_speed_is_that_of_the_plant_in_steady_motion(preset):
-    fleet = Fleet(1 + len(PLANT_FAULTS), preset, sensor_noise=0.0, disturbance=0.0)
-    schedules = [()] + [(FaultEvent(name, 0.0, 0.7),) for name in PLANT_FAULTS]
+    vehicle = PRESETS[preset]
+    names = [name for name in PLANT_FAULTS if CATALOGUE[name].is_possible(vehicle)]
+    fleet = Fleet(1 + len(names), preset, sensor_noise=0.0, disturbance=0.0)
+    schedules = [()] + [(FaultEvent(name, 0.0, 0.7),) for name in names]
     fleet.reset(range(fleet.n_lanes), schedules=schedules, missions=[0.5] * fleet.n_lanes)
     for _ in range(1500):
         fleet.step(np.tile([0.5, 0.0, 0.0], (fleet.n_lanes, 1)))
@@ -120,11 +122,20 @@ def test_sensor_faults_leave_the_plant_as_it_is(channel):
     np.testing.assert_array_equal(failing, healthy)
 
 
-def test_with_one_shaft_a_fault_of_port_is_one_of_both_sides():
-    lost = sample_parameters(
-        belief_of({"propeller_loss:port": 1.0}, severity=1.0), VEHICLE, shafts=1
-    )[0]
-    assert (lost[:, [NAMES.index("port_beta"), NAMES.index("starboard_beta")]] == 0.0).all()
+def test_with_one_shaft_a_fault_of_port_is_one_of_all_propulsion():
+    one = replace(VEHICLE, shafts=1)
+    lost = sample_parameters(belief_of({"propeller_loss:port": 1.0}, severity=1.0), one)
+    assert (lost[0][:, [NAMES.index("port_beta"), NAMES.index("starboard_beta")]] == 0.0).all()
+    assert capability(lost, np.array([[0.3]]), one).reachable_speed.max() < 1e-3
+
+
+def test_the_power_of_a_vehicle_with_one_shaft_is_that_of_one_motor():
+    speeds = np.array([[0.3, 0.6]])
+    power = []
+    for vehicle in (VEHICLE, replace(VEHICLE, shafts=1)):
+        parameters = sample_parameters(belief_of({"normal": 1.0}, severity=0.0), vehicle)
+        power.append(capability(parameters, speeds, vehicle).power.mean(axis=1))
+    np.testing.assert_allclose(power[1], power[0] / 2, rtol=0.01)
 
 
 def test_an_unknown_fault_is_any_of_the_known_ones_evenly():

@@ -1,6 +1,7 @@
 """The Gaussian bank with silent readings, one shaft, other noise and coarse readings."""
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -94,6 +95,23 @@ def test_one_shaft_has_all_the_thrust():
     assert log_probability(GaussianBank(shafts=1, faults=own), rows)[-1, 0] > np.log(0.9)
     # half of the thrust would be missing
     assert log_probability(GaussianBank(faults=own), rows)[-1, 0] < np.log(0.5)
+
+
+def test_the_shafts_are_those_of_the_vehicle():
+    one = replace(PRESETS["thesis1992"], shafts=1)
+    bank = GaussianBank(one)
+    assert bank.fault_names == tuple(name for name in CATALOGUE if "starboard" not in name)
+    # readings of a shaft that does not exist are not used, whatever they are
+    rows = observations("seal_friction:port")[:150]
+    told = log_probability(GaussianBank(shafts=1, faults=bank.fault_names), rows)
+    np.testing.assert_array_equal(log_probability(bank, rows), told)
+    starboard = [name for name in NAMES if name.startswith("starboard")]
+    np.testing.assert_array_equal(log_probability(bank, silenced(rows, *starboard)), told)
+    np.testing.assert_array_equal(
+        log_probability(GaussianBank(one, shafts=2), rows),
+        log_probability(GaussianBank(), rows),
+    )
+    assert GaussianBank(one).healthy[list(PARAMETERS).index("port_beta")] == one.beta
 
 
 def test_settings_at_their_defaults_change_nothing():

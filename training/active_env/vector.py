@@ -29,19 +29,21 @@ DECISION = round(SAMPLE_RATE)  # samples of a decision, one second
 DECISION_TIME = DECISION * SAMPLE_TIME  # s
 MAX_DECISIONS = 120  # of an episode
 SCHEDULES = ScheduleSampler(healthy=0.3, onset=(5.0, 40.0))
-CONSTANT_SPEEDS = (0.2, 0.5)  # m/s, least and most
+CONSTANT_SPEEDS = (0.2, 0.5)  # least and most, of the vehicle's largest command
 AUTORESET_MODES = {mode.value: mode for mode in (AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP)}
 
 
 class ActiveMissions(MissionSampler):
     """Half of the missions keep one of the `CONSTANT_SPEEDS`, the others change it leg by leg."""
 
-    def sample_legs(self, key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def sample_legs(
+        self, key: np.ndarray, maximum_speed: float = MAXIMUM_COMMAND
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Legs (n_lanes, n_legs, 2) and start speeds (n_lanes,) for noise keys (n_lanes,)."""
-        legs, start_speed = super().sample_legs(key)
+        legs, start_speed = super().sample_legs(key, maximum_speed)
         chance, place = uniforms(key, STREAMS["constant_speed"], 2).T
         slowest, fastest = CONSTANT_SPEEDS
-        speed = slowest + (fastest - slowest) * place
+        speed = maximum_speed * (slowest + (fastest - slowest) * place)
         is_constant = chance < 0.5
         legs[:, :, 1] = np.where(is_constant[:, None], speed[:, None], legs[:, :, 1])
         return legs, np.where(is_constant, speed, start_speed)

@@ -40,13 +40,7 @@ GENERAL = {
     "battery": "Wh",
     "diagnoser": "",
 }
-VEHICLE_KEYS = (
-    "shafts",
-    "sample_rate",
-    "hotel_load",
-    "battery",
-    "diagnoser",
-)  # as in `VehicleFile`
+VEHICLE_KEYS = ("sample_rate", "hotel_load", "battery", "diagnoser")  # as in `VehicleFile`
 TABLES = ("vehicle", "parameters", "healthy_band", "noise", "time", "channels", "relations")
 COLUMN = ("column", "unit", "scale", "offset", "times")
 
@@ -72,22 +66,19 @@ class Column(NamedTuple):
 class VehicleFile:
     """The content of a vehicle file; an unknown or impossible value is an `InputError`.
 
-    A vehicle with one shaft has the channels of port only. It is simulated as one with two equal
-    shafts, each of half the thrust, of which only port is logged. In either case ``vehicle.beta``
-    is the thrust of all shafts together, and hotel load and battery are the whole vehicle's.
+    A vehicle with one shaft has the channels of port only. ``vehicle.beta`` is the thrust of all
+    shafts together, and hotel load and battery are the whole vehicle's.
 
     Attributes
     ----------
     vehicle
-        Its nominal constants.
+        Its nominal constants and its number of shafts.
     columns
         By channel of `CHANNELS`; a channel that is not here does not exist on the vehicle.
     time
         Column of the time, in seconds; None if the rows are ``1/sample_rate`` apart.
     sample_rate
         Of the log [Hz], 0.5 to 10,000.
-    shafts
-        1 or 2.
     band
         Half-width of the healthy band, relative, by parameter of `HULL` and `SHAFT`; by default
         `BAND`.
@@ -105,7 +96,6 @@ class VehicleFile:
     columns: Mapping[str, Column]
     time: Column | None = None
     sample_rate: float = 10.0
-    shafts: int = 2
     band: Mapping[str, float] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
     hotel_load: float = 0.0
@@ -132,10 +122,13 @@ class VehicleFile:
         object.__setattr__(self, "band", {**BAND, **self.band})
         object.__setattr__(self, "noise", {**NOISE, **self.noise})
 
+    @property
+    def shafts(self) -> int:
+        """Number of shafts of the vehicle, 1 or 2."""
+        return self.vehicle.shafts
+
 
 def _check_channels(columns: Mapping[str, Column], shafts: int) -> None:
-    if shafts not in (1, 2) or isinstance(shafts, bool):
-        raise refusal("shafts", shafts, "1 or 2", "count the shafts")
     for channel in columns:
         known_name("key of [channels]", channel, CHANNELS)
         if shafts == 1 and channel.startswith("starboard"):
@@ -220,7 +213,8 @@ def _vehicle(general: Mapping[str, Any], parameters: Mapping[str, Any]) -> Vehic
     name = general.get("name", preset.name)
     if not isinstance(name, str) or not name:
         raise refusal("name of the vehicle", name, "a text", "name it")
-    return replace(preset, name=name, **parameters)
+    shafts = general.get("shafts", preset.shafts)
+    return replace(preset, name=name, shafts=shafts, **parameters)
 
 
 def _column(where: str, entry: Any, kind: str) -> Column:
@@ -254,7 +248,7 @@ def as_toml(vehicle: VehicleFile, comments: Mapping[str, str] = MappingProxyType
         for preset in PRESETS.values()
     }
     preset = min(changes, key=lambda name: len(changes[name]))
-    general = {key: getattr(vehicle, key) for key in VEHICLE_KEYS}
+    general = {key: getattr(vehicle, key) for key in ("shafts", *VEHICLE_KEYS)}
     tables = {
         "vehicle": {"name": vehicle.vehicle.name, "preset": preset} | general,
         "parameters": changes[preset],

@@ -6,7 +6,7 @@ band; on the last one the propeller's torque is three times as large from the st
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,11 +43,10 @@ COLUMNS = {  # of the log, by channel, with the decimals that are written
     "port_current": ("motor_A", 2),
 }
 VEHICLE = VehicleFile(
-    vehicle=PRESETS["thesis1992"],
+    vehicle=replace(PRESETS["thesis1992"], shafts=1),
     columns={channel: Column(name) for channel, (name, _) in COLUMNS.items()},
     time=Column("t_s"),
     sample_rate=1.0,
-    shafts=1,
 )
 TORQUE = ("port_c1", "port_c2")
 LEGS = MissionSampler(speed=(0.2, 0.6), duration=(15.0, 40.0), n_legs=16)

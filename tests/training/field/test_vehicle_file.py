@@ -79,7 +79,10 @@ def some_vehicle():
 
 @pytest.mark.parametrize(
     "vehicle",
-    [some_vehicle(), VehicleFile(PRESETS["thesis1992"], {"port_rpm": Column("n", 60.0)}, shafts=1)],
+    [
+        some_vehicle(),
+        VehicleFile(replace(PRESETS["thesis1992"], shafts=1), {"port_rpm": Column("n", 60.0)}),
+    ],
     ids=["everything", "least"],
 )
 def test_written_file_is_read_back_equal(tmp_path, vehicle):

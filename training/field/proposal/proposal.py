@@ -77,7 +77,9 @@ def propose(table: Table, name: str) -> Proposal:
     rate, rate_comment = _sample_rate(table, time)
     shafts = 1 + any(channel.startswith("starboard") for channel in guesses)
     columns = {channel: guesses[channel].column for channel in CHANNELS if channel in guesses}
-    vehicle = VehicleFile(Vehicle(name), columns, time.column if time else None, rate, shafts)
+    vehicle = VehicleFile(
+        Vehicle(name, shafts=shafts), columns, time.column if time else None, rate
+    )
     comments = {f"channels.{channel}.column": guess.why for channel, guess in guesses.items()}
     comments |= COMMENTS
     if time:

@@ -141,7 +141,7 @@ def test_one_shaft_at_one_hertz_without_rpm(logs):
     )
     poor = kept(healthy_logs(truth, n=12), ("speed", "port_voltage", "port_current"), every=10)
     columns = {name: FILE.columns[name] for name in ("speed", "port_voltage", "port_current")}
-    found = calibrate(poor, VehicleFile(PRESET, columns, sample_rate=1.0, shafts=1))
+    found = calibrate(poor, VehicleFile(replace(PRESET, shafts=1), columns, sample_rate=1.0))
     assert not was_fitted(found, "viscous_friction")
     friction = found.parameter("coulomb_friction")
     assert (

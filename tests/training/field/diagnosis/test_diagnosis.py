@@ -27,7 +27,7 @@ from ..fleet_logs import NAMES, VEHICLE, episode, log_of
 THRESHOLD = THRESHOLDS["filter_bank"]
 ONE_SHAFT = replace(
     VEHICLE,
-    shafts=1,
+    vehicle=replace(VEHICLE.vehicle, shafts=1),
     sample_rate=1.0,
     columns={
         name: VEHICLE.columns[name]

@@ -3,6 +3,7 @@
 import gzip
 import os
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +22,9 @@ from training.field.vehicle_file import Column, VehicleFile
 NAMES = ["t", "u", "V", "I", "n"]
 CHANNEL = dict(zip(["speed", "port_voltage", "port_current", "port_rpm"], NAMES[1:], strict=True))
 VEHICLE = VehicleFile(
-    PRESETS["thesis1992"],
+    replace(PRESETS["thesis1992"], shafts=1),
     {channel: Column(name) for channel, name in CHANNEL.items()},
     Column("t"),
-    shafts=1,
 )
 # 20 s of the thesis' vehicle at 0.4 m/s
 ROWS = [
