@@ -11,9 +11,18 @@ Sources
 [H]  Healey & Lienard, "Multivariable sliding mode control for autonomous diving and steering of
      unmanned underwater vehicles", IEEE J. Oceanic Eng. 18(3), 1993, doi:10.1109/JOE.1993.236372:
      form of the speed controller.
+[P]  Prestero, "Verification of a six-degree of freedom simulation model for the REMUS autonomous
+     underwater vehicle", MIT and WHOI thesis, 2001.
+[F]  Fossen, MSS toolbox, VESSELS/remus100.m, which takes the figures of the propeller from Allen,
+     Vorus & Prestero, "Propulsion system performance enhancements on REMUS AUVs", OCEANS 2000,
+     doi:10.1109/OCEANS.2000.882209.
+[L]  Simulator of the Tethys-class long-range AUV by MBARI and Open Robotics, github.com/osrf/lrauv:
+     tethys_equipped/model.sdf, tethys/model.sdf.in, test_state_msg.cc.
+[B]  Simulator of the same vehicle, github.com/braanan/lrauv.sim: vehicle_coeffs.m.
 [E]  An estimate or a default of this project, where the sources are silent.
 """
 
+import math
 from dataclasses import dataclass, field, fields
 from typing import NamedTuple
 
@@ -173,10 +182,115 @@ class Vehicle:
         return SIDES[: self.shafts]
 
 
+def from_cruise(
+    mass: float,
+    drag: float,
+    thrust: float,
+    torque: float,
+    rpm: float,
+    diameter: float,
+    wake_fraction: float,
+    density: float,
+    torque_fall: float,
+) -> dict[str, float]:
+    """Constants of a `Vehicle` with one propeller from published figures of its steady motion.
+
+    Parameters
+    ----------
+    mass
+        With the added mass [kg].
+    drag
+        Per squared surge speed [kg/m].
+    thrust, torque
+        Of the propeller [N], [N m] at this `rpm`, at the speed where thrust and drag balance.
+    diameter, wake_fraction, density
+        As in `Vehicle`.
+    torque_fall
+        c2 / c1.
+    """
+    speed = (thrust / drag) ** 0.5
+    turns = rpm / 60.0
+    advance_ratio = (1.0 - wake_fraction) * speed / (turns * diameter)
+    torque_coefficient = torque / (density * diameter**5 * turns**2)
+    c1 = torque_coefficient / (1.0 - torque_fall * advance_ratio)
+    return {
+        "alpha": -drag / mass,
+        "beta": thrust / mass / rpm**2,
+        "c1": c1,
+        "c2": torque_fall * c1,
+        "diameter": diameter,
+        "wake_fraction": wake_fraction,
+        "density": density,
+    }
+
+
+# REMUS 100: P, but for propeller diameter, wake, fall of the torque and largest rpm, F; motor E
+_REMUS_MASS = 30.48 + 0.93  # kg
+_REMUS = from_cruise(
+    mass=_REMUS_MASS,
+    drag=1.62,
+    thrust=3.86,
+    torque=0.543,
+    rpm=1500.0,
+    diameter=5.5 * INCH,
+    wake_fraction=0.056,
+    density=1030.0,
+    torque_fall=(1.0 - 0.0312 / 0.0700) / 0.6632,
+)
+# Tethys: thrust by the coefficient of L, 0.004312 rho D^4 w^2; torque B; fall E, as T; motor E
+_TETHYS_MASS = 147.8671 + 4.876161  # kg
+_TETHYS_DENSITY = 1025.0  # kg/m^3
+_TETHYS_DIAMETER = 0.2  # m
+_TETHYS_CRUISE = 300.0  # rpm
+_TETHYS = from_cruise(
+    mass=_TETHYS_MASS,
+    drag=6.2282,
+    thrust=0.004312328
+    * _TETHYS_DENSITY
+    * _TETHYS_DIAMETER**4
+    * (_TETHYS_CRUISE * math.pi / 30.0) ** 2,
+    torque=0.23,
+    rpm=_TETHYS_CRUISE,
+    diameter=_TETHYS_DIAMETER,
+    wake_fraction=0.1,
+    density=_TETHYS_DENSITY,
+    torque_fall=0.0285 / 0.0465,
+)
 PRESETS: dict[str, Vehicle] = {
     "thesis1992": Vehicle(),
     "npsnet1995": Vehicle(
         "npsnet1995", alpha=-0.0276 / FOOT, beta=2.252e-7 * FOOT, gamma=-0.0722 / FOOT
+    ),
+    "remus100": Vehicle(
+        "remus100",
+        **_REMUS,
+        gamma=-4.1 / _REMUS_MASS,
+        resistance=0.5,
+        torque_constant=0.12,
+        coulomb_friction=0.02,
+        inertia=5e-5 + blade_pair_inertia(tip=2.75 * INCH),
+        maximum_current=15.0,
+        maximum_speed=1.5,
+        maximum_rpm=1525.0,
+        proportional_gain=0.004,
+        integral_gain=0.06,
+        shafts=1,
+    ),
+    "torpedo_1hz": Vehicle(
+        "torpedo_1hz",
+        **_TETHYS,
+        gamma=-9.6 / _TETHYS_MASS,
+        resistance=1.5,
+        torque_constant=0.25,
+        coulomb_friction=0.02,
+        inertia=1.44e-4 + 3e-4,  # propeller L; armature and entrained water E
+        maximum_voltage=14.4,
+        maximum_current=5.0,
+        maximum_speed=1.1,
+        maximum_rpm=360.0,
+        proportional_gain=0.008,
+        integral_gain=0.12,
+        shafts=1,
     ),
 }
 

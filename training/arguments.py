@@ -38,7 +38,7 @@ class Simulate:
     mission: str | None = None
     """thesis, acceleration, cruise or a constant speed in m/s; sampled if not set."""
     preset: str = "thesis1992"
-    """Vehicle: thesis1992 or npsnet1995."""
+    """Vehicle: thesis1992, npsnet1995, remus100 or torpedo_1hz."""
     sensor_noise: float = 1.0
     """Factor on the readings' noise, 0 for none."""
     disturbance: float = 1.0

@@ -15,6 +15,7 @@ from diagnosers.advisory import ACTIONS, LIMITS, MARGIN, N_AGREEING, Quantiles, 
 from diagnosers.capability import N_PLANT, capability
 
 VEHICLE = PRESETS["thesis1992"]
+ONE_SHAFT = replace(VEHICLE, shafts=1)
 EASY = Situation(
     speed=0.8,
     distance_to_go=500.0,
@@ -131,9 +132,8 @@ def test_a_head_current_shortens_the_way_to_go_and_lengthens_the_way_home():
 )
 def test_a_vehicle_that_may_drift_aborts(shafts, probability, current, expected):
     situation = EASY._replace(current=current, speed=0.3 if current == 0.0 else 1.0)
-    got = advise(
-        belief_of("propeller_loss:port", 1.0, probability), situation, VEHICLE, shafts=shafts
-    )
+    vehicle = replace(VEHICLE, shafts=shafts)
+    got = advise(belief_of("propeller_loss:port", 1.0, probability), situation, vehicle)
     assert got.action[0] == expected
     assert ("it may reach only" in got.reason[0]) == (expected == "abort")
 
@@ -170,7 +170,7 @@ def test_the_action_changes_only_when_every_recent_judgement_agrees():
         + [fine, bad] * 3
         + [fine] * N_AGREEING
     ):
-        advice = advise(belief, EASY._replace(speed=0.3), VEHICLE, shafts=1, previous=advice)
+        advice = advise(belief, EASY._replace(speed=0.3), ONE_SHAFT, previous=advice)
         seen.append(str(advice.action[0]))
     quiet = N_AGREEING + N_AGREEING
     alarmed = 6 + N_AGREEING
@@ -233,6 +233,8 @@ def test_an_impossible_situation_is_refused(change, message):
         advise(belief_of(), EASY._replace(**change), VEHICLE)
 
 
-def test_a_vehicle_has_one_shaft_or_two():
-    with pytest.raises(InputError, match="shafts: got 3"):
-        advise(belief_of(), EASY, VEHICLE, shafts=3)
+def test_a_faster_vehicle_may_have_a_faster_mission():
+    remus = PRESETS["remus100"]
+    assert advise(belief_of(), EASY._replace(speed=1.4), remus).speed[0] == 1.4
+    with pytest.raises(InputError, match=r"speed of the situation: got 1.6; .* 0.01 to 1.5"):
+        advise(belief_of(), EASY._replace(speed=1.6), remus)
