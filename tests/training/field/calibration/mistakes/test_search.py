@@ -109,10 +109,9 @@ def test_channels_that_a_vehicle_does_not_have_are_no_mistake(absent):
 def test_one_shaft_at_one_hertz_without_rpm_has_no_mistake():
     names = ("speed", "port_voltage", "port_current")
     file = VehicleFile(
-        OFF,
+        replace(OFF, shafts=1),
         {name: Column(name) for name in ("mission_speed", *names)},
         sample_rate=1.0,
-        shafts=1,
     )
     assert find_mistakes(kept(logs_of(), names, every=10), file) == []
 
@@ -263,7 +262,8 @@ def test_a_vehicle_without_a_starboard_side_has_one_shaft():
     names = {name: Column(name) for name in CHANNELS if not name.startswith("starboard")}
     finding = only(find_mistakes(logs_of(), replace(FILE, columns=names)))
     assert "shafts = 1" in finding.remedy
-    assert find_mistakes(logs_of(), replace(FILE, columns=names, shafts=1)) == []
+    one_shaft = replace(FILE, vehicle=replace(OFF, shafts=1), columns=names)
+    assert find_mistakes(logs_of(), one_shaft) == []
 
 
 def test_a_sensor_that_is_stuck_in_one_log_is_of_the_log():
