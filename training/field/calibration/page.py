@@ -26,6 +26,7 @@ from training.field.calibration.mistakes.section import mistakes_section
 from training.field.calibration.robust_fit import LARGEST_STD
 from training.field.calibration.samples import BLOCK, Samples
 from training.field.logs.log import Log
+from training.field.logs.remarks import remark_rows
 from training.report.lines import rounded
 from training.report.sections import Section, figure_section, table_section
 
@@ -265,9 +266,9 @@ def _residual_cells(errors: np.ndarray | None, mission: np.ndarray) -> list[str]
 
 def remarks_section(logs: Sequence[Log]) -> Section | None:
     """What was repaired in the logs."""
-    rows = [[log.name, remark] for log in logs for remark in log.remarks]
+    rows = remark_rows((log.name, remark) for log in logs for remark in log.remarks)
     text = "What was repaired in the logs before the fit."
-    return table_section(REPAIRS, ["log", "repair"], rows, text) if rows else None
+    return table_section(REPAIRS, ["repair", "logs"], rows, text) if rows else None
 
 
 def plain(

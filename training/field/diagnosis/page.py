@@ -70,12 +70,15 @@ def intro(setting: Setting, verdicts: Sequence[Verdict]) -> list[str]:
 def meaning_of_alarm(setting: Setting) -> str:
     """What raises an alarm, and where its threshold comes from."""
     if setting.diagnoser == Residuals.name:
+        relations = setting.vehicle.relations
+        has_drag = relations is not None and PUSH in relations.layout.residuals
+        of_drag = f" (the drag: for {PERSISTENT_PUSH})" if has_drag else ""
         return (
             f"An alarm is a residual of the vehicle's own relations that stays beyond its limit "
-            f"for {PERSISTENT} windows of {DURATION:g} s, a second apart (the drag: for "
-            f"{PERSISTENT_PUSH}), or the median of {LASTING} windows beyond its limit (`lasting`), "
-            "or more zeros or repeated values of a reading than in healthy logs. Limits are beyond "
-            "all that the healthy logs reached, by a margin."
+            f"for {PERSISTENT} windows of {DURATION:g} s, a second apart{of_drag}, or the median "
+            f"of {LASTING} windows beyond its limit (`lasting`), or more zeros or repeated values "
+            "of a reading than in healthy logs. Limits are beyond all that the healthy logs "
+            "reached, by a margin."
         )
     usual = THRESHOLDS[setting.diagnoser]
     origin = "at which simulated healthy vehicles raise one false alarm per hour"
@@ -167,7 +170,8 @@ def last_alarm_section(alarmed: Sequence[tuple[str, Verdict]]) -> Section:
     if indicators:
         text.append(
             "Indicators are relative to what the relations of the vehicle predict: median ± std of "
-            "a healthy vehicle (healthy band)."
+            "a healthy vehicle (healthy band), of one window; the limit of a lasting change is "
+            "narrower."
         )
         if DRAG in indicators:
             text.append(f"{DRAG.capitalize()}: the force that lacks; lost thrust looks the same.")

@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import pytest
 
+from diagnosers.residuals import Residuals
 from training.field.diagnosis.causes import Cause
 from training.field.diagnosis.diagnosis import FAULT, HEALTHY, THRESHOLDS, UNUSABLE, Verdict
 from training.field.diagnosis.page import REPAIRS, Setting, page
@@ -13,6 +14,7 @@ from ..fleet_logs import VEHICLE
 FOLDER = "/data/vehicles/of/the/institute/2026/autumn/campaign/missions"
 BANK = Setting("", "filter_bank", "as the vehicle file says", THRESHOLDS["filter_bank"], VEHICLE)
 RESIDUALS = BANK._replace(diagnoser="residuals", threshold=math.log(0.5))
+RELATED = RESIDUALS._replace(vehicle=replace(VEHICLE, relations=Residuals().model))
 LOAD = Cause(5.0, 9.0, "starboard load", "propeller_damage:starboard", -0.23, 0.1)
 FAULTY = Verdict(
     f"{FOLDER}/late.csv",
@@ -108,7 +110,8 @@ def test_a_wide_table_is_wrapped_and_loses_nothing(capsys):
         (BANK, "below 0.067 for three readings in a row, at which simulated healthy vehicles"),
         (BANK._replace(threshold=-9.0), "below 0.00012 for three readings in a row, the lowest on"),
         (BANK._replace(has_load_limits=True), "`load limit`"),
-        (RESIDUALS, "stays beyond its limit for 5 windows of 15 s"),
+        (RESIDUALS, "stays beyond its limit for 5 windows of 15 s, a second apart, or the median"),
+        (RELATED, "a second apart (the drag: for 20), or the median"),
         (RESIDUALS, "Diagnoser: `residuals`, as the vehicle file says"),
     ],
 )
