@@ -8,10 +8,11 @@ import numpy as np
 
 from auv_fault_env.channels import INDEX
 from auv_fault_env.parameters import SAMPLE_RATE, SIDES
+from diagnosers.diagnoser import last_values
 from diagnosers.relations.episode import EpisodeWindows
 from diagnosers.relations.model import RelationModel
 from diagnosers.relations.windows import DURATION, Layout, Typical, is_under_way
-from training.field.logs.log import Log, last_values
+from training.field.logs.log import Log
 from training.field.vehicle_file import VehicleFile
 from training.learning.relation_fit import (
     all_windows,

@@ -80,12 +80,13 @@ def signs_in_words(diagnoser: Residuals) -> np.ndarray:
 
 
 def indicators(course: LogCourse) -> dict[str, Indicator]:
-    """The residuals by name, where they tell anything."""
+    """The residuals by name that any window tells about."""
     found = {}
     for k, name in enumerate(course.rules[: course.n_residuals]):
         tells = course.limit[:, k] < LARGEST_LIMIT
-        columns = (course.value[:, k], course.std[:, k], course.limit[:, k])
-        found[name] = Indicator(course.time[tells], *(column[tells] for column in columns))
+        if tells.any():
+            columns = (course.value[:, k], course.std[:, k], course.limit[:, k])
+            found[name] = Indicator(course.time[tells], *(column[tells] for column in columns))
     return found
 
 

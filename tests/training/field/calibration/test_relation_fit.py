@@ -11,12 +11,12 @@ from auv_fault_env.faults import classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import Mission
 from auv_fault_env.schedules import FaultEvent
+from diagnosers.diagnoser import last_values
 from diagnosers.relations.episode import episode_windows
 from diagnosers.relations.windows import Layout, Typical, weights
 from diagnosers.residuals import Residuals
 from training.field.calibration.relation_fit import fit_relations
 from training.field.diagnosis.diagnosis import diagnoser_for
-from training.field.logs.log import last_values
 from training.field.vehicle_file import Column, VehicleFile, read_vehicle, write_vehicle
 from training.learning.relation_fit import fit_relation
 from training.rollouts import roll_out

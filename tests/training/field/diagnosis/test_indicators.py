@@ -3,12 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auv_fault_env.channels import INDEX
 from auv_fault_env.schedules import FaultEvent
 from training.commands.diagnose import diagnosed_log
 from training.field.diagnosis.diagnosis import THRESHOLDS, beliefs
 from training.field.diagnosis.indicators import course_of, indicators
 from training.field.diagnosis.log_figure import broken_line, log_figure
 from training.field.diagnosis.page import Setting
+from training.report.figures.registry import draw
 
 from ..calibration.test_relation_fit import FILE, N_SAMPLES, ONSET, logs_of, model
 from ..fleet_logs import log_of
@@ -95,3 +97,15 @@ def test_a_line_of_windows_is_broken_where_the_vehicle_was_at_rest():
     line = broken_line(time, 1.0, {"value": np.arange(5.0)})
     assert line["value"] == [0.0, 1.0, 2.0, None, 3.0, 4.0]
     assert line["time"] == [20.0, 21.0, 22.0, None, 60.0, 61.0]
+
+
+@pytest.mark.parametrize("channel", ["mission_speed", "speed", "port_rpm", "port_current"])
+def test_a_log_at_rest_or_without_a_reading_has_a_figure(channel):
+    """The mission speed at zero is rest; a reading never arrives."""
+    observation = faulty_log("seal_friction:port").observation.copy()
+    observation[:, INDEX[channel]] = 0.0 if channel == "mission_speed" else np.nan
+    one = diagnosed_log("log.csv", log_of(observation), setting(), {})
+    drawn = log_figure(1, "log.csv", one, setting())
+    assert draw(drawn["plot"], drawn["data"]).axes
+    for values in (one.verdict.indicators or {}).values():
+        assert np.isfinite(list(values.values())).all()
