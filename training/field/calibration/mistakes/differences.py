@@ -29,6 +29,8 @@ SCATTERS = 3.0  # standard deviations of the residual, beyond which a change cou
 LEAST_WINDOWS = 60  # a minute before and after a step
 MOST_STEPS = 100  # that are tried in a log
 BEYOND = 0.05  # of the other logs' range of speeds, within which their relations hold
+# largest command by smallest one, from which drag is known, and relations beyond their range
+WIDE = 1.5
 
 
 class LogWindows(NamedTuple):
@@ -149,21 +151,28 @@ def relative_residuals(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Residuals (n, n_residuals) of a log by the relations of others, relative, and times (n,).
 
-    Windows at speeds that the others do not have are left out, unless they have the command.
+    Windows at speeds that the others do not have are left out, unless the others have the command
+    and several more.
     """
     parts = [part for other in others for part in other.parts]
     coefficients = {name: fit_relation(name, parts, layout) for name in layout.relations}
     least = FLOOR * np.array(list(median_sizes(parts, coefficients, layout).values()))
     speeds = _range_of(np.concatenate([_speeds(part.windows) for part in parts]))
     commands = _range_of(np.concatenate([one for other in others for one in other.commands]))
+    is_wide = commands.high > WIDE * commands.low
     residuals = []
     times = []
     for part, time, command in zip(log.parts, log.times, log.commands, strict=True):
         residual, size = residuals_of(layout, coefficients, part.windows)
-        is_known = speeds.has(_speeds(part.windows)).all(axis=1) | commands.has(command)
+        is_known = speeds.has(_speeds(part.windows)).all(axis=1)
+        if is_wide:
+            is_known |= commands.has(command)
         residuals.append((residual / np.maximum(size, least))[is_known])
         times.append(time[is_known])
-    return np.concatenate(residuals), np.concatenate(times)
+    residual = np.concatenate(residuals)
+    if not is_wide and PUSH in layout.residuals:
+        residual[:, layout.residuals.index(PUSH)] = 0.0  # thrust and drag cannot be told apart
+    return residual, np.concatenate(times)
 
 
 def _speeds(windows: Windows) -> np.ndarray:

@@ -65,10 +65,13 @@ def following_findings(points: OperatingPoints) -> list[Finding]:
 def follows(points: OperatingPoints, name: str) -> bool:
     """Whether a reading follows at least half of those of the vehicle and of its own side.
 
-    A command that never changes need not be followed by anything.
+    One that changes alone need not be followed: a current of the water changes a speed over ground.
+    A command that never changes need not be followed by anything, and keeps the speed the same.
     """
+    if "speed" in name and points.command and _own_change(points, points.command) < LEAST_CHANGE:
+        return True
     found = changes(points, name)
-    if name == points.command and _own_change(points, name) < LEAST_CHANGE:
+    if len(found) < min(2, len(points.others(name))):
         return True
     return 2 * sum(change.is_followed for change in found) >= len(found)
 

@@ -17,7 +17,7 @@ AT_REST = {"command": 0.01, "rpm": 0.03, "voltage": 0.01, "current": 0.1}
 # of its current is a few times that of its voltage.
 LEAST_OFFSET = {"voltage": 0.15, "current": 0.1, "rpm": 0.1, "speed": 0.1}
 LEAST_CURRENT_WITHOUT_VOLTAGE = 0.5
-COASTING = ("rpm", "speed")  # not zero at once when the vehicle stops, but last in each log
+COASTING = ("rpm", "speed")  # not zero for minutes after a motor stops, but before it starts
 STEADY = 0.5  # largest spread of an offset, relative to it
 LEAST_POINTS = 4  # 20 s
 SUPPLY_RISE = 0.02  # from rest to under way, relative; the supply of a motor sags
@@ -68,12 +68,12 @@ def value_at_rest(points: OperatingPoints, name: str) -> float:
 
 def _finding(name: str, kind: str, points: OperatingPoints, vehicle: VehicleFile) -> Finding | None:
     chosen = is_at_rest(points, name) & np.isfinite(points.values[name])
+    if kind in COASTING:
+        chosen &= _is_before_start(points)
     typical = points.typical(name)
     if chosen.sum() < LEAST_POINTS or not typical > 0.0:
         return None
     values = points.values[name][chosen]
-    if kind in COASTING:
-        values = _smallest_by_log(values, points.log[chosen])
     median = float(np.median(values))
     low, high = np.percentile(values, [10, 90])
     if high - low > STEADY * abs(median):
@@ -95,10 +95,13 @@ def _finding(name: str, kind: str, points: OperatingPoints, vehicle: VehicleFile
     return Finding((name,), evidence, *_cause(name, kind, median, points, remedy))
 
 
-def _smallest_by_log(values: np.ndarray, log: np.ndarray) -> np.ndarray:
-    """The value of the smallest magnitude in each log, (n_logs,)."""
-    by_log = [values[log == k] for k in np.unique(log)]
-    return np.array([one[np.argmin(np.abs(one))] for one in by_log])
+def _is_before_start(points: OperatingPoints) -> np.ndarray:
+    """Where a log has not been under way yet, (n,)."""
+    is_before = np.ones(len(points.log), bool)
+    for k in np.unique(points.log):
+        is_log = points.log == k
+        is_before[is_log] = ~np.maximum.accumulate(points.is_under_way[is_log])
+    return is_before
 
 
 def _cause(
