@@ -53,6 +53,7 @@ def main(arguments: Simulate) -> None:
     n_steps = _checked_steps(arguments)
     schedule = None if arguments.schedule is None else _checked_schedule(arguments)
     mission = None if arguments.mission is None else _mission(arguments.mission)
+    _check_plan(arguments, schedule, mission)
     with run_folder(arguments.output, "simulate", arguments) as folder:
         results = write_tables(folder, arguments, n_steps, schedule, mission)
         write_json(folder / "results.json", results)
@@ -96,6 +97,13 @@ def _checked_schedule(arguments: Simulate) -> Schedule:
             allowed = f"before the episode's end at {arguments.duration:g} s"
             raise refusal(name, event.onset, allowed, "begin earlier or raise --duration")
     return schedule
+
+
+def _check_plan(arguments: Simulate, schedule: Schedule | None, mission: Mission | None) -> None:
+    """Refuse a schedule or a mission that the vehicle cannot have."""
+    schedules = None if schedule is None else [schedule]
+    missions = None if mission is None else [mission]
+    _fleet(1, arguments).reset([0], schedules=schedules, missions=missions)
 
 
 def _mission(text: str) -> Mission:

@@ -86,6 +86,19 @@ def test_given_schedule_strikes_and_is_recorded(tmp_path):
     assert json.loads((folder / "schedules.json").read_text())["0"] == json.loads(to_json((event,)))
 
 
+def test_a_vehicle_with_one_shaft_has_no_starboard_faults_and_readings(tmp_path, capfd):
+    one = ("--vehicles", "1", "--preset", "remus100")
+    _, folder = run(tmp_path, *one, "--mission", "1.4")
+    columns = read(folder)
+    assert columns["speed_command"][-1] == pytest.approx(1.4) and columns["port_rpm"][-1] > 1000.0
+    assert set(columns["starboard_rpm"]) == {0.0}
+    path = tmp_path / "faults.json"
+    path.write_text(to_json((FaultEvent("propeller_loss:starboard", 1.0, 1.0),)))
+    code, _ = run(tmp_path, *one, "--schedule", str(path))
+    message = capfd.readouterr().err.splitlines()[-1]
+    assert code == 2 and "'propeller_loss:starboard'; allowed is one of port" in message
+
+
 def test_sampled_schedules_are_recorded_exactly(tmp_path):
     _, folder = run(tmp_path, "--vehicles", "4", "--seed", "1")
     recorded = json.loads((folder / "schedules.json").read_text())
