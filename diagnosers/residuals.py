@@ -43,8 +43,12 @@ UNIFORM_SEVERITY = (0.5, 0.29)  # mean and standard deviation: the severity is n
 class ResidualsState(NamedTuple):
     """What is remembered of every lane, lane first."""
 
-    rows: np.ndarray  # (n_lanes, n_rows, n_channels), the last readings; NaN before the first
+    # (n_lanes, n_rows, n_channels), the readings up to the last that a window may end with; NaN
+    # before the first
+    rows: np.ndarray
+    recent: np.ndarray  # (n_lanes, every, n_channels), those since then, from the first place on
     n_rows: np.ndarray  # (n_lanes,), readings so far
+    moving: np.ndarray  # (n_lanes,), readings since the vehicle was at rest
     held: np.ndarray  # (n_lanes,), readings since the speed command changed; 0 without one
     ratios: np.ndarray  # (n_lanes, PERSISTENT_PUSH, n_rules), of the last windows, 1 at the limit
     history: np.ndarray  # (n_lanes, LASTING, n_residuals), standardised; NaN before the first
@@ -122,7 +126,9 @@ class Residuals(Recursive):
         evidence = np.zeros((n_lanes, len(self.classes) - 1))
         return ResidualsState(
             rows=np.full((n_lanes, layout.n_rows, len(CHANNELS)), np.nan),
+            recent=np.full((n_lanes, layout.every, len(CHANNELS)), np.nan),
             n_rows=np.zeros(n_lanes, np.int64),
+            moving=np.zeros(n_lanes, np.int64),
             held=np.zeros(n_lanes, np.int64),
             ratios=ratios,
             history=np.full((n_lanes, LASTING, len(layout.residuals)), np.nan),
@@ -134,10 +140,13 @@ class Residuals(Recursive):
 
     def step(self, state: ResidualsState, observation: np.ndarray) -> tuple[ResidualsState, Belief]:
         """The next state and the belief."""
-        state = with_row(state, observation)
-        due = window_is_due(state, observation, self.model.layout.every)
-        if due.any():
-            state = self._judged(state, np.flatnonzero(due))
+        arrived = has_reading(observation)
+        state = with_row(state, observation, arrived)
+        due = np.flatnonzero(arrived & (state.n_rows % self.model.layout.every == 0))
+        if due.size:
+            state = with_recent(state, due)
+            lanes = due[state.moving[due] >= self.model.layout.n_rows]
+            state = self._judged(state, lanes) if lanes.size else state
         return state, belief_of(state.log_probability)
 
     def course(self, observations: np.ndarray) -> Course:
@@ -314,22 +323,27 @@ def so_far(values: np.ndarray, n: int, before: float) -> np.ndarray:
     return np.swapaxes(np.lib.stride_tricks.sliding_window_view(padded, n, axis=0), 1, 2)
 
 
-def with_row(state: ResidualsState, observation: np.ndarray) -> ResidualsState:
-    """The state with the readings of a sample, where any arrived."""
-    arrived = has_reading(observation)
-    last = state.rows[:, -1]
+def with_row(state: ResidualsState, observation: np.ndarray, arrived: np.ndarray) -> ResidualsState:
+    """The state with the readings of a sample, on the lanes (n_lanes,) where any arrived."""
+    lanes = np.arange(len(observation))
+    every = state.recent.shape[1]
+    last = state.recent[lanes, (state.n_rows - 1) % every]
     row = np.where(np.isnan(observation), last, observation)
-    rows = np.where(arrived[:, None, None], pushed(state.rows, row), state.rows)
+    recent = state.recent.copy()
+    recent[lanes[arrived], state.n_rows[arrived] % every] = row[arrived]
     is_same = row[:, INDEX["mission_speed"]] == last[:, INDEX["mission_speed"]]
     held = np.where(arrived, np.where(is_same, state.held + 1, 0), state.held)
-    return state._replace(rows=rows, n_rows=state.n_rows + arrived, held=held)
+    moving = np.where(arrived, np.where(is_under_way(row), state.moving + 1, 0), state.moving)
+    n_rows = state.n_rows + arrived
+    return state._replace(recent=recent, n_rows=n_rows, held=held, moving=moving)
 
 
-def window_is_due(state: ResidualsState, observation: np.ndarray, every: int) -> np.ndarray:
-    """Whether a window is to be judged, (n_lanes,): whole, with a command above 0 all the while."""
-    is_whole = state.n_rows >= state.rows.shape[1]
-    is_moving = is_under_way(state.rows).all(axis=1)
-    return has_reading(observation) & is_whole & is_moving & (state.n_rows % every == 0)
+def with_recent(state: ResidualsState, lanes: np.ndarray) -> ResidualsState:
+    """The state of which the recent readings of these lanes, all new, have joined the others."""
+    every = state.recent.shape[1]
+    rows = state.rows.copy()
+    rows[lanes] = np.concatenate([rows[lanes, every:], state.recent[lanes]], axis=1)
+    return state._replace(rows=rows)
 
 
 def has_reading(observation: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ from diagnosers import NAMES
 from training.benchmark.thresholds import ONE_PER_10_HOURS, ONE_PER_HOUR
 
 SHIPPED = {
-    *("limits", "cusum", "rules", "filter_bank", "gaussian_bank"),
+    *("limits", "cusum", "rules", "residuals", "filter_bank", "gaussian_bank"),
     *("raw_network", "kalman_network", "parallel", "integrated", "oracle", "null", "random"),
 }
 
