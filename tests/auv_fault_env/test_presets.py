@@ -21,6 +21,19 @@ CRUISE = {
     "remus100": (1.51, 1500.0, 0.03),
     "torpedo_1hz": (1.0, 300.0, 0.07),
 }
+# sum of the rewards, and mission speed and readings, after 300 samples of seed 11
+GOLDEN = {
+    "thesis1992": (
+        -11.29917234,
+        [0.5308869, 0.4958006, 0.000358772]
+        + [3.900696, 0.6128573, 511.1511, 3.676957, 0.3964536, 512.1422],
+    ),
+    "npsnet1995": (
+        -12.73666119,
+        [0.5308869, 0.4942019, 2.278241e-05]
+        + [5.153453, 0.9531051, 653.7947, 4.765584, 0.5663838, 655.7725],
+    ),
+}
 
 
 def steady_state(preset, speed, n_steps=600):
@@ -30,6 +43,20 @@ def steady_state(preset, speed, n_steps=600):
     for _ in range(n_steps):
         row = fleet.step(follow_mission(row))
     return {name: float(value[0]) for name, value in FleetTruth(fleet)["state"].items()}
+
+
+@pytest.mark.parametrize("preset", GOLDEN)
+def test_vehicles_with_two_shafts_are_what_they_were(preset):
+    fleet = Fleet(1, preset)
+    row = fleet.reset([11])
+    total = 0.0
+    for _ in range(300):
+        row = fleet.step(follow_mission(row))
+        total += fleet.outcomes[0, 0]
+    reward, last = GOLDEN[preset]
+    assert total == pytest.approx(reward, rel=1e-8)
+    mission_speed_and_readings = row[0, [0, *range(4, 12)]]
+    np.testing.assert_allclose(mission_speed_and_readings, last, rtol=1e-5, atol=1e-7)
 
 
 @pytest.mark.parametrize("preset", CRUISE)
