@@ -25,13 +25,11 @@ CRUISE = {
 GOLDEN = {
     "thesis1992": (
         -11.29917234,
-        [0.5308869, 0.4958006, 0.000358772]
-        + [3.900696, 0.6128573, 511.1511, 3.676957, 0.3964536, 512.1422],
+        [0.530887, 0.495801, 0.000358772, 3.9007, 0.612857, 511.151, 3.67696, 0.396454, 512.142],
     ),
     "npsnet1995": (
         -12.73666119,
-        [0.5308869, 0.4942019, 2.278241e-05]
-        + [5.153453, 0.9531051, 653.7947, 4.765584, 0.5663838, 655.7725],
+        [0.530887, 0.494202, 2.27824e-5, 5.15345, 0.953105, 653.795, 4.76558, 0.566384, 655.773],
     ),
 }
 
@@ -56,7 +54,7 @@ def test_vehicles_with_two_shafts_are_what_they_were(preset):
     reward, last = GOLDEN[preset]
     assert total == pytest.approx(reward, rel=1e-8)
     mission_speed_and_readings = row[0, [0, *range(4, 12)]]
-    np.testing.assert_allclose(mission_speed_and_readings, last, rtol=1e-5, atol=1e-7)
+    np.testing.assert_allclose(mission_speed_and_readings, last, rtol=2e-5, atol=1e-7)
 
 
 @pytest.mark.parametrize("preset", CRUISE)
