@@ -22,7 +22,14 @@ from diagnosers.relations.directions import directions, log_likelihood
 from diagnosers.relations.episode import episode_windows
 from diagnosers.relations.model import RelationModel, Standardised
 from diagnosers.relations.table import as_table, from_table
-from diagnosers.relations.windows import PUSH, Windows, is_steady, is_under_way, windows_of
+from diagnosers.relations.windows import (
+    DURATION,
+    PUSH,
+    Windows,
+    is_steady,
+    is_under_way,
+    windows_of,
+)
 from diagnosers.storage import WEIGHTS, settings_of
 
 PACKAGED = WEIGHTS / "residuals.safetensors"
@@ -32,6 +39,8 @@ PERSISTENT = 5  # windows in a row, a second apart, beyond a limit: an alarm
 PERSISTENT_PUSH = 20
 COUNTS = ("zeros", "repeated values")  # of readings in a window
 LASTING = 45  # windows, of the median that finds slight lasting changes
+# of a window that the one a second before does not contain; only that is new evidence of a class
+NEW_SHARE = 1.0 / DURATION
 MEMORY = math.exp(-1.0 / 20.0)  # of the likelihood of classes, per window
 UNKNOWN_LIKELIHOOD = -6.0  # log, of a window's residuals that no known fault explains
 BY_COUNTS = -20.0  # log likelihood of other classes where zeros or repeated values are too many
@@ -259,7 +268,7 @@ class Residuals(Recursive):
     def _likelihood(
         self, windows: Windows, standardised: Standardised, ratio: np.ndarray
     ) -> np.ndarray:
-        """Log likelihood of every class but normal by these windows, (n, n_faults)."""
+        """Log likelihood of every class but normal by what is new in these windows, (n, n_faults)."""
         layout = self.model.layout
         found = log_likelihood(directions(self.model, windows), standardised)
         log_likelihoods = np.full((len(ratio), len(self.classes) - 1), BY_COUNTS)
@@ -272,7 +281,7 @@ class Residuals(Recursive):
         faults = np.array([self._fault(f"sensor:{name}") for name in layout.counted])
         log_likelihoods[counted] += BY_COUNTS
         log_likelihoods[counted, faults[too_many[counted].argmax(axis=1)]] = 0.0
-        return log_likelihoods
+        return NEW_SHARE * log_likelihoods
 
     def _fault(self, name: str) -> int:
         """The column of a class among the faults."""
