@@ -4,7 +4,8 @@ Of `filter_bank`, `residuals` (with the relations of the package) and `integrate
 training.studies.robustness`` sets them, on 125 h, 125 h and 10 h of whole missions of the suite
 `standard`, with imperfections. Of the others as ``auv-fault benchmark`` set them on 200 h of
 healthy episodes of 65 s under the conditions of the suite `ideal`, from before it took whole
-missions: with imperfections, or over hours, their alarms are more frequent than the names say. A diagnoser without an entry works; the live page does not offer it.
+missions: with imperfections, or over hours, their alarms are more frequent than the names say. A
+diagnoser without an entry works; the live page does not offer it.
 The belief of `null` is constant and never below its threshold.
 """
 
