@@ -268,7 +268,7 @@ class Residuals(Recursive):
     def _likelihood(
         self, windows: Windows, standardised: Standardised, ratio: np.ndarray
     ) -> np.ndarray:
-        """Log likelihood of each class but normal by what is new in these windows, (n, n_faults)."""
+        """Log likelihood of each fault by what is new in these windows, (n, n_faults)."""
         layout = self.model.layout
         found = log_likelihood(directions(self.model, windows), standardised)
         log_likelihoods = np.full((len(ratio), len(self.classes) - 1), BY_COUNTS)
