@@ -26,6 +26,8 @@ from training.learning.relation_fit import (
 LEAST_CHANGE = {"push": 0.3, "load": 0.2, "voltage": 0.15, "balance": 0.1}
 LEAST_LOAD_BY_SPEED = 0.3  # of a load without a shaft speed, which the drag enters
 SCATTERS = 3.0  # standard deviations of the residual, beyond which a change counts
+MOST = 95.0  # percentile of the reference's residuals of the net force, and
+BEYOND_USUAL = 2.0  # the factor beyond it from which a change of the drag counts
 LEAST_WINDOWS = 60  # a minute before and after a step
 MOST_STEPS = 100  # that are tried in a log
 BEYOND = 0.05  # of the other logs' range of speeds, within which their relations hold
@@ -39,7 +41,7 @@ class LogWindows(NamedTuple):
     name: str
     parts: list[EpisodeWindows]
     times: list[np.ndarray]  # of the middle of each part's windows [s]
-    commands: list[np.ndarray]  # of the speed at the end of each part's windows [m/s]
+    commands: list[np.ndarray]  # at the end of each part's windows [m/s]; without any, the speed
 
 
 class Difference(NamedTuple):
@@ -105,7 +107,8 @@ def windows_of_logs(logs: Sequence[Log], layout: Layout) -> list[LogWindows]:
             if part.last.size:
                 parts.append(part)
                 times.append(rows.time[part.last] - DURATION / 2.0)
-                commands.append(rows.reading[part.last, INDEX["mission_speed"]])
+                command = rows.reading[part.last, INDEX["mission_speed"]]
+                commands.append(np.where(np.isnan(command), part.windows.speed, command))
         if sum(map(len, times)) >= 2 * LEAST_WINDOWS:
             found.append(LogWindows(log.name, parts, times, commands))
     return found
@@ -115,23 +118,23 @@ def differences_of(
     logs: Sequence[LogWindows], layout: Layout, limits: np.ndarray
 ) -> list[Difference]:
     """Each log against the others; a single one against itself, for a step alone."""
-    residuals = []
+    compared = []
     for log in logs:
         others = [one for one in logs if one is not log] or [log]
-        residuals.append(relative_residuals(log, others, layout))
-    medians = np.array([np.median(residual, axis=0) for residual, _ in residuals])
+        compared.append(compared_with(reference_of(others, layout, limits), log, layout))
+    medians = np.array([one.median for one in compared])
     differences = []
-    for k, log in enumerate(logs):
-        residual, time = residuals[k]
-        step = step_of(residual, limits)
+    for k, one in enumerate(compared):
+        step = step_of(one)
         if step.score > 1.0:
             changes = _by_name(step.change, layout)
-            differences.append(Difference(log.name, step.score, changes, float(time[step.row])))
+            time = float(one.time[step.row])
+            differences.append(Difference(logs[k].name, step.score, changes, time))
         else:
             scatter = SCATTERS * _scatter(np.delete(medians, k, axis=0))
-            score = np.max(np.abs(medians[k]) / np.maximum(limits, scatter))
-            changes = _by_name(medians[k], layout)
-            differences.append(Difference(log.name, float(score), changes, None))
+            score = np.max(np.abs(one.median) / np.maximum(one.limits, scatter))
+            changes = _by_name(one.median, layout)
+            differences.append(Difference(logs[k].name, float(score), changes, None))
     return differences
 
 
@@ -146,41 +149,6 @@ def _scatter(values: np.ndarray) -> np.ndarray:
     return NORMAL_MAD * np.median(np.abs(values - np.median(values, axis=0)), axis=0)
 
 
-def relative_residuals(
-    log: LogWindows, others: Sequence[LogWindows], layout: Layout
-) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals (n, n_residuals) of a log by the relations of others, relative, and times (n,).
-
-    Windows at speeds that the others do not have are left out, unless the others have the command
-    and several more.
-    """
-    parts = [part for other in others for part in other.parts]
-    coefficients = {name: fit_relation(name, parts, layout) for name in layout.relations}
-    least = FLOOR * np.array(list(median_sizes(parts, coefficients, layout).values()))
-    speeds = _range_of(np.concatenate([_speeds(part.windows) for part in parts]))
-    commands = _range_of(np.concatenate([one for other in others for one in other.commands]))
-    is_wide = commands.high > WIDE * commands.low
-    residuals = []
-    times = []
-    for part, time, command in zip(log.parts, log.times, log.commands, strict=True):
-        residual, size = residuals_of(layout, coefficients, part.windows)
-        is_known = speeds.has(_speeds(part.windows)).all(axis=1)
-        if is_wide:
-            is_known |= commands.has(command)
-        residuals.append((residual / np.maximum(size, least))[is_known])
-        times.append(time[is_known])
-    residual = np.concatenate(residuals)
-    if not is_wide and PUSH in layout.residuals:
-        residual[:, layout.residuals.index(PUSH)] = 0.0  # thrust and drag cannot be told apart
-    return residual, np.concatenate(times)
-
-
-def _speeds(windows: Windows) -> np.ndarray:
-    """Speed and shaft speeds of windows, (n, n_quantities); 0 for one that is not read."""
-    shafts = [np.nan_to_num(shaft) for shaft in windows.shaft_speed.values()]
-    return np.stack([windows.speed, *shafts], axis=1)
-
-
 class Range(NamedTuple):
     """The range of some quantities."""
 
@@ -192,10 +160,109 @@ class Range(NamedTuple):
         return (values >= self.low) & (values <= self.high)
 
 
+class Reference(NamedTuple):
+    """The relations of some logs."""
+
+    coefficients: Mapping[str, np.ndarray]  # by relation
+    least: np.ndarray  # sizes below which a residual is relative to these, (n_residuals,)
+    speeds: Range  # of speed and shaft speeds
+    commands: Range  # of the speed
+    limits: np.ndarray  # smallest changes that count, (n_residuals,)
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether the commands differ enough to tell thrust from drag."""
+        return bool(self.commands.high > WIDE * self.commands.low)
+
+    def compared(self, windows: Windows, layout: Layout) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals of windows, and the sizes that they are relative to, (n, n_residuals)."""
+        residual, size = residuals_of(layout, self.coefficients, windows)
+        return residual, np.maximum(size, self.least)
+
+    def is_loaded(self, size: np.ndarray, layout: Layout) -> np.ndarray:
+        """Where the motors have a load by their shaft speeds, (n,), and the vehicle does not coast.
+
+        Everywhere without shaft speeds, where one that lost its propeller would seem to coast.
+        """
+        if not layout.has_shaft_speed:
+            return np.ones(len(size), bool)
+        is_load = np.array([name.endswith("load") for name in layout.residuals])
+        return (size > self.least)[:, is_load].all(axis=1)
+
+
+def reference_of(logs: Sequence[LogWindows], layout: Layout, limits: np.ndarray) -> Reference:
+    """The relations that are fitted to these logs.
+
+    The drag is what the fit says: no change of it counts that residuals of the net force reach.
+    """
+    parts = [part for log in logs for part in log.parts]
+    coefficients = {name: fit_relation(name, parts, layout) for name in layout.relations}
+    least = FLOOR * np.array(list(median_sizes(parts, coefficients, layout).values()))
+    speeds = _range_of(np.concatenate([_speeds(part.windows) for part in parts]))
+    commands = _range_of(np.concatenate([one for log in logs for one in log.commands]))
+    reference = Reference(coefficients, least, speeds, commands, limits)
+    if PUSH not in layout.residuals:
+        return reference
+    push = layout.residuals.index(PUSH)
+    pairs = [reference.compared(part.windows, layout) for part in parts]
+    residual = np.concatenate([(residual / size)[:, push] for residual, size in pairs])
+    usual = np.percentile(np.abs(residual), MOST)
+    of_push = max(limits[push], BEYOND_USUAL * usual) if reference.is_wide else np.inf
+    changed = np.where(np.arange(len(limits)) == push, of_push, limits)
+    return reference._replace(limits=changed)
+
+
+def _speeds(windows: Windows) -> np.ndarray:
+    """Speed and shaft speeds of windows, (n, n_quantities); 0 for one that is not read."""
+    shafts = [np.nan_to_num(shaft) for shaft in windows.shaft_speed.values()]
+    return np.stack([windows.speed, *shafts], axis=1)
+
+
 def _range_of(values: np.ndarray) -> Range:
     """The range of values (n, ...) with a margin."""
     margin = BEYOND * np.ptp(values, axis=0)
     return Range(values.min(axis=0) - margin, values.max(axis=0) + margin)
+
+
+class Compared(NamedTuple):
+    """A log by the relations of others."""
+
+    residual: np.ndarray  # (n, n_residuals)
+    size: np.ndarray  # that it is relative to, (n, n_residuals)
+    time: np.ndarray  # s, (n,)
+    command: np.ndarray  # m/s, (n,)
+    limits: np.ndarray  # of the reference
+
+    @property
+    def median(self) -> np.ndarray:
+        """Median of the relative residuals, (n_residuals,); 0 with too few windows."""
+        if len(self.residual) < LEAST_WINDOWS:
+            return np.zeros(len(self.limits))
+        return np.median(self.residual / self.size, axis=0)
+
+
+def compared_with(reference: Reference, log: LogWindows, layout: Layout) -> Compared:
+    """The log by a reference.
+
+    Windows without a load are left out, and those at speeds that the reference does not have,
+    unless it has the command and several more.
+    """
+    residuals = []
+    sizes = []
+    times = []
+    commands = []
+    for part, time, command in zip(log.parts, log.times, log.commands, strict=True):
+        is_known = reference.speeds.has(_speeds(part.windows)).all(axis=1)
+        if reference.is_wide:
+            is_known |= reference.commands.has(command)
+        residual, size = reference.compared(part.windows, layout)
+        is_known &= reference.is_loaded(size, layout)
+        residuals.append(residual[is_known])
+        sizes.append(size[is_known])
+        times.append(time[is_known])
+        commands.append(command[is_known])
+    columns = map(np.concatenate, (residuals, sizes, times, commands))
+    return Compared(*columns, reference.limits)
 
 
 class Step(NamedTuple):
@@ -206,28 +273,44 @@ class Step(NamedTuple):
     change: np.ndarray  # (n_residuals,)
 
 
-def step_of(residual: np.ndarray, limits: np.ndarray) -> Step:
+def step_of(log: Compared) -> Step:
     """The step between the medians before and after that is largest by its limit.
 
-    Parameters
-    ----------
-    residual
-        Relative, (n, n_residuals).
-    limits
-        Smallest step that counts, (n_residuals,).
+    Windows at commands beyond those before the step do not count. A constant error of the log, as
+    by the zero of a sensor, or a proportional one, is no step where the speeds before and after
+    differ: the smaller of the steps of both views counts.
     """
-    best = Step(0.0, 0, np.zeros(len(limits)))
-    last = len(residual) - LEAST_WINDOWS
+    best = Step(0.0, 0, np.zeros(len(log.limits)))
+    last = len(log.residual) - LEAST_WINDOWS
+    relative = log.residual / log.size
     for row in range(LEAST_WINDOWS, last, max(1, (last - LEAST_WINDOWS) // MOST_STEPS)):
-        before = np.median(residual[:row], axis=0)
-        after = np.median(residual[row:], axis=0)
-        level = np.where(np.arange(len(residual))[:, None] < row, before, after)
-        scatter = NORMAL_MAD * np.median(np.abs(residual - level), axis=0)
-        change = after - before
-        scores = np.abs(change) / np.maximum(limits, SCATTERS * scatter)
+        is_after = np.arange(len(relative)) >= row
+        is_after &= _range_of(log.command[:row]).has(log.command)
+        if is_after.sum() < LEAST_WINDOWS // 2:
+            continue
+        constant = np.median(log.residual[:row], axis=0)
+        parts = (relative[:row], relative[is_after])
+        one = _change(*parts)
+        other = _change(
+            parts[0] - constant / log.size[:row], parts[1] - constant / log.size[is_after]
+        )
+        change = np.where(np.abs(one) < np.abs(other), one, other)
+        change[np.sign(one) != np.sign(other)] = 0.0
+        scores = np.abs(change) / np.maximum(log.limits, SCATTERS * _scatter_about(*parts))
         if scores.max() > best.score:
             best = Step(float(scores.max()), row, change)
     return best
+
+
+def _change(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Difference of the medians of residuals (n, n_residuals)."""
+    return np.median(after, axis=0) - np.median(before, axis=0)
+
+
+def _scatter_about(*parts: np.ndarray) -> np.ndarray:
+    """Scatter of residuals (n, n_residuals) about the medians of their parts."""
+    errors = np.concatenate([np.abs(part - np.median(part, axis=0)) for part in parts])
+    return NORMAL_MAD * np.median(errors, axis=0)
 
 
 def _finding(difference: Difference, limits: np.ndarray, n_logs: int) -> Finding:

@@ -10,21 +10,22 @@ from training.field.calibration.mistakes.operating_points import OperatingPoints
 
 LEAST_POINTS = 3  # of a stretch at one speed: 15 s
 LEAST_STRETCHES = 8
+TURNING = 0.2  # of the largest usual shaft speed, above which the vehicle does not coast
 # Spread of the speed at a given shaft speed, relative to the usual speed. A drag that differs by a
 # quarter makes half of the first.
 LEAST_SPREAD = 0.12
 LEAST_SPREAD_WITHOUT_CURRENT = 0.2
 MIDDLE = (10.0, 90.0)  # percentiles between which the spread is counted
-# Relative change of the current by that of the speed through the water at a given shaft speed: the
-# propeller's torque falls with the advance ratio, by 0.3 to 1, and is most of the load.
-LOAD_BY_SPEED = -0.07
-# largest spread of the current that has not changed, by that of the speed, and relative to itself
+# Share of the current that falls with the speed through the water at a given shaft speed. The
+# torque of a propeller falls by 0.3 to 1 of it with the advance ratio, and is most of the current.
+LEAST_FALL = 0.07
+# largest spread of a current that has not changed, by that of the speed, and relative to itself
 LOAD_BY_SPEED_SPREAD = 1 / 3
 LOAD_SPREAD = 0.1
 
 
 class Stretches(NamedTuple):
-    """Medians over stretches at one speed, (n,) each."""
+    """Medians over the second halves of stretches at one speed, (n,) each."""
 
     speed: np.ndarray  # m/s
     shaft_speed: np.ndarray  # rpm, mean of the sides
@@ -65,13 +66,23 @@ def evidence_of(points: OperatingPoints) -> str:
     )
     if not has_current:
         return evidence
-    load = _residual(stretches.current, stretches.shaft_speed, degree=2)
-    load /= np.median(stretches.current)
+    current = np.median(stretches.current)
+    load = _residual(stretches.current, stretches.shaft_speed, degree=2) / current
     load_spread = np.ptp(np.percentile(load, MIDDLE))
-    slope = float(load @ relative / (relative @ relative))
-    if slope < LOAD_BY_SPEED or load_spread > min(LOAD_BY_SPEED_SPREAD * spread, LOAD_SPREAD):
+    if load_spread > min(LOAD_BY_SPEED_SPREAD * spread, LOAD_SPREAD):
+        return ""
+    if _fall_with_speed(stretches) > LEAST_FALL * current:
         return ""
     return f"{evidence}, and the current by {100 * load_spread:.0f} %"
+
+
+def _fall_with_speed(stretches: Stretches) -> float:
+    """By how much the current is lower at the median speed than at none [A], as its fit says."""
+    shaft = stretches.shaft_speed / np.median(stretches.shaft_speed)
+    speed = stretches.speed / np.median(stretches.speed)
+    terms = np.stack([np.ones(len(shaft)), shaft, shaft**2, -shaft * speed], axis=1)
+    solution, *_ = np.linalg.lstsq(terms, stretches.current, rcond=None)
+    return float(solution[-1])
 
 
 def stretches_of(points: OperatingPoints) -> Stretches | None:
@@ -85,10 +96,11 @@ def stretches_of(points: OperatingPoints) -> Stretches | None:
     current = np.full(len(speed), np.nan)
     if currents:
         current = np.mean([points.values[name] for name in currents], axis=0)
-    is_used = points.is_settled & np.isfinite(speed) & np.isfinite(shaft_speed)
+    is_used = points.is_settled & np.isfinite(speed)
+    is_used &= shaft_speed > TURNING * max(map(points.largest, shafts))
     bounds = np.flatnonzero(np.diff(is_used, prepend=False, append=False))
     medians = [
-        [np.median(values[begin:end]) for values in (speed, shaft_speed, current)]
+        [np.median(values[(begin + end) // 2 : end]) for values in (speed, shaft_speed, current)]
         for begin, end in zip(bounds[::2], bounds[1::2], strict=True)
         if end - begin >= LEAST_POINTS
     ]

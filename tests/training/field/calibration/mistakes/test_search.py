@@ -367,6 +367,14 @@ def test_a_payload_is_no_mistake():
     assert find_mistakes([*logs_of(), loaded], FILE) == []
 
 
+def test_a_zero_error_of_one_log_is_no_step_where_the_speed_falls():
+    legs = ((0.0, 0.0), (20.0, 0.35), (45.0, 0.7), (150.0, 0.35), (280.0, 0.0))
+    logs = logs_of(legs=legs)
+    column(logs[1], "port_current")[:] += 0.25
+    finding = only(find_mistakes(logs, FILE))
+    assert finding.log == "1.csv" and "the load of port differs" in finding.evidence
+
+
 def test_a_copy_of_a_log_is_named():
     logs = logs_of()
     copy = logs[1]._replace(name="copy.csv")
