@@ -10,7 +10,7 @@ from auv_fault_env.errors import refusal
 from auv_fault_env.parameters import SIDES, Vehicle
 from auv_fault_env.physics import RPM
 from training.field.units import GRAVITY, UNITS
-from training.field.vehicle_file import VehicleFile
+from training.field.vehicle_file import VehicleFile, unit_of
 
 IMPOSSIBLE = 2.0  # times the largest value that sensor or vehicle can reach
 # share of impossible values from which the unit is wrong
@@ -54,7 +54,7 @@ def plausible_values(
     """
     limits = largest_magnitudes(vehicle.vehicle)
     values = {
-        channel: _possible_values(channel, column, limits[channel], remarks)
+        channel: _possible_values(channel, column, limits[channel], vehicle, remarks)
         for channel, column in values.items()
     }
     readings = [channel for channel in READINGS if channel in values]
@@ -68,7 +68,7 @@ def plausible_values(
 
 
 def _possible_values(
-    channel: str, column: np.ndarray, limit: float, remarks: list[str]
+    channel: str, column: np.ndarray, limit: float, vehicle: VehicleFile, remarks: list[str]
 ) -> np.ndarray:
     unit = CHANNELS[channel].unit
     size = abs(column)
@@ -81,16 +81,20 @@ def _possible_values(
         span = f"values beyond {limit:.3g} {unit}, up to {size[is_beyond].max():.3g}"
         remarks.append(f"{channel}: {span}, kept ({is_beyond.sum()})")
     if is_impossible.any():
-        _check_unit(channel, column, is_impossible, limit)
+        now = unit_of(vehicle.columns[channel], unit)
+        _check_unit(channel, column, is_impossible, limit, now)
         example = f"such as {column[is_impossible][0]:.6g} {unit}"
         count = is_impossible.sum()
         remarks.append(f"{channel}: impossible values, {example}, taken as missing ({count})")
     return np.where(is_infinite | is_impossible, np.nan, column)
 
 
-def _check_unit(channel: str, column: np.ndarray, is_impossible: np.ndarray, limit: float) -> None:
+def _check_unit(
+    channel: str, column: np.ndarray, is_impossible: np.ndarray, limit: float, now: str
+) -> None:
     """Refuse many impossible values, unless all are one number, which then means missing.
 
+    The units that would make them possible are named, in place of the one of now.
     Of a command, those at zero do not count: a rudder is amidships for most of a mission.
     """
     is_known = np.isfinite(column)
@@ -101,7 +105,8 @@ def _check_unit(channel: str, column: np.ndarray, is_impossible: np.ndarray, lim
         return
     unit = CHANNELS[channel].unit
     typical = float(np.median(abs(impossible)))
-    fitting = [name for name, factor in UNITS[unit].items() if typical * factor < limit]
+    column_value = typical / UNITS[unit][now]
+    fitting = [name for name, factor in UNITS[unit].items() if column_value * factor < limit]
     hint = f" ({' or '.join(fitting)}?)" if fitting else ""
     raise refusal(
         channel,

@@ -68,6 +68,12 @@ def test_units_scale_and_offset(tmp_path):
     np.testing.assert_allclose(channel(log, "port_rpm"), np.resize(RPM, 150))
 
 
+def test_a_unit_of_the_file_that_is_too_large_is_refused_with_those_that_fit(tmp_path):
+    settings = vehicle(port_rpm=Column("n", 60.0))
+    with pytest.raises(InputError, match=r"channels.port_rpm\] \(rpm or rad/s\?\)"):
+        read(tmp_path, 0.1 * np.arange(150), settings)
+
+
 def test_a_rudder_in_degrees_is_refused_though_it_is_mostly_amidships(tmp_path):
     rudder = np.zeros(1000)
     rudder[500:520] = np.linspace(9.0, 10.0, 20)
