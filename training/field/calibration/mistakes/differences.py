@@ -29,6 +29,7 @@ SCATTERS = 3.0  # standard deviations of the residual, beyond which a change cou
 MOST = 95.0  # percentile of the reference's residuals of the net force, and
 BEYOND_USUAL = 2.0  # the factor beyond it from which a change of the drag counts
 LEAST_WINDOWS = 60  # a minute before and after a step
+LEAST_SHARE = 0.6  # of the rows under way, in which a reading is there and not zero
 MOST_STEPS = 100  # that are tried in a log
 BEYOND = 0.05  # of the other logs' range of speeds, within which their relations hold
 # largest command by smallest one, from which drag is known, and relations beyond their range
@@ -95,7 +96,7 @@ def windows_of_logs(logs: Sequence[Log], layout: Layout) -> list[LogWindows]:
     rows_by_log = [rows_of(log, layout) for log in logs]
     readings = [rows.reading for parts in rows_by_log for rows in parts]
     found = []
-    if not any(is_under_way(reading).any() for reading in readings):
+    if not _has_relations(readings, layout):
         return found
     typical = {side: typical_of(readings, side) for side in layout.sides}
     for log, log_rows in zip(logs, rows_by_log, strict=True):
@@ -112,6 +113,17 @@ def windows_of_logs(logs: Sequence[Log], layout: Layout) -> list[LogWindows]:
         if sum(map(len, times)) >= 2 * LEAST_WINDOWS:
             found.append(LogWindows(log.name, parts, times, commands))
     return found
+
+
+def _has_relations(readings: Sequence[np.ndarray], layout: Layout) -> bool:
+    """Whether every reading of the relations is usually there and not zero under way."""
+    moving = [reading[is_under_way(reading)] for reading in readings]
+    together = np.concatenate([np.zeros((0, len(INDEX))), *moving])
+    kinds = ("voltage", "current", "rpm") if layout.has_shaft_speed else ("voltage", "current")
+    names = ["speed", *(f"{side}_{kind}" for side in layout.sides for kind in kinds)]
+    columns = together[:, [INDEX[name] for name in names]]
+    is_there = np.isfinite(columns) & (columns != 0.0)
+    return len(columns) > 0 and bool((is_there.mean(axis=0) > LEAST_SHARE).all())
 
 
 def differences_of(

@@ -27,7 +27,8 @@ class OperatingPoints:
     Attributes
     ----------
     values
-        Median by channel of the vehicle file, (n,), NaN where no reading arrived.
+        Median by channel of the vehicle file, (n,), NaN where no reading arrived; without the
+        channels that never had one.
     log
         Index of the log, (n,).
     time
@@ -126,21 +127,22 @@ def operating_points(logs: Sequence[Log], vehicle: VehicleFile) -> OperatingPoin
     """The points of all segments of all logs."""
     n_rows = round(DURATION * SAMPLE_RATE)
     names = [name for name in INDEX if name in vehicle.columns]
-    columns = [INDEX[name] for name in names]
+    indices = [INDEX[name] for name in names]
     medians = [np.zeros((0, len(names)))]
     log_index = []
     time = []
     is_first = []
     for k, log in enumerate(logs):
         for segment in log.segments:
-            rows = log.observation[segment][:, columns]
+            rows = log.observation[segment][:, indices]
             n_points = len(rows) // n_rows
             blocks = rows[: n_points * n_rows].reshape(n_points, n_rows, len(names))
             medians.append(_medians(blocks))
             log_index.append(np.full(n_points, k))
             time.append(log.time[segment][: n_points * n_rows : n_rows])
             is_first.append(np.arange(n_points) == 0)
-    values = dict(zip(names, np.concatenate(medians).T, strict=True))
+    columns = dict(zip(names, np.concatenate(medians).T, strict=True))
+    values = {name: column for name, column in columns.items() if np.isfinite(column).any()}
     return OperatingPoints(
         values, np.concatenate(log_index), np.concatenate(time), np.concatenate(is_first)
     )

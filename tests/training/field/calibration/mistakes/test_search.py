@@ -390,3 +390,13 @@ def test_a_speed_over_ground_in_a_current_is_named():
     findings = find_mistakes(logs, FILE)
     assert any("over ground" in one.cause and "drag" in one.remedy for one in findings)
     assert not any("the drag" in one.evidence for one in findings)
+
+
+@pytest.mark.parametrize("value", [np.nan, 0.0, 1.7])
+@pytest.mark.parametrize("channels", [MOTOR, ("speed",), ("mission_speed", "port_current")])
+def test_channels_without_content_end_in_findings_and_no_error(channels, value):
+    logs = logs_of()
+    for log in logs:
+        for name in channels:
+            column(log, name)[:] = value
+    assert all(str(one) for one in find_mistakes(logs, FILE))
