@@ -76,7 +76,7 @@ def test_bad_input_is_one_line_without_a_traceback(tmp_path):
     assert run.returncode == 2
     assert run.stderr.count("\n") == 1
     assert run.stderr.startswith(
-        "auv-fault simulate: preset: got 'x'; allowed is one of thesis1992, npsnet1995;"
+        "auv-fault simulate: preset: got 'x'; allowed is one of thesis1992, npsnet1995, "
     )
 
 

@@ -17,6 +17,7 @@ from training.datasets.surge_track import ship, track
 FORM = esso_osaka.MODEL
 TRUTH = np.array([-0.03, 1.0e-8, -0.1, 1.0, -4e-4])  # about those of the real ship
 STEP = 0.1  # s
+WIDE = 1000  # characters of a terminal in which no cell is broken
 
 
 def steps(random, n_samples, values, hold=150):
@@ -316,7 +317,8 @@ def test_a_file_to_be_scored_that_is_not_there_is_named(tmp_path, folder, capsys
     assert not (tmp_path / "out").exists()
 
 
-def test_every_column_of_the_tables_is_printed(tmp_path, folder, capsys):
+def test_every_column_of_the_tables_is_printed(tmp_path, folder, capsys, monkeypatch):
+    monkeypatch.setattr("training.report.page.PRINTED_WIDTH", WIDE)
     results, printed = results_of(capsys, folder, "--output", tmp_path / "out")
     tables = [section["table"] for section in results["sections"] if "table" in section]
     assert max(len(table["columns"]) for table in tables) > 6

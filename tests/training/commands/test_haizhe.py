@@ -16,6 +16,7 @@ HEADER = (
     "time,pwm1,pwm2,pwm3,pwm4,depth,press,voltage,roll,pitch,yaw,a_x,a_y,a_z,w_row,w_pitch,w_yaw"
 )
 ROWS = 40
+WIDE = 1000  # characters of a terminal in which no cell is broken
 RUNS = 10  # of a class: half before 18:00, half after
 
 
@@ -177,7 +178,10 @@ def test_every_classifier_decides_every_run_that_is_held_out(tmp_path, few_trees
     assert all(len(one.decision) == len(runs) for one in decided)
 
 
-def test_the_page_says_what_was_measured_and_prints_every_column(tmp_path, few_trees, capsys):
+def test_the_page_says_what_was_measured_and_prints_every_column(
+    tmp_path, few_trees, capsys, monkeypatch
+):
+    monkeypatch.setattr("training.report.page.PRINTED_WIDTH", WIDE)
     write_split(tmp_path / "data" / "train", fault=lambda label: 0.4 * label)
     output = tmp_path / "out"
     assert cli.main(["haizhe", str(tmp_path / "data"), "--output", str(output)]) == 0
