@@ -134,7 +134,7 @@ def test_a_log_given_twice_is_refused(paths, tmp_path, capfd):
 def test_likely_mistakes_are_warnings_lines_and_a_section(paths, tmp_path, capfd):
     vehicle = replace(VEHICLE, columns=VEHICLE.columns | {"port_rpm": Column("port_rpm", 1 / 60)})
     write_vehicle(tmp_path / "vehicle.toml", vehicle)
-    code, folder = run(tmp_path, tmp_path / "vehicle.toml", paths[1])
+    code, folder = run(tmp_path, tmp_path / "vehicle.toml", *paths[1:])
     output = capfd.readouterr()
     assert code == 0
     assert "auv-fault calibrate: warning: port_rpm: " in output.err
