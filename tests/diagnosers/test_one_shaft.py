@@ -44,8 +44,8 @@ def test_the_filter_bank_takes_the_shafts_from_the_vehicle():
     assert not any("starboard" in name for name in bank.fault_names)
     both = make("filter_bank", vehicle=replace(PRESETS["remus100"], shafts=2))
     assert sum("starboard" in name for name in both.fault_names) == 19
-    told = make("filter_bank", vehicle="thesis1992", shafts=1)
-    assert told.fault_names == bank.fault_names
+    explicit = make("filter_bank", vehicle="thesis1992", shafts=1)
+    assert explicit.fault_names == bank.fault_names
     bank.reset(1)
     probability = np.exp(bank.update(np.zeros((1, 12))).log_probability[0])
     of_starboard = [probability[k] for k, name in enumerate(classes()) if "starboard" in name]

@@ -87,7 +87,7 @@ class VehicleFile:
     hotel_load, battery
         Power of all but propulsion [W]; charge of the full battery [Wh], 0 if not known.
     diagnoser
-        The one that `diagnose` uses unless told otherwise, of `DIAGNOSERS`; calibration chooses it.
+        What `diagnose` uses unless another is named, of `DIAGNOSERS`; calibration chooses it.
     relations
         Of its readings on healthy logs, for the diagnoser `residuals`; None before calibration.
     """

@@ -60,7 +60,7 @@ def file_name(text: str) -> str:
 
 
 def distinct_names(paths: Sequence[str]) -> list[str]:
-    """The paths, each without the folders that no two of them need to be told apart.
+    """The last parts of each path, as many as make the paths distinct.
 
     >>> distinct_names(["runs/a/log.csv", "runs/b/log.csv"])
     ['a/log.csv', 'b/log.csv']

@@ -46,7 +46,8 @@ def _slope(points: OperatingPoints) -> float | None:
     chosen &= np.abs(rate) > LEAST_RATE
     if chosen.sum() < LEAST_POINTS or np.ptp(mean[chosen]) == 0.0:
         return None
-    rate, mean = rate[chosen], mean[chosen]
+    rate = rate[chosen]
+    mean = mean[chosen]
     if abs(np.corrcoef(rate, mean)[0, 1]) < LEAST_CORRELATION:
         return None
     return float(rate @ mean / (rate @ rate))

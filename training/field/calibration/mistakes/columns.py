@@ -61,9 +61,7 @@ def _finding(first: str, second: str, evidence: str) -> Finding:
     if _is_voltage_pair(first, second):
         cause = "does one command drive both shafts? Else a column is named twice"
     elif {first, second} == {f"{side}_current" for side in SIDES}:
-        cause = (
-            "is it the current of both motors? Then no fault can be told from one of the other side"
-        )
+        cause = "is it the current of both motors? Then a fault cannot be assigned to a side"
     else:
         cause = "is a column named twice?"
     return Finding((first, second), evidence, cause, remedy)

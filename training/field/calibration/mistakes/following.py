@@ -93,7 +93,8 @@ def _change(points: OperatingPoints, name: str, reference: str) -> Change | None
     chosen = points.is_settled & np.isfinite(by) & np.isfinite(values)
     if chosen.sum() < LEAST_POINTS:
         return None
-    by, values = by[chosen], values[chosen]
+    by = by[chosen]
+    values = values[chosen]
     order = np.argsort(by, kind="stable")
     quarter = len(order) // 4
     is_constant = np.ptp(by) == 0.0 or np.ptp(values) == 0.0
