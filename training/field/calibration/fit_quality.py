@@ -17,9 +17,6 @@ BANK = VEHICLE_DIAGNOSERS[0]
 GOOD = "good"
 USABLE = "usable"
 POOR = "poor"
-# of the healthy logs, at the threshold of one false alarm per hour: above, the bank's model does
-# not explain the vehicle
-MOST_TIME_IN_ALARM = 0.02
 
 
 class FitQuality(NamedTuple):
@@ -43,8 +40,9 @@ class FitQuality(NamedTuple):
 def fit_quality(logs: Sequence[Log], vehicle: VehicleFile) -> FitQuality:
     """Judge a calibrated vehicle by its healthy logs.
 
-    `GOOD` if the filter bank explains the logs, `USABLE` if it does not but the relations find
-    changes of useful size (`sensitivity.LARGEST_CHANGE`), else `POOR`.
+    `GOOD` if the filter bank raises no alarm on these logs, to which its constants were fitted,
+    `USABLE` if it does but the relations find changes of useful size
+    (`sensitivity.LARGEST_CHANGE`), else `POOR`.
 
     Misleads: the logs are those of the fit. A condition that they do not contain, such as another
     payload or colder water, can raise alarms nevertheless.
@@ -57,7 +55,7 @@ def fit_quality(logs: Sequence[Log], vehicle: VehicleFile) -> FitQuality:
     else:
         why = f"the relations find lasting changes from: {described(changes)}"
         remedy = ""
-    if share is not None and share <= MOST_TIME_IN_ALARM:
+    if share == 0.0:
         return FitQuality(GOOD, BANK, (of_bank, why), "", share, changes)
     if model is None:
         return FitQuality(POOR, BANK, (of_bank, why), remedy, share)

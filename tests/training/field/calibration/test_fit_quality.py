@@ -5,7 +5,6 @@ import pytest
 from auv_fault_env.channels import CHANNELS
 from training.field.calibration.fit_quality import (
     GOOD,
-    MOST_TIME_IN_ALARM,
     POOR,
     USABLE,
     fit_quality,
@@ -30,7 +29,7 @@ def without(*absent):
 def test_the_bank_diagnoses_the_vehicle_that_it_knows():
     quality = quality_of(relations=model())
     assert (quality.level, quality.diagnoser) == (GOOD, "filter_bank")
-    assert quality.time_in_alarm <= MOST_TIME_IN_ALARM
+    assert quality.time_in_alarm == 0.0
     assert quality.smallest_changes == model().smallest_changes()
     assert quality.line.startswith("fit: good: ") and "drag" in quality.line
     assert quality.line.endswith("diagnose uses filter_bank")
