@@ -92,8 +92,8 @@ class Renderer:
     """Records the last minute of an episode and draws it.
 
     `mode` is ``rgb_array`` (off screen; needs no display) or ``human`` (a window of so many frames
-    per second). Without pygame it raises `gymnasium.error.DependencyNotInstalled`. The hull is that
-    of the NPS AUV II, whatever the vehicle.
+    per second). Without pygame it raises `gymnasium.error.DependencyNotInstalled`. The hull is
+    always that of the NPS AUV II.
     """
 
     def __init__(self, mode: str, fps: float, vehicle: Vehicle):

@@ -27,6 +27,9 @@ INEXACT = 0.2  # relative error of a direction
 INEXACT_RESIDUAL = 0.1  # relative error of a large residual
 
 
+Change = Callable[..., np.ndarray]  # changes of all residuals from those by name
+
+
 class Direction(NamedTuple):
     """Relative changes of the residuals by a fault of amplitude 1, and its possible amplitudes."""
 
@@ -42,6 +45,7 @@ def directions(model: RelationModel, windows: Windows) -> dict[str, list[Directi
     speed = windows.speed
 
     def change(**of_residuals: float | np.ndarray) -> np.ndarray:
+        """Relative changes (n, n_residuals) from those by name; the others are 0."""
         changes = np.zeros((len(speed), len(names)))
         for name, values in of_residuals.items():
             if name in names:
@@ -51,7 +55,6 @@ def directions(model: RelationModel, windows: Windows) -> dict[str, list[Directi
     if not model.layout.has_shaft_speed:
         return _without_shaft_speed(model, change)
     push = model.coefficients[PUSH]
-    drag = np.maximum(push[2] * speed**2 + push[3] * speed, 1e-9)
     shafts = windows.shaft_speed
     # of the net force by a relative change of the speed
     by_speed = -(push[1] * sum(shafts.values()) * speed + 2 * push[2] * speed**2 + push[3] * speed)
@@ -62,52 +65,92 @@ def directions(model: RelationModel, windows: Windows) -> dict[str, list[Directi
     }
     for side, shaft in shafts.items():
         load = model.coefficients[f"{side}_load"]
-        of_propeller = load[2] * shaft**2 - load[3] * shaft * speed
-        predicted = np.maximum(load[0] + load[1] * shaft + of_propeller, 1e-6)
-        by_shaft = load[1] * shaft + load[2] * shaft**2 + of_propeller
+        predicted = _predicted_load(model, windows, side)
         load_by_speed[f"{side}_load"] = load[3] * shaft * speed / predicted
-        thrust = (push[0] * shaft**2 - push[1] * shaft * speed) / drag
-        thrust_by_shaft = (2.0 * push[0] * shaft**2 - push[1] * shaft * speed) / drag
-        voltage, sign = _voltage_residual(names, side)
-        of_voltage = model.coefficients[f"{side}_voltage"]
-        measured = np.maximum(windows.values[f"{side}_voltage"], 1e-6)
-        by_current = sign * of_voltage[2] * windows.values[f"{side}_load"] / measured
-        back_emf = sign * of_voltage[1] * shaft / measured
-        load_name = f"{side}_load"
-        overheating = CATALOGUE[f"motor_overheating:{side}"].scale
-        of_constant = overheating[f"{side}_torque_constant"]
-        of_resistance = overheating[f"{side}_resistance"]
-        hot_load = 1.0 / of_constant - 1.0
-        hot = (of_constant - 1.0) * back_emf + (of_resistance - 1.0) * by_current
-        without_friction = np.clip(1.0 - load[0] / predicted, LEAST_OF_PROPELLER, 1.0)
-        lost = [
-            change(**{load_name: -without_friction, PUSH: -q * thrust}) for q in THRUST_BY_TORQUE
-        ]
-        found |= {
-            f"seal_friction:{side}": [
-                Direction(change(**{load_name: 1.0, PUSH: -q * thrust}))
-                for q in (0.0, FRICTION_THRUST)
-            ],
-            f"propeller_damage:{side}": [Direction(one, 0.0, WORST_DAMAGE) for one in lost],
-            f"propeller_loss:{side}": [Direction(one, WORST_DAMAGE, 1.3) for one in lost],
-            f"motor_overheating:{side}": [Direction(change(**{load_name: hot_load, voltage: hot}))],
-            f"sensor:{side}_current": _both(change(**{load_name: 1.0, voltage: -by_current})),
-            f"sensor:{side}_voltage": [
-                one._replace(log_prior=_log_prior_of_voltage(model, windows, side))
-                for one in _both(change(**{voltage: 1.0}))
-            ],
-            f"sensor:{side}_rpm": _both(
-                change(
-                    **{
-                        load_name: -by_shaft / predicted,
-                        voltage: -back_emf,
-                        PUSH: -thrust_by_shaft,
-                    }
-                )
-            ),
-        }
-    found["sensor:speed"] = _both(change(push=-by_speed / drag, **load_by_speed))
+        found |= _of_propeller(model, windows, side, change)
+        found |= _of_motor(model, windows, side, change)
+    found["sensor:speed"] = _both(change(push=-by_speed / _drag(model, windows), **load_by_speed))
     return found
+
+
+def _drag(model: RelationModel, windows: Windows) -> np.ndarray:
+    """The drag that the relation of the net force predicts, (n,)."""
+    push = model.coefficients[PUSH]
+    return np.maximum(push[2] * windows.speed**2 + push[3] * windows.speed, 1e-9)
+
+
+def _load_of_propeller(model: RelationModel, windows: Windows, side: str) -> np.ndarray:
+    """The part of a side's load that the water takes, (n,)."""
+    load = model.coefficients[f"{side}_load"]
+    shaft = windows.shaft_speed[side]
+    return load[2] * shaft**2 - load[3] * shaft * windows.speed
+
+
+def _predicted_load(model: RelationModel, windows: Windows, side: str) -> np.ndarray:
+    """The load of a side without the acceleration of its shaft, (n,)."""
+    load = model.coefficients[f"{side}_load"]
+    shaft = windows.shaft_speed[side]
+    of_propeller = _load_of_propeller(model, windows, side)
+    return np.maximum(load[0] + load[1] * shaft + of_propeller, 1e-6)
+
+
+def _of_propeller(
+    model: RelationModel, windows: Windows, side: str, change: Change
+) -> dict[str, list[Direction]]:
+    """Directions of the faults that load or unload a side's shaft."""
+    push = model.coefficients[PUSH]
+    load = model.coefficients[f"{side}_load"]
+    shaft = windows.shaft_speed[side]
+    predicted = _predicted_load(model, windows, side)
+    thrust = push[0] * shaft**2 - push[1] * shaft * windows.speed
+    thrust = thrust / _drag(model, windows)
+    without_friction = np.clip(1.0 - load[0] / predicted, LEAST_OF_PROPELLER, 1.0)
+    load_name = f"{side}_load"
+    lost = [change(**{load_name: -without_friction, PUSH: -q * thrust}) for q in THRUST_BY_TORQUE]
+    bound = [change(**{load_name: 1.0, PUSH: -q * thrust}) for q in (0.0, FRICTION_THRUST)]
+    return {
+        f"seal_friction:{side}": [Direction(one) for one in bound],
+        f"propeller_damage:{side}": [Direction(one, 0.0, WORST_DAMAGE) for one in lost],
+        f"propeller_loss:{side}": [Direction(one, WORST_DAMAGE, 1.3) for one in lost],
+    }
+
+
+def _of_motor(
+    model: RelationModel, windows: Windows, side: str, change: Change
+) -> dict[str, list[Direction]]:
+    """Directions of a hot motor and of a side's sensors."""
+    push = model.coefficients[PUSH]
+    load = model.coefficients[f"{side}_load"]
+    shaft = windows.shaft_speed[side]
+    of_propeller = _load_of_propeller(model, windows, side)
+    by_shaft = load[1] * shaft + load[2] * shaft**2 + of_propeller
+    thrust_by_shaft = 2.0 * push[0] * shaft**2 - push[1] * shaft * windows.speed
+    thrust_by_shaft = thrust_by_shaft / _drag(model, windows)
+    voltage, sign = _voltage_residual(model.layout.residuals, side)
+    of_voltage = model.coefficients[f"{side}_voltage"]
+    measured = np.maximum(windows.values[f"{side}_voltage"], 1e-6)
+    by_current = sign * of_voltage[2] * windows.values[f"{side}_load"] / measured
+    back_emf = sign * of_voltage[1] * shaft / measured
+    overheating = CATALOGUE[f"motor_overheating:{side}"].scale
+    of_constant = overheating[f"{side}_torque_constant"]
+    of_resistance = overheating[f"{side}_resistance"]
+    hot_load = 1.0 / of_constant - 1.0
+    hot = (of_constant - 1.0) * back_emf + (of_resistance - 1.0) * by_current
+    load_name = f"{side}_load"
+    by_rpm = {
+        load_name: -by_shaft / _predicted_load(model, windows, side),
+        voltage: -back_emf,
+        PUSH: -thrust_by_shaft,
+    }
+    log_prior = _log_prior_of_voltage(model, windows, side)
+    return {
+        f"motor_overheating:{side}": [Direction(change(**{load_name: hot_load, voltage: hot}))],
+        f"sensor:{side}_current": _both(change(**{load_name: 1.0, voltage: -by_current})),
+        f"sensor:{side}_voltage": [
+            one._replace(log_prior=log_prior) for one in _both(change(**{voltage: 1.0}))
+        ],
+        f"sensor:{side}_rpm": _both(change(**by_rpm)),
+    }
 
 
 def _voltage_residual(names: tuple[str, ...], side: str) -> tuple[str, float]:
@@ -132,9 +175,7 @@ def _both(change: np.ndarray) -> list[Direction]:
     return [Direction(change), Direction(-change)]
 
 
-def _without_shaft_speed(
-    model: RelationModel, change: Callable[..., np.ndarray]
-) -> dict[str, list[Direction]]:
+def _without_shaft_speed(model: RelationModel, change: Change) -> dict[str, list[Direction]]:
     """Directions where current and voltage are predicted from the speed alone.
 
     The voltage stands for the shaft speed n. At a given speed, thrust T takes n ~ T^0.3 and current

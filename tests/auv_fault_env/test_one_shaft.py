@@ -82,7 +82,11 @@ def test_a_fault_of_starboard_is_refused_by_name(name):
 @pytest.mark.parametrize("name", ["increased_drag", "seal_friction:port", "fouled_propellers"])
 def test_faults_of_what_exists_are_taken(name):
     event = {"fault": name, "onset": 1.0, "severity": 0.5}
-    gym.make(ID, preset=ONE).reset(seed=1, options={"schedule": [event]})
+    env = gym.make(ID, preset=ONE)
+    env.reset(seed=1, options={"schedule": [event]})
+    for _ in range(15):
+        *_, info = env.step([0.4, 0.0, 0.0])
+    assert info["truth"]["label"] != "normal"
 
 
 def test_a_prior_without_a_possible_fault_is_refused():

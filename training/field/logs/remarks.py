@@ -30,6 +30,7 @@ def _with_ranges(remarks: list[str]) -> str:
     columns = iter(list(zip(*map(NUMBER.findall, remarks), strict=True)))
 
     def span(_: re.Match) -> str:
+        """The least and the largest of the next number, once if they are equal."""
         numbers = sorted(next(columns), key=float)
         least = numbers[0]
         largest = numbers[-1]

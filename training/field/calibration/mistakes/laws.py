@@ -1,4 +1,4 @@
-"""Quantities that have about the same value on every vehicle under water, whatever its constants.
+"""Quantities that have about the same value on every vehicle under water.
 
 A broken one says that a unit or a scale is off.
 """

@@ -218,7 +218,9 @@ def test_swapped_sides_are_found_where_the_sides_differ(kinds, named):
             column(log, f"starboard_{kind}")[:] = column(other, f"starboard_{kind}")
         for kind in kinds:
             port, starboard = (column(log, f"{side}_{kind}") for side in SIDES)
-            port[:], starboard[:] = starboard.copy(), port.copy()
+            of_port = port.copy()
+            port[:] = starboard
+            starboard[:] = of_port
     found = [one for one in find_mistakes(logs, FILE) if "swapped" in one.cause]
     assert only(found).channels == (f"port_{named}", f"starboard_{named}")
 
