@@ -29,7 +29,7 @@ UNITS: dict[str, dict[str, float]] = {
     "V": {"V": 1.0, "mV": 0.001},
     "A": {"A": 1.0, "mA": 0.001},
     "rpm": {"rpm": 1.0, "rev/s": 60.0, "rad/s": 30 / math.pi},
-    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86_400.0},
 }
 SPELLINGS = {
     "m/s": "mps m/sec ms-1 meter/s metre/s",
@@ -52,6 +52,8 @@ SPELLINGS = {
     "us": "usec µs μs microsecond microseconds",  # micro sign; mu
     "ns": "nsec nanosecond nanoseconds",
     "min": "minute minutes",
+    "h": "hr hrs hour hours",
+    "d": "day days",
 }
 EXPONENTS = {"²": "2", "⁻¹": "-1", "⁻²": "-2"}
 
