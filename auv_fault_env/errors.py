@@ -6,7 +6,10 @@ import math
 import numbers
 from collections.abc import Iterable, Mapping, Sequence
 
+from auv_fault_env.printable import printable
+
 MAX_CHARACTERS = 200  # of a value that an error shows
+MAX_LISTED = 2000  # characters of the names that an error lists
 
 
 class InputError(ValueError):
@@ -22,7 +25,7 @@ def refusal(thing: str, got, allowed: str, remedy: str) -> InputError:
     shown = " ".join(repr(got).split())
     if len(shown) > MAX_CHARACTERS:
         shown = shown[:MAX_CHARACTERS] + " ..."
-    return InputError(f"{thing}: got {shown}; allowed is {allowed}; {remedy}")
+    return InputError(printable(f"{thing}: got {shown}; allowed is {allowed}; {remedy}"))
 
 
 def known_name(kind: str, name, names: Iterable[str]) -> str:
@@ -38,7 +41,10 @@ def known_name(kind: str, name, names: Iterable[str]) -> str:
         return name
     near = difflib.get_close_matches(str(name), names, n=1)
     remedy = f"did you mean {near[0]!r}?" if near else "take a name of the list"
-    raise refusal(kind, name, "one of " + ", ".join(names), remedy)
+    listed = ", ".join(names)
+    if len(listed) > MAX_LISTED:
+        listed = f"{listed[:MAX_LISTED].rpartition(', ')[0]}, ... ({len(names)} in all)"
+    raise refusal(kind, name, f"one of {listed}", remedy)
 
 
 def finite_in_range(thing: str, value, low: float, high: float) -> float:

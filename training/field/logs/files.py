@@ -1,75 +1,104 @@
-"""Tables from log files as they come: CSV of any dialect, gzip, Parquet, MCAP and rosbag2."""
+"""Tables from log files as they come, each by the reader of its format."""
 
 import gzip
 import io
+import re
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from auv_fault_env.errors import InputError, refusal
+from auv_fault_env.printable import printable
 from training.field.logs.bags import read_bag
+from training.field.logs.foreign import START, foreign_format
+from training.field.logs.limits import check_content
 from training.field.logs.parquet_table import parquet_table
 from training.field.logs.table import Table
 from training.field.logs.text_table import text_table
 
-BAG_STARTS = (b"\x89MCAP", b"SQLite format 3\0", b"#ROSBAG")
+# readers of files that are read piece by piece, by the first bytes
+READERS: dict[bytes, Callable[[Path], Table]] = {
+    b"\x89MCAP": read_bag,
+    b"SQLite format 3\0": read_bag,
+    b"#ROSBAG": read_bag,
+}
+# readers of the content of a file; text has no first bytes of its own
+CONTENT_READERS: dict[bytes, Callable[[bytes, str], Table]] = {
+    b"PAR1": parquet_table,
+    b"": text_table,
+}
 GZIP_START = b"\x1f\x8b"
-PARQUET_START = b"PAR1"
-LARGEST = 1 << 30  # bytes of a log, unpacked
+CHUNK = 1 << 20  # bytes that are unpacked at once
 
 
 def read_table(path: Path) -> Table:
     """Read a log and repair what can be repaired; `InputError` if it holds no table of numbers."""
     path = Path(path)
-    content = _content(path)
-    if content is None:
-        return read_bag(path)
-    content, remarks = _unpacked(content, path.name)
-    if not content.strip(b"\0 \t\r\n"):
+    log = printable(path.name)
+    start = _start(path)
+    reader = read_bag if start is None else _reader(READERS, start)
+    if reader:
+        return reader(path)
+    content, remarks = _content(path, log)
+    if not re.search(rb"[^\0 \t\r\n]", content):
         allowed = "a table with a header and rows of numbers"
-        raise refusal("log", path.name, allowed, "the file is empty")
-    read = parquet_table if content.startswith(PARQUET_START) else text_table
-    table = read(content, path.name)
+        raise refusal("log", log, allowed, "the file is empty")
+    if foreign := foreign_format(content[:START], log):
+        raise foreign
+    if _reader(READERS, content):
+        raise refusal("log", f"{log}: gzip of a bag", "one that is not packed", "use gunzip")
+    table = _reader(CONTENT_READERS, content)(content, log)
     if not any(np.isfinite(values).any() for values in table.columns.values()):
         allowed = "a table with at least one column of numbers"
-        raise refusal("log", path.name, allowed, "check what was exported")
+        raise refusal("log", log, allowed, "check what was exported")
     return table._replace(remarks=(*remarks, *table.remarks))
 
 
-def _content(path: Path) -> bytes | None:
-    """The bytes of a file; None if it is a bag."""
+def _reader(readers: dict[bytes, Callable], start: bytes) -> Callable | None:
+    return next((readers[known] for known in readers if start.startswith(known)), None)
+
+
+def _start(path: Path) -> bytes | None:
+    """The first bytes of a file; None for a folder that is a bag."""
     try:
         if (path / "metadata.yaml").is_file():
             return None
         if path.exists() and not path.is_file():
             raise refusal("log", str(path), "a file or a rosbag2 folder", "name the file")
         with path.open("rb") as file:
-            start = file.read(16)
-            content = None if start.startswith(BAG_STARTS) else start + file.read(LARGEST)
+            return file.read(START)
     except InputError:
         raise
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise refusal("log", str(path), "a readable file", f"check the path ({reason})") from None
-    if content and len(content) > LARGEST:
-        raise refusal("log", str(path), f"a file of at most {LARGEST >> 20} MiB", "split it")
-    return content
+        raise _unreadable(path, error) from None
+
+
+def _unreadable(path: Path, error: OSError | ValueError) -> InputError:
+    reason = getattr(error, "strerror", None) or str(error)
+    return refusal("log", str(path), "a readable file", f"check the path ({reason})")
+
+
+def _content(path: Path, log: str) -> tuple[bytes, list[str]]:
+    """The bytes of a file, unpacked, and remarks."""
+    try:
+        check_content(log, path.stat().st_size)
+        content = path.read_bytes()
+    except OSError as error:
+        raise _unreadable(path, error) from None
+    return _unpacked(content, log) if content.startswith(GZIP_START) else (content, [])
 
 
 def _unpacked(content: bytes, log: str) -> tuple[bytes, list[str]]:
-    """The content itself, or what can be read of a gzip file, and remarks."""
-    if not content.startswith(GZIP_START):
-        return content, []
+    """What can be read of a gzip file, and remarks."""
     stream = gzip.GzipFile(fileobj=io.BytesIO(content))
-    chunks = []
-    size = 0
+    unpacked = io.BytesIO()
     try:
-        while chunk := stream.read1(1 << 20):
-            chunks.append(chunk)
-            size += len(chunk)
-            if size > LARGEST:
-                raise refusal("log", log, f"at most {LARGEST >> 20} MiB unpacked", "split it")
+        while chunk := stream.read1(CHUNK):
+            unpacked.write(chunk)
+            check_content(log, unpacked.tell())
     except (EOFError, zlib.error, gzip.BadGzipFile):
-        return b"".join(chunks), [f"gzip: breaks off; the {size} bytes before are read"]
-    return b"".join(chunks), []
+        remark = f"gzip: breaks off; the {unpacked.tell()} bytes before are read"
+        return unpacked.getvalue(), [remark]
+    return unpacked.getvalue(), []

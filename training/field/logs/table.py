@@ -7,8 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.errors import refusal
+from auv_fault_env.printable import printable
 
 WIDEST = 4096  # columns
+LONGEST_NAME = 200  # characters of a column's name
 
 
 class Table(NamedTuple):
@@ -22,9 +24,13 @@ class Table(NamedTuple):
 
 
 def unique_labels(names: Sequence[str], log: str, remarks: list[str]) -> list[str]:
-    """A label of its own for each column; a column without a name gets a blank and its number."""
+    """A label of its own for each column; a column without a name gets a blank and its number.
+
+    Control characters are escaped, and long names are cut, here and nowhere else.
+    """
     if len(names) > WIDEST:
         raise refusal("log", f"{log}: {len(names)} columns", f"at most {WIDEST}", "export fewer")
+    names = [printable(name, longest=LONGEST_NAME) for name in names]
     labels: list[str] = []
     taken = set(names)
     for k, name in enumerate(names):

@@ -1,13 +1,18 @@
+import bz2
 import gzip
+import lzma
+import re
+import tracemalloc
+import zipfile
+from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet
 import pytest
 
 from auv_fault_env.errors import InputError
-from training.field.logs import files
+from training.field.logs import limits
 from training.field.logs.files import read_table
+from training.field.logs.table import LONGEST_NAME
 
 EXPECTED = {"t": [0.0, 0.5, 1.0], "u": [0.25, -1.5, 2.0]}
 PLAIN = "t,u\n0,0.25\n0.5,-1.5\n1,2\n"
@@ -166,41 +171,71 @@ def test_gzip_whole_and_cut_off(tmp_path):
     assert table.remarks[0].startswith("gzip: breaks off; the ")
 
 
-def test_parquet_of_any_type(tmp_path):
-    columns = {
-        "t": pa.array([0, 500_000, None], pa.timestamp("us")),
-        "u": pa.array([1, 2, None], pa.int16()),
-        "on": pa.array([True, False, None]),
-        "text": pa.array(["1.5", "-", None]),
-        "list": pa.array([[1], [2], None]),
-    }
-    path = tmp_path / "log.parquet"
-    pyarrow.parquet.write_table(pa.table(columns), path)
-    table = read_table(path)
-    nan = np.nan
-    expected = {
-        "t": [0, 0.5, nan],
-        "u": [1, 2, nan],
-        "on": [1, 0, nan],
-        "text": [1.5, nan, nan],
-        "list": [nan] * 3,
-    }
-    assert_is(table, expected)
-    assert set(table.columns) == set(expected)
-
-
 @pytest.mark.parametrize("start", [b"\x89MCAP0\r\n", b"SQLite format 3\0"])
 def test_bags_are_read_by_the_bag_reader(tmp_path, start):
     with pytest.raises(InputError, match="bag: got"):
         read_table(write(tmp_path, start + b"broken"))
 
 
-def test_limits_of_size(tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "LARGEST", 100)
-    with pytest.raises(InputError, match="at most 0 MiB; split it"):
+def test_a_file_beyond_the_limit_is_not_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(limits, "LARGEST_CONTENT", 100)
+    monkeypatch.setattr(Path, "read_bytes", lambda _: pytest.fail("the file was read"))
+    with pytest.raises(InputError, match="at most 0 MiB, unpacked; split it"):
         read_table(write(tmp_path, PLAIN * 10))
-    with pytest.raises(InputError, match="at most 0 MiB unpacked; split it"):
-        read_table(write(tmp_path, gzip.compress(PLAIN.encode() * 100)))
+
+
+def test_a_gzip_file_is_refused_before_it_fills_the_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr(limits, "LARGEST_CONTENT", 4 << 20)
+    path = write(tmp_path, gzip.compress(b"t,u\n" + b"0,1\n" * (16 << 20)))
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match="at most 4 MiB, unpacked; split it"):
+            read_table(path)
+        assert tracemalloc.get_traced_memory()[1] < 12 << 20
+    finally:
+        tracemalloc.stop()
+
+
+FOREIGN = {
+    "HDF5": b"\x89HDF\r\n\x1a\n\0",
+    "MATLAB": b"MATLAB 5.0 MAT-file" + bytes(200),
+    "NumPy (.npy)": b"\x93NUMPY\x01\0",
+    "Excel (.xls)": b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1\0",
+    "bzip2": bz2.compress(PLAIN.encode()),
+    "xz": lzma.compress(PLAIN.encode()),
+    "a Python pickle, which is code": b"\x80\x04\x95\0",
+}
+ZIPPED = {
+    "Excel (.xlsx)": ["[Content_Types].xml", "xl/workbook.xml"],
+    "NumPy (.npz)": ["speed.npy"],
+    "ZIP": ["log.csv"],
+}
+
+
+@pytest.mark.parametrize("kind", FOREIGN)
+def test_a_foreign_format_is_refused_by_name(tmp_path, kind):
+    with pytest.raises(InputError, match=re.escape(f"log.csv: {kind}")):
+        read_table(write(tmp_path, FOREIGN[kind]))
+
+
+@pytest.mark.parametrize("kind", ZIPPED)
+def test_a_foreign_archive_is_refused_by_name(tmp_path, kind):
+    with zipfile.ZipFile(tmp_path / "log.csv", "w") as archive:
+        for name in ZIPPED[kind]:
+            archive.writestr(name, PLAIN)
+    with pytest.raises(InputError, match=re.escape(f"log.csv: {kind}")):
+        read_table(tmp_path / "log.csv")
+
+
+@pytest.mark.parametrize("name", ["MATLAB time", "LOGGER", "ORC", "PK", "TDSm"])
+def test_a_header_that_begins_like_a_foreign_format_is_text(tmp_path, name):
+    assert_is(read_table(write(tmp_path, PLAIN.replace("t,", f"{name},"))), {name: [0, 0.5, 1]})
+
+
+def test_control_characters_of_a_header_are_escaped_and_long_names_cut(tmp_path):
+    header = "\x1b[2Jt," + "u" * 10_000
+    table = read_table(write(tmp_path, PLAIN.replace("t,u", header)))
+    assert list(table.columns) == ["\\x1b[2Jt", "u" * (LONGEST_NAME - 4) + " ..."]
 
 
 def test_file_without_permission(tmp_path, monkeypatch):
