@@ -4,28 +4,32 @@ from auv_fault_env.errors import refusal
 from training.arguments import Vehicle
 from training.field.logs.files import read_table
 from training.field.proposal.proposal import propose
-from training.field.vehicle_file import write_vehicle
+from training.field.proposal.text import text_of
+from training.field.proposal.trial import Trial, try_on
+from training.field.vehicle_file import write_text
 
 
 def main(arguments: Vehicle) -> None:
-    """Write the proposal; print each guess with its reason, and the channels without a column."""
+    """Write the proposal; print every column with what it was taken for, and why."""
     if arguments.output.exists():
         raise refusal("output", str(arguments.output), "a new file", "choose another --output")
     table = read_table(arguments.log)
     proposal = propose(table, arguments.log.name.split(".")[0])
-    write_vehicle(arguments.output, proposal.vehicle, proposal.comments)
-    guesses = (
-        f"{name}: {proposal.comments[f'channels.{name}.column']}"
-        for name in proposal.vehicle.columns
-    )
+    trial = Trial(False, "no column is a reading: fill in the file by hand, see docs/vehicle.md")
+    if proposal.has_reading:
+        trial = try_on(arguments.log, proposal.vehicle)
+    write_text(arguments.output, text_of(proposal))
     paragraphs = {
         "repaired": table.remarks,
-        "found": guesses,
-        "not found": proposal.missing,
+        "used": proposal.used,
         "left out": proposal.left_out,
+        "unknown": (", ".join(map(repr, proposal.unknown)),) if proposal.unknown else (),
+        "not found": (f"{name}: {about}" for name, about in proposal.missing.items()),
+        "tried": (f"the file reads this log: {trial.about}",) if trial.is_read else (),
+        "fails": () if trial.is_read else (f"the file does not read this log: {trial.about}",),
     }
     for heading, lines in paragraphs.items():
         for line in lines:
             print(f"{heading:<11}{line}")
-    n_channels = len(proposal.vehicle.columns)
+    n_channels = len(proposal.vehicle.columns) if proposal.has_reading else 0
     print(f"{arguments.output}: {n_channels} channels; check the file before you use it")

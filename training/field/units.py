@@ -32,22 +32,23 @@ UNITS: dict[str, dict[str, float]] = {
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86_400.0},
 }
 SPELLINGS = {
-    "m/s": "mps m/sec ms-1 meter/s metre/s",
-    "kn": "kt kts knot knots",
+    "m/s": "mps m/sec ms-1 meter/s metre/s meters/s metres/s meters/sec metres/sec meters/second "
+    "metres/second",
+    "kn": "kt kts knot knots knop knoten noeuds nœuds nudos nodi 节 ノット",
     "km/h": "kmh kph km/hr",
     "ft/s": "fps ft/sec",
     "m/s^2": "mps2 m/s/s ms-2 m/sec2",
     "ft/s^2": "fps2 ft/s/s",
     "rad": "radian radians",
-    "deg": "° degs degree degrees",
-    "V": "volt volts",
+    "deg": "° degs degree degrees grad grados graus gradi grader 度",
+    "V": "volt volts 伏",
     "mV": "millivolt millivolts",
-    "A": "amp amps ampere amperes",
+    "A": "amp amps ampere amperes 安",
     "mA": "milliamp milliamps milliampere",
-    "rpm": "rev/min r/min 1/min u/min min-1",
+    "rpm": "rev/min r/min 1/min u/min min-1 tr/min giri/min g/min omdr/min 转/分",
     "rev/s": "rps r/s rev/sec 1/s hz s-1",
     "rad/s": "rad/sec rads-1",
-    "s": "sec secs second seconds",
+    "s": "sec secs second seconds sekunden secondes segundos secondi sekunder 秒",
     "ms": "msec millis millisecond milliseconds",
     "us": "usec µs μs microsecond microseconds",  # micro sign; mu
     "ns": "nsec nanosecond nanoseconds",
@@ -55,6 +56,16 @@ SPELLINGS = {
     "h": "hr hrs hour hours",
     "d": "day days",
 }
+# units that no channel has
+OTHER_UNITS = """
+    m cm mm km ft feet foot nmi meter metre meters metres fathom
+    °c c degc celsius °f f degf k kelvin pa hpa kpa mpa bar mbar dbar psi atm
+    w kw mw watt watts j kj wh kwh mwh ah mah amphour amphours n nm kg t lb
+    kg/m^3 g/l mg/l ug/l µg/l mg/m^3 um µm μm nm nmol/l umol/l µmol/l mmol/l
+    % pct percent permille ppm ppb psu ppt ntu fnu fau rfu
+    deg/s °/s degs/s deg/sec dps mrad/s s/m ms/cm us/cm µs/cm db ohm ohms kohm
+    khz mhz bit bits byte bytes ut µt nt gauss tesla lux lx l/min m^2 m^3 m^3/s cpm cps
+""".split()
 EXPONENTS = {"²": "2", "⁻¹": "-1", "⁻²": "-2"}
 
 
@@ -69,6 +80,8 @@ def _plain(text: str) -> str:
 _KNOWN = {kind: {_plain(unit): unit for unit in units} for kind, units in UNITS.items()}
 _SPELT = {_plain(text): unit for unit, texts in SPELLINGS.items() for text in texts.split()}
 
+_OTHER = {_plain(text) for text in OTHER_UNITS}
+
 
 def spelt(text: str, kind: str) -> str | None:
     """The unit of a kind (a key of `UNITS`) that a text names; None if it names none.
@@ -79,6 +92,15 @@ def spelt(text: str, kind: str) -> str | None:
     plain = _plain(text)
     unit = _KNOWN[kind].get(plain) or _SPELT.get(plain)
     return unit if unit in UNITS[kind] else None
+
+
+def other_unit(text: str) -> bool:
+    """Whether the text names a unit that no channel has.
+
+    >>> other_unit("degC"), other_unit("uM"), other_unit("m/s")
+    (True, True, False)
+    """
+    return _plain(text) in _OTHER
 
 
 def is_unit(text: str) -> bool:

@@ -234,8 +234,13 @@ def write_vehicle(
 
     A comment at the end of a line is found by table and key: ``{"channels.speed.column": "why"}``.
     """
+    write_text(path, as_toml(vehicle, comments))
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write the text of a vehicle file; one that exists is replaced."""
     try:
-        Path(path).write_text(as_toml(vehicle, comments), encoding="utf-8")
+        Path(path).write_text(text, encoding="utf-8")
     except OSError as error:
         allowed = f"a place that can be written ({error.strerror or error})"
         raise refusal("vehicle file", str(path), allowed, "choose another place") from None

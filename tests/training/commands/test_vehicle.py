@@ -30,13 +30,50 @@ def test_proposal_reads_the_log_it_was_made_from(tmp_path, capsys):
     assert cli.main(["vehicle", "init", str(log), "--output", str(output)]) == 0
     printed = capsys.readouterr().out
     vehicle = read_vehicle(output)
-    assert len(vehicle.columns) == 12
+    assert len(vehicle.columns) == 10  # rudder and stern plane are constant
     for channel in vehicle.columns:
         assert f"{channel}: " in printed
     read = read_log(log, vehicle)
     assert read.segments == (slice(0, 300),)
     columns = np.genfromtxt(log, delimiter=",", names=True, dtype=None, encoding="utf-8")
     np.testing.assert_allclose(read.observation[:, 4], columns["speed"])
+
+
+HEADER = "t,u_mps,motor_current,motor_current_limit,n,foo"
+
+
+def test_every_column_is_printed_and_the_file_reads_its_log(tmp_path, capsys):
+    rows = [f"{k / 5},{k % 7},{k % 5 + 0.1},20,{300 + k % 9},{k % 3}" for k in range(100)]
+    log = tmp_path / "log.csv"
+    log.write_text("\n".join([HEADER, *rows]))
+    output = tmp_path / "vehicle.toml"
+    assert cli.main(["vehicle", "init", str(log), "--output", str(output)]) == 0
+    printed = capsys.readouterr().out
+    for column in HEADER.split(","):
+        assert f"'{column}'" in printed
+    assert "left out   'motor_current_limit': 'limit' names a limit" in printed
+    assert "unknown    'foo'" in printed
+    assert "tried      the file reads this log: 19.8 s at 5 rows a second" in printed
+    assert "# [channels.port_voltage]" in output.read_text()
+
+
+def test_file_without_a_channel_is_written_to_be_filled_in(tmp_path, capsys):
+    log = tmp_path / "log.csv"
+    log.write_text("\n".join(["t,depth", *(f"{k / 10},{k % 7}" for k in range(200))]))
+    output = tmp_path / "vehicle.toml"
+    assert cli.main(["vehicle", "init", str(log), "--output", str(output)]) == 0
+    assert "no column is a reading" in capsys.readouterr().out
+    text = output.read_text()
+    assert "\n[channels" not in text
+    assert text.count("# [channels.") == 9
+
+
+def test_log_that_cannot_be_read_with_the_file_is_printed(tmp_path, capsys):
+    log = tmp_path / "log.csv"
+    log.write_text("\n".join(["t,u", *(f"{k / 10},{k % 7}" for k in range(20))]))
+    output = tmp_path / "vehicle.toml"
+    assert cli.main(["vehicle", "init", str(log), "--output", str(output)]) == 0
+    assert "fails      the file does not read this log: log: got" in capsys.readouterr().out
 
 
 def test_existing_file_is_kept(tmp_path, capfd):

@@ -7,7 +7,7 @@ import numpy as np
 
 from auv_fault_env.channels import CHANNELS, COMMANDS, READINGS
 from auv_fault_env.errors import refusal
-from auv_fault_env.parameters import SIDES, Vehicle
+from auv_fault_env.parameters import SIDES, Vehicle, channels_of
 from auv_fault_env.physics import RPM
 from training.field.units import GRAVITY, UNITS
 from training.field.vehicle_file import VehicleFile, unit_of
@@ -34,8 +34,11 @@ def largest_magnitudes(vehicle: Vehicle) -> dict[str, float]:
         "V": vehicle.maximum_voltage,
         "A": vehicle.maximum_voltage / vehicle.resistance,
     }
+    scaled = channels_of(vehicle)
     return {
-        name: max(-channel.low, channel.high, reach[channel.unit])
+        name: max(
+            -channel.low, channel.high, -scaled[name].low, scaled[name].high, reach[channel.unit]
+        )
         for name, channel in CHANNELS.items()
     }
 

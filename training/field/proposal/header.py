@@ -1,121 +1,274 @@
-"""The meaning of a column's name: quantity, side and unit."""
+"""A column's name taken apart: words with their meanings, unit, numbers and marks of a side."""
 
 import re
+import shlex
+import unicodedata
+from collections.abc import Iterator, Sequence
+from functools import cache
 from typing import NamedTuple
 
-from training.field.units import is_unit, spelt
-
-# By quantity: the kind of its unit (the unit of the channel), and words that name it.
-QUANTITIES = {
-    "time": (
-        "s",
-        "time t timestamp stamp datetime date clock epoch utc sec secs seconds",
-    ),
-    "speed": ("m/s", "speed velocity velo vel u surge spd stw"),
-    "acceleration": ("m/s^2", "acceleration accel acc ax udot"),
-    "voltage": ("V", "voltage volt volts v"),
-    "current": ("A", "current curr amp amps ampere i"),
-    "rpm": ("rpm", "rpm rps n rev revs revolutions"),
-    "rudder": ("rad", "rudder rud"),
-    "stern_plane": ("rad", "stern plane planes sternplane elevator"),
-    "motor_command": ("", "pwm throttle duty"),
-}
-COMMANDED = frozenset(
-    "cmd command commanded setpoint set sp desired des ref reference demand target goal".split()
+from training.field.logs.cells import MISSING
+from training.field.proposal.words import (
+    GROUP_WORDS,
+    GROUPS,
+    JOINED,
+    OTHERS,
+    PLACES,
+    QUANTITIES,
+    ROLES,
+    SYMBOLS,
 )
-COMMANDS = {
-    "speed": "speed_command",
-    "rpm": "motor_command",
-    "voltage": "motor_command",
+from training.field.units import is_unit, other_unit
+
+BRACKETS = re.compile(r"[\[({]([^\[\](){}]*)[\])}]")
+UNIT_AT_END = re.compile(r"(?:\s+in\s+|\s*,\s*|\s+/\s*)([^\s,]+)$")
+SYMBOL_PER_UNIT = re.compile(r"([A-Za-z])/(.+)")  # U/V, as DIN 1313 writes it
+EAST_ASIAN = "\u3040-\u30ff\u3400-\u9fff"
+PIECES = re.compile(rf"[{EAST_ASIAN}]+|(?:(?![{EAST_ASIAN}])[^\W\d_])+|\d+")
+PATH = re.compile(r"/|::|(?<!\d)\.|\.(?!\d)")
+MOTOR_MARKS = frozenset("mt")  # before a number: m1, T3
+LONGEST_PHRASE = 4  # words
+LONGEST_UNIT = 5  # words: meters per sec per sec
+SHORTEST_PART = 3  # letters of a part of a compound
+# units of one letter at the end of a name, and the quantities after which they are meant
+LETTER_UNITS = {
+    "v": frozenset(),
+    "a": frozenset(),
+    "s": frozenset({"time"}),
+    "h": frozenset({"time"}),
+    "g": frozenset({"acceleration"}),
 }
-SHAFT = frozenset("motor shaft prop propeller thruster engine screw".split())
-SIDED = ("voltage", "current", "rpm", "motor_command")
-SIDES = {
-    "port": frozenset("port p ps left l bb 1".split()),
-    "starboard": frozenset("starboard stbd stb sb right r 2".split()),
-}
-# a column with one of these words is none of the vehicle's channels
-FOREIGN = frozenset(
-    "battery bat batt bus supply hotel wind sway heave yaw pitch roll heading psi depth "
-    "temperature temp position pos lat lon error err std var variance flag mode id count y z "
-    "angvelo truth seed vehicle".split()
-)
+NEVER = frozenset({"none"})
+LETTERS = str.maketrans({"ø": "o", "Ø": "O", "æ": "ae", "Æ": "Ae", "ß": "ss"})
+LINKS = ("", "s", "n", "en", "es", "e")  # between the parts of a compound
 
 
-class Meaning(NamedTuple):
-    """A possible meaning of a column."""
+class Name(NamedTuple):
+    """What a column's name says."""
 
-    quantity: str  # one of `QUANTITIES`, or a command
-    side: str  # port if the name has none
-    unit: str | None  # None if the name has none
-    score: int  # the higher, the more certain
+    quantities: frozenset[str]  # those that its words name
+    symbol: str  # its one symbol, if no word names a quantity; else empty
+    roles: frozenset[str]  # of `ROLES`
+    others: dict[str, str]  # words of quantities that no channel has, and what those are
+    unknown: tuple[str, ...]  # words without a known meaning
+    unit: str  # named in brackets, below the header or at the end; empty if none is
+    is_unit_apart: bool  # whether the unit stands in brackets or below the header
+    stem: tuple[str, ...]  # words and numbers in order, without unit
+    is_place: bool  # whether it names a thruster that is on no side
 
 
-def meaning(name: str, unit: str = "") -> Meaning | None:
-    """The most certain meaning of a column with this name and unit; None if it is no channel.
+def plain(text: str) -> str:
+    """The text in small letters without accents, as the words of `words` are compared.
 
-    >>> meaning("thruster2_current_A")
-    Meaning(quantity='current', side='starboard', unit='A', score=2)
-    >>> meaning("Speed [kn]").unit, meaning("V_bat"), meaning("v [m/s]")
-    ('kn', None, None)
+    >>> plain("Tensão"), plain("Strømstyrke")
+    ('tensao', 'stromstyrke')
     """
-    label = re.search(r"[\[(]([^\])]*)[\])]", name)
-    if label and is_unit(label[1]):
-        name = name.replace(label[0], " ")
-        unit = label[1]
-    words = _words(name)
-    if FOREIGN & set(words):
-        return None
-    meanings = [_meaning_as(quantity, words, unit) for quantity in QUANTITIES]
-    return max(filter(None, meanings), key=lambda candidate: candidate.score, default=None)
+    return _without_accents(text).casefold()
 
 
-def _words(name: str) -> list[str]:
-    """The words of a name in small letters, cut at marks, digits and capitals; units stay whole."""
-    words = []
-    for part in re.findall(r"[A-Za-z]+|\d+", name):
-        if is_unit(part):
-            words.append(part)
+def _without_accents(text: str) -> str:
+    letters = unicodedata.normalize("NFKD", text.translate(LETTERS))
+    kept = "".join(letter for letter in letters if not unicodedata.combining(letter))
+    return unicodedata.normalize("NFKC", kept).replace("−", "-")
+
+
+@cache
+def _meanings() -> dict[str, tuple[str, ...]]:
+    """Meanings by word or phrase."""
+    meanings: dict[str, tuple[str, ...]] = {}
+    for table in (OTHERS, ROLES, QUANTITIES):
+        for meaning, words in table.items():
+            for word in shlex.split(words.replace("|", " ")):
+                meanings.setdefault(plain(word), ())
+                meanings[plain(word)] += (meaning,)
+    return meanings | JOINED
+
+
+def name_of(label: str, unit: str = "") -> Name:
+    """Take a name apart; the unit is that of a row below the header.
+
+    >>> name = name_of("thruster2_current_mA")
+    >>> name.quantities, sorted(name.roles), name.unit, name.stem
+    (frozenset({'current'}), ['motor'], 'mA', ('thruster', '2', 'current'))
+    """
+    text = _without_accents(label).strip()
+    if plain(text) in MISSING:
+        text = ""
+    text, bracket_unit, bracket_words = _without_brackets(text)
+    unit = unit or bracket_unit
+    is_apart = bool(unit)
+    groups = [_words(part) for part in PATH.split(text) if part]
+    groups = [words for words in groups if words] or [[]]
+    words = [word for group in groups for word in group] + bracket_words
+    if not unit:
+        words, unit = _without_unit(words)
+    stem = tuple(map(plain, words))
+    n_before = _words_before_quantity(groups)
+    return _sorted_words(stem, n_before, unit, is_apart)
+
+
+def _without_brackets(text: str) -> tuple[str, str, list[str]]:
+    """The text without its brackets, the unit in one of them, and the words in the others."""
+    unit = ""
+    words: list[str] = []
+    for content in BRACKETS.findall(text):
+        pieces = _words(content)
+        first = content.split()[:1]
+        if is_unit(content) or other_unit(content):
+            unit = unit or content.strip()
+        elif not all(map(_is_known, pieces)):
+            unit = unit or (first[0] if first and is_unit(first[0]) else content.strip())
         else:
-            words += re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", part)
-    return [word.lower() for word in words]
+            words += pieces
+    text = BRACKETS.sub(" ", text).strip()
+    if not unit:
+        for pattern in (SYMBOL_PER_UNIT, UNIT_AT_END):
+            match = pattern.fullmatch(text) if pattern is SYMBOL_PER_UNIT else pattern.search(text)
+            if match and (is_unit(match[match.lastindex]) or other_unit(match[match.lastindex])):
+                unit = match[match.lastindex]
+                text = text[: match.start(match.lastindex)].rstrip("/, ").removesuffix(" in")
+                break
+    return text, unit, words
 
 
-def _meaning_as(quantity: str, words: list[str], unit: str) -> Meaning | None:
-    """The column as this quantity, if a word names it and a separate unit is of its kind."""
-    kind, quantity_names = QUANTITIES[quantity]
-    names = set(quantity_names.split())
-    names_shaft = bool(SHAFT.intersection(words))
-    if quantity == "rpm" and names_shaft:
-        names |= {"speed", "velocity"}
-    if quantity in ("speed", "voltage") and COMMANDED.intersection(words):
-        names ^= {"v"}  # v_set is a speed, while v_port is a voltage
-    score = len(names.intersection(words))
-    score += "".join(words) in names and len(words) > 1
-    known_unit = spelt(unit, kind) if unit and kind else _unit_in_name(words, kind)
-    numbers = [word for word in words if word.isdigit()]
-    is_further_shaft = quantity in SIDED and not set(numbers) <= {"1", "2"}
-    is_other_unit = bool(unit and kind) and not known_unit
-    is_shaft_speed = quantity == "speed" and names_shaft and not known_unit
-    if not score or is_further_shaft or is_other_unit or is_shaft_speed:
-        return None
-    side = next((side for side, marks in SIDES.items() if marks.intersection(words)), "port")
-    score += known_unit is not None
-    return Meaning(_commanded(quantity, words), side, known_unit, score)
+def _is_known(word: str) -> bool:
+    return word.isdigit() or plain(word) in _meanings() or plain(word) in SYMBOLS
 
 
-def _commanded(quantity: str, words: list[str]) -> str:
-    """The quantity, or its command if a word says so."""
-    if quantity == "speed" and "mission" in words:
-        return "mission_speed"
-    return COMMANDS.get(quantity, quantity) if COMMANDED.intersection(words) else quantity
+def _words(text: str) -> list[str]:
+    """The words of a text: cut at marks and digits, at capitals, and compounds into parts."""
+    words: list[str] = []
+    for piece in PIECES.findall(text):
+        if piece.isdigit() or _is_known(piece) or is_unit(piece):
+            words.append(piece)
+        elif piece.isascii():
+            for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", piece):
+                words += _compound(plain(word)) or [word]
+        else:
+            words += _compound(plain(piece)) or _longest_known(plain(piece))
+    return words
 
 
-def _unit_in_name(words: list[str], kind: str) -> str | None:
-    """A unit among the words, as in ``u_mps``, ``speed_m_s`` and ``port_rpm``."""
-    if not kind:
-        return None
-    long_words = [word for word in words if len(word) > 2]
-    candidates = ["/".join(words[-2:]), *words[-1:], *long_words]
-    units = (spelt(candidate, kind) for candidate in candidates)
-    return next(filter(None, units), None)
+def _compound(word: str) -> list[str]:
+    """The known words that a compound consists of; empty if it is none."""
+    meanings = _meanings()
+    shortest = SHORTEST_PART if word.isascii() else 1
+    if word in meanings:
+        return [word]
+    for end in range(len(word) - shortest, shortest - 1, -1):
+        head = word[:end]
+        if head not in meanings:
+            continue
+        for link in LINKS:
+            rest = _compound(word[end:].removeprefix(link)) if word[end:].startswith(link) else []
+            if rest:
+                return [head, *rest]
+    return []
+
+
+def _longest_known(text: str) -> list[str]:
+    """Words of a text without blanks, each the longest that is known; else single letters."""
+    words = []
+    while text:
+        ends = range(len(text), 0, -1)
+        end = next((end for end in ends if text[:end] in _meanings()), len(text))
+        words.append(text[:end])
+        text = text[end:]
+    return words
+
+
+def _without_unit(words: list[str]) -> tuple[list[str], str]:
+    """The words without the unit at their end, which may be followed by a number; and the unit."""
+    for tail in ((), words[-1:]):
+        if tail and not tail[0].isdigit():
+            break
+        body = words[: len(words) - len(tail)]
+        for count in range(min(LONGEST_UNIT, len(body)), 0, -1):
+            unit = _unit_of(body[-count:], body[:-count])
+            if unit:
+                is_word = count == 1 and plain(body[-1]) in _meanings()
+                kept = body if is_word or count == len(body) else body[:-count]
+                return [*kept, *tail], unit
+    inner = (word for word in words if len(word) > 2 and is_unit(word))
+    return words, next(inner, "")
+
+
+def _unit_of(words: Sequence[str], before: Sequence[str]) -> str:
+    """The unit that words write: m_s, meters per sec, mA; one letter only if it can be meant."""
+    if len(words) == 1:
+        word = words[0]
+        if len(word) == 1:
+            meant = LETTER_UNITS.get(plain(word), NEVER)
+            return word if before and any(_names(one, meant) for one in before) else ""
+        return word if is_unit(word) or other_unit(word) else ""
+    quotient = ""
+    for word in words:
+        is_part = word.isdigit() or not quotient or quotient.endswith("/")
+        quotient += "/" if word == "per" else word if is_part else f"/{word}"
+    texts = [quotient] + ["".join(words)] * all(len(word) > 1 for word in words)
+    return next((text for text in texts if is_unit(text) or other_unit(text)), "")
+
+
+def _names(word: str, quantities: frozenset[str]) -> bool:
+    """Whether a word can stand before a unit of these quantities; any can before V and A."""
+    word = plain(word)
+    symbol = SYMBOLS.get(word, ("",))[0]
+    return (
+        not quantities or symbol in quantities or bool(quantities & set(_meanings().get(word, ())))
+    )
+
+
+def _words_before_quantity(groups: Sequence[Sequence[str]]) -> int:
+    """The number of words in a path such as esc/0/current before the group with the quantity."""
+    for k in reversed(range(len(groups))):
+        words = tuple(map(plain, groups[k]))
+        found = {meaning for _, meanings in _phrases(words) for meaning in meanings}
+        if found & QUANTITIES.keys() or any(word in SYMBOLS for word in words):
+            return sum(map(len, groups[:k]))
+    return 0
+
+
+def _phrases(words: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Words and phrases, the longest first, with their meanings."""
+    meanings = _meanings()
+    k = 0
+    while k < len(words):
+        for count in range(min(LONGEST_PHRASE, len(words) - k), 0, -1):
+            phrase = " ".join(words[k : k + count])
+            if count == 1 or phrase in meanings:
+                break
+        is_mark = phrase in MOTOR_MARKS and words[k + 1 : k + 2] and words[k + 1].isdigit()
+        yield phrase, ("motor",) if is_mark else meanings.get(phrase, ())
+        k += count
+
+
+def _sorted_words(stem: tuple[str, ...], n_before: int, unit: str, is_unit_apart: bool) -> Name:
+    """The name by the meanings of its words, of which the first `n_before` are a path."""
+    found: set[str] = set()
+    others: dict[str, str] = {}
+    unknown = []
+    symbols = []
+    place = 0
+    for phrase, meanings in _phrases(stem):
+        is_in_path = place < n_before
+        place += len(phrase.split())
+        for meaning in meanings:
+            is_meant = not is_in_path or meaning in GROUPS or phrase in GROUP_WORDS
+            if meaning in OTHERS and is_meant:
+                others[phrase] = meaning
+        found |= set(meanings) - OTHERS.keys()
+        if meanings or phrase.isdigit() or phrase in PLACES:
+            continue
+        if phrase in SYMBOLS:
+            symbols.append(phrase)
+        elif not is_in_path:
+            unknown.append(phrase)
+    quantities = frozenset(found & QUANTITIES.keys())
+    symbol = symbols[0] if len(symbols) == 1 and not quantities else ""
+    if len(symbols) > 1 and not quantities:
+        unknown += symbols
+    is_place = bool(PLACES & set(stem)) and "stern_plane" not in quantities
+    roles = frozenset(found & ROLES.keys())
+    return Name(
+        quantities, symbol, roles, others, tuple(unknown), unit, is_unit_apart, stem, is_place
+    )

@@ -1,0 +1,161 @@
+import numpy as np
+import pytest
+
+from tests.training.field.proposal.missions import SPEED, TIME
+from training.field.proposal.evidence import Refused, letters_of, match_of
+from training.field.proposal.header import name_of
+from training.field.proposal.sides import side_marks
+
+# names that logs have, and what they are: quantity, mark of the side, unit
+NAMES = {
+    "u_mps": ("speed", None, "m/s"),
+    "Speed [kn]": ("speed", None, "kn"),
+    "speed (ft/s)": ("speed", None, "ft/s"),
+    "u_velo [m/s]": ("speed", None, "m/s"),
+    "surge_m_s": ("speed", None, "m/s"),
+    "speed_ms": ("speed", None, "m/s"),
+    "speed_meters_per_sec": ("speed", None, "m/s"),
+    "STW": ("speed", None, None),
+    "SOG": ("speed", None, None),
+    "vx": ("speed", None, None),
+    "v_water": ("speed", None, None),
+    "Vehicle Speed": ("speed", None, None),
+    "rpm_port": ("rpm", "port", "rpm"),
+    "StbdRPM": ("rpm", "starboard", "rpm"),
+    "n_stbd": ("rpm", "starboard", None),
+    "n_prop [rps]": ("rpm", None, "rev/s"),
+    "motor 2 speed (rad/s)": ("rpm", 2, "rad/s"),
+    "prop_speed": ("rpm", None, None),
+    "T3_rpm": ("rpm", 3, "rpm"),
+    "esc[7].rpm": ("rpm", 7, "rpm"),
+    "thruster1_current_A": ("current", 1, "A"),
+    "i_left_mA": ("current", "port", "mA"),
+    "mtr_cur_mA": ("current", None, "mA"),
+    "esc_current0": ("current", 0, None),
+    "left_mA": ("current", "port", "mA"),
+    "V_port": ("voltage", "port", None),
+    "U_port": ("voltage", "port", None),
+    "mtr_V": ("voltage", None, "V"),
+    "bus_V": ("supply_voltage", None, "V"),
+    "V_bat": ("supply_voltage", None, None),
+    "Batt Ampers": ("supply_current", None, None),
+    "Right motor voltage [V]": ("voltage", "starboard", "V"),
+    "a_x": ("acceleration", None, None),
+    "surge accel (g)": ("acceleration", None, "g"),
+    "delta_rudder [rad]": ("rudder", None, "rad"),
+    "stern_plane_deg": ("stern_plane", None, "deg"),
+    "speed_setpoint_kn": ("speed_command", None, "kn"),
+    "cmd_vx": ("speed_command", None, None),
+    "accel_m_s2": ("acceleration", None, "m/s^2"),
+    "v_set": ("speed_command", None, None),
+    "mission_speed": ("mission_speed", None, None),
+    "pwm2": ("duty", 2, None),
+    "thr_left_pwm": ("duty", "port", None),
+    "rpm_cmd_port": ("rpm_command", "port", "rpm"),
+    "Motor Speed CMD": ("rpm_command", None, None),
+    "Motorstrom BB [A]": ("current", "port", "A"),
+    "Sollgeschwindigkeit": ("speed_command", None, None),
+    "Vitesse de rotation hélice": ("rpm", None, None),
+    "Tensión": ("voltage", None, None),
+    "左电机电流(mA)": ("current", "port", "mA"),
+}
+# names of other quantities, and a word of the reason; an empty one where nothing is known
+OTHERS = {
+    "amp_hours_used": "charge",
+    "battery_mAh": "charge",
+    "motor_current_limit": "limit",
+    "current_speed": "sea",
+    "Current Speed": "sea",
+    "current_dir": "sea",
+    "Current Step": "count",
+    "n/a": "",
+    "Concentration[uM]": "water or parts",
+    "foo [uM]": "",
+    "speed [uM]": "no unit of speed",
+    "motor_current [V]": "no unit of current",
+    "rpm [A]": "no unit of rpm",
+    "Speed of Sound": "sound",
+    "Schallgeschwindigkeit": "sound",
+    "声速": "sound",
+    "wind/speed": "wind",
+    "wind_velo_true [m/s]": "wind",
+    "thr_left_pwm_zero_point": "setting",
+    "cell1_voltage": "parts",
+    "cells[1].voltage": "parts",
+    "rpm_fore": "bow or stern",
+    "aft thruster current": "bow or stern",
+    "speed_error": "error",
+    "motor_temp_V": "temp",
+    "current_rpm_port": "could be",
+    "yaw_rate_setpoint": "turning",
+    "v [m/s]": "sway",
+    "psi_hat [rad]": "direction",
+    "r_angvelo [rad/s]": "turning",
+    "depth": "direction or place",
+    "a.b": "",
+    "": "",
+    "x [m]": "",
+    "v_of_something_strange": "",
+    "n_packets": "",
+}
+
+
+def outcome(label, values=None):
+    names = {label: name_of(label)}
+    name = names[label]
+    values = TIME if values is None and "time" in name.quantities else values
+    values = SPEED if values is None else values
+    return match_of(label, name, side_marks(names)[label], values, letters_of(names))
+
+
+@pytest.mark.parametrize("label", NAMES)
+def test_quantity_side_and_unit_of_a_name(label):
+    found = outcome(label)
+    assert (found.quantity, found.mark, found.unit) == NAMES[label]
+
+
+@pytest.mark.parametrize("label", OTHERS)
+def test_names_of_other_quantities(label):
+    found = outcome(label)
+    assert isinstance(found, Refused)
+    assert OTHERS[label] in found.why
+    assert bool(OTHERS[label]) == bool(found.why)
+
+
+TIMES = {
+    "t": "s",
+    "t [s]": "s",
+    "Timestamp_ms": "ms",
+    "time_us": "us",
+    "Uhrzeit": None,
+    "时间戳": None,
+    "Time [h]": "h",
+}
+
+
+@pytest.mark.parametrize("label", TIMES)
+def test_names_of_the_time(label):
+    found = outcome(label, TIME)
+    assert found.quantity == "time"
+    assert found.unit == (None if label == "t" else TIMES[label])
+
+
+VALUES = {
+    "constant": ("rpm", np.full(600, 350.0), "constant at 350"),
+    "empty": ("rpm", np.full(600, np.nan), "no number"),
+    "a flag": ("motor_current", (SPEED > 0.5).astype(float), "only 0 and 1"),
+    "a counter": ("i", np.arange(600.0), "counts up"),
+    "sound": ("speed", 1500 + SPEED, "beyond every vehicle"),
+    "a constant command": ("speed_setpoint", np.full(600, 1.5), "constant at 1.5"),
+    "a constant motor command": ("pwm1", np.full(600, 1500.0), "constant at 1500"),
+    "a time that falls": ("time_s", 100 - TIME, "does not grow"),
+    "seconds of the minute": ("sec", TIME % 10, "does not grow"),
+}
+
+
+@pytest.mark.parametrize(("label", "values", "why"), VALUES.values(), ids=VALUES)
+def test_values_that_exclude_a_column(label, values, why):
+    if label == "speed":
+        assert outcome(label, values).quantity == "speed"  # in mm/s, where no unit is named
+        label = "speed [m/s]"
+    assert why in outcome(label, values).why

@@ -1,0 +1,63 @@
+"""The columns of a log by quantity and side: the best of each, and why the others are left out."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from training.field.logs.table import Table
+from training.field.proposal.evidence import SIDED, Match, Refused, letters_of, match_of
+from training.field.proposal.header import name_of
+from training.field.proposal.sides import side_marks, side_of
+
+
+class Found(NamedTuple):
+    """What the columns of a log are."""
+
+    matches: dict[str, Match]  # by label
+    best: dict[str, Match]  # by quantity, of shafts with its side before it: port_rpm
+    left_out: dict[str, str]  # the reason, by label; more is added where motors are described
+    unknown: tuple[str, ...]
+
+
+def found_columns(table: Table) -> Found:
+    """Match every column of a log with the quantity that it is most certainly."""
+    names = {label: name_of(label, table.units.get(label, "")) for label in table.columns}
+    marks = side_marks(names)
+    context = letters_of(names)
+    outcomes = [
+        match_of(label, names[label], marks[label], values, context)
+        for label, values in table.columns.items()
+    ]
+    refused = [one for one in outcomes if isinstance(one, Refused)]
+    matches = {one.label: one for one in outcomes if isinstance(one, Match)}
+    left_out = {one.label: one.why for one in refused if one.why}
+    unknown = tuple(one.label for one in refused if not one.why)
+    best = _best(matches, left_out)
+    return Found(matches, best, left_out, unknown)
+
+
+def _best(matches: Mapping[str, Match], left_out: dict[str, str]) -> dict[str, Match]:
+    """The match with most points for each quantity and side; of equal ones, the first."""
+    best: dict[str, Match] = {}
+    numbers = {quantity: _numbers(matches, (quantity,)) for quantity in SIDED}
+    all_numbers = _numbers(matches, SIDED)
+    first = min(1, *all_numbers) if all_numbers else 1
+    for match in sorted(matches.values(), key=lambda one: -one.score):
+        channel = match.quantity
+        if channel in SIDED:
+            known = all_numbers if len(all_numbers) <= 2 else numbers[channel]
+            side = side_of(match.mark, known, first)
+            if side is None:
+                left_out[match.label] = "a further thruster: a vehicle file has two"
+                continue
+            channel = f"{side}_{channel}"
+        if channel in best and channel != "time":
+            left_out[match.label] = f"{channel.replace('_', ' ')} is {best[channel].label!r}"
+        else:
+            best.setdefault(channel, match)
+    return best
+
+
+def _numbers(matches: Mapping[str, Match], quantities: tuple[str, ...]) -> list[int]:
+    """The numbers of shafts in the names of these quantities, in order."""
+    marks = {match.mark for match in matches.values() if match.quantity in quantities}
+    return sorted(mark for mark in marks if isinstance(mark, int))

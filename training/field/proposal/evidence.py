@@ -1,0 +1,318 @@
+"""What a column can be: a quantity with a score, by name, unit and values, or why it is none."""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from auv_fault_env.parameters import FASTEST
+from training.field.proposal.header import Name
+from training.field.proposal.sides import Mark
+from training.field.proposal.words import SIDE_PAIRS, SYMBOLS
+from training.field.units import UNITS, spelt
+
+# unit of the channel by quantity; a duty has none
+KINDS = {
+    "time": "s",
+    "speed": "m/s",
+    "speed_command": "m/s",
+    "mission_speed": "m/s",
+    "acceleration": "m/s^2",
+    "rudder": "rad",
+    "stern_plane": "rad",
+    "voltage": "V",
+    "current": "A",
+    "rpm": "rpm",
+    "duty": "",
+    "rpm_command": "rpm",
+    "supply_voltage": "V",
+    "supply_current": "A",
+}
+SIDED = ("voltage", "current", "rpm", "duty", "rpm_command")
+COMMANDS = ("speed_command", "mission_speed", "rudder", "stern_plane", "duty", "rpm_command")
+# evidence, in points
+WORD = 4  # a word names the quantity
+UNIT_ALONE = 3  # a part of the vehicle and a unit stand for the quantity
+SYMBOL = 2
+NAMED_UNIT = 2
+THROUGH_WATER = 2
+SURGE = 1
+GROUND = -1
+MOTOR = 1
+UNKNOWN_WORD = -1
+ENOUGH = 2
+# largest magnitudes of any vehicle, in the unit of the channel
+LARGEST = {
+    "m/s": FASTEST,
+    "m/s^2": 100.0,
+    "rad": 0.55 * math.pi,
+    "V": 1000.0,
+    "A": 1000.0,
+    "rpm": 1e5,
+}
+# units that are tried where none is named and the numbers are beyond every vehicle in the first
+UNITS_BY_SIZE = {
+    "m/s": ("m/s", "cm/s", "mm/s"),
+    "rad": ("rad", "deg"),
+    "V": ("V", "mV"),
+    "A": ("A", "mA"),
+}
+# a shaft that never turns faster is taken to be logged in revolutions per second
+SLOWEST_RPM = 60.0
+MIDNIGHT = 0.9 * 86_400.0  # s: a longer step back is that of a clock without a date
+ALSO_SPELT = {("ms", "m/s"): "m/s"}  # speed_ms, where ms alone are milliseconds
+DUTY_UNITS = ("%", "pct", "percent", "us", "µs", "μs", "usec")
+TURNS = frozenset("rwpq")  # letters of sway, heave and turning beside u and v
+
+
+class Match(NamedTuple):
+    """A column as a quantity."""
+
+    label: str
+    quantity: str  # of `KINDS`
+    mark: Mark
+    unit: str | None  # None if none is named
+    score: int  # the higher, the more certain
+    why: str
+
+
+class Refused(NamedTuple):
+    """A column that is no quantity of the vehicle."""
+
+    label: str
+    why: str  # empty if nothing is known of it
+
+
+class Letters(NamedTuple):
+    """What the names of a whole log say about its columns of one letter."""
+
+    letters: frozenset[str]  # names of one letter
+    quantities: frozenset[str]  # that words or other symbols name
+
+
+def letters_of(names: Mapping[str, Name]) -> Letters:
+    """The context of a log's symbols."""
+    quantities: set[str] = set()
+    for name in names.values():
+        if not name.others and "supply" not in name.roles:
+            is_shaft = "motor" in name.roles and name.quantities == {"speed"}
+            quantities |= {"rpm"} if is_shaft else name.quantities
+        if name.symbol in "uv" and name.roles & {"water", "ground", "command"}:
+            quantities.add("speed")
+    letters = frozenset(label.strip() for label in names if len(label.strip()) == 1)
+    if "u" in letters and not {"v", "i"} <= letters:
+        quantities.add("speed")
+    if letters & {"i", "I"} or any(name.symbol == "i" for name in names.values()):
+        quantities.add("current")
+    return Letters(letters, frozenset(quantities))
+
+
+def match_of(
+    label: str, name: Name, mark: Mark, values: np.ndarray, context: Letters
+) -> Match | Refused:
+    """The column as the quantity that it is most certainly, or why it is none.
+
+    Parameters
+    ----------
+    label, name
+        Of the column.
+    mark
+        Of its side.
+    values
+        (n_rows,)
+    context
+        Of the log.
+    """
+    if not name.stem:
+        return Refused(label, "")
+    why = _foreign(name)
+    if why:
+        return Refused(label, why)
+    quantity, points, why = _quantity(label, name, mark, context)
+    if not quantity:
+        return Refused(label, why)
+    unit = _unit(name, quantity)
+    if unit is None and name.unit:
+        return Refused(label, f"[{name.unit}] is no unit of {_spoken(quantity)}")
+    score = points + _points_beside(name, quantity, unit, mark)
+    if score < ENOUGH:
+        return Refused(label, "")
+    why = _against_values(quantity, unit, values)
+    if why:
+        return Refused(label, why)
+    return Match(label, quantity, mark, unit, score, "")
+
+
+def _foreign(name: Name) -> str:
+    """Why the name is none of a channel's; empty if it can be one."""
+    others = dict(name.others)
+    if name.quantities & {"rudder", "stern_plane"}:
+        others = {word: other for word, other in others.items() if "place" not in other}
+    if others:
+        word, other = next(iter(others.items()))
+        return f"{word!r} names {other}"
+    if name.is_place:
+        return "a thruster at bow or stern, vertical or lateral, is on neither side"
+    return ""
+
+
+def _quantity(label: str, name: Name, mark: Mark, context: Letters) -> tuple[str, int, str]:
+    """The quantity by name, its points, and why there is none."""
+    quantities = set(name.quantities)
+    points = WORD
+    if quantities == {"speed", "rpm"} or (quantities == {"speed"} and "motor" in name.roles):
+        quantities = {"rpm"}
+    if quantities == {"time", "current"}:
+        quantities = {"time"}  # the time now
+    if len(quantities) > 1:
+        return "", 0, f"it could be {' or '.join(sorted(quantities))}"
+    if not quantities and name.symbol:
+        quantity, why = _of_symbol(label, name, mark, context)
+        if not quantity:
+            return "", 0, why
+        quantities = {quantity}
+        points = SYMBOL
+    if not quantities:
+        quantities = _of_parts(name, mark)
+        points = UNIT_ALONE
+    if not quantities:
+        return "", 0, ""
+    return *_as_command_or_supply(quantities.pop(), points, name, mark), ""
+
+
+def _as_command_or_supply(quantity: str, points: int, name: Name, mark: Mark) -> tuple[str, int]:
+    """The quantity as that of a command or of the supply, if a word says so."""
+    if "supply" in name.roles and "motor" not in name.roles and quantity in ("voltage", "current"):
+        return f"supply_{quantity}", points
+    if quantity == "speed" and "mission" in name.roles:
+        return "mission_speed", points
+    if "command" in name.roles and quantity in ("speed", "rpm"):
+        return f"{quantity}_command", points
+    return quantity, points
+
+
+def _of_parts(name: Name, mark: Mark) -> set[str]:
+    """The quantity of a name without one: motor_cmd, port [V], surge."""
+    is_part = bool(name.roles & {"motor", "supply"}) or mark is not None
+    if "motor" in name.roles and "command" in name.roles and not name.unit:
+        return {"duty"}
+    if is_part:
+        kinds = {"V": "voltage", "A": "current", "rpm": "rpm"}
+        return {quantity for kind, quantity in kinds.items() if spelt(name.unit, kind)}
+    return {"speed"} if "surge" in name.stem else set()
+
+
+def _of_symbol(label: str, name: Name, mark: Mark, context: Letters) -> tuple[str, str]:
+    """The quantity of a symbol, and why there is none."""
+    alone, of_part = SYMBOLS[name.symbol]
+    is_part = mark is not None or bool(name.roles & {"motor", "supply"})
+    if name.symbol in ("u", "v"):
+        return _of_u_or_v(label, name, is_part, context)
+    if label.strip() == "A":
+        return "", "it could be a current in A or an acceleration"
+    return (of_part if is_part else alone) or "", ""
+
+
+def _of_u_or_v(label: str, name: Name, is_part: bool, context: Letters) -> tuple[str, str]:
+    """u and v are a speed or a voltage: by unit, side and the other columns."""
+    letter = label.strip()
+    ambiguous = f"{letter!r} could be a speed or a voltage"
+    if spelt(name.unit, "V"):
+        return "voltage", ""
+    if is_part:
+        return "voltage", ""
+    if name.roles & {"command", "water", "ground", "surge", "mission"}:
+        return "speed", ""
+    if name.symbol == "v" and letter.islower() and ("u" in context.letters or name.unit):
+        is_electric = "i" in context.letters and not TURNS & context.letters and not name.unit
+        return "", ambiguous if is_electric else "v is sway beside u, or ambiguous"
+    if spelt(name.unit, "m/s"):
+        return "speed", ""
+    if name.symbol == "u" and letter.islower():
+        is_electric = {"v", "i"} <= context.letters and not TURNS & context.letters
+        return ("", ambiguous) if is_electric else ("speed", "")
+    if letter in ("U", "V", "v"):
+        if context.quantities & {"speed", "current"}:
+            return "voltage", ""
+        if letter == "U" and ("voltage" in context.quantities or "V" in context.letters):
+            return "speed", ""
+        return "", ambiguous
+    return "speed" if name.symbol == "u" else "voltage", ""
+
+
+def _unit(name: Name, quantity: str) -> str | None:
+    """The named unit, of the quantity's kind; None if there is none."""
+    kind = KINDS[quantity]
+    if not kind:
+        return name.unit if name.unit in DUTY_UNITS else None
+    return ALSO_SPELT.get((name.unit, kind)) or spelt(name.unit, kind)
+
+
+def _points_beside(name: Name, quantity: str, unit: str | None, mark: Mark) -> int:
+    """Points of all but the word or the symbol."""
+    short_marks = {word for pair in SIDE_PAIRS for word in pair} if isinstance(mark, str) else set()
+    points = UNKNOWN_WORD * len(set(name.unknown) - short_marks) + NAMED_UNIT * bool(unit)
+    if KINDS[quantity] == "m/s":
+        points += THROUGH_WATER * ("water" in name.roles)
+        points += SURGE * ("surge" in name.roles or "vehicle" in name.stem or name.symbol == "vx")
+        points += GROUND * ("ground" in name.roles)
+    if quantity in SIDED:
+        points += MOTOR * ("motor" in name.roles)
+    return points
+
+
+def _against_values(quantity: str, unit: str | None, values: np.ndarray) -> str:
+    """What in the values (n_rows,) is against the quantity; empty if nothing is."""
+    known = values[np.isfinite(values)]
+    if known.size == 0:
+        return "it holds no number"
+    if quantity == "time" and known.size < 0.5 * values.size:
+        return "most of its cells hold no time"
+    if quantity == "time":
+        return _against_time(known)
+    if known.min() == known.max():
+        return f"it is constant at {known[0]:.6g}"
+    if quantity not in COMMANDS:
+        levels = np.unique(known)
+        is_whole = bool((levels == np.round(levels)).all())
+        if set(levels) <= {0.0, 1.0}:
+            return "it is only 0 and 1"
+        if is_whole and levels.size > 2 and (np.diff(known) >= 0).all():
+            return "it counts up"
+    kind = KINDS[quantity]
+    if kind and unit_by_size(kind, unit, known) is None:
+        named = unit or kind
+        return f"{_size(known):.4g} {named} is beyond every vehicle"
+    return ""
+
+
+def _against_time(known: np.ndarray) -> str:
+    """A time grows, but for stamps out of order and for midnight."""
+    steps = np.diff(known)
+    back = -steps[(steps < 0) & (steps > -MIDNIGHT)].sum()
+    growth = steps[steps > 0].sum()
+    is_time = growth > 0 and back < 0.5 * growth and np.mean(steps >= 0) > 0.8
+    return "" if is_time else "it does not grow as a time does"
+
+
+def _size(values: np.ndarray) -> float:
+    known = abs(values[np.isfinite(values)])
+    return float(np.percentile(known, 95)) if known.size else 0.0
+
+
+def unit_by_size(kind: str, unit: str | None, values: np.ndarray) -> str | None:
+    """The unit of values (n_rows,): the named one, else that of the channel unless it is too large.
+
+    None if the values are beyond every vehicle in each unit. Size alone never makes a value smaller
+    that a vehicle can have: 80.9 V stay 80.9 V.
+    """
+    size = _size(values)
+    units = (unit,) if unit else UNITS_BY_SIZE.get(kind, (kind,))
+    fitting = (one for one in units if UNITS[kind][one] * size <= LARGEST[kind])
+    found = next(fitting, None)
+    return "rev/s" if found == "rpm" and not unit and size < SLOWEST_RPM else found
+
+
+def _spoken(quantity: str) -> str:
+    return quantity.replace("_", " ")

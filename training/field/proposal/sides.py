@@ -1,0 +1,73 @@
+"""On which side of the vehicle the columns are: by words, short marks in pairs, and numbers."""
+
+from collections.abc import Mapping
+
+from auv_fault_env.parameters import SIDES
+from training.field.proposal.header import Name
+from training.field.proposal.words import SIDE_PAIRS
+
+Mark = str | int | None  # port or starboard, the number of a shaft, or no mark
+
+
+def side_marks(names: Mapping[str, Name]) -> dict[str, Mark]:
+    """The mark of every column, by label.
+
+    Short marks such as p and s count where the same name with the other mark is in the log. Of
+    several numbers in a name the one counts that differs between names that are otherwise equal.
+    """
+    stems = {name.stem for name in names.values()}
+    return {label: _mark(name, stems) for label, name in names.items()}
+
+
+def _mark(name: Name, stems: set[tuple[str, ...]]) -> Mark:
+    words = name.roles & set(SIDES)
+    if words:
+        return next(iter(words)) if len(words) == 1 else None
+    for pair in SIDE_PAIRS:
+        for word, other, side in zip(pair, reversed(pair), SIDES, strict=True):
+            if word in name.stem and _replaced(name.stem, word, other) in stems:
+                return side
+    places = [k for k, word in enumerate(name.stem) if word.isdigit()]
+    if not places:
+        return None
+    return int(name.stem[max(places, key=lambda place: _n_siblings(name.stem, place, stems))])
+
+
+def _replaced(stem: tuple[str, ...], word: str, other: str) -> tuple[str, ...]:
+    return tuple(other if one == word else one for one in stem)
+
+
+def _n_siblings(stem: tuple[str, ...], place: int, stems: set[tuple[str, ...]]) -> int:
+    """The number of names that are equal but for the number at a place."""
+    same = (
+        one
+        for one in stems
+        if len(one) == len(stem) and one[place].isdigit() and one[:place] == stem[:place]
+        if one[place + 1 :] == stem[place + 1 :]
+    )
+    return sum(1 for _ in same)
+
+
+def side_of(mark: Mark, numbers: list[int], first: int) -> str | None:
+    """The side of a mark; None for the third shaft and those after it.
+
+    Parameters
+    ----------
+    mark
+        Of the column.
+    numbers
+        All that columns of this quantity have, in order.
+    first
+        Number of the first shaft in this log, 0 or 1.
+
+    Examples
+    --------
+    >>> side_of(1, [0, 1], 0), side_of(1, [1, 2], 1), side_of(2, [2], 1), side_of(None, [], 1)
+    ('starboard', 'port', 'starboard', 'port')
+    """
+    if mark is None:
+        return SIDES[0]
+    if isinstance(mark, str):
+        return mark
+    place = numbers.index(mark) if len(numbers) > 1 else mark - first
+    return SIDES[place] if 0 <= place < len(SIDES) else None
