@@ -1,6 +1,7 @@
 """What a column can be: a quantity with a score, by name, unit and values, or why it is none."""
 
 import math
+import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -31,6 +32,7 @@ KINDS = {
 }
 SIDED = ("voltage", "current", "rpm", "duty", "rpm_command")
 COMMANDS = ("speed_command", "mission_speed", "rudder", "stern_plane", "duty", "rpm_command")
+WITHOUT_COMMAND = ("time", "acceleration", "current", "supply_current", "supply_voltage")
 # evidence, in points
 WORD = 4  # a word names the quantity
 UNIT_ALONE = 3  # a part of the vehicle and a unit stand for the quantity
@@ -40,6 +42,7 @@ THROUGH_WATER = 2
 SURGE = 1
 GROUND = -1
 MOTOR = 1
+COMMANDED_VOLTAGE = -2
 UNKNOWN_WORD = -1
 ENOUGH = 2
 # largest magnitudes of any vehicle, in the unit of the channel
@@ -63,6 +66,9 @@ SLOWEST_RPM = 60.0
 MIDNIGHT = 0.9 * 86_400.0  # s: a longer step back is that of a clock without a date
 ALSO_SPELT = {("ms", "m/s"): "m/s"}  # speed_ms, where ms alone are milliseconds
 DUTY_UNITS = ("%", "pct", "percent", "us", "µs", "μs", "usec")
+U_OR_V = re.compile(r"(?<![^\W\d_])[uUvV](?![^\W\d_])|[uUvV]")
+MEASURED_SPEED = frozenset({"water", "ground", "surge"})
+SPEED_ROLES = MEASURED_SPEED | {"command", "mission"}
 TURNS = frozenset("rwpq")  # letters of sway, heave and turning beside u and v
 
 
@@ -95,16 +101,14 @@ def letters_of(names: Mapping[str, Name]) -> Letters:
     """The context of a log's symbols."""
     quantities: set[str] = set()
     for name in names.values():
-        if not name.others and "supply" not in name.roles:
+        if not name.others and not name.roles & {"supply", "command", "mission"}:
             is_shaft = "motor" in name.roles and name.quantities == {"speed"}
             quantities |= {"rpm"} if is_shaft else name.quantities
-        if name.symbol in "uv" and name.roles & {"water", "ground", "command"}:
+        if name.symbol in ("u", "v") and name.roles & MEASURED_SPEED:
             quantities.add("speed")
+        if name.symbol == "i":
+            quantities.add("current")
     letters = frozenset(label.strip() for label in names if len(label.strip()) == 1)
-    if "u" in letters and not {"v", "i"} <= letters:
-        quantities.add("speed")
-    if letters & {"i", "I"} or any(name.symbol == "i" for name in names.values()):
-        quantities.add("current")
     return Letters(letters, frozenset(quantities))
 
 
@@ -132,6 +136,10 @@ def match_of(
     quantity, points, why = _quantity(label, name, mark, context)
     if not quantity:
         return Refused(label, why)
+    if "place" in name.roles and quantity in SIDED:
+        return Refused(label, "a thruster at bow or stern, vertical or lateral, is on neither side")
+    if "command" in name.roles and quantity in WITHOUT_COMMAND:
+        return Refused(label, f"a command of {_spoken(quantity)} is no channel")
     unit = _unit(name, quantity)
     if unit is None and name.unit:
         return Refused(label, f"[{name.unit}] is no unit of {_spoken(quantity)}")
@@ -152,8 +160,6 @@ def _foreign(name: Name) -> str:
     if others:
         word, other = next(iter(others.items()))
         return f"{word!r} names {other}"
-    if name.is_place:
-        return "a thruster at bow or stern, vertical or lateral, is on neither side"
     return ""
 
 
@@ -216,29 +222,52 @@ def _of_symbol(label: str, name: Name, mark: Mark, context: Letters) -> tuple[st
 
 def _of_u_or_v(label: str, name: Name, is_part: bool, context: Letters) -> tuple[str, str]:
     """u and v are a speed or a voltage: by unit, side and the other columns."""
-    letter = label.strip()
-    ambiguous = f"{letter!r} could be a speed or a voltage"
-    if spelt(name.unit, "V"):
+    if is_part or spelt(name.unit, "V"):
         return "voltage", ""
-    if is_part:
-        return "voltage", ""
-    if name.roles & {"command", "water", "ground", "surge", "mission"}:
+    if name.roles & SPEED_ROLES:
         return "speed", ""
-    if name.symbol == "v" and letter.islower() and ("u" in context.letters or name.unit):
-        is_electric = "i" in context.letters and not TURNS & context.letters and not name.unit
-        return "", ambiguous if is_electric else "v is sway beside u, or ambiguous"
-    if spelt(name.unit, "m/s"):
+    letter = U_OR_V.search(label)[0]
+    if spelt(name.unit, "m/s") and letter != "v":
         return "speed", ""
-    if name.symbol == "u" and letter.islower():
-        is_electric = {"v", "i"} <= context.letters and not TURNS & context.letters
-        return ("", ambiguous) if is_electric else ("speed", "")
-    if letter in ("U", "V", "v"):
-        if context.quantities & {"speed", "current"}:
-            return "voltage", ""
-        if letter == "U" and ("voltage" in context.quantities or "V" in context.letters):
-            return "speed", ""
-        return "", ambiguous
-    return "speed" if name.symbol == "u" else "voltage", ""
+    if letter == "v" and "u" in context.letters and context.letters & TURNS:
+        return "", "beside u and the turn rates it is sway"
+    decide = {"u": _small_u, "v": _small_v, "U": _capital_u, "V": _capital_v}[letter]
+    quantity = decide(context.letters, context.quantities)
+    if letter == "v" and name.unit:
+        quantity = ""
+    return quantity, "" if quantity else f"{letter!r} could be a speed, sway or a voltage"
+
+
+def _small_u(letters: frozenset[str], named: frozenset[str]) -> str:
+    if "speed" in named:
+        return "voltage" if "i" in letters and "voltage" not in named else "speed"
+    return "" if letters >= {"v", "i"} and not letters & TURNS else "speed"
+
+
+def _small_v(letters: frozenset[str], named: frozenset[str]) -> str:
+    if "u" in letters:
+        return ""
+    if "U" in letters or "voltage" in named:
+        return "" if "speed" in named else "speed"
+    is_electric = "current" in named if "speed" in named else "i" in letters
+    return "voltage" if is_electric else ""
+
+
+def _capital_u(letters: frozenset[str], named: frozenset[str]) -> str:
+    has_voltage = "V" in letters or "voltage" in named
+    if letters >= {"u", "v"}:
+        return ""  # the whole speed of u, v and w, or a voltage
+    if letters & {"u", "v"} or "speed" in named:
+        return "" if has_voltage else "voltage"
+    if has_voltage:
+        return "speed"
+    return "voltage" if "current" in named else ""
+
+
+def _capital_v(letters: frozenset[str], named: frozenset[str]) -> str:
+    if "u" in letters or "speed" in named:
+        return "voltage"
+    return "voltage" if "current" in named and "voltage" not in named else ""
 
 
 def _unit(name: Name, quantity: str) -> str | None:
@@ -259,6 +288,8 @@ def _points_beside(name: Name, quantity: str, unit: str | None, mark: Mark) -> i
         points += GROUND * ("ground" in name.roles)
     if quantity in SIDED:
         points += MOTOR * ("motor" in name.roles)
+    if quantity == "voltage":
+        points += COMMANDED_VOLTAGE * ("command" in name.roles)
     return points
 
 

@@ -13,7 +13,6 @@ from training.field.proposal.words import (
     GROUPS,
     JOINED,
     OTHERS,
-    PLACES,
     QUANTITIES,
     ROLES,
     SYMBOLS,
@@ -32,13 +31,11 @@ LONGEST_UNIT = 5  # words: meters per sec per sec
 SHORTEST_PART = 3  # letters of a part of a compound
 # units of one letter at the end of a name, and the quantities after which they are meant
 LETTER_UNITS = {
-    "v": frozenset(),
-    "a": frozenset(),
     "s": frozenset({"time"}),
     "h": frozenset({"time"}),
     "g": frozenset({"acceleration"}),
 }
-NEVER = frozenset({"none"})
+NEITHER_V_NOR_A = frozenset({"rpm", "duty", "time", "rudder"})
 LETTERS = str.maketrans({"ø": "o", "Ø": "O", "æ": "ae", "Æ": "Ae", "ß": "ss"})
 LINKS = ("", "s", "n", "en", "es", "e")  # between the parts of a compound
 
@@ -54,7 +51,6 @@ class Name(NamedTuple):
     unit: str  # named in brackets, below the header or at the end; empty if none is
     is_unit_apart: bool  # whether the unit stands in brackets or below the header
     stem: tuple[str, ...]  # words and numbers in order, without unit
-    is_place: bool  # whether it names a thruster that is on no side
 
 
 def plain(text: str) -> str:
@@ -198,8 +194,7 @@ def _unit_of(words: Sequence[str], before: Sequence[str]) -> str:
     if len(words) == 1:
         word = words[0]
         if len(word) == 1:
-            meant = LETTER_UNITS.get(plain(word), NEVER)
-            return word if before and any(_names(one, meant) for one in before) else ""
+            return word if _is_letter_meant(plain(word), before) else ""
         return word if is_unit(word) or other_unit(word) else ""
     quotient = ""
     for word in words:
@@ -209,13 +204,16 @@ def _unit_of(words: Sequence[str], before: Sequence[str]) -> str:
     return next((text for text in texts if is_unit(text) or other_unit(text)), "")
 
 
-def _names(word: str, quantities: frozenset[str]) -> bool:
-    """Whether a word can stand before a unit of these quantities; any can before V and A."""
-    word = plain(word)
-    symbol = SYMBOLS.get(word, ("",))[0]
-    return (
-        not quantities or symbol in quantities or bool(quantities & set(_meanings().get(word, ())))
-    )
+def _is_letter_meant(letter: str, before: Sequence[str]) -> bool:
+    """Whether one letter at the end of a name is a unit, by the quantities named before it."""
+    named = {
+        meaning
+        for word in map(plain, before)
+        for meaning in (SYMBOLS.get(word, ("",))[0], *_meanings().get(word, ()))
+    }
+    if letter in "va":
+        return bool(before) and not named & NEITHER_V_NOR_A
+    return bool(named & LETTER_UNITS.get(letter, frozenset()))
 
 
 def _words_before_quantity(groups: Sequence[Sequence[str]]) -> int:
@@ -257,7 +255,7 @@ def _sorted_words(stem: tuple[str, ...], n_before: int, unit: str, is_unit_apart
             if meaning in OTHERS and is_meant:
                 others[phrase] = meaning
         found |= set(meanings) - OTHERS.keys()
-        if meanings or phrase.isdigit() or phrase in PLACES:
+        if meanings or phrase.isdigit():
             continue
         if phrase in SYMBOLS:
             symbols.append(phrase)
@@ -267,8 +265,5 @@ def _sorted_words(stem: tuple[str, ...], n_before: int, unit: str, is_unit_apart
     symbol = symbols[0] if len(symbols) == 1 and not quantities else ""
     if len(symbols) > 1 and not quantities:
         unknown += symbols
-    is_place = bool(PLACES & set(stem)) and "stern_plane" not in quantities
     roles = frozenset(found & ROLES.keys())
-    return Name(
-        quantities, symbol, roles, others, tuple(unknown), unit, is_unit_apart, stem, is_place
-    )
+    return Name(quantities, symbol, roles, others, tuple(unknown), unit, is_unit_apart, stem)

@@ -8,8 +8,8 @@ the form in which names are compared; phrases are in quotation marks.
 
 # quantities that a channel, the time or the supply has
 QUANTITIES = {
-    "time": """time timestamp timestamps stamp clock epoch utc datetime elapsed | zeit
-        zeitstempel uhrzeit datum | temps heure horodatage | tiempo hora | tempo ora orario |
+    "time": """time timestamp timestamps stamp clock epoch utc datetime elapsed unixtime timer |
+        zeit zeitstempel uhrzeit datum | temps heure horodatage | tiempo hora | tempo ora orario |
         tempo | tid klokkeslett tidspunkt tidsstempel | 时间 時間 时间戳 | 時刻 日時""",
     "speed": """speed velocity velo vel spd | geschwindigkeit fahrt | vitesse | velocidad |
         velocita | velocidade | fart hastighet | 速度 航速 | 船速 速力""",
@@ -42,13 +42,13 @@ ROLES = {
     "motor": """motor motors mot mtr engine thruster thrusters thr prop propeller screw shaft
         esc drive | antrieb welle wellen schraube | moteur helice arbre propulseur | eje
         propulsor | motore elica albero propulsore | eixo | propell aksel | 电机 電機 电动机
-        推进器 螺旋桨 主机 | モータ モーター スラスタ スラスター プロペラ 推進器""",
-    "supply": """battery batt bat bus supply pack | batterie akku bordnetz versorgung |
+        推进器 螺旋桨 主机 | 主機 モータ モーター スラスタ スラスター プロペラ 推進器""",
+    "supply": """battery batt bat bus supply pack input | batterie akku bordnetz bord versorgung |
         accumulateur alimentation | bateria alimentacion | batteria alimentazione | bateria |
         batteri forsyning | 电池 電池 母线 电源 | バッテリ バッテリー 電源""",
-    "water": """water dvl stw log paddlewheel "paddle wheel" "through water" "water speed" |
+    "water": """water dvl stw log paddlewheel "paddle wheel" "through water" |
         "durchs wasser" wasser | eau loch | agua | acqua | vann | 对水 | 対水""",
-    "ground": """ground sog gps gnss "over ground" "speed over ground" | "uber grund" grund |
+    "ground": """ground sog gps gnss "over ground" "speed over ground" | "uber grund" grund grunn |
         "sur le fond" fond | "sobre fondo" fondo | 对地 | 対地""",
     "surge": "surge forward longitudinal x ahead",
     "port": """port | backbord bb links | babord gauche | babor izquierda izquierdo | sinistra
@@ -56,18 +56,23 @@ ROLES = {
     "starboard": """starboard stbd starb | steuerbord stb rechts | tribord droite droit |
         estribor derecha derecho | dritta destra destro | estibordo boreste direita direito |
         styrbord hoyre | right | 右 右舷 | 右舷""",
+    # a thruster at one of these places is on no side
+    "place": """fore aft bow stern front rear back top bottom upper lower vertical lateral | bug
+        heck vorn hinten bugstrahlruder heckstrahlruder | proue poupe | proa popa | prua poppa |
+        baug akter | 艏 艉 船首 船尾""",
     # words without a meaning of their own
-    "plain": """vehicle boat ship vessel auv rov usv asv robot body sensor data value values
-        reading measured measurement meas actual act raw filtered filt est estimate estimated
-        mean average avg of the in no nr draw feedback fb telemetry status output out channel
-        ch hat fin angle de du la le | medida medido real del vehiculo | misura misurato di |
-        medido do da | malt faktisk av farkost | 值 实际 测量 角度 | 角 実測 値""",
+    "plain": """vehicle imu ins ahrs ekf nav odom unix posix since start begin boat ship
+        vessel auv rov usv asv robot body sensor data value values reading measured
+        measurement meas actual act raw filtered filt est estimate estimated mean average avg
+        of the in no nr draw feedback fb telemetry status output out channel ch hat fin angle
+        de du la le | medida medido real del vehiculo | misura misurato di | medido do da |
+        malt faktisk av farkost | 值 实际 测量 角度 | 角 実測 値""",
 }
 # words of columns that are none of the channels, by what they are
 OTHERS = {
     "sound": "sound acoustic | schall | son | sonido | suono | som | lyd | 声速 | 音速",
     "wind": "wind air | luft | vent | viento | vento | vind | 风速 风 | 風速 風",
-    "the sea's current": """"sea current" "water current" "ocean current" "current dir"
+    "the sea's current": """"sea current" tidal sea ocean "water current" "ocean current" "current dir"
         "current speed" "current direction" "current heading" "current velocity" "water vx"
         "water vy" "water u" "water v" adcp drift tide | stromung | "courant marin" |
         "corriente marina" | "corrente marina" | havstrom | 海流 潮流""",
@@ -109,11 +114,6 @@ OTHERS = {
 # words of `OTHERS` that matter also where they stand in a group's name: wind/speed
 GROUPS = ("sound", "wind", "the sea's current", "a limit", "a setting")
 GROUP_WORDS = frozenset({"cell", "cells", "temperature", "position", "ned", "enu"})
-# a thruster at one of these places is on no side
-PLACES = frozenset(
-    "fore aft bow stern front rear back top bottom upper lower vertical lateral bug heck vorn "
-    "hinten proue poupe proa popa prua poppa baug akter 艏 艉 船首 船尾".split()
-)
 # symbols of one letter and the like: quantity by itself, and with a side or a part of a shaft
 SYMBOLS = {
     "t": ("time", None),
@@ -133,6 +133,8 @@ SYMBOLS = {
 JOINED = {
     "stw": ("speed", "water"),
     "sog": ("speed", "ground"),
+    "fdw": ("speed", "water"),
+    "fug": ("speed", "ground"),
     "vbat": ("supply", "voltage"),
     "vbatt": ("supply", "voltage"),
     "vbus": ("supply", "voltage"),
@@ -147,4 +149,12 @@ JOINED = {
     "speed over ground": ("speed", "ground"),
 }
 # short marks of sides; they count where a column with the other one of the pair is in the log
-SIDE_PAIRS = (("p", "s"), ("ps", "sb"), ("l", "r"), ("lt", "rt"), ("bb", "sb"), ("lh", "rh"))
+SIDE_PAIRS = (
+    ("p", "s"),
+    ("ps", "sb"),
+    ("l", "r"),
+    ("lt", "rt"),
+    ("bb", "sb"),
+    ("lh", "rh"),
+    ("a", "b"),
+)

@@ -95,7 +95,7 @@ OTHERS = {
     "a.b": "",
     "": "",
     "x [m]": "",
-    "v_of_something_strange": "",
+    "v_of_something_strange": "could be",
     "n_packets": "",
 }
 
@@ -120,6 +120,40 @@ def test_names_of_other_quantities(label):
     assert isinstance(found, Refused)
     assert OTHERS[label] in found.why
     assert bool(OTHERS[label]) == bool(found.why)
+
+
+# logs of symbols of one letter: their names, and which are the speed and the voltage
+LETTERS = {
+    "t u V I n": ("u", "V"),
+    "t u U I n": ("u", "U"),
+    "t v U I n": ("v", "U"),
+    "t v i n": (None, "v"),
+    "t u v r n": ("u", None),
+    "t u v w p q r n U": ("u", None),
+    "t u v i n": (None, None),
+    "t v n": (None, None),
+    "t U n": (None, None),
+    "t U V n": ("U", None),
+    "t V n": (None, None),
+    "t V I n": (None, "V"),
+    "speed u i n": ("speed", "u"),
+    "speed V n": ("speed", "V"),
+    "speed voltage U n": ("speed", "voltage"),
+    "v v_set voltage n": ("v", "voltage"),
+}
+
+
+@pytest.mark.parametrize("header", LETTERS)
+def test_symbols_by_the_other_columns(header):
+    labels = header.split()
+    names = {label: name_of(label) for label in labels}
+    context = letters_of(names)
+    found = {}
+    for label in labels:
+        match = match_of(label, names[label], None, TIME if label == "t" else SPEED, context)
+        if not isinstance(match, Refused):
+            found.setdefault(match.quantity.removesuffix("_command"), label)
+    assert (found.get("speed"), found.get("voltage")) == LETTERS[header]
 
 
 TIMES = {
