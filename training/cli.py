@@ -10,11 +10,35 @@ from typing import Any
 import tyro
 
 from training.arguments import COMMANDS
+from training.terminal import Terminal, terminal
+
+BAD_INPUT = 2  # exit code
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code; 2 and one line of error on bad input."""
+    """Run one command and return its exit code; 2 and one line of error on bad input.
+
+    Output that is lost because its reader has closed the pipe changes nothing; output that cannot
+    be written for another reason is an error of code 2, unless the code is higher.
+    """
+    with terminal() as (output, errors):
+        try:
+            code = _parse_and_run(arguments, output, errors)
+        except SystemExit as end:  # of the parser, which has printed help or an error
+            code = end.code
+        reason = output.reason_of_loss()
+        if reason and code != BAD_INPUT:
+            remedy = "send it elsewhere; the files of a report are whole"
+            print(f"auv-fault: standard output is lost: {reason}; {remedy}", file=errors)
+            code = max(code, BAD_INPUT)
+        errors.flush()
+    return code
+
+
+def _parse_and_run(arguments: Sequence[str] | None, output: Terminal, errors: Terminal) -> int:
     command = tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="auv-fault", args=arguments)
+    output.escapes = True
+    errors.escapes = True
     name = next(name for name, kind in COMMANDS.items() if isinstance(command, kind))
     for number in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
         signal.signal(number, _end)
@@ -43,7 +67,7 @@ def _run(name: str, command: Any) -> int:
         return module.main(command) or 0
     except InputError as error:
         print(f"auv-fault {name}: {error}", file=sys.stderr)
-        return 2
+        return BAD_INPUT
 
 
 if __name__ == "__main__":

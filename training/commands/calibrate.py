@@ -9,6 +9,7 @@ from typing import Any
 from tqdm import tqdm
 
 from auv_fault_env.errors import InputError, refusal
+from auv_fault_env.printable import printable
 from training.arguments import Calibrate
 from training.field.calibration.calibration import (
     NAMES,
@@ -55,7 +56,7 @@ def calibrate(arguments: Calibrate) -> tuple[Calibration, FitQuality, dict[str, 
         names = [str(path) for path in arguments.logs]
         raise refusal("logs", names, "each log once", "leave the repetitions out")
     with tqdm(arguments.logs, "reading", unit="log", leave=False, file=sys.stderr) as paths:
-        logs = [read_log(path, vehicle)._replace(name=str(path)) for path in paths]
+        logs = [read_log(path, vehicle)._replace(name=printable(str(path))) for path in paths]
     findings = find_mistakes(logs, vehicle)
     warn(findings)
     samples = samples_of(logs)
@@ -75,7 +76,7 @@ def calibrate(arguments: Calibrate) -> tuple[Calibration, FitQuality, dict[str, 
         arguments.vehicle,
         *arguments.logs,
     )
-    results["command"] = shlex.join(map(str, command))
+    results["command"] = printable(shlex.join(map(str, command)))
     return calibration, quality, results
 
 

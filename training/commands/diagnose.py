@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from auv_fault_env.errors import InputError, refusal
+from auv_fault_env.printable import printable
 from diagnosers.residuals import Residuals
 from training.arguments import Diagnose
 from training.field.calibration.sensitivity import described, with_healthy_logs
@@ -36,6 +37,7 @@ from training.metrics import running_maximum
 from training.report.cells import distinct_names
 from training.report.page import print_tables, write_report
 from training.report.run_folder import run_folder, write_json
+from training.terminal import without_guard
 
 EXIT_CODES = {HEALTHY: 0, UNUSABLE: 2, FAULT: 3}
 MOST_FIGURES = {FAULT: 12, HEALTHY: 2}  # of logs, by verdict
@@ -63,9 +65,7 @@ def main(arguments: Diagnose) -> int:
         print(f"residuals finds lasting changes from: {changes}", file=output)
     threshold = threshold_of(healthy_logs, arguments.diagnoser, vehicle)
     if arguments.follow:
-        alarmed = follow(sys.stdin.buffer, sys.stdout, vehicle, arguments.diagnoser, threshold)
-        close_quietly(sys.stdout)
-        return EXIT_CODES[FAULT if alarmed else HEALTHY]
+        return EXIT_CODES[follow_input(vehicle, arguments.diagnoser, threshold)]
     limits = load_limits(healthy_logs, vehicle)
     setting = Setting(
         command_of(arguments), arguments.diagnoser, why, threshold, vehicle, bool(limits)
@@ -74,6 +74,21 @@ def main(arguments: Diagnose) -> int:
         verdicts = write_verdicts(folder, arguments.logs, setting, limits)
     print(f"\nreport: {arguments.output / 'index.html'}")
     return max(EXIT_CODES[verdict.verdict] for verdict in verdicts)
+
+
+def follow_input(vehicle: VehicleFile, name: str, threshold: float) -> str:
+    """Answer standard input line by line on standard output; the verdict at the end."""
+    if sys.stdin is None:
+        raise refusal("standard input", None, "a stream of lines", "pipe the logger into it")
+    # a lost reader ends the command, and is not waited out
+    sink = without_guard(sys.stdout)
+    try:
+        alarmed = follow(sys.stdin.buffer, sink, vehicle, name, threshold, sys.stderr)
+        close_quietly(sink)
+    except OSError as error:
+        allowed = "standard input and output that work"
+        raise refusal("stream", error.strerror, allowed, "check where they lead") from None
+    return FAULT if alarmed else HEALTHY
 
 
 def threshold_of(healthy_logs: Sequence[Log], name: str, vehicle: VehicleFile) -> float:
@@ -112,7 +127,7 @@ def write_verdicts(
     """Diagnose every log and write results and report; refused if none is usable."""
     verdicts: list[Verdict] = []
     figures: dict[str, list[dict[str, Any]]] = {FAULT: [], HEALTHY: []}
-    names = distinct_names(list(map(str, paths)))
+    names = distinct_names([printable(str(path)) for path in paths])
     for name, one in zip(names, diagnosed(paths, setting, limits), strict=True):
         verdicts.append(one.verdict)
         kind = one.verdict.verdict
@@ -141,7 +156,7 @@ def command_of(arguments: Diagnose) -> str:
     ]
     if arguments.healthy:
         options += ["--healthy", *arguments.healthy]
-    return shlex.join(map(str, ("auv-fault", "diagnose", *options)))
+    return printable(shlex.join(map(str, ("auv-fault", "diagnose", *options))))
 
 
 def diagnosed(paths: Sequence[Path], setting: Setting, limits: Limits) -> Iterator[DiagnosedLog]:
@@ -150,9 +165,9 @@ def diagnosed(paths: Sequence[Path], setting: Setting, limits: Limits) -> Iterat
         try:
             log = read_log(path, setting.vehicle)
         except InputError as error:
-            yield DiagnosedLog(Verdict(str(path), UNUSABLE, remarks=(str(error),)))
+            yield DiagnosedLog(Verdict(printable(str(path)), UNUSABLE, remarks=(str(error),)))
         else:
-            yield diagnosed_log(str(path), log, setting, limits)
+            yield diagnosed_log(printable(str(path)), log, setting, limits)
 
 
 def diagnosed_log(path: str, log: Log, setting: Setting, limits: Limits) -> DiagnosedLog:

@@ -126,7 +126,9 @@ class TableFiles:
         """Write a table behind those before."""
         for name, path in self._paths.items():
             if name not in self._writers:
-                writer = WRITERS[name](str(path), table.schema)
+                # a file, because Arrow takes no path that is not UTF-8
+                file = self._stack.enter_context(path.open("wb"))
+                writer = WRITERS[name](file, table.schema)
                 self._writers[name] = self._stack.enter_context(writer)
             self._writers[name].write_table(table)
 

@@ -1,6 +1,7 @@
 """``auv-fault vehicle init LOG``: proposes a vehicle file from a log."""
 
 from auv_fault_env.errors import refusal
+from auv_fault_env.printable import printable
 from training.arguments import Vehicle
 from training.field.logs.files import read_table
 from training.field.proposal.proposal import propose
@@ -14,7 +15,7 @@ def main(arguments: Vehicle) -> None:
     if arguments.output.exists():
         raise refusal("output", str(arguments.output), "a new file", "choose another --output")
     table = read_table(arguments.log)
-    proposal = propose(table, arguments.log.name.split(".")[0])
+    proposal = propose(table, printable(arguments.log.name.split(".")[0]))
     trial = Trial(False, "no column is a reading: fill in the file by hand, see docs/vehicle.md")
     if proposal.has_reading:
         trial = try_on(arguments.log, proposal.vehicle)

@@ -1,6 +1,7 @@
 """The vehicle file (TOML, docs/vehicle.md): the columns of a vehicle's logs, and the vehicle."""
 
 import json
+import os
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -239,9 +240,13 @@ def write_vehicle(
 
 def write_text(path: Path, text: str) -> None:
     """Write the text of a vehicle file; one that exists is replaced."""
+    path = Path(path)
+    aside = path.with_name(f".{path.name}-{os.getpid()}")
     try:
-        Path(path).write_text(text, encoding="utf-8")
+        aside.write_text(text, encoding="utf-8")
+        aside.replace(path)
     except OSError as error:
+        aside.unlink(missing_ok=True)
         allowed = f"a place that can be written ({error.strerror or error})"
         raise refusal("vehicle file", str(path), allowed, "choose another place") from None
 

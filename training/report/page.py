@@ -42,7 +42,7 @@ def write_report(results: dict[str, Any], folder: Path) -> None:
     environment = Environment(autoescape=True)
     environment.filters["code"] = _with_code
     page = environment.from_string(source).render(results=results, images=images)
-    (folder / "index.html").write_text(page, encoding="utf-8")
+    (folder / "index.html").write_text(page, encoding="utf-8", errors="backslashreplace")
 
 
 def _with_code(text: str) -> Markup:

@@ -9,6 +9,7 @@ import numpy as np
 from auv_fault_env.channels import CHANNELS, COMMANDS, INDEX
 from auv_fault_env.errors import known_name, refusal
 from auv_fault_env.parameters import SAMPLE_TIME
+from auv_fault_env.printable import printable
 from diagnosers.diagnoser import last_values
 from training.field.logs.clock import TimeAxis, time_axis
 from training.field.logs.files import read_table
@@ -23,7 +24,7 @@ LONGEST = 5_000_000  # samples, 139 h
 class Log(NamedTuple):
     """The recording of one mission."""
 
-    name: str  # of the file
+    name: str  # of the file, as it can be shown
     # (n_samples,) [s] from the first sample; after the clock was set it goes on one sample later
     time: np.ndarray
     # (n_samples, n_channels), every `SAMPLE_TIME` within a segment. A reading is NaN where none
@@ -42,6 +43,7 @@ def read_log(path: Path, vehicle: VehicleFile) -> Log:
     cannot be right, or less than 10 s are left.
     """
     path = Path(path)
+    name = printable(path.name)
     table = read_table(path)
     remarks = list(table.remarks)
     columns = {
@@ -53,14 +55,14 @@ def read_log(path: Path, vehicle: VehicleFile) -> Log:
     rows = rows[axis.rows]
     values = {channel: column[rows] for channel, column in columns.items()}
     values = plausible_values(values, vehicle, remarks)
-    long_segments = _long_segments(axis, path.name, remarks)
+    long_segments = _long_segments(axis, name, remarks)
     _remark_if_thinned(axis, remarks)
     observations = observations_of(values)
     grids = [_on_grid(axis.time[segment], observations[segment]) for segment in long_segments]
     time = np.concatenate([time for time, _ in grids])
     observation = np.concatenate([grid for _, grid in grids])
     segments = _consecutive_slices([len(grid) for _, grid in grids])
-    return Log(path.name, time - time[0], observation, segments, tuple(remarks))
+    return Log(name, time - time[0], observation, segments, tuple(remarks))
 
 
 def observations_of(values: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -1,0 +1,80 @@
+"""The standard streams while a command runs: foreign text and a lost reader do no harm."""
+
+import errno
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from io import TextIOWrapper
+from typing import Any, TextIO
+
+from auv_fault_env.printable import printable
+
+
+class Terminal:
+    """A text stream that shows any text, and goes on when its reader or its disk has gone.
+
+    Control characters are escaped. After an error of writing, what follows is discarded.
+    """
+
+    def __init__(self, stream: TextIO, kept: str):
+        self.stream = stream
+        self._kept = kept
+        # not before the arguments are parsed: the help texts have colours
+        self.escapes = False
+        self.error: OSError | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+    def write(self, text: str) -> int:
+        """Write the text as it can be shown."""
+        shown = printable(text, self._kept) if self.escapes else text
+        self._try(self.stream.write, shown)
+        return len(text)
+
+    def flush(self) -> None:
+        """Pass on what has been written."""
+        self._try(self.stream.flush)
+
+    def _try(self, action: Callable[..., Any], *arguments: str) -> None:
+        if self.error is not None:
+            return
+        try:
+            action(*arguments)
+        except OSError as error:
+            self.error = error
+            # what is left in the buffers goes nowhere, so that the end of the process cannot fail
+            with suppress(OSError, ValueError):
+                nowhere = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(nowhere, self.stream.fileno())
+                os.close(nowhere)
+
+    def reason_of_loss(self) -> str:
+        """Why output was lost; empty if none was, or if its reader did not want it."""
+        self.flush()
+        if self.error is None or self.error.errno == errno.EPIPE:
+            return ""
+        return self.error.strerror or str(self.error)
+
+
+@contextmanager
+def terminal() -> Iterator[tuple[Terminal, Terminal]]:
+    """Standard output and standard error as `Terminal` each, until the context ends.
+
+    Characters that the encoding of standard output lacks are replaced. A stream that the process
+    was started without discards all.
+    """
+    with open(os.devnull, "w", encoding="utf-8") as nowhere:
+        output = Terminal(sys.stdout or nowhere, kept="\n\t")
+        # bars of progress return to the start of their line
+        errors = Terminal(sys.stderr or nowhere, kept="\n\t\r")
+        if isinstance(output.stream, TextIOWrapper):
+            output.stream.reconfigure(errors="replace")
+        with redirect_stdout(output), redirect_stderr(errors):
+            yield output, errors
+
+
+def without_guard(stream: TextIO | Terminal) -> TextIO:
+    """The stream itself, whose errors of writing are raised."""
+    return stream.stream if isinstance(stream, Terminal) else stream
