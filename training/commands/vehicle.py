@@ -6,7 +6,7 @@ from training.arguments import Vehicle
 from training.field.logs.files import read_table
 from training.field.proposal.proposal import propose
 from training.field.proposal.text import text_of
-from training.field.proposal.trial import Trial, try_on
+from training.field.proposal.trial import try_on
 from training.field.vehicle_file import write_text
 
 
@@ -16,9 +16,7 @@ def main(arguments: Vehicle) -> None:
         raise refusal("output", str(arguments.output), "a new file", "choose another --output")
     table = read_table(arguments.log)
     proposal = propose(table, printable(arguments.log.name.split(".")[0]))
-    trial = Trial(False, "no column is a reading: fill in the file by hand, see docs/vehicle.md")
-    if proposal.has_reading:
-        trial = try_on(arguments.log, proposal.vehicle)
+    trial = try_on(arguments.log, proposal)
     write_text(arguments.output, text_of(proposal))
     paragraphs = {
         "repaired": table.remarks,

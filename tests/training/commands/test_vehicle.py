@@ -68,6 +68,17 @@ def test_file_without_a_channel_is_written_to_be_filled_in(tmp_path, capsys):
     assert text.count("# [channels.") == 9
 
 
+def test_no_rate_is_stated_where_the_time_cannot_be_read(tmp_path, capsys):
+    log = tmp_path / "log.csv"
+    rows = [f"tick {k},{k % 7},{k % 5 + 0.1}" for k in range(200)]
+    log.write_text("\n".join(["Time,u_mps,motor_current", *rows]))
+    output = tmp_path / "vehicle.toml"
+    assert cli.main(["vehicle", "init", str(log), "--output", str(output)]) == 0
+    printed = capsys.readouterr().out
+    assert "fails      the file does not read this log: 'Time' cannot be read as a time" in printed
+    assert "sample_rate = 10.0  # Hz; the rate is not known" in output.read_text()
+
+
 def test_log_that_cannot_be_read_with_the_file_is_printed(tmp_path, capsys):
     log = tmp_path / "log.csv"
     log.write_text("\n".join(["t,u", *(f"{k / 10},{k % 7}" for k in range(20))]))

@@ -16,6 +16,7 @@ class Found(NamedTuple):
     best: dict[str, Match]  # by quantity, of shafts with its side before it: port_rpm
     left_out: dict[str, str]  # the reason, by label; more is added where motors are described
     unknown: tuple[str, ...]
+    unread_times: tuple[str, ...]  # columns of a time by name, without numbers that can be one
 
 
 def found_columns(table: Table) -> Found:
@@ -32,7 +33,8 @@ def found_columns(table: Table) -> Found:
     left_out = {one.label: one.why for one in refused if one.why}
     unknown = tuple(one.label for one in refused if not one.why)
     best = _best(matches, left_out)
-    return Found(matches, best, left_out, unknown)
+    unread_times = tuple(one.label for one in refused if one.quantity == "time")
+    return Found(matches, best, left_out, unknown, unread_times)
 
 
 def _best(matches: Mapping[str, Match], left_out: dict[str, str]) -> dict[str, Match]:

@@ -88,6 +88,7 @@ class Refused(NamedTuple):
 
     label: str
     why: str  # empty if nothing is known of it
+    quantity: str = ""  # by its name, where its values are against it
 
 
 class Letters(NamedTuple):
@@ -148,7 +149,7 @@ def match_of(
         return Refused(label, "")
     why = _against_values(quantity, unit, values)
     if why:
-        return Refused(label, why)
+        return Refused(label, why, quantity)
     return Match(label, quantity, mark, unit, score, "")
 
 

@@ -29,6 +29,7 @@ COMMENTS = {
     "vehicle.diagnoser": "calibrate chooses it",
     "vehicle.battery": "not in a log: the charge when full",
 }
+RATE_NOT_KNOWN = "the rate is not known; write it, or correct the time of the log"
 NO_COLUMN = Column("?")  # in the file of a log without a reading
 
 
@@ -40,6 +41,11 @@ class Proposal(NamedTuple):
     missing: dict[str, str]  # channels without a column, or the time, and what they are
     left_out: tuple[str, ...]  # columns that are no channel, and why
     unknown: tuple[str, ...]  # columns of which nothing is known
+
+    @property
+    def rate_is_known(self) -> bool:
+        """Whether the rate is that of the log's time, or the log has no column of a time."""
+        return self.comments["vehicle.sample_rate"] != RATE_NOT_KNOWN
 
     @property
     def used(self) -> tuple[str, ...]:
@@ -89,6 +95,9 @@ def propose(table: Table, name: str) -> Proposal:
     used |= {time.column.name} if time else set()
     left_out = tuple(_left_out(found, used, ordered, time))
     missing = dict(_missing(ordered, time, shafts))
+    if time is None and found.unread_times:
+        missing["time"] = f"{found.unread_times[0]!r} cannot be read as a time: {RATE_NOT_KNOWN}"
+        comments["vehicle.sample_rate"] = RATE_NOT_KNOWN
     return Proposal(file, comments, missing, left_out, found.unknown)
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from auv_fault_env.errors import InputError
 from training.field.logs.log import read_log
-from training.field.vehicle_file import VehicleFile
+from training.field.proposal.proposal import Proposal
 
 
 class Trial(NamedTuple):
@@ -15,8 +15,13 @@ class Trial(NamedTuple):
     about: str
 
 
-def try_on(log: Path, vehicle: VehicleFile) -> Trial:
+def try_on(log: Path, proposal: Proposal) -> Trial:
     """Read the log as the file describes it; a rate that is not that of the rows is a failure."""
+    vehicle = proposal.vehicle
+    if not proposal.has_reading:
+        return Trial(False, "no column is a reading: fill it in by hand, see docs/vehicle.md")
+    if not proposal.rate_is_known:
+        return Trial(False, proposal.missing["time"])
     try:
         recording = read_log(log, vehicle)
     except InputError as error:

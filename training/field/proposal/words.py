@@ -8,9 +8,9 @@ the form in which names are compared; phrases are in quotation marks.
 
 # quantities that a channel, the time or the supply has
 QUANTITIES = {
-    "time": """time timestamp timestamps stamp clock epoch utc datetime elapsed unixtime timer |
-        zeit zeitstempel uhrzeit datum | temps heure horodatage | tiempo hora | tempo ora orario |
-        tempo | tid klokkeslett tidspunkt tidsstempel | 时间 時間 时间戳 | 時刻 日時""",
+    "time": """time timestamp timestamps stamp clock epoch utc datetime elapsed unixtime timer
+        | zeit zeitstempel uhrzeit datum | temps heure horodatage | tiempo hora | tempo ora
+        orario | tempo | tid klokkeslett tidspunkt tidsstempel | 时间 時間 时间戳 | 時刻 日時""",
     "speed": """speed velocity velo vel spd | geschwindigkeit fahrt | vitesse | velocidad |
         velocita | velocidade | fart hastighet | 速度 航速 | 船速 速力""",
     "acceleration": """acceleration accel acc udot | beschleunigung | aceleracion |
@@ -43,13 +43,13 @@ ROLES = {
         esc drive | antrieb welle wellen schraube | moteur helice arbre propulseur | eje
         propulsor | motore elica albero propulsore | eixo | propell aksel | 电机 電機 电动机
         推进器 螺旋桨 主机 | 主機 モータ モーター スラスタ スラスター プロペラ 推進器""",
-    "supply": """battery batt bat bus supply pack input | batterie akku bordnetz bord versorgung |
-        accumulateur alimentation | bateria alimentacion | batteria alimentazione | bateria |
-        batteri forsyning | 电池 電池 母线 电源 | バッテリ バッテリー 電源""",
-    "water": """water dvl stw log paddlewheel "paddle wheel" "through water" |
-        "durchs wasser" wasser | eau loch | agua | acqua | vann | 对水 | 対水""",
-    "ground": """ground sog gps gnss "over ground" "speed over ground" | "uber grund" grund grunn |
-        "sur le fond" fond | "sobre fondo" fondo | 对地 | 対地""",
+    "supply": """battery batt bat bus supply pack input | batterie akku bordnetz bord
+        versorgung | accumulateur alimentation | bateria alimentacion | batteria alimentazione
+        | bateria | batteri forsyning | 电池 電池 母线 电源 | バッテリ バッテリー 電源""",
+    "water": """water dvl stw log paddlewheel "paddle wheel" "through water" | "durchs wasser"
+        wasser | eau loch | agua | acqua | vann | 对水 | 対水""",
+    "ground": """ground sog gps gnss "over ground" "speed over ground" | "uber grund" grund
+        grunn | "sur le fond" fond | "sobre fondo" fondo | 对地 | 対地""",
     "surge": "surge forward longitudinal x ahead",
     "port": """port | backbord bb links | babord gauche | babor izquierda izquierdo | sinistra
         sinistro | bombordo esquerda esquerdo | babord venstre | left | 左 左舷 | 左舷""",
@@ -57,9 +57,9 @@ ROLES = {
         estribor derecha derecho | dritta destra destro | estibordo boreste direita direito |
         styrbord hoyre | right | 右 右舷 | 右舷""",
     # a thruster at one of these places is on no side
-    "place": """fore aft bow stern front rear back top bottom upper lower vertical lateral | bug
-        heck vorn hinten bugstrahlruder heckstrahlruder | proue poupe | proa popa | prua poppa |
-        baug akter | 艏 艉 船首 船尾""",
+    "place": """fore aft bow stern front rear back top bottom upper lower vertical lateral |
+        bug heck vorn hinten bugstrahlruder heckstrahlruder | proue poupe | proa popa | prua
+        poppa | baug akter | 艏 艉 船首 船尾""",
     # words without a meaning of their own
     "plain": """vehicle imu ins ahrs ekf nav odom unix posix since start begin boat ship
         vessel auv rov usv asv robot body sensor data value values reading measured
@@ -72,10 +72,10 @@ ROLES = {
 OTHERS = {
     "sound": "sound acoustic | schall | son | sonido | suono | som | lyd | 声速 | 音速",
     "wind": "wind air | luft | vent | viento | vento | vind | 风速 风 | 風速 風",
-    "the sea's current": """"sea current" tidal sea ocean "water current" "ocean current" "current dir"
-        "current speed" "current direction" "current heading" "current velocity" "water vx"
-        "water vy" "water u" "water v" adcp drift tide | stromung | "courant marin" |
-        "corriente marina" | "corrente marina" | havstrom | 海流 潮流""",
+    "the sea's current": """"sea current" tidal sea ocean "water current" "ocean current"
+        "current dir" "current speed" "current direction" "current heading" "current velocity"
+        "water vx" "water vy" "water u" "water v" adcp drift tide | stromung | "courant marin"
+        | "corriente marina" | "corrente marina" | havstrom | 海流 潮流""",
     "sway, heave or turning": """sway heave yaw pitch roll gyro angular angvelo lateral
         vertical z y vy vz ay az angrate turnrate rate | gieren rollen nicken | lacet tangage
         roulis | guinada cabeceo balanceo | imbardata beccheggio rollio | 航向 横摇 纵摇 |

@@ -95,9 +95,13 @@ def test_unit_of_time_and_sample_rate(stamps, scale, rate):
 
 
 def test_log_without_time_has_a_remark():
-    vehicle, _, missing, *_ = propose(Table({"u": SPEED, "time": np.zeros(300)}, ()), "otter")
-    assert vehicle.time is None
-    assert missing["time"].startswith("no column")
+    found = propose(Table({"u": SPEED, "depth": 3 + SPEED}, ()), "otter")
+    assert found.vehicle.time is None
+    assert found.missing["time"].startswith("no column")
+    assert found.rate_is_known
+    found = propose(Table({"u": SPEED, "time": np.full(300, np.nan)}, ()), "otter")
+    assert found.missing["time"].startswith("'time' cannot be read as a time")
+    assert not found.rate_is_known
 
 
 UNITS = {
