@@ -8,6 +8,9 @@ from training.field.proposal.evidence import SIDED, Match, Refused, letters_of, 
 from training.field.proposal.header import name_of
 from training.field.proposal.sides import side_marks, side_of
 
+FURTHER = "a further thruster: a vehicle file has two"
+ALONE = "a further thruster, of which the first ones are not in the log"
+
 
 class Found(NamedTuple):
     """What the columns of a log are."""
@@ -49,7 +52,7 @@ def _best(matches: Mapping[str, Match], left_out: dict[str, str]) -> dict[str, M
             known = all_numbers if len(all_numbers) <= 2 else numbers[channel]
             side = side_of(match.mark, known, first)
             if side is None:
-                left_out[match.label] = "a further thruster: a vehicle file has two"
+                left_out[match.label] = FURTHER if len(known) > 1 else ALONE
                 continue
             channel = f"{side}_{channel}"
         if channel in best and channel != "time":

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-PULSES = (700.0, 2300.0)  # us, limits of the pulses that command a motor driver
+from training.field.proposal.evidence import are_pulses
+
 FEWEST_ROWS = 5  # at which the vehicle stands
 NEAR = 0.1  # of the span, from a usual rest value to that of the log
 ASTERN = 0.2  # share of rows below the middle from which the middle cannot be rest
@@ -51,7 +52,7 @@ def levels_of(
     if is_below > ASTERN and goes_ahead:
         rest, span = min(usual[1:], key=lambda one: abs(one[0] - known.min()))
         return Levels(rest, span, f"{about} that rest at {rest:g}, for the vehicle goes ahead")
-    if PULSES[0] < known.min() or is_below > 0:
+    if are_pulses(known) or is_below > 0:
         return Levels(rest, span, f"{about} that rest at {rest:g}, as is usual; not in the log")
     return None
 
@@ -62,7 +63,7 @@ def _usual(known: np.ndarray, unit: str | None) -> tuple[list[tuple[float, float
     most = known.max()
     if unit in ("%", "pct", "percent"):
         return [(0.0, 100.0)], "percent"
-    if PULSES[0] <= least and most <= PULSES[1]:
+    if are_pulses(known):
         half = 400.0 if least >= 1100 and most <= 1900 else 500.0
         return [(1500.0, half), (1100.0, 2 * half), (1000.0, 2 * half)], "pulses in us"
     is_whole = bool((known == np.round(known)).all())

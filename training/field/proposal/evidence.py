@@ -63,6 +63,7 @@ UNITS_BY_SIZE = {
 }
 # a shaft that never turns faster is taken to be logged in revolutions per second
 SLOWEST_RPM = 60.0
+PULSES = (700.0, 2300.0)  # us, limits of the pulses that command a motor driver
 MIDNIGHT = 0.9 * 86_400.0  # s: a longer step back is that of a clock without a date
 ALSO_SPELT = {("ms", "m/s"): "m/s"}  # speed_ms, where ms alone are milliseconds
 DUTY_UNITS = ("%", "pct", "percent", "us", "µs", "μs", "usec")
@@ -107,10 +108,17 @@ def letters_of(names: Mapping[str, Name]) -> Letters:
             quantities |= {"rpm"} if is_shaft else name.quantities
         if name.symbol in ("u", "v") and name.roles & MEASURED_SPEED:
             quantities.add("speed")
+        elif name.symbol in ("u", "v") and _is_of_motor(name):
+            quantities.add("voltage")
         if name.symbol == "i":
             quantities.add("current")
     letters = frozenset(label.strip() for label in names if len(label.strip()) == 1)
     return Letters(letters, frozenset(quantities))
+
+
+def _is_of_motor(name: Name) -> bool:
+    is_numbered = any(word.isdigit() for word in name.stem)
+    return is_numbered or bool(name.roles & {"motor", "port", "starboard"})
 
 
 def match_of(
@@ -134,7 +142,7 @@ def match_of(
     why = _foreign(name)
     if why:
         return Refused(label, why)
-    quantity, points, why = _quantity(label, name, mark, context)
+    quantity, points, why = _quantity(label, name, mark, values, context)
     if not quantity:
         return Refused(label, why)
     if "place" in name.roles and quantity in SIDED:
@@ -164,7 +172,9 @@ def _foreign(name: Name) -> str:
     return ""
 
 
-def _quantity(label: str, name: Name, mark: Mark, context: Letters) -> tuple[str, int, str]:
+def _quantity(
+    label: str, name: Name, mark: Mark, values: np.ndarray, context: Letters
+) -> tuple[str, int, str]:
     """The quantity by name, its points, and why there is none."""
     quantities = set(name.quantities)
     points = WORD
@@ -172,6 +182,8 @@ def _quantity(label: str, name: Name, mark: Mark, context: Letters) -> tuple[str
         quantities = {"rpm"}
     if quantities == {"time", "current"}:
         quantities = {"time"}  # the time now
+    if quantities == {"speed"} and isinstance(mark, str) and "command" not in name.roles:
+        return "", 0, "a speed of one side could be that of a shaft"
     if len(quantities) > 1:
         return "", 0, f"it could be {' or '.join(sorted(quantities))}"
     if not quantities and name.symbol:
@@ -181,7 +193,7 @@ def _quantity(label: str, name: Name, mark: Mark, context: Letters) -> tuple[str
         quantities = {quantity}
         points = SYMBOL
     if not quantities:
-        quantities = _of_parts(name, mark)
+        quantities = _of_parts(name, mark, values)
         points = UNIT_ALONE
     if not quantities:
         return "", 0, ""
@@ -199,10 +211,11 @@ def _as_command_or_supply(quantity: str, points: int, name: Name, mark: Mark) ->
     return quantity, points
 
 
-def _of_parts(name: Name, mark: Mark) -> set[str]:
-    """The quantity of a name without one: motor_cmd, port [V], surge."""
+def _of_parts(name: Name, mark: Mark, values: np.ndarray) -> set[str]:
+    """The quantity of a name without one: motor_cmd, left_cmd, port [V], motor1 in pulses."""
     is_part = bool(name.roles & {"motor", "supply"}) or mark is not None
-    if "motor" in name.roles and "command" in name.roles and not name.unit:
+    is_motor = "motor" in name.roles or isinstance(mark, str)
+    if is_motor and not name.unit and ("command" in name.roles or are_pulses(values)):
         return {"duty"}
     if is_part:
         kinds = {"V": "voltage", "A": "current", "rpm": "rpm"}
@@ -235,7 +248,8 @@ def _of_u_or_v(label: str, name: Name, is_part: bool, context: Letters) -> tuple
     decide = {"u": _small_u, "v": _small_v, "U": _capital_u, "V": _capital_v}[letter]
     quantity = decide(context.letters, context.quantities)
     if letter == "v" and name.unit:
-        quantity = ""
+        is_only = "u" not in context.letters and "speed" not in context.quantities
+        quantity = "speed" if is_only else ""
     return quantity, "" if quantity else f"{letter!r} could be a speed, sway or a voltage"
 
 
@@ -274,6 +288,8 @@ def _capital_v(letters: frozenset[str], named: frozenset[str]) -> str:
 def _unit(name: Name, quantity: str) -> str | None:
     """The named unit, of the quantity's kind; None if there is none."""
     kind = KINDS[quantity]
+    if kind == "rpm" and "omega" in name.stem and not name.unit:
+        return "rad/s"
     if not kind:
         return name.unit if name.unit in DUTY_UNITS else None
     return ALSO_SPELT.get((name.unit, kind)) or spelt(name.unit, kind)
@@ -326,6 +342,12 @@ def _against_time(known: np.ndarray) -> str:
     growth = steps[steps > 0].sum()
     is_time = growth > 0 and back < 0.5 * growth and np.mean(steps >= 0) > 0.8
     return "" if is_time else "it does not grow as a time does"
+
+
+def are_pulses(values: np.ndarray) -> bool:
+    """Whether the values (n_rows,) are pulses that command a motor driver, in us."""
+    known = values[np.isfinite(values)]
+    return known.size > 0 and PULSES[0] <= known.min() < known.max() <= PULSES[1]
 
 
 def _size(values: np.ndarray) -> float:

@@ -139,27 +139,28 @@ def _words(text: str) -> list[str]:
             words.append(piece)
         elif piece.isascii():
             for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", piece):
-                words += _compound(plain(word)) or [word]
+                words += _compound(plain(word)) or (word,)
         else:
             words += _compound(plain(piece)) or _longest_known(plain(piece))
     return words
 
 
-def _compound(word: str) -> list[str]:
+@cache
+def _compound(word: str) -> tuple[str, ...]:
     """The known words that a compound consists of; empty if it is none."""
     meanings = _meanings()
     shortest = SHORTEST_PART if word.isascii() else 1
     if word in meanings:
-        return [word]
+        return (word,)
     for end in range(len(word) - shortest, shortest - 1, -1):
         head = word[:end]
         if head not in meanings:
             continue
         for link in LINKS:
-            rest = _compound(word[end:].removeprefix(link)) if word[end:].startswith(link) else []
+            rest = _compound(word[end + len(link) :]) if word[end:].startswith(link) else ()
             if rest:
-                return [head, *rest]
-    return []
+                return (head, *rest)
+    return ()
 
 
 def _longest_known(text: str) -> list[str]:

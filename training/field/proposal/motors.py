@@ -8,7 +8,7 @@ import numpy as np
 from auv_fault_env.parameters import SIDES, Vehicle
 from training.field.proposal.columns import Found
 from training.field.proposal.duty import Levels, levels_of
-from training.field.proposal.evidence import KINDS, Match, unit_by_size
+from training.field.proposal.evidence import KINDS, Match, are_pulses, unit_by_size
 from training.field.proposal.guess import Guess, guess_of
 from training.field.units import UNITS
 from training.field.vehicle_file import Column
@@ -17,7 +17,7 @@ STANDING = 0.1  # of the largest speed or shaft speed, below which vehicle or sh
 FEWEST_ROWS = 5  # at which the vehicle stands
 STAYS = 0.5  # of its usual value: a voltage that stays above it while the shaft stands
 STEADY = 0.15  # relative spread of a supply's voltage, at most
-DRIVEN = 0.5  # relative spread of the drive, at least, by which a supply's voltage is known
+DRIVEN = 0.5  # relative spread of the shaft speed, at least, by which a supply's voltage is known
 FURTHER = ("further thruster", "bow or stern")  # in the reason for leaving a thruster out
 PHRASES = {"voltage": "the supply's voltage", "current": "the supply's current"}
 
@@ -89,9 +89,9 @@ def _stays(motors: Motors, side: str, match: Match) -> bool:
     at_rest = values[_standing(motors, side) & np.isfinite(values)]
     if at_rest.size >= FEWEST_ROWS:
         return float(np.median(at_rest)) > STAYS * usual
-    drives = [motors.match(f"{side}_{name}") for name in ("rpm", "current")]
-    spreads = [_spread(motors.values(drive)) for drive in drives if drive]
-    return _spread(values) < STEADY and max(spreads, default=0.0) > DRIVEN
+    rpm = motors.match(f"{side}_rpm")
+    is_driven = rpm is not None and _spread(motors.values(rpm)) > DRIVEN
+    return is_driven and _spread(values) < STEADY
 
 
 def _spread(values: np.ndarray) -> float:
@@ -139,8 +139,7 @@ def _add_shaft_command(motors: Motors, side: str) -> None:
 def _is_duty(match: Match, values: np.ndarray) -> bool:
     """Whether the command of a shaft speed has no unit and the size of a duty."""
     known = values[np.isfinite(values)]
-    is_pulse = 700 <= known.min() and known.max() <= 2300
-    return match.unit is None and (float(abs(known).max()) <= 255 or is_pulse)
+    return match.unit is None and (float(abs(known).max()) <= 255 or are_pulses(known))
 
 
 def _add_duty(motors: Motors, side: str, supply: Match | None) -> None:

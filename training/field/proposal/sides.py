@@ -1,5 +1,6 @@
 """On which side of the vehicle the columns are: by words, short marks in pairs, and numbers."""
 
+from collections import Counter
 from collections.abc import Mapping
 
 from auv_fault_env.parameters import SIDES
@@ -16,10 +17,13 @@ def side_marks(names: Mapping[str, Name]) -> dict[str, Mark]:
     several numbers in a name the one counts that differs between names that are otherwise equal.
     """
     stems = {name.stem for name in names.values()}
-    return {label: _mark(name, stems) for label, name in names.items()}
+    n_alike = Counter(
+        _without(stem, place) for stem in stems for place, word in enumerate(stem) if word.isdigit()
+    )
+    return {label: _mark(name, stems, n_alike) for label, name in names.items()}
 
 
-def _mark(name: Name, stems: set[tuple[str, ...]]) -> Mark:
+def _mark(name: Name, stems: set[tuple[str, ...]], n_alike: Counter) -> Mark:
     words = name.roles & set(SIDES)
     if words:
         return next(iter(words)) if len(words) == 1 else None
@@ -27,25 +31,19 @@ def _mark(name: Name, stems: set[tuple[str, ...]]) -> Mark:
         for word, other, side in zip(pair, reversed(pair), SIDES, strict=True):
             if word in name.stem and _replaced(name.stem, word, other) in stems:
                 return side
-    places = [k for k, word in enumerate(name.stem) if word.isdigit()]
+    places = [place for place, word in enumerate(name.stem) if word.isdigit()]
     if not places:
         return None
-    return int(name.stem[max(places, key=lambda place: _n_siblings(name.stem, place, stems))])
+    return int(name.stem[max(places, key=lambda place: n_alike[_without(name.stem, place)])])
 
 
 def _replaced(stem: tuple[str, ...], word: str, other: str) -> tuple[str, ...]:
     return tuple(other if one == word else one for one in stem)
 
 
-def _n_siblings(stem: tuple[str, ...], place: int, stems: set[tuple[str, ...]]) -> int:
-    """The number of names that are equal but for the number at a place."""
-    same = (
-        one
-        for one in stems
-        if len(one) == len(stem) and one[place].isdigit() and one[:place] == stem[:place]
-        if one[place + 1 :] == stem[place + 1 :]
-    )
-    return sum(1 for _ in same)
+def _without(stem: tuple[str, ...], place: int) -> tuple[str, ...]:
+    """The name with a mark in place of one of its numbers."""
+    return (*stem[:place], "#", *stem[place + 1 :])
 
 
 def side_of(mark: Mark, numbers: list[int], first: int) -> str | None:

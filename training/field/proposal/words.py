@@ -20,9 +20,10 @@ QUANTITIES = {
     "current": """current curr cur amp amps ampere amperes ampers amperage | strom stromstarke
         | courant intensite | corriente intensidad | corrente | corrente | strom stromstyrke |
         电流 電流""",
-    "rpm": """rpm rps rev revs revolutions erpm "shaft speed" "rotational speed" | drehzahl
-        umdrehungen upm | regime "vitesse de rotation" | revoluciones "velocidad de giro" |
-        giri | rotacao rotacoes | turtall omdreininger | 转速 轉速 | 回転数 回転速度""",
+    "rpm": """rpm rps rev revs revolutions erpm "shaft speed" omega "rotational speed" |
+        drehzahl umdrehungen upm | regime "vitesse de rotation" | revoluciones
+        "velocidad de giro" | giri | rotacao rotacoes | turtall omdreininger | 转速 轉速 |
+        回転数 回転速度""",
     "rudder": """rudder rud "delta r" | ruder ruderwinkel ruderlage | gouvernail safran |
         timon | timone | leme | ror rorvinkel | 舵 舵角 方向舵""",
     "stern_plane": """"stern plane" sternplane "stern planes" "stern elevator" elevator planes
@@ -35,9 +36,9 @@ QUANTITIES = {
 # what a word says beside the quantity
 ROLES = {
     "command": """cmd command commanded setpoint "set point" set sp desired des reference ref
-        demand demanded target goal next requested | soll sollwert vorgabe stellwert |
-        consigne commande | consigna comando mando referencia | comando | referencia |
-        settpunkt kommando onsket | 指令 目标 设定 设定值 命令 给定 | 目標 設定""",
+        demand demanded target goal next requested ordered order | soll sollwert vorgabe
+        stellwert | consigne commande | consigna comando mando referencia | comando |
+        referencia | settpunkt kommando onsket | 指令 目标 设定 设定值 命令 给定 | 目標 設定""",
     "mission": "mission | auftrag",
     "motor": """motor motors mot mtr engine thruster thrusters thr prop propeller screw shaft
         esc drive | antrieb welle wellen schraube | moteur helice arbre propulseur | eje
@@ -46,8 +47,8 @@ ROLES = {
     "supply": """battery batt bat bus supply pack input | batterie akku bordnetz bord
         versorgung | accumulateur alimentation | bateria alimentacion | batteria alimentazione
         | bateria | batteri forsyning | 电池 電池 母线 电源 | バッテリ バッテリー 電源""",
-    "water": """water dvl stw log paddlewheel "paddle wheel" "through water" | "durchs wasser"
-        wasser | eau loch | agua | acqua | vann | 对水 | 対水""",
+    "water": """water dvl stw log paddlewheel "paddle wheel" "through water" "sea water" |
+        "durchs wasser" wasser | eau loch | agua | acqua | vann | 对水 | 対水""",
     "ground": """ground sog gps gnss "over ground" "speed over ground" | "uber grund" grund
         grunn | "sur le fond" fond | "sobre fondo" fondo | 对地 | 対地""",
     "surge": "surge forward longitudinal x ahead",
@@ -61,8 +62,8 @@ ROLES = {
         bug heck vorn hinten bugstrahlruder heckstrahlruder | proue poupe | proa popa | prua
         poppa | baug akter | 艏 艉 船首 船尾""",
     # words without a meaning of their own
-    "plain": """vehicle imu ins ahrs ekf nav odom unix posix since start begin boat ship
-        vessel auv rov usv asv robot body sensor data value values reading measured
+    "plain": """vehicle platform wrt imu ins ahrs ekf nav odom unix posix since start begin
+        boat ship vessel auv rov usv asv robot body sensor data value values reading measured
         measurement meas actual act raw filtered filt est estimate estimated mean average avg
         of the in no nr draw feedback fb telemetry status output out channel ch hat fin angle
         de du la le | medida medido real del vehiculo | misura misurato di | medido do da |

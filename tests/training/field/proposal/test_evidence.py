@@ -85,10 +85,11 @@ OTHERS = {
     "rpm_fore": "bow or stern",
     "aft thruster current": "bow or stern",
     "speed_error": "error",
+    "left_speed": "one side",
+    "motor_current_setpoint": "command",
     "motor_temp_V": "temp",
     "current_rpm_port": "could be",
     "yaw_rate_setpoint": "turning",
-    "v [m/s]": "sway",
     "psi_hat [rad]": "direction",
     "r_angvelo [rad/s]": "turning",
     "depth": "direction or place",
@@ -139,6 +140,9 @@ LETTERS = {
     "speed u i n": ("speed", "u"),
     "speed V n": ("speed", "V"),
     "speed voltage U n": ("speed", "voltage"),
+    "t v[m/s] rpm": ("v[m/s]", None),
+    "t u v[m/s] rpm": ("u", None),
+    "t v port_u stbd_u": ("v", "port_u"),
     "v v_set voltage n": ("v", "voltage"),
 }
 
@@ -150,7 +154,8 @@ def test_symbols_by_the_other_columns(header):
     context = letters_of(names)
     found = {}
     for label in labels:
-        match = match_of(label, names[label], None, TIME if label == "t" else SPEED, context)
+        mark = side_marks(names)[label]
+        match = match_of(label, names[label], mark, TIME if label == "t" else SPEED, context)
         if not isinstance(match, Refused):
             found.setdefault(match.quantity.removesuffix("_command"), label)
     assert (found.get("speed"), found.get("voltage")) == LETTERS[header]
