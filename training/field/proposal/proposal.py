@@ -14,7 +14,7 @@ from training.field.proposal.columns import Found, found_columns
 from training.field.proposal.guess import Guess, guess_of
 from training.field.proposal.motors import Motors, guesses_of_motors
 from training.field.proposal.stamps import sample_rate, time_of
-from training.field.vehicle_file import Column, VehicleFile
+from training.field.vehicle_file import QUANTITIES, Column, VehicleFile
 
 # the constant of the vehicle that full scales grow with, by unit
 MAXIMA = {
@@ -55,10 +55,12 @@ class Proposal(NamedTuple):
             named = {"time": self.vehicle.time} | named
         lines = []
         for table, column in named.items():
+            if column == NO_COLUMN:
+                continue
             names = " times ".join(map(repr, column.names))
             why = self.comments.get(f"{table}.column", "")
             lines.append(f"{table.removeprefix('channels.')}: {names}, {why}")
-        return tuple(lines) if self.has_reading else ()
+        return tuple(lines)
 
     @property
     def has_reading(self) -> bool:
@@ -66,6 +68,7 @@ class Proposal(NamedTuple):
         return NO_COLUMN not in self.vehicle.columns.values()
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def propose(table: Table, name: str) -> Proposal:
     """A vehicle file for logs like this one.
 
@@ -151,7 +154,8 @@ def _with_maxima(
         known = abs(values[np.isfinite(values)])
         largest = float(np.percentile(known, 99.5)) if known.size else 0.0
         if largest > max(limits[channel], getattr(vehicle, key)):
-            vehicle = replace(vehicle, **{key: float(f"{1.02 * largest:.2g}")})
+            highest = QUANTITIES[key]["high"]
+            vehicle = replace(vehicle, **{key: min(highest, float(f"{1.01 * largest:.3g}"))})
             comments[f"parameters.{key}"] = "by the largest values of the log"
     return vehicle, comments
 
