@@ -44,6 +44,7 @@ GROUND = -1
 MOTOR = 1
 COMMANDED_VOLTAGE = -2
 UNKNOWN_WORD = -1
+UNKNOWN_HEAD = -2  # besides: of current_task the task is named
 ENOUGH = 2
 # largest magnitudes of any vehicle, in the unit of the channel
 LARGEST = {
@@ -81,7 +82,7 @@ class Match(NamedTuple):
     mark: Mark
     unit: str | None  # None if none is named
     score: int  # the higher, the more certain
-    why: str
+    unknown: tuple[str, ...]  # words of its name without a known meaning
 
 
 class Refused(NamedTuple):
@@ -158,7 +159,7 @@ def match_of(
     why = _against_values(quantity, unit, values)
     if why:
         return Refused(label, why, quantity)
-    return Match(label, quantity, mark, unit, score, "")
+    return Match(label, quantity, mark, unit, score, name.unknown)
 
 
 def _foreign(name: Name) -> str:
@@ -298,7 +299,9 @@ def _unit(name: Name, quantity: str) -> str | None:
 def _points_beside(name: Name, quantity: str, unit: str | None, mark: Mark) -> int:
     """Points of all but the word or the symbol."""
     short_marks = {word for pair in SIDE_PAIRS for word in pair} if isinstance(mark, str) else set()
-    points = UNKNOWN_WORD * len(set(name.unknown) - short_marks) + NAMED_UNIT * bool(unit)
+    points = NAMED_UNIT * bool(unit)
+    points += UNKNOWN_WORD * len(set(name.unknown) - short_marks)
+    points += UNKNOWN_HEAD * len(set(name.unknown_heads) - short_marks)
     if KINDS[quantity] == "m/s":
         points += THROUGH_WATER * ("water" in name.roles)
         points += SURGE * ("surge" in name.roles or "vehicle" in name.stem or name.symbol == "vx")

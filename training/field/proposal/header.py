@@ -48,6 +48,7 @@ class Name(NamedTuple):
     roles: frozenset[str]  # of `ROLES`
     others: dict[str, str]  # words of quantities that no channel has, and what those are
     unknown: tuple[str, ...]  # words without a known meaning
+    unknown_heads: tuple[str, ...]  # those of them that follow the quantity: current_task
     unit: str  # named in brackets, below the header or at the end; empty if none is
     is_unit_apart: bool  # whether the unit stands in brackets or below the header
     stem: tuple[str, ...]  # words and numbers in order, without unit
@@ -245,7 +246,8 @@ def _sorted_words(stem: tuple[str, ...], n_before: int, unit: str, is_unit_apart
     """The name by the meanings of its words, of which the first `n_before` are a path."""
     found: set[str] = set()
     others: dict[str, str] = {}
-    unknown = []
+    unknown: list[str] = []
+    heads: list[str] = []
     symbols = []
     place = 0
     for phrase, meanings in _phrases(stem):
@@ -261,10 +263,21 @@ def _sorted_words(stem: tuple[str, ...], n_before: int, unit: str, is_unit_apart
         if phrase in SYMBOLS:
             symbols.append(phrase)
         elif not is_in_path:
-            unknown.append(phrase)
+            follows = bool(symbols or found & QUANTITIES.keys())
+            (heads if follows else unknown).append(phrase)
     quantities = frozenset(found & QUANTITIES.keys())
     symbol = symbols[0] if len(symbols) == 1 and not quantities else ""
     if len(symbols) > 1 and not quantities:
         unknown += symbols
     roles = frozenset(found & ROLES.keys())
-    return Name(quantities, symbol, roles, others, tuple(unknown), unit, is_unit_apart, stem)
+    return Name(
+        quantities,
+        symbol,
+        roles,
+        others,
+        (*unknown, *heads),
+        tuple(heads),
+        unit,
+        is_unit_apart,
+        stem,
+    )

@@ -79,7 +79,12 @@ def _supply(motors: Motors, side: str) -> Match | None:
     own = motors.match(f"{side}_voltage")
     if own and _stays(motors, side, own):
         return own
-    return motors.match("supply_voltage")
+    of_side = (
+        match
+        for match in motors.found.matches.values()
+        if match.quantity == "supply_voltage" and match.mark == side
+    )
+    return next(of_side, motors.match("supply_voltage"))
 
 
 def _stays(motors: Motors, side: str, match: Match) -> bool:

@@ -47,27 +47,29 @@ ROLES = {
     "supply": """battery batt bat bus supply pack input | batterie akku bordnetz bord
         versorgung | accumulateur alimentation | bateria alimentacion | batteria alimentazione
         | bateria | batteri forsyning | 电池 電池 母线 电源 | バッテリ バッテリー 電源""",
-    "water": """water dvl stw log paddlewheel "paddle wheel" "through water" "sea water" |
-        "durchs wasser" wasser | eau loch | agua | acqua | vann | 对水 | 対水""",
+    "water": """water dvl stw log paddlewheel "paddle wheel" paddle "through water"
+        "sea water" | "durchs wasser" wasser | eau loch | agua | acqua | vann | 对水 | 対水""",
     "ground": """ground sog gps gnss "over ground" "speed over ground" | "uber grund" grund
         grunn | "sur le fond" fond | "sobre fondo" fondo | 对地 | 対地""",
-    "surge": "surge forward longitudinal x ahead",
+    "surge": "surge forward fwd longitudinal x ahead",
     "port": """port | backbord bb links | babord gauche | babor izquierda izquierdo | sinistra
         sinistro | bombordo esquerda esquerdo | babord venstre | left | 左 左舷 | 左舷""",
     "starboard": """starboard stbd starb | steuerbord stb rechts | tribord droite droit |
         estribor derecha derecho | dritta destra destro | estibordo boreste direita direito |
         styrbord hoyre | right | 右 右舷 | 右舷""",
     # a thruster at one of these places is on no side
-    "place": """fore aft bow stern front rear back top bottom upper lower vertical lateral |
-        bug heck vorn hinten bugstrahlruder heckstrahlruder | proue poupe | proa popa | prua
-        poppa | baug akter | 艏 艉 船首 船尾""",
+    "place": """forward fwd fore aft bow stern front rear back top bottom upper lower vertical
+        lateral | bug heck vorn hinten bugstrahlruder heckstrahlruder | proue poupe | proa
+        popa | prua poppa | baug akter | 艏 艉 船首 船尾""",
     # words without a meaning of their own
-    "plain": """vehicle platform wrt imu ins ahrs ekf nav odom unix posix since start begin
-        boat ship vessel auv rov usv asv robot body sensor data value values reading measured
-        measurement meas actual act raw filtered filt est estimate estimated mean average avg
-        of the in no nr draw feedback fb telemetry status output out channel ch hat fin angle
-        de du la le | medida medido real del vehiculo | misura misurato di | medido do da |
-        malt faktisk av farkost | 值 实际 测量 角度 | 角 実測 値""",
+    "plain": """vehicle sense sensed monitor monitored mon adc inst instantaneous now calc
+        computed corrected smooth smoothed lpf sample logged main platform wrt imu ins ahrs
+        ekf nav odom unix posix since start begin boat ship vessel auv rov usv asv robot body
+        sensor data value values reading measured measurement meas actual act raw filtered
+        filt est estimate estimated mean average avg of the in no nr draw feedback fb
+        telemetry status output out channel ch hat fin angle de du la le | medida medido real
+        del vehiculo | misura misurato di | medido do da | malt faktisk av farkost | 值 实际
+        测量 角度 | 角 実測 値""",
 }
 # words of columns that are none of the channels, by what they are
 OTHERS = {
@@ -107,13 +109,19 @@ OTHERS = {
     "a property of water or parts": """temperature temp pressure humidity leak salinity
         conductivity turbidity concentration oxygen chlorophyll fluorescence density ph ctd
         cell cells phase resistance impedance frequency freq weight mass ballast buoyancy vbd
-        mag magnetometer light servo winch camera | temperatur druck zelle | pression |
-        presion | pressione | trykk | 温度 压力 单体 相 | 圧力""",
+        mag magnetometer | temperatur druck zelle | pression | presion | pressione | trykk |
+        温度 压力 单体 相 | 圧力""",
+    "another device": """pump fan winch generator alternator heater led lamp light lights
+        strobe camera sonar payload computer cpu pc solar pv panel charger modem radio antenna
+        servo servos gripper crane laser hotel house aux auxiliary instrument instruments
+        electronics rail compressor valve steering chiller bilge trim flap | pumpe lufter
+        heizung lichtmaschine | pompe ventilateur | bomba ventilador | ventola | pumpe vifte |
+        水泵 泵 风扇 | ポンプ ファン""",
     "time that is left or counted otherwise": """timeout duration age uptime latency delay eta
         "time to" "time left" period interval dt deltat | dauer | duree | duracion | durata""",
 }
 # words of `OTHERS` that matter also where they stand in a group's name: wind/speed
-GROUPS = ("sound", "wind", "the sea's current", "a limit", "a setting")
+GROUPS = ("sound", "wind", "the sea's current", "a limit", "a setting", "another device")
 GROUP_WORDS = frozenset({"cell", "cells", "temperature", "position", "ned", "enu"})
 # symbols of one letter and the like: quantity by itself, and with a side or a part of a shaft
 SYMBOLS = {

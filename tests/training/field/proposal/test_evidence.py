@@ -98,6 +98,11 @@ OTHERS = {
     "x [m]": "",
     "v_of_something_strange": "could be",
     "n_packets": "",
+    "current_task": "",
+    "speed_knob": "",
+    "bilge_pump_current": "another device",
+    "fan/rpm": "another device",
+    "port_fwd_rpm": "bow or stern",
 }
 
 
