@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.parameters import FASTEST
+from auv_fault_env.parameters import FASTEST, SIDES
 from training.field.proposal.header import Name
 from training.field.proposal.sides import Mark
 from training.field.proposal.words import SIDE_PAIRS, SYMBOLS
@@ -202,7 +202,7 @@ def _quantity(
 
 
 def _as_command_or_supply(quantity: str, points: int, name: Name, mark: Mark) -> tuple[str, int]:
-    """The quantity as that of a command or of the supply, if a word says so."""
+    """The quantity as that of a command or of the supply where a word names one."""
     if "supply" in name.roles and "motor" not in name.roles and quantity in ("voltage", "current"):
         return f"supply_{quantity}", points
     if quantity == "speed" and "mission" in name.roles:
@@ -237,11 +237,15 @@ def _of_symbol(label: str, name: Name, mark: Mark, context: Letters) -> tuple[st
 
 def _of_u_or_v(label: str, name: Name, is_part: bool, context: Letters) -> tuple[str, str]:
     """u and v are a speed or a voltage: by unit, side and the other columns."""
-    if is_part or spelt(name.unit, "V"):
+    letter = U_OR_V.search(label)[0]
+    has_words = bool(name.roles & {"motor", "supply", *SIDES})
+    is_ambiguous = letter.islower() and not has_words and "current" not in context.quantities
+    if spelt(name.unit, "V") or (is_part and not is_ambiguous):
         return "voltage", ""
+    if is_part:
+        return "", f"{letter!r} with a number could be a voltage, a speed or a command"
     if name.roles & SPEED_ROLES:
         return "speed", ""
-    letter = U_OR_V.search(label)[0]
     if spelt(name.unit, "m/s") and letter != "v":
         return "speed", ""
     if letter == "v" and "u" in context.letters and context.letters & TURNS:

@@ -35,6 +35,7 @@ LETTER_UNITS = {
     "h": frozenset({"time"}),
     "g": frozenset({"acceleration"}),
 }
+NO_UNIT = (*MISSING, "1")
 NEITHER_V_NOR_A = frozenset({"rpm", "duty", "time", "rudder"})
 LETTERS = str.maketrans({"ø": "o", "Ø": "O", "æ": "ae", "Æ": "Ae", "ß": "ss"})
 LINKS = ("", "s", "n", "en", "es", "e")  # between the parts of a compound
@@ -50,7 +51,6 @@ class Name(NamedTuple):
     unknown: tuple[str, ...]  # words without a known meaning
     unknown_heads: tuple[str, ...]  # those of them that follow the quantity: current_task
     unit: str  # named in brackets, below the header or at the end; empty if none is
-    is_unit_apart: bool  # whether the unit stands in brackets or below the header
     stem: tuple[str, ...]  # words and numbers in order, without unit
 
 
@@ -93,7 +93,7 @@ def name_of(label: str, unit: str = "") -> Name:
         text = ""
     text, bracket_unit, bracket_words = _without_brackets(text)
     unit = unit or bracket_unit
-    is_apart = bool(unit)
+    unit = "" if unit in NO_UNIT else unit
     groups = [_words(part) for part in PATH.split(text) if part]
     groups = [words for words in groups if words] or [[]]
     words = [word for group in groups for word in group] + bracket_words
@@ -101,7 +101,7 @@ def name_of(label: str, unit: str = "") -> Name:
         words, unit = _without_unit(words)
     stem = tuple(map(plain, words))
     n_before = _words_before_quantity(groups)
-    return _sorted_words(stem, n_before, unit, is_apart)
+    return _sorted_words(stem, n_before, unit)
 
 
 def _without_brackets(text: str) -> tuple[str, str, list[str]]:
@@ -113,7 +113,7 @@ def _without_brackets(text: str) -> tuple[str, str, list[str]]:
         first = content.split()[:1]
         if is_unit(content) or other_unit(content):
             unit = unit or content.strip()
-        elif not all(map(_is_known, pieces)):
+        elif not _are_known(pieces):
             unit = unit or (first[0] if first and is_unit(first[0]) else content.strip())
         else:
             words += pieces
@@ -126,6 +126,12 @@ def _without_brackets(text: str) -> tuple[str, str, list[str]]:
                 text = text[: match.start(match.lastindex)].rstrip("/, ").removesuffix(" in")
                 break
     return text, unit, words
+
+
+def _are_known(words: Sequence[str]) -> bool:
+    """Whether all words and phrases have a meaning."""
+    phrases = _phrases(tuple(map(plain, words)))
+    return all(meanings or _is_known(phrase) for phrase, meanings in phrases)
 
 
 def _is_known(word: str) -> bool:
@@ -242,7 +248,7 @@ def _phrases(words: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
         k += count
 
 
-def _sorted_words(stem: tuple[str, ...], n_before: int, unit: str, is_unit_apart: bool) -> Name:
+def _sorted_words(stem: tuple[str, ...], n_before: int, unit: str) -> Name:
     """The name by the meanings of its words, of which the first `n_before` are a path."""
     found: set[str] = set()
     others: dict[str, str] = {}
@@ -270,14 +276,5 @@ def _sorted_words(stem: tuple[str, ...], n_before: int, unit: str, is_unit_apart
     if len(symbols) > 1 and not quantities:
         unknown += symbols
     roles = frozenset(found & ROLES.keys())
-    return Name(
-        quantities,
-        symbol,
-        roles,
-        others,
-        (*unknown, *heads),
-        tuple(heads),
-        unit,
-        is_unit_apart,
-        stem,
-    )
+    words = (*unknown, *heads)
+    return Name(quantities, symbol, roles, others, words, tuple(heads), unit, stem)
