@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from training.field.logs.table import Table
-from training.field.proposal.evidence import SIDED, Match, Refused, letters_of, match_of
+from training.field.proposal.evidence import OF_NO_SIDE, SIDED, Match, Refused, match_of
 from training.field.proposal.header import name_of
 from training.field.proposal.sides import side_marks, side_of
+from training.field.proposal.symbols import letters_of
 
 FURTHER = "a further thruster: a vehicle file has two"
 ALONE = "a further thruster, of which the first ones are not in the log"
@@ -20,6 +21,11 @@ class Found(NamedTuple):
     left_out: dict[str, str]  # the reason, by label; more is added where motors are described
     unknown: tuple[str, ...]
     unread_times: tuple[str, ...]  # columns of a time by name, without numbers that can be one
+
+    @property
+    def has_further_thrusters(self) -> bool:
+        """Whether thrusters are left out for which a vehicle file has no place."""
+        return not {FURTHER, ALONE, OF_NO_SIDE}.isdisjoint(self.left_out.values())
 
 
 def found_columns(table: Table) -> Found:

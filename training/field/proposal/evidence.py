@@ -1,16 +1,15 @@
 """What a column can be: a quantity with a score, by name, unit and values, or why it is none."""
 
 import math
-import re
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.parameters import FASTEST, SIDES
+from auv_fault_env.parameters import FASTEST
 from training.field.proposal.header import Name
 from training.field.proposal.sides import Mark
-from training.field.proposal.words import SIDE_PAIRS, SYMBOLS
+from training.field.proposal.symbols import Letters, quantity_of_symbol
+from training.field.proposal.words import SIDE_PAIRS
 from training.field.units import UNITS, spelt
 
 # unit of the channel by quantity; a duty has none
@@ -33,6 +32,7 @@ KINDS = {
 SIDED = ("voltage", "current", "rpm", "duty", "rpm_command")
 COMMANDS = ("speed_command", "mission_speed", "rudder", "stern_plane", "duty", "rpm_command")
 WITHOUT_COMMAND = ("time", "acceleration", "current", "supply_current", "supply_voltage")
+OF_NO_SIDE = "a thruster at bow or stern, vertical or lateral, is on neither side"
 # evidence, in points
 WORD = 4  # a word names the quantity
 UNIT_ALONE = 3  # a part of the vehicle and a unit stand for the quantity
@@ -68,10 +68,6 @@ PULSES = (700.0, 2300.0)  # us, limits of the pulses that command a motor driver
 MIDNIGHT = 0.9 * 86_400.0  # s: a longer step back is that of a clock without a date
 ALSO_SPELT = {("ms", "m/s"): "m/s"}  # speed_ms, where ms alone are milliseconds
 DUTY_UNITS = ("%", "pct", "percent", "us", "µs", "μs", "usec")
-U_OR_V = re.compile(r"(?<![^\W\d_])[uUvV](?![^\W\d_])|[uUvV]")
-MEASURED_SPEED = frozenset({"water", "ground", "surge"})
-SPEED_ROLES = MEASURED_SPEED | {"command", "mission"}
-TURNS = frozenset("rwpq")  # letters of sway, heave and turning beside u and v
 
 
 class Match(NamedTuple):
@@ -91,35 +87,6 @@ class Refused(NamedTuple):
     label: str
     why: str  # empty if nothing is known of it
     quantity: str = ""  # by its name, where its values are against it
-
-
-class Letters(NamedTuple):
-    """What the names of a whole log say about its columns of one letter."""
-
-    letters: frozenset[str]  # names of one letter
-    quantities: frozenset[str]  # that words or other symbols name
-
-
-def letters_of(names: Mapping[str, Name]) -> Letters:
-    """The context of a log's symbols."""
-    quantities: set[str] = set()
-    for name in names.values():
-        if not name.others and not name.roles & {"supply", "command", "mission"}:
-            is_shaft = "motor" in name.roles and name.quantities == {"speed"}
-            quantities |= {"rpm"} if is_shaft else name.quantities
-        if name.symbol in ("u", "v") and name.roles & MEASURED_SPEED:
-            quantities.add("speed")
-        elif name.symbol in ("u", "v") and _is_of_motor(name):
-            quantities.add("voltage")
-        if name.symbol == "i":
-            quantities.add("current")
-    letters = frozenset(label.strip() for label in names if len(label.strip()) == 1)
-    return Letters(letters, frozenset(quantities))
-
-
-def _is_of_motor(name: Name) -> bool:
-    is_numbered = any(word.isdigit() for word in name.stem)
-    return is_numbered or bool(name.roles & {"motor", "port", "starboard"})
 
 
 def match_of(
@@ -147,7 +114,7 @@ def match_of(
     if not quantity:
         return Refused(label, why)
     if "place" in name.roles and quantity in SIDED:
-        return Refused(label, "a thruster at bow or stern, vertical or lateral, is on neither side")
+        return Refused(label, OF_NO_SIDE)
     if "command" in name.roles and quantity in WITHOUT_COMMAND:
         return Refused(label, f"a command of {_spoken(quantity)} is no channel")
     unit = _unit(name, quantity)
@@ -188,7 +155,7 @@ def _quantity(
     if len(quantities) > 1:
         return "", 0, f"it could be {' or '.join(sorted(quantities))}"
     if not quantities and name.symbol:
-        quantity, why = _of_symbol(label, name, mark, context)
+        quantity, why = quantity_of_symbol(label, name, mark, context)
         if not quantity:
             return "", 0, why
         quantities = {quantity}
@@ -222,72 +189,6 @@ def _of_parts(name: Name, mark: Mark, values: np.ndarray) -> set[str]:
         kinds = {"V": "voltage", "A": "current", "rpm": "rpm"}
         return {quantity for kind, quantity in kinds.items() if spelt(name.unit, kind)}
     return {"speed"} if "surge" in name.stem else set()
-
-
-def _of_symbol(label: str, name: Name, mark: Mark, context: Letters) -> tuple[str, str]:
-    """The quantity of a symbol, and why there is none."""
-    alone, of_part = SYMBOLS[name.symbol]
-    is_part = mark is not None or bool(name.roles & {"motor", "supply"})
-    if name.symbol in ("u", "v"):
-        return _of_u_or_v(label, name, is_part, context)
-    if label.strip() == "A":
-        return "", "it could be a current in A or an acceleration"
-    return (of_part if is_part else alone) or "", ""
-
-
-def _of_u_or_v(label: str, name: Name, is_part: bool, context: Letters) -> tuple[str, str]:
-    """u and v are a speed or a voltage: by unit, side and the other columns."""
-    letter = U_OR_V.search(label)[0]
-    has_words = bool(name.roles & {"motor", "supply", *SIDES})
-    is_ambiguous = letter.islower() and not has_words and "current" not in context.quantities
-    if spelt(name.unit, "V") or (is_part and not is_ambiguous):
-        return "voltage", ""
-    if is_part:
-        return "", f"{letter!r} with a number could be a voltage, a speed or a command"
-    if name.roles & SPEED_ROLES:
-        return "speed", ""
-    if spelt(name.unit, "m/s") and letter != "v":
-        return "speed", ""
-    if letter == "v" and "u" in context.letters and context.letters & TURNS:
-        return "", "beside u and the turn rates it is sway"
-    decide = {"u": _small_u, "v": _small_v, "U": _capital_u, "V": _capital_v}[letter]
-    quantity = decide(context.letters, context.quantities)
-    if letter == "v" and name.unit:
-        is_only = "u" not in context.letters and "speed" not in context.quantities
-        quantity = "speed" if is_only else ""
-    return quantity, "" if quantity else f"{letter!r} could be a speed, sway or a voltage"
-
-
-def _small_u(letters: frozenset[str], named: frozenset[str]) -> str:
-    if "speed" in named:
-        return "voltage" if "i" in letters and "voltage" not in named else "speed"
-    return "" if letters >= {"v", "i"} and not letters & TURNS else "speed"
-
-
-def _small_v(letters: frozenset[str], named: frozenset[str]) -> str:
-    if "u" in letters:
-        return ""
-    if "U" in letters or "voltage" in named:
-        return "" if "speed" in named else "speed"
-    is_electric = "current" in named if "speed" in named else "i" in letters
-    return "voltage" if is_electric else ""
-
-
-def _capital_u(letters: frozenset[str], named: frozenset[str]) -> str:
-    has_voltage = "V" in letters or "voltage" in named
-    if letters >= {"u", "v"}:
-        return ""  # the whole speed of u, v and w, or a voltage
-    if letters & {"u", "v"} or "speed" in named:
-        return "" if has_voltage else "voltage"
-    if has_voltage:
-        return "speed"
-    return "voltage" if "current" in named else ""
-
-
-def _capital_v(letters: frozenset[str], named: frozenset[str]) -> str:
-    if "u" in letters or "speed" in named:
-        return "voltage"
-    return "voltage" if "current" in named and "voltage" not in named else ""
 
 
 def _unit(name: Name, quantity: str) -> str | None:

@@ -60,10 +60,11 @@ def plain(text: str) -> str:
     >>> plain("Tensão"), plain("Strømstyrke")
     ('tensao', 'stromstyrke')
     """
-    return _without_accents(text).casefold()
+    return without_accents(text).casefold()
 
 
-def _without_accents(text: str) -> str:
+def without_accents(text: str) -> str:
+    """The text without accents, in letters of usual width, capitals kept."""
     letters = unicodedata.normalize("NFKD", text.translate(LETTERS))
     kept = "".join(letter for letter in letters if not unicodedata.combining(letter))
     return unicodedata.normalize("NFKC", kept).replace("−", "-")
@@ -88,7 +89,7 @@ def name_of(label: str, unit: str = "") -> Name:
     >>> name.quantities, sorted(name.roles), name.unit, name.stem
     (frozenset({'current'}), ['motor'], 'mA', ('thruster', '2', 'current'))
     """
-    text = _without_accents(label).strip()
+    text = without_accents(label).strip()
     if plain(text) in MISSING:
         text = ""
     text, bracket_unit, bracket_words = _without_brackets(text)

@@ -18,7 +18,6 @@ FEWEST_ROWS = 5  # at which the vehicle stands
 STAYS = 0.5  # of its usual value: a voltage that stays above it while the shaft stands
 STEADY = 0.15  # relative spread of a supply's voltage, at most
 DRIVEN = 0.5  # relative spread of the shaft speed, at least, by which a supply's voltage is known
-FURTHER = ("further thruster", "bow or stern")  # in the reason for leaving a thruster out
 PHRASES = {"voltage": "the supply's voltage", "current": "the supply's current"}
 
 
@@ -107,9 +106,9 @@ def _spread(values: np.ndarray) -> float:
 def _add_supply_current(motors: Motors, sides: list[str]) -> None:
     """The supply's current for that of the only motor, less what is drawn at standstill."""
     match = motors.match("supply_current")
-    further = any(name in why for why in motors.found.left_out.values() for name in FURTHER)
     is_measured = any(f"{side}_current" in motors.guesses for side in SIDES)
-    if not match or is_measured or further or len(sides) != 1:
+    is_only = len(sides) == 1 and not motors.found.has_further_thrusters
+    if not match or is_measured or not is_only:
         return
     column = guess_of(match, motors.columns).column
     values = column.scale * motors.columns[match.label]

@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from tests.training.field.proposal.missions import SPEED, TIME
-from training.field.proposal.evidence import Refused, letters_of, match_of
+from training.field.proposal.evidence import Refused, match_of
 from training.field.proposal.header import name_of
 from training.field.proposal.sides import side_marks
+from training.field.proposal.symbols import letters_of
 
 # names that logs have, and what they are: quantity, mark of the side, unit
 NAMES = {
@@ -152,6 +153,8 @@ LETTERS = {
     "speed u i n": ("speed", "u"),
     "speed V n": ("speed", "V"),
     "speed voltage U n": ("speed", "voltage"),
+    "t u_p u_s speed": ("speed", "u_p"),
+    "t ü rpm": ("ü", None),
     "t speed u1 u2": ("speed", None),
     "t speed u1 i1": ("speed", "u1"),
     "t speed U1 n1": ("speed", "U1"),
