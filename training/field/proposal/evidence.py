@@ -165,18 +165,18 @@ def _quantity(
         points = UNIT_ALONE
     if not quantities:
         return "", 0, ""
-    return *_as_command_or_supply(quantities.pop(), points, name, mark), ""
+    return _as_command_or_supply(quantities.pop(), name), points, ""
 
 
-def _as_command_or_supply(quantity: str, points: int, name: Name, mark: Mark) -> tuple[str, int]:
+def _as_command_or_supply(quantity: str, name: Name) -> str:
     """The quantity as that of a command or of the supply where a word names one."""
     if "supply" in name.roles and "motor" not in name.roles and quantity in ("voltage", "current"):
-        return f"supply_{quantity}", points
+        return f"supply_{quantity}"
     if quantity == "speed" and "mission" in name.roles:
-        return "mission_speed", points
+        return "mission_speed"
     if "command" in name.roles and quantity in ("speed", "rpm"):
-        return f"{quantity}_command", points
-    return quantity, points
+        return f"{quantity}_command"
+    return quantity
 
 
 def _of_parts(name: Name, mark: Mark, values: np.ndarray) -> set[str]:

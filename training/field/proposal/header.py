@@ -20,8 +20,8 @@ from training.field.proposal.words import (
 from training.field.units import is_unit, other_unit
 
 BRACKETS = re.compile(r"[\[({]([^\[\](){}]*)[\])}]")
-UNIT_AT_END = re.compile(r"(?:\s+in\s+|\s*,\s*|\s+/\s*)([^\s,]+)$")
-SYMBOL_PER_UNIT = re.compile(r"([A-Za-z])/(.+)")  # U/V, as DIN 1313 writes it
+UNIT_AT_END = re.compile(r"(?:\s+in\s+|\s*,\s*|\s+/\s*)(?P<unit>[^\s,]+)$")
+SYMBOL_PER_UNIT = re.compile(r"[A-Za-z]/(?P<unit>.+)")  # U/V, as DIN 1313 writes it
 EAST_ASIAN = "\u3040-\u30ff\u3400-\u9fff"
 PIECES = re.compile(rf"[{EAST_ASIAN}]+|(?:(?![{EAST_ASIAN}])[^\W\d_])+|\d{{1,6}}")
 PATH = re.compile(r"/|::|(?<!\d)\.|\.(?!\d)")
@@ -111,21 +111,18 @@ def _without_brackets(text: str) -> tuple[str, str, list[str]]:
     words: list[str] = []
     for content in BRACKETS.findall(text):
         pieces = _words(content)
-        first = content.split()[:1]
+        first = content.partition(" ")[0]
         if is_unit(content) or other_unit(content):
             unit = unit or content.strip()
-        elif not _are_known(pieces):
-            unit = unit or (first[0] if first and is_unit(first[0]) else content.strip())
-        else:
+        elif _are_known(pieces):
             words += pieces
+        else:
+            unit = unit or (first if is_unit(first) else content.strip())
     text = BRACKETS.sub(" ", text).strip()
-    if not unit:
-        for pattern in (SYMBOL_PER_UNIT, UNIT_AT_END):
-            match = pattern.fullmatch(text) if pattern is SYMBOL_PER_UNIT else pattern.search(text)
-            if match and (is_unit(match[match.lastindex]) or other_unit(match[match.lastindex])):
-                unit = match[match.lastindex]
-                text = text[: match.start(match.lastindex)].rstrip("/, ").removesuffix(" in")
-                break
+    match = SYMBOL_PER_UNIT.fullmatch(text) or UNIT_AT_END.search(text)
+    if not unit and match and (is_unit(match["unit"]) or other_unit(match["unit"])):
+        unit = match["unit"]
+        text = text[: match.start("unit")].rstrip("/, ").removesuffix(" in")
     return text, unit, words
 
 
@@ -172,7 +169,7 @@ def _compound(word: str) -> tuple[str, ...]:
 
 
 def _longest_known(text: str) -> list[str]:
-    """Words of a text without blanks, each the longest that is known; else single letters."""
+    """Words of a text without blanks, each the longest that is known; the rest is one word."""
     words = []
     while text:
         ends = range(len(text), 0, -1)

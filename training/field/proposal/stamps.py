@@ -15,6 +15,7 @@ EPOCHS = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}
 # least step between two rows in this unit
 STEPS = {"ns": 5e6, "us": 5e3, "ms": 3.0, "s": 1e-4}
 SPREADSHEET_DAYS = (20_000.0, 80_000.0)  # d since 1900, of the years 1954 to 2119
+YEAR_2001 = 1e9  # s since 1970
 LONGEST_STEP = 10.0  # s, of a log that counts from 1970
 COARSE_CLOCK = 0.3  # share of rows with the stamp of the row before
 RATES = (0.5, 1e4)  # Hz, that a vehicle file can have
@@ -26,9 +27,15 @@ def time_of(matches: Mapping[str, Match], columns: Mapping[str, np.ndarray]) -> 
     if not times:
         return None
     match = max(times, key=lambda one: (one.score, _share_of_steps(columns[one.label])))
+    stamps = columns[match.label]
+    named = Guess(Column(match.label, UNITS["s"][match.unit or "s"]), "by its name")
+    unit, why = _unit(stamps)
+    is_date = unit in EPOCHS and np.nanmedian(stamps) * UNITS["s"][unit] > YEAR_2001
+    is_believed = unit == match.unit or not is_date
+    if match.unit and is_believed and _is_possible(_rate(named, columns)):
+        return named
     if match.unit:
-        return Guess(Column(match.label, UNITS["s"][match.unit]), "by its name")
-    unit, why = _unit(columns[match.label])
+        why += f"; in {match.unit}, as its name says, it would be wrong"
     return Guess(Column(match.label, UNITS["s"][unit]), why)
 
 
@@ -55,11 +62,19 @@ def sample_rate(time: Guess | None, columns: Mapping[str, np.ndarray]) -> tuple[
     """Rows per second in Hz, and why; a clock with few ticks counts the rows between two."""
     if time is None:
         return SAMPLE_RATE, "a guess: no time in the log"
+    rate = _rate(time, columns)
+    if _is_possible(rate):
+        return rate, "by the stamps of its rows"
+    return SAMPLE_RATE, f"a guess: the stamps say {rate:g} Hz, which cannot be"
+
+
+def _rate(time: Guess, columns: Mapping[str, np.ndarray]) -> float:
     stamps = time.column.scale * columns[time.column.name]
     steps = np.diff(stamps[np.isfinite(stamps)])
     is_coarse = np.mean(steps == 0) > COARSE_CLOCK
     step = steps[steps >= 0].mean() if is_coarse else np.median(steps[steps > 0])
-    rate = float(f"{1 / step:.3g}")
-    if RATES[0] <= rate <= RATES[1]:
-        return rate, "by the stamps of its rows"
-    return SAMPLE_RATE, f"a guess: the stamps say {rate:g} Hz, which cannot be"
+    return float(f"{1 / step:.3g}")
+
+
+def _is_possible(rate: float) -> bool:
+    return RATES[0] <= rate <= RATES[1]

@@ -78,7 +78,7 @@ OTHERS = {
     "the sea's current": """"sea current" tidal sea ocean "water current" "ocean current"
         "current dir" "current speed" "current direction" "current heading" "current velocity"
         "water vx" "water vy" "water u" "water v" adcp drift tide | stromung | "courant marin"
-        | "corriente marina" | "corrente marina" | havstrom | 海流 潮流""",
+        | "corriente marina" | "corrente marina" | havstrom | 海流 潮流 水流 流速""",
     "sway, heave or turning": """sway heave yaw pitch roll gyro angular angvelo lateral
         vertical z y vy vz ay az angrate turnrate rate | gieren rollen nicken | lacet tangage
         roulis | guinada cabeceo balanceo | imbardata beccheggio rollio | 航向 横摇 纵摇 |

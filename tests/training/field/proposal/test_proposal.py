@@ -94,6 +94,20 @@ def test_unit_of_time_and_sample_rate(stamps, scale, rate):
     assert vehicle.sample_rate == rate
 
 
+MISNAMED = {
+    "a date in seconds, called ms": ("time_ms", EPOCH + TIME, 1.0),
+    "milliseconds, called s": ("time_s", 1e3 * TIME, 1e-3),
+    "a date in milliseconds, called s": ("time_s", 1e3 * (EPOCH + TIME), 1e-3),
+}
+
+
+@pytest.mark.parametrize(("name", "stamps", "scale"), MISNAMED.values(), ids=MISNAMED)
+def test_unit_of_time_that_cannot_be_is_not_believed(name, stamps, scale):
+    vehicle, comments, *_ = propose(Table({name: stamps, "u": SPEED}, ()), "otter")
+    assert (vehicle.time.scale, vehicle.sample_rate) == (scale, 10.0)
+    assert "as its name says" in comments["time.column"]
+
+
 def test_log_without_time_has_a_remark():
     found = propose(Table({"u": SPEED, "depth": 3 + SPEED}, ()), "otter")
     assert found.vehicle.time is None
