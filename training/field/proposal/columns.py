@@ -49,16 +49,14 @@ def found_columns(table: Table) -> Found:
 def _best(matches: Mapping[str, Match], left_out: dict[str, str]) -> dict[str, Match]:
     """The match with most points for each quantity and side; of equal ones, the first."""
     best: dict[str, Match] = {}
-    numbers = {quantity: _numbers(matches, (quantity,)) for quantity in SIDED}
-    all_numbers = _numbers(matches, SIDED)
-    first = min(1, *all_numbers) if all_numbers else 1
+    numbers = _numbers_of_shafts(matches)
+    first = min(1, *(number for known in numbers.values() for number in known), 1)
     for match in sorted(matches.values(), key=lambda one: -one.score):
         channel = match.quantity
         if channel in SIDED:
-            known = all_numbers if len(all_numbers) <= 2 else numbers[channel]
-            side = side_of(match.mark, known, first)
+            side = side_of(match.mark, numbers[channel], first)
             if side is None:
-                left_out[match.label] = FURTHER if len(known) > 1 else ALONE
+                left_out[match.label] = FURTHER if len(numbers[channel]) > 1 else ALONE
                 continue
             channel = f"{side}_{channel}"
         if channel in best and channel != "time":
@@ -68,7 +66,19 @@ def _best(matches: Mapping[str, Match], left_out: dict[str, str]) -> dict[str, M
     return best
 
 
-def _numbers(matches: Mapping[str, Match], quantities: tuple[str, ...]) -> list[int]:
-    """The numbers of shafts in the names of these quantities, in order."""
-    marks = {match.mark for match in matches.values() if match.quantity in quantities}
-    return sorted(mark for mark in marks if isinstance(mark, int))
+def _numbers_of_shafts(matches: Mapping[str, Match]) -> dict[str, list[int]]:
+    """The numbers of the shafts by quantity, in order.
+
+    A shaft has one number in all quantities, unless some count two shafts from 0, others from 1.
+    """
+    own = {
+        quantity: {
+            match.mark
+            for match in matches.values()
+            if match.quantity == quantity and isinstance(match.mark, int)
+        }
+        for quantity in SIDED
+    }
+    together = set().union(*own.values())
+    counts_differ = {0, 1} in own.values() and {1, 2} in own.values() and together == {0, 1, 2}
+    return {quantity: sorted(own[quantity] if counts_differ else together) for quantity in SIDED}

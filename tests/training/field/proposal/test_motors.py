@@ -124,6 +124,23 @@ def test_sides(port, starboard):
     assert vehicle.columns["starboard_rpm"].name == starboard
 
 
+def test_a_shaft_has_one_number_in_all_quantities():
+    columns = {f"esc[{k}].rpm": SIGNALS["rpm"] for k in range(4)}
+    columns |= {f"esc[{k}].current": SIGNALS["A"] for k in range(1, 4)}
+    found = channels(**columns)
+    assert found["starboard_rpm"].name == "esc[1].rpm"
+    assert found["starboard_current"].name == "esc[1].current"
+    assert "port_current" not in found
+
+
+def test_quantities_may_count_two_shafts_from_0_and_from_1():
+    signals = {"esc0_rpm": "rpm", "esc1_rpm": "rpm 2", "motor1_amps": "A", "motor2_amps": "A 2"}
+    found = channels(**{name: SIGNALS[signal] for name, signal in signals.items()})
+    assert found["port_rpm"].name == "esc0_rpm"
+    assert found["port_current"].name == "motor1_amps"
+    assert found["starboard_current"].name == "motor2_amps"
+
+
 def test_one_shaft_has_no_starboard():
     vehicle = proposal(esc0_rpm=SIGNALS["rpm"], esc0_current=SIGNALS["A"]).vehicle
     assert vehicle.shafts == 1
