@@ -11,22 +11,26 @@ import numpy as np
 
 from auv_fault_env.errors import InputError, refusal
 from auv_fault_env.printable import printable
+from training.field.logs import dataflash_table, mcap_table, ulog_table
 from training.field.logs.bags import read_bag
 from training.field.logs.foreign import START, foreign_format
 from training.field.logs.limits import check_content
+from training.field.logs.mavlink_table import is_tlog, tlog_table
 from training.field.logs.parquet_table import parquet_table
 from training.field.logs.table import Table
 from training.field.logs.text_table import text_table
 
 # readers of files that are read piece by piece, by the first bytes
 READERS: dict[bytes, Callable[[Path], Table]] = {
-    b"\x89MCAP": read_bag,
+    mcap_table.START: mcap_table.mcap_table,
+    dataflash_table.START: dataflash_table.dataflash_table,
     b"SQLite format 3\0": read_bag,
     b"#ROSBAG": read_bag,
 }
 # readers of the content of a file; text has no first bytes of its own
 CONTENT_READERS: dict[bytes, Callable[[bytes, str], Table]] = {
     b"PAR1": parquet_table,
+    ulog_table.START: ulog_table.ulog_table,
     b"": text_table,
 }
 GZIP_START = b"\x1f\x8b"
@@ -38,7 +42,7 @@ def read_table(path: Path) -> Table:
     path = Path(path)
     log = printable(path.name)
     start = _start(path)
-    reader = read_bag if start is None else _reader(READERS, start)
+    reader = read_bag if start is None else _file_reader(start)
     if reader:
         return reader(path)
     content, remarks = _content(path, log)
@@ -47,13 +51,17 @@ def read_table(path: Path) -> Table:
         raise refusal("log", log, allowed, "the file is empty")
     if foreign := foreign_format(content[:START], log):
         raise foreign
-    if _reader(READERS, content):
-        raise refusal("log", f"{log}: gzip of a bag", "one that is not packed", "use gunzip")
+    if _file_reader(content[:START]):
+        raise refusal("log", f"{log}: gzip", "text, Parquet or ULog in it", "unpack it with gunzip")
     table = _reader(CONTENT_READERS, content)(content, log)
     if not any(np.isfinite(values).any() for values in table.columns.values()):
         allowed = "a table with at least one column of numbers"
         raise refusal("log", log, allowed, "check what was exported")
     return table._replace(remarks=(*remarks, *table.remarks))
+
+
+def _file_reader(start: bytes) -> Callable[[Path], Table] | None:
+    return tlog_table if is_tlog(start) else _reader(READERS, start)
 
 
 def _reader(readers: dict[bytes, Callable], start: bytes) -> Callable | None:

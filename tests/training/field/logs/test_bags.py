@@ -218,5 +218,5 @@ def test_a_bag_without_numbers_is_refused(tmp_path):
 
 def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
-    with pytest.raises(InputError, match=r"auv-fault\[formats\]"):
+    with pytest.raises(InputError, match=r"auv-fault\[logs\]"):
         read_bag(tmp_path)
