@@ -153,7 +153,7 @@ class Calibrate:
     vehicle: Path
     """Vehicle file (TOML) to start from; `auv-fault vehicle init` proposes one."""
     logs: Annotated[Positional[tuple[Path, ...]], arg(metavar="LOGS")]
-    """Healthy logs, one mission each: CSV, Parquet, MCAP, as the vehicle file describes them."""
+    """Healthy logs, one mission each: text, Parquet, bags, logs of autopilots (docs/logs.md)."""
     output: Path = Path("runs/calibrate")
     """Folder of vehicle.toml and the report; an earlier run there is replaced."""
 
@@ -165,7 +165,7 @@ class Diagnose:
     vehicle: Path
     """Vehicle file (TOML), best the one that calibrate wrote."""
     logs: Annotated[Positional[tuple[Path, ...]], arg(metavar="LOGS")] = ()
-    """Logs: CSV, Parquet, MCAP, as the vehicle file describes them."""
+    """Logs: text, Parquet, bags, logs of autopilots (docs/logs.md)."""
     diagnoser: str | None = None
     """By default that of the vehicle file, which calibrate chooses. filter_bank; residuals after
     calibration; with all channels at 10 Hz also integrated, cusum, rules, limits,
@@ -211,7 +211,7 @@ class Vehicle:
     action: Annotated[Positional[Literal["init"]], arg(metavar="ACTION")]
     """init: propose a file."""
     log: Annotated[Positional[Path], arg(metavar="LOG")]
-    """A log of the vehicle, best a healthy one on which the speed changes: CSV, Parquet, MCAP."""
+    """A log of the vehicle, best a healthy one on which the speed changes; formats: docs/logs.md."""
     output: Path = Path("vehicle.toml")
     """File to write; one that exists is not replaced."""
 

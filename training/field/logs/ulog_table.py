@@ -14,6 +14,23 @@ from training.field.logs.text_table import one_line
 START = b"ULog\x01\x12\x35"
 REMEDY = "write the topics of the readings as CSV: ulog2csv -m TOPIC,TOPIC"
 DEEPEST = 20  # types within types
+MOST_SHORT_READS = 1000
+
+
+class Content(io.BytesIO):
+    """The bytes of a file, for a library that reads beyond the end of a damaged one for ever."""
+
+    def __init__(self, content: bytes):
+        super().__init__(content)
+        self._n_short = 0
+
+    def read(self, size: int = -1) -> bytes:
+        """Read; `EOFError` after many attempts beyond the end."""
+        part = super().read(size)
+        self._n_short += len(part) < size
+        if self._n_short > MOST_SHORT_READS:
+            raise EOFError("damaged near its end")
+        return part
 
 
 def ulog_table(content: bytes, log: str) -> Table:
@@ -24,13 +41,16 @@ def ulog_table(content: bytes, log: str) -> Table:
     """
     ulog = _read(content, log)
     columns = MessageColumns(log, ".", REMEDY)
+    remarks = []
     for topic in ulog.data_list:
+        if "timestamp" not in topic.data:
+            remarks.append(f"{topic.name}: has no time; left out")
+            continue
         series = Series(topic.data["timestamp"].astype("i8"))
         series.fields = {
             name: values for name, values in topic.data.items() if not name.startswith("timestamp")
         }
         columns.series[topic.name, (str(topic.multi_id),)] = series
-    remarks = []
     if ulog.file_corruption:
         remarks.append("ULog: damaged parts left out")
     if ulog.dropouts:
@@ -43,9 +63,9 @@ def _read(content: bytes, log: str) -> Any:
     core = import_from_extra("pyulog.core", "logs")
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # the library prints its warnings
-            head = core.ULog(io.BytesIO(content), parse_header_only=True)
+            head = core.ULog(Content(content), parse_header_only=True)
             _check_formats(head.message_formats, log)
-            return core.ULog(io.BytesIO(content))
+            return core.ULog(Content(content))
     except InputError:
         raise
     except Exception as error:  # damage makes the library raise exceptions of any kind

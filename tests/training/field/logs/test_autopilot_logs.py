@@ -84,6 +84,12 @@ def test_ulog_whose_types_unfold_without_end_is_refused_before_they_do(tmp_path)
         read_table(write(tmp_path, endless, "log.ulg"))
 
 
+def test_a_ulog_that_its_library_would_read_for_ever_is_refused(tmp_path):
+    content = ulog(ESC_FORMATS, [], []) + struct.pack("<HB", 20_000, 0)
+    with pytest.raises(InputError, match="damaged near its end"):
+        read_table(write(tmp_path, content, "log.ulg"))
+
+
 def test_a_damaged_ulog_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"log\.ulg'; allowed is"):
         read_table(write(tmp_path, px4()[:10], "log.ulg"))
