@@ -7,8 +7,9 @@ import csv
 import json
 import math
 import os
+import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from typing import Any, BinaryIO, TextIO
 
@@ -26,24 +27,24 @@ from training.field.logs.cells import (
     LONGEST_LINE,
     MISSING,
     cells_of,
-    decimal_mark,
-    is_unit_row,
     matching_names,
-    number,
-    seconds,
     separator_of,
-    with_decimal_point,
+    share_of_values,
     without_stray_quotes,
 )
 from training.field.logs.clock import GAP
+from training.field.logs.encoding import encoding_of
+from training.field.logs.header_rows import is_byte_row, is_unit_row
 from training.field.logs.log import observations_of
+from training.field.logs.numerals import is_grouped
 from training.field.logs.plausible import IMPOSSIBLE, largest_magnitudes
 from training.field.logs.resolution import printed_resolution
+from training.field.logs.stream_cells import PLAIN, Row, StreamClock, StreamNumbers
 from training.field.logs.table import unique_labels
 from training.field.vehicle_file import Column, VehicleFile
 
 SOURCE = "standard input"
-Row = Mapping[str, Any]  # the cells of a line by the name of their column
+TRUTH = {"true": 1.0, "false": 0.0}
 
 
 class BadLine(ValueError):
@@ -92,18 +93,16 @@ def follow(
 
 
 def rows(source: BinaryIO, vehicle: VehicleFile, errors: TextIO) -> Iterator[tuple[int, Row]]:
-    """Line number and cells of every line that can be read."""
-    is_json = None
-    csv_rows = None
+    """Line number and cells of every line that can be read, with plain numbers."""
+    reader = None
     for line_number, text in lines(source):
-        if is_json is None:
-            is_json = text.lstrip().startswith("{")
         try:
-            if is_json:
-                yield line_number, json_row(text)
-            elif csv_rows is None:
-                csv_rows = CsvRows(text, vehicle)
-            elif (row := csv_rows.row(text)) is not None:
+            if reader is None:
+                is_json = text.lstrip().startswith("{")
+                reader = JsonRows(vehicle) if is_json else csv_rows(text, vehicle)
+                if not is_json:
+                    continue
+            if reader is not None and (row := reader.row(text)) is not None:
                 yield line_number, row
         except BadLine as error:
             print(f"line {line_number}: {error}; left out", file=errors)
@@ -117,10 +116,25 @@ def lines(source: BinaryIO) -> Iterator[tuple[int, str]]:
         rest = line
         while rest and not rest.endswith(b"\n"):
             rest = source.readline(LONGEST_LINE)
-        encoding = "utf-8-sig" if line_number == 1 else "utf-8"
-        text = line.decode(encoding, "replace").rstrip("\r\n")
+        encoding = encoding_of(line) if line_number == 1 else "utf-8"
+        if encoding.startswith("utf-16"):
+            remedy = "put `iconv -f UTF-16 -t UTF-8` before it"
+            raise refusal(SOURCE, "text in UTF-16", "text in UTF-8", remedy)
+        text = _decoded(line).removeprefix("\ufeff").rstrip("\r\n")
         if text.strip():
             yield line_number, text
+
+
+def _decoded(line: bytes) -> str:
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("latin-1")
+
+
+def csv_rows(header: str, vehicle: VehicleFile) -> "CsvRows | None":
+    """The rows below a header; None for the line before it in which a spreadsheet says how."""
+    return None if re.fullmatch(r"sep=.", header.strip()) else CsvRows(header, vehicle)
 
 
 class CsvRows:
@@ -134,14 +148,19 @@ class CsvRows:
         header = header.lstrip(COMMENT_MARKS)
         self._separator = separator_of([header])
         self._names = cells_of(header, self._separator)
-        for column in filter(None, (*vehicle.columns.values(), vehicle.time)):
-            for name in column.names:
-                known_name("column of the vehicle file", name, self._names)
+        needed = needed_columns(vehicle, self._names)
+        if not set(needed) & set(self._names):
+            allowed = f"the header as first line, with {', '.join(needed)}"
+            remedy = "leave out the lines before it, or diagnose the log as a file"
+            raise refusal(SOURCE, header.strip(), allowed, remedy)
+        for name in needed:
+            known_name("column of the vehicle file", name, self._names)
+        self._numbers = StreamNumbers(self._separator, needed)
         self._labels: list[str] | None = None
-        self._decimal_mark: str | None = None
+        self._has_units = False
 
     def row(self, text: str) -> Row | None:
-        """The cells by column; None for the row of units under the header."""
+        """The cells by column; None for a row of units or types under the header."""
         try:
             cells = cells_of(without_stray_quotes(text), self._separator)
         except csv.Error as error:
@@ -150,32 +169,46 @@ class CsvRows:
         if len(cells) != len(names):
             raise BadLine(f"{len(cells)} cells below a header of {len(names)}")
         if self._labels is None:
-            if is_unit_row(cells):
+            if share_of_values(cells) == 0 or is_unit_row(cells):
+                self._has_units = True
+                return None
+            if self._has_units and is_byte_row(cells):
                 return None
             self._labels = unique_labels(names, SOURCE, [])
-        self._decimal_mark = self._decimal_mark or decimal_mark([cells])
-        if self._decimal_mark == ",":
-            cells = map(with_decimal_point, cells)
-        return dict(zip(self._labels, cells, strict=True))
+        return self._numbers.plain(dict(zip(self._labels, cells, strict=True)))
 
 
-def json_row(text: str) -> Row:
-    """The values of a JSON object by column."""
-    try:
-        row = json.loads(text)
-    except (ValueError, RecursionError):
-        raise BadLine("no JSON object") from None
-    if not isinstance(row, dict):
-        raise BadLine("no JSON object")
-    return row
+class JsonRows:
+    """The rows of a stream of JSON objects."""
+
+    def __init__(self, vehicle: VehicleFile):
+        self._numbers = StreamNumbers("", needed_columns(vehicle, ()))
+
+    def row(self, text: str) -> Row:
+        """The values of an object by column."""
+        try:
+            row = json.loads(text)
+        except (ValueError, RecursionError):
+            raise BadLine("no JSON object") from None
+        if not isinstance(row, dict):
+            raise BadLine("no JSON object")
+        return self._numbers.plain(row)
+
+
+def needed_columns(vehicle: VehicleFile, names: Iterable[str]) -> list[str]:
+    """The columns of a stream with these names that the vehicle file refers to."""
+    columns = [name for column in vehicle.columns.values() for name in column.names]
+    if vehicle.time is not None:
+        columns += StreamClock(vehicle.time, names).columns
+    return list(dict.fromkeys(columns))
 
 
 def value_of(cell: Any, column: Column) -> float:
     """A cell in the channel's unit, NaN if it is no finite number."""
-    value = number(str(cell))
-    if value is None:
-        return math.nan
-    scaled = value * column.scale + column.offset
+    text = str(cell)
+    if not PLAIN.fullmatch(text):
+        return TRUTH.get(text.lower(), math.nan) * column.scale + column.offset
+    scaled = float(text) * column.scale + column.offset
     return scaled if math.isfinite(scaled) else math.nan
 
 
@@ -185,17 +218,6 @@ def reading_of(row: Row, column: Column) -> float:
     if column.times is not None:
         value *= value_of(row.get(column.times), Column(column.times))
     return value
-
-
-def time_of(cell: Any, column: Column) -> float:
-    """A cell of the time's column in seconds: a number or a time stamp."""
-    time = value_of(cell, column)
-    if not math.isnan(time):
-        return time
-    stamp = seconds(cell) if isinstance(cell, str) else None
-    if stamp is None:
-        raise BadLine(f"no time in {column.name!r}: {str(cell)[:40]!r}")
-    return stamp * column.scale + column.offset
 
 
 def printed_resolutions(row: Row, vehicle: VehicleFile) -> dict[str, float]:
@@ -219,6 +241,7 @@ class Stream:
         self._threshold = threshold
         self._persistence = persistence(vehicle)
         self._no_reading = np.full((1, len(CHANNELS)), np.nan)
+        self._clock: StreamClock | None = None  # of the columns of the first line
         self._index = 0  # of the last sample since the diagnoser started
         self._n_low = 0  # samples in a row with p(normal) below the threshold
         magnitudes = largest_magnitudes(vehicle.vehicle)
@@ -262,7 +285,8 @@ class Stream:
         limit = self._limits[channel]
         if math.isnan(value):
             if cell.lower() not in MISSING:
-                self.remarks.append(f"{channel}: {shown!r}")
+                may_be = " may be a decimal number or thousands" if is_grouped(cell) else ""
+                self.remarks.append(f"{channel}: {shown!r}{may_be}")
         elif abs(value) > limit:
             self.remarks.append(f"{channel}: {shown!r} is beyond {limit:.3g}")
             value = math.nan
@@ -270,9 +294,14 @@ class Stream:
 
     def _time(self, row: Row) -> float:
         column = self._vehicle.time
-        if column is not None:
-            return time_of(row.get(column.name), column)
-        return 0.0 if self.time is None else self.time + 1.0 / self._vehicle.sample_rate
+        if column is None:
+            return 0.0 if self.time is None else self.time + 1.0 / self._vehicle.sample_rate
+        if self._clock is None:
+            self._clock = StreamClock(column, row)
+        seconds = self._clock.seconds(row)
+        if seconds is None:
+            raise BadLine(f"no time in {column.name!r}: {str(row.get(column.name))[:40]!r}")
+        return seconds
 
     def _update(self, observation: np.ndarray) -> None:
         self._belief = self._diagnoser.update(observation)

@@ -4,22 +4,22 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
-from datetime import UTC, datetime
 
-import numpy as np
-
-from training.field.units import is_unit
+from training.field.logs.numerals import NARROW_MARKS, UNIT
+from training.field.logs.stamps import is_stamp
 
 # of the cells of a line, by the name in remarks; the last: any number of blanks
 SEPARATORS = {"\t": "tabs", ";": "semicolons", "|": "bars", ",": "commas", " ": "blanks"}
 COMMENT_MARKS = "#%/"
 LONGEST_LINE = 100_000  # characters
-MISSING = ("", *"- -- --- ? * nan null none nil na n/a #n/a nat missing".split())
-WORDS = dict.fromkeys(MISSING, float("nan")) | {"true": 1.0, "false": 0.0}
-TIME_STAMP = re.compile(r"\d[\d.:/ TZ+-]*:\d\d[\d.,:Z+-]*")
-DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(e[+-]?\d+)?", re.IGNORECASE)
-DECIMAL_POINT = re.compile(r"[+-]?\d*\.\d+(e[+-]?\d+)?", re.IGNORECASE)
-DAY_FIRST = re.compile(r"(\d\d)\.(\d\d)\.(\d{4})")
+MISSING = ("", *"- -- --- ? * nan null none nil na n/a n.a. nat missing".split())
+# what spreadsheets write for a value that they do not have
+MISSING += ("#n/a", "#na", "#nv", "#value!", "#wert!", "#div/0!", "#ref!", "#bezug!", "#num!")
+VALUE_WORDS = frozenset((*MISSING, "true", "false", "inf", "-inf", "infinity", "-infinity"))
+VALUE = re.compile(
+    rf"[+\-\u2212]?(?:\d{{1,3}}(?:[.,{NARROW_MARKS}]\d{{3}})+|\d*)(?:\d[.,]?|[.,]\d+)"
+    rf"(?:[eE][+-]?\d+)?\s*(?:{UNIT})?"
+)
 
 
 def cells_of(line: str, separator: str) -> list[str]:
@@ -48,7 +48,7 @@ def separator_of(lines: Sequence[str]) -> str:
         rows = [cells_of(line, separator) for line in lines]
         width = usual_width(rows)
         shares = [share_of_values(row) for row in rows if len(row) == width]
-        return width > 1, float(np.mean(shares))
+        return width > 1, sum(shares) / len(rows)
 
     return max(SEPARATORS, key=score)
 
@@ -66,34 +66,7 @@ def share_of_values(row: Sequence[str]) -> float:
 
 
 def _is_value(cell: str) -> bool:
-    return number(with_decimal_point(cell)) is not None or TIME_STAMP.fullmatch(cell) is not None
-
-
-def decimal_mark(rows: Sequence[Sequence[str]]) -> str | None:
-    """Comma or point, whichever the numbers of the rows have; the point if both; None if neither.
-
-    >>> (
-    ...     decimal_mark([["1", "0,5"]]),
-    ...     decimal_mark([["0.5", "1,5"]]),
-    ...     decimal_mark([["1"]]),
-    ... )
-    (',', '.', None)
-    """
-    cells = [cell for row in rows for cell in row]
-    if any(map(DECIMAL_POINT.fullmatch, cells)):
-        return "."
-    return "," if any(map(DECIMAL_COMMA.fullmatch, cells)) else None
-
-
-def with_decimal_point(cell: str) -> str:
-    """The cell with a point for each comma."""
-    return cell.replace(",", ".")
-
-
-def is_unit_row(row: Sequence[str]) -> bool:
-    """Whether most cells of the row name a unit; empty cells aside."""
-    filled = [cell for cell in row if cell]
-    return sum(map(is_unit, filled)) * 2 > len(filled)
+    return bool(VALUE.fullmatch(cell)) or cell.lower() in VALUE_WORDS or is_stamp(cell)
 
 
 def matching_names(
@@ -112,37 +85,3 @@ def matching_names(
         if separator in "\t ":
             return ["", *names]
     return names
-
-
-def number(cell: str) -> float | None:
-    """The number in a cell, NaN for a word that means missing, None for other text.
-
-    >>> number("1e3"), number("true"), number("fast")
-    (1000.0, 1.0, None)
-    """
-    try:
-        return float(cell)
-    except ValueError:
-        return WORDS.get(cell.lower())
-
-
-def seconds(cell: str) -> float | None:
-    """Seconds since 1970, or since midnight, of a time stamp; None for other text.
-
-    A stamp is in ISO form, or its date is written with points or slashes.
-
-    >>> (
-    ...     seconds("1970-01-02T00:00:01.5Z"),
-    ...     seconds("02.01.1970 00:00:01"),
-    ...     seconds("00:01:00"),
-    ... )
-    (86401.5, 86401.0, 60.0)
-    """
-    text = DAY_FIRST.sub(r"\3-\2-\1", cell).replace("/", "-")
-    has_date = "-" in text[:8]
-    try:
-        stamp = datetime.fromisoformat(text if has_date else f"1970-01-01T{text}")
-        in_zone = stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)
-        return in_zone.timestamp()
-    except (ValueError, OverflowError):
-        return None

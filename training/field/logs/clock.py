@@ -5,9 +5,13 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.errors import refusal
+from training.field.units import UNITS
 
 GAP = 5.0  # s: a longer one begins a new segment
-JUMP = 86_400.0  # s: a longer gap means that the clock was set, not that time has passed
+HOUR = 3600.0  # s
+DAY = 86_400.0  # s
+WEEK = 7 * DAY
+JUMP = DAY  # a longer gap means that the clock was set, not that time has passed
 LATEST = 1e20  # s: beyond, a number is no time in any unit
 UNORDERED = 0.1  # share of steps back in time from which the rows have no order
 SETTLED = 3  # rows after a step back within which a clock that was not set back catches up
@@ -28,6 +32,27 @@ class TimeAxis(NamedTuple):
         return np.append(self.starts[1:], self.time.size)
 
 
+def unwrapped(stamps: np.ndarray, period: float, share: float = 1 / 24) -> np.ndarray:
+    """Stamps [s] (n_rows,) of a clock that begins again after each period, as stamps that go on.
+
+    It begins again where a stamp is less than the one before it and would follow it within this
+    share of the period; otherwise the clock was set back.
+
+    >>> unwrapped(np.array([86_399.0, 0.0, 1.0]), DAY)
+    array([86399., 86400., 86401.])
+    """
+    if np.isinf(period):
+        return stamps
+    rows = np.flatnonzero(~np.isnan(stamps))
+    step = np.diff(stamps[rows])
+    is_begun = (step < 0) & (step + period <= share * period)
+    is_undone = (step > 0) & (step - period >= -share * period)  # rows out of order at the turn
+    turns = np.append(0, np.cumsum(is_begun.astype(int) - is_undone.astype(int)))
+    continued = stamps.copy()
+    continued[rows] += period * turns
+    return continued
+
+
 def time_axis(stamps: np.ndarray, sample_rate: float, remarks: list[str]) -> TimeAxis:
     """Put the rows of a log into the order of time.
 
@@ -40,7 +65,8 @@ def time_axis(stamps: np.ndarray, sample_rate: float, remarks: list[str]) -> Tim
     kind = "rows with a stamp far from those around it left out"
     _add_remark(remarks, is_isolated.sum(), kind)
     rows = rows[~is_isolated]
-    time = stamps[rows] - stamps[rows[0]]
+    time = _over_turns(stamps[rows])
+    time = time - time[0]
     time = _between_coarse_ticks(time, sample_rate, remarks)
     n_restarts = _restarts_before(time, remarks)
     order = np.lexsort((time, n_restarts))
@@ -53,6 +79,14 @@ def time_axis(stamps: np.ndarray, sample_rate: float, remarks: list[str]) -> Tim
     _check_rate(time, sample_rate, remarks)
     is_restart = np.diff(n_restarts[order]) > 0
     return _with_segments(rows[order], time, is_restart, sample_rate, remarks)
+
+
+def _over_turns(time: np.ndarray) -> np.ndarray:
+    """The time of a clock that counts the seconds of a day or of a week, beyond its turns."""
+    for period in (DAY, WEEK):
+        if time.min() >= 0.0 and time.max() < period:
+            time = unwrapped(time, period, share=GAP / period)
+    return time
 
 
 def _add_remark(remarks: list[str], count: int, kind: str) -> None:
@@ -123,7 +157,9 @@ def _check_rate(time: np.ndarray, sample_rate: float, remarks: list[str]) -> Non
         expected = f"{ratio:.3g} times what sample_rate = {sample_rate:g} Hz says"
         allowed = "stamps in the unit that [time] names"
         got = f"rows {step:.3g} s apart, {expected}"
-        raise refusal("time", got, allowed, "correct the unit or sample_rate")
+        fitting = [unit for unit, factor in UNITS["s"].items() if 0.7 < ratio * factor < 1.4]
+        hint = f" ({' or '.join(fitting)}?)" if fitting else ""
+        raise refusal("time", got, allowed, f"correct the unit{hint} or sample_rate")
     if not 0.8 < ratio < 1.25:
         expected = f"not {1 / sample_rate:.3g} s as sample_rate says"
         remarks.append(f"time: rows are {step:.3g} s apart, {expected}")

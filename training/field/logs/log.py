@@ -51,7 +51,7 @@ def read_log(path: Path, vehicle: VehicleFile) -> Log:
         for channel, column in vehicle.columns.items()
     }
     rows = _rows_with_numbers(columns)
-    axis = time_axis(_stamps(table, vehicle)[rows], vehicle.sample_rate, remarks)
+    axis = time_axis(_stamps(table, vehicle, remarks)[rows], vehicle.sample_rate, remarks)
     rows = rows[axis.rows]
     values = {channel: column[rows] for channel, column in columns.items()}
     values = plausible_values(values, vehicle, remarks)
@@ -87,6 +87,8 @@ def observations_of(values: Mapping[str, np.ndarray]) -> np.ndarray:
 def _scaled_column(table: Table, thing: str, column: Column) -> np.ndarray:
     for name in column.names:
         known_name(f"column of {thing}", name, table.columns)
+        if name in table.refusals:
+            raise table.refusals[name]
     with np.errstate(over="ignore"):
         values = column.scale * table.columns[column.name] + column.offset
         return values if column.times is None else values * table.columns[column.times]
@@ -98,9 +100,14 @@ def _rows_with_numbers(columns: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.flatnonzero(has_number) if has_number.any() else np.arange(has_number.size)
 
 
-def _stamps(table: Table, vehicle: VehicleFile) -> np.ndarray:
+def _stamps(table: Table, vehicle: VehicleFile, remarks: list[str]) -> np.ndarray:
+    """Seconds of each row; the unit of the vehicle file is that of numbers, not of time stamps."""
     if vehicle.time is None:
-        return np.arange(len(next(iter(table.columns.values())))) / vehicle.sample_rate
+        step = 1.0 / vehicle.sample_rate
+        remarks.append(f"time: the vehicle file names no column; rows are taken {step:g} s apart")
+        return step * np.arange(len(next(iter(table.columns.values()))))
+    if vehicle.time.name in table.stamps:
+        return _scaled_column(table, "time", Column(vehicle.time.name))
     return _scaled_column(table, "time", vehicle.time)
 
 

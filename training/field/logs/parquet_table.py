@@ -4,12 +4,14 @@ from collections.abc import Iterator
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet
 
 from auv_fault_env.errors import refusal
-from training.field.logs.limits import check_content, check_table
+from training.field.logs.limits import LARGEST_CONTENT, check_content, check_table
 from training.field.logs.table import Table, named_columns, unique_labels
-from training.field.logs.text_table import column_values, one_line
+from training.field.logs.text_columns import read_columns
+from training.field.logs.text_table import one_line
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 DAY = 86_400.0  # s
@@ -23,16 +25,13 @@ def parquet_table(content: bytes, log: str) -> Table:
     """
     remarks: list[str] = []
     try:
-        columns, units = _columns(content, log, remarks)
+        return _table(content, log, remarks)
     except (pa.ArrowException, OSError) as error:
         remedy = f"write it again ({one_line(error)})"
         raise refusal("log", log, "a whole Parquet file", remedy) from None
-    return Table(named_columns(columns), tuple(remarks), units)
 
 
-def _columns(
-    content: bytes, log: str, remarks: list[str]
-) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+def _table(content: bytes, log: str, remarks: list[str]) -> Table:
     metadata = pyarrow.parquet.read_metadata(pa.BufferReader(content))
     check_table(log, metadata.num_rows, metadata.num_columns)
     groups = map(metadata.row_group, range(metadata.num_row_groups))
@@ -40,17 +39,29 @@ def _columns(
     schema = metadata.schema.to_arrow_schema()
     labels = unique_labels(schema.names, log, remarks)
     columns = {}
+    texts = {}
     units = {}
     for label, column in zip(labels, _arrow_columns(content, schema), strict=True):
         kind = column.type
-        values = _numbers(column, label, remarks)
+        text = _as_text(column)
+        if text is not None:
+            texts[label] = text
+            continue
+        values = _numbers(column)
         if values is None:
             remarks.append(f"{label}: {kind} is no type of a reading; the column is left out")
             continue
         columns[label] = values
         if pa.types.is_temporal(kind):
             units[label] = "s"
-    return columns, units
+    read = read_columns(texts, separator=",").table
+    columns |= read.columns
+    in_order = {label: columns[label] for label in labels if label in columns}
+    return read._replace(
+        columns=named_columns(in_order | columns),
+        remarks=(*remarks, *read.remarks),
+        units={**units, **read.units},
+    )
 
 
 def _arrow_columns(content: bytes, schema: pa.Schema) -> Iterator[pa.ChunkedArray]:
@@ -78,36 +89,37 @@ def _is_text(kind: pa.DataType) -> bool:
     return any(test(kind) for test in tests)
 
 
-def _numbers(column: pa.ChunkedArray, label: str, remarks: list[str]) -> np.ndarray | None:
+def _as_text(column: pa.ChunkedArray) -> pa.ChunkedArray | None:
+    """A column of text without its list of different texts; None for another one.
+
+    A list is left as it is where the rows would have more text than a file may have.
+    """
+    kind = column.type
+    is_dictionary = pa.types.is_dictionary(kind)
+    if not _is_text(kind.value_type if is_dictionary else kind):
+        return None
+    try:
+        if not is_dictionary:
+            return column.cast(pa.string())
+        words = column.combine_chunks()
+        texts = words.dictionary.cast(pa.string())
+    except pa.ArrowInvalid:  # bytes that are no text
+        return None
+    n_bytes = pc.sum(pc.binary_length(texts).take(words.indices)).as_py() or 0
+    return pa.chunked_array([texts.take(words.indices)]) if n_bytes <= LARGEST_CONTENT else None
+
+
+def _numbers(column: pa.ChunkedArray) -> np.ndarray | None:
     """The numbers of a column (n_rows,), NaN where it has none; None for a type without numbers."""
     kind = column.type
     try:
-        if pa.types.is_dictionary(kind):
-            return _numbers_of_words(column, label, remarks)
-        if _is_text(kind):
-            return _numbers_of_text(column, label, remarks)
+        if pa.types.is_dictionary(kind) and not _is_text(kind.value_type):
+            return _numbers(column.cast(kind.value_type))
         if pa.types.is_temporal(kind):
             return _seconds(column)
         return column.cast(pa.float64(), safe=False).to_numpy()
     except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
         return None
-
-
-def _numbers_of_words(column: pa.ChunkedArray, label: str, remarks: list[str]) -> np.ndarray | None:
-    """As `_numbers`, of a column that refers to a list of its different values."""
-    words = column.combine_chunks()
-    numbers = _numbers(pa.chunked_array([words.dictionary]), label, remarks)
-    if numbers is None:
-        return None
-    places = words.indices.fill_null(len(numbers)).to_numpy(zero_copy_only=False)
-    return np.append(numbers, np.nan)[places]
-
-
-def _numbers_of_text(column: pa.ChunkedArray, label: str, remarks: list[str]) -> np.ndarray:
-    values, remark = column_values(column.cast(pa.string()).fill_null(""), decimal_comma=False)
-    if remark:
-        remarks.append(f"{label}: {remark}")
-    return values
 
 
 def _seconds(column: pa.ChunkedArray) -> np.ndarray:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.errors import refusal
+from auv_fault_env.errors import InputError, refusal
 from auv_fault_env.printable import printable
 
 WIDEST = 4096  # columns
@@ -20,7 +20,11 @@ class Table(NamedTuple):
     # midnight where they have no date.
     columns: dict[str, np.ndarray]
     remarks: tuple[str, ...]  # what was repaired, one line each
-    units: Mapping[str, str] = MappingProxyType({})  # from a row under the header
+    # from a row under the header or behind the numbers; s of time stamps
+    units: Mapping[str, str] = MappingProxyType({})
+    # by column whose values must not be used: why
+    refusals: Mapping[str, InputError] = MappingProxyType({})
+    stamps: frozenset[str] = frozenset()  # columns of time stamps as text
 
 
 def unique_labels(names: Sequence[str], log: str, remarks: list[str]) -> list[str]:

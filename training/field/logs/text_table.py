@@ -1,47 +1,50 @@
 """Tables from text files of any dialect."""
 
-import io
-import math
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 
-import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.csv
 
-from auv_fault_env.errors import refusal
-from training.field.logs.cells import SEPARATORS, WORDS, number, seconds, without_stray_quotes
+from auv_fault_env.errors import InputError, refusal
+from training.field.logs.cells import SEPARATORS
 from training.field.logs.dialect import Dialect, dialect_of
-from training.field.logs.encoding import decoded
+from training.field.logs.encoding import as_utf8
+from training.field.logs.limits import check_table
 from training.field.logs.table import Table, named_columns, unique_labels
+from training.field.logs.text_columns import read_columns
 
-HEAD = 200  # lines by which the layout is found
+BLOCK = 1 << 20  # bytes that are parsed at once
+MOST_SKIPPED = 0.1  # of the rows, from which the file has several tables
+FEWEST_SKIPPED = 10  # rows
+STRAY_QUOTES = re.compile(rb'^[^"\n]*"(?:[^"\n]*"[^"\n]*")*[^"\n]*$', re.MULTILINE)
 
 
 def text_table(content: bytes, log: str) -> Table:
-    """The table of a text file; `InputError` if it holds none."""
-    text, remarks = decoded(content, log)
-    lines = text.split("\n")
-    dialect = dialect_of(lines[:HEAD], log)
+    """The table of a text file; `InputError` if it holds none, or several."""
+    content, remarks = as_utf8(content, log)
+    dialect = dialect_of(content, log)
+    check_table(log, content.count(b"\n"), len(dialect.names))
     remarks += _layout_remarks(dialect)
     labels = unique_labels(dialect.names, log, remarks)
-    rows = _without_stray_quotes(lines[dialect.first_row :], remarks)
-    columns = {}
-    for label, cells in zip(labels, _cells_by_column(rows, dialect, log, remarks), strict=True):
-        columns[label], remark = column_values(cells, dialect.decimal_comma)
-        if remark:
-            remarks.append(f"{label}: {remark}")
-    units = dict(zip(labels, dialect.units, strict=False))
-    known_units = {label: unit for label, unit in units.items() if unit}
-    return Table(named_columns(columns), tuple(remarks), known_units)
+    rows = memoryview(content)[dialect.start :]
+    if b'"' in content:
+        rows = _without_stray_quotes(rows, remarks)
+    columns = _cells_by_column(rows, dialect.separator, len(labels), log, remarks)
+    cells = dict(zip(labels, columns, strict=True))
+    del content, rows, columns
+    named_units = zip(labels, dialect.units, strict=False)
+    units = {label: unit.strip("[]()") for label, unit in named_units if unit}
+    table, lost = read_columns(cells, units, dialect.separator)
+    if second := _second_header(lost, dialect, labels, log):
+        raise second
+    return table._replace(columns=named_columns(table.columns), remarks=(*remarks, *table.remarks))
 
 
 def _layout_remarks(dialect: Dialect) -> list[str]:
     remarks = []
     if dialect.separator != ",":
         remarks.append(f"cells: separated by {SEPARATORS[dialect.separator]}")
-    if dialect.decimal_comma:
-        remarks.append("numbers: read with decimal commas")
     if dialect.lines_before:
         remarks.append(f"header: lines before it left out ({dialect.lines_before})")
     if dialect.units:
@@ -49,77 +52,65 @@ def _layout_remarks(dialect: Dialect) -> list[str]:
     return remarks
 
 
-def _without_stray_quotes(lines: Sequence[str], remarks: list[str]) -> list[str]:
-    repaired = [without_stray_quotes(line) for line in lines]
-    n_stray = sum(before != after for before, after in zip(lines, repaired, strict=True))
+def _without_stray_quotes(content: memoryview, remarks: list[str]) -> bytes:
+    repaired, n_stray = STRAY_QUOTES.subn(lambda line: line[0].replace(b'"', b""), content)
     if n_stray:
         remarks.append(f"rows: stray quotation marks removed ({n_stray})")
     return repaired
 
 
 def _cells_by_column(
-    lines: Sequence[str], dialect: Dialect, log: str, remarks: list[str]
+    content: memoryview | bytes, separator: str, width: int, log: str, remarks: list[str]
 ) -> list[pa.ChunkedArray]:
     """The cells of the rows as text; rows with more or fewer cells than the header are left out."""
     skipped: list[str] = []
-    separator = dialect.separator
     if separator == " ":
         separator = "\t"
-        lines = ["\t".join(line.split()) for line in lines]
-    labels = [str(k) for k in range(len(dialect.names))]
+        content = re.sub(rb"[ \t]+", b"\t", re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", content))
+    names = [str(k) for k in range(width)]
     parse_options = pyarrow.csv.ParseOptions(
         delimiter=separator,
         invalid_row_handler=lambda row: skipped.append(row.text) or "skip",
     )
     try:
         table = pyarrow.csv.read_csv(
-            io.BytesIO("\n".join(lines).encode()),
-            pyarrow.csv.ReadOptions(column_names=labels, block_size=1 << 24),
+            pa.BufferReader(pa.py_buffer(content)),
+            pyarrow.csv.ReadOptions(column_names=names, block_size=BLOCK),
             parse_options,
-            pyarrow.csv.ConvertOptions(column_types=dict.fromkeys(labels, pa.string())),
+            pyarrow.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string())),
         )
     except pa.ArrowException as error:
         allowed = "a table with the same number of cells in each row"
         raise refusal("log", log, allowed, f"correct it ({one_line(error)})") from None
     if skipped:
-        example = skipped[0][:40]
-        kind = f"rows: those without {len(labels)} cells, such as {example!r}"
+        kind = f"rows: those without {width} cells, such as {skipped[0][:40]!r}"
         remarks.append(f"{kind}, left out ({len(skipped)})")
+    if len(skipped) > max(FEWEST_SKIPPED, MOST_SKIPPED * (table.num_rows + len(skipped))):
+        got = f"{log}: {len(skipped)} rows without {width} cells, such as {skipped[0][:40]!r}"
+        remedy = "write each of its tables into a file of its own"
+        raise refusal("log", got, f"{width} cells in each row, as below the header", remedy)
     return table.columns
 
 
-def column_values(cells: pa.ChunkedArray, decimal_comma: bool) -> tuple[np.ndarray, str]:
-    """The numbers of a column (n_rows,), and a remark on cells that hold none."""
-    text = pc.utf8_trim(cells, characters=" \t\"'")
-    if decimal_comma:
-        text = pc.replace_substring(text, ",", ".")
-    try:
-        return text.cast(pa.float64()).to_numpy(), ""
-    except pa.ArrowInvalid:
-        return _cell_values(text.to_pylist())
-
-
-def _cell_values(cells: Sequence[str]) -> tuple[np.ndarray, str]:
-    """As `column_values`, cell by cell: numbers, or time stamps where there is no number."""
-    values = [number(cell) for cell in cells]
-    if not any(map(_is_finite, values)):
-        values = [seconds(cell) for cell in cells]
-    unreadable = [
-        cell
-        for value, cell in zip(values, cells, strict=True)
-        if value is None and cell.lower() not in WORDS
-    ]
-    remark = ""
-    if unreadable and any(map(_is_finite, values)):
-        example = unreadable[0][:40]
-        remark = (
-            f"cells without a number, such as {example!r}, taken as missing ({len(unreadable)})"
-        )
-    return np.array([np.nan if value is None else value for value in values]), remark
-
-
-def _is_finite(value: float | None) -> bool:
-    return value is not None and math.isfinite(value)
+def _second_header(
+    lost: Mapping[str, Mapping[int, str]], dialect: Dialect, labels: Sequence[str], log: str
+) -> InputError | None:
+    """The refusal of a table whose rows contain the header of another one."""
+    names = dict(zip(labels, dialect.names, strict=True))
+    units = dict(zip(labels, dialect.units, strict=False))
+    rows: dict[int, dict[str, str]] = {}
+    for label, texts in lost.items():
+        for row, text in texts.items():
+            rows.setdefault(row, {})[label] = text
+    for row, texts in rows.items():
+        is_known = all(text in (names[label], units.get(label)) for label, text in texts.items())
+        is_header = len(texts) > max(1, len(lost) / 2) and len(set(texts.values())) == len(texts)
+        if is_header and not is_known:
+            shown = ", ".join(texts.values())[:80]
+            got = f"{log}: another header in row {row + 1} below the first: {shown!r}"
+            remedy = "write each of its tables into a file of its own"
+            return refusal("log", got, "one table", remedy)
+    return None
 
 
 def one_line(error: Exception) -> str:

@@ -212,7 +212,7 @@ REFUSED = {
         text().replace(".", ","),
         "a header of 5 names above rows of 10 cells",
     ),
-    "wrong separator": (text(mark=":"), "at least one column of numbers"),
+    "wrong separator": (text(mark=":"), "a header with rows of numbers below"),
     "one line of everything": (text(end=","), "a header"),
     "line of a million": ("t,u\n" + "1" * 1_000_000, "lines of at most 100000 characters"),
     "thousands of columns": (text([["1"] * 9000] * 3, ["x"] * 9000), "at most 4096"),
@@ -223,7 +223,7 @@ REFUSED = {
     "column misnamed": (text(names=["t", "u", "V", "I", "n1"]), "did you mean 'n1'"),
     "no stamp": (changed("t", "nan"), "time: got 'no stamp'"),
     "too short": (text(ROWS[:50]), "log.csv: 5 s'; allowed is at least 10 s without a break"),
-    "time in milliseconds": (scaled("t", 1000), "correct the unit or sample_rate"),
+    "time in milliseconds": (scaled("t", 1000), "correct the unit (ms?) or sample_rate"),
     "millivolt for volt": (
         scaled("V", 1000),
         r"correct unit or scale of [channels.port_voltage] (mV?)",

@@ -31,12 +31,12 @@ COLUMNS = {
     "large text": (pa.array(["1.5", "-", None], pa.large_string()), [1.5, NAN, NAN]),
     "view of text": (pa.array(["1.5", "-", None], pa.string_view()), [1.5, NAN, NAN]),
     "bytes of text": (pa.array([b"1.5", b"-", None]), [1.5, NAN, NAN]),
-    "words": (pa.array(WORDS).dictionary_encode(), [1, NAN, 1.5]),
-    "stamps as text": (pa.array(WORDS), [1, NAN, 1.5]),
     "dictionary of numbers": (pa.array([2.5, None, 2.5]).dictionary_encode(), [2.5, NAN, 2.5]),
 }
 # the same, whose numbers are seconds
 TIMES = {
+    "words": (pa.array(WORDS).dictionary_encode(), [1, NAN, 1.5]),
+    "stamps as text": (pa.array(WORDS), [1, NAN, 1.5]),
     "dictionary of stamps": (pa.array([STAMP, None, STAMP]).dictionary_encode(), [1, NAN, 1]),
     "stamps": (pa.array([STAMP, None, STAMP], pa.timestamp("us")), [1, NAN, 1]),
     "stamps in ns": (pa.array([STAMP] * 3, pa.timestamp("ns")), [1, 1, 1]),
@@ -118,7 +118,7 @@ def test_a_text_stands_once_in_memory_however_many_rows_have_it():
     content = written({"u": np.arange(1000.0), "note": ["x" * 1_000_000] * 1000})
     before = pa.default_memory_pool().max_memory()
     table = parquet_table(content, "log.parquet")
-    assert np.isnan(table.columns["note"]).all()
+    assert list(table.columns) == ["u"]
     assert pa.default_memory_pool().max_memory() - before < 100 << 20
 
 
