@@ -211,7 +211,7 @@ class Vehicle:
     action: Annotated[Positional[Literal["init"]], arg(metavar="ACTION")]
     """init: propose a file."""
     log: Annotated[Positional[Path], arg(metavar="LOG")]
-    """A log of the vehicle, best a healthy one on which the speed changes; formats: docs/logs.md."""
+    """A log of the vehicle, best a healthy one on which the speed changes (docs/logs.md)."""
     output: Path = Path("vehicle.toml")
     """File to write; one that exists is not replaced."""
 

@@ -16,6 +16,8 @@ IMPOSSIBLE = 2.0  # times the largest value that sensor or vehicle can reach
 # share of impossible values from which the unit is wrong
 WRONG_UNIT = 0.05
 DISAGREEMENT = 3.0  # factor between two readings from which one may be in another unit
+AGREEMENT = 2.0  # factor between two readings up to which a unit explains them
+LEAST_SHARE = 0.02  # of the largest magnitude, below which a typical reading is in another unit
 TURNING = 0.1  # of the largest shaft speed, above which a shaft turns
 
 
@@ -25,21 +27,26 @@ def largest_magnitudes(vehicle: Vehicle) -> dict[str, float]:
     Rough on purpose: shaft speed without load, current at stall, speed without slip, gravity on a
     tilted accelerometer, any deflection of a fin.
     """
-    rpm = vehicle.maximum_voltage / vehicle.torque_constant * RPM
-    reach = {
-        "m/s": rpm * _speed_per_rpm(vehicle),
-        "m/s^2": GRAVITY,
-        "rad": math.pi / 2,
-        "rpm": rpm,
-        "V": vehicle.maximum_voltage,
-        "A": vehicle.maximum_voltage / vehicle.resistance,
-    }
+    reach = _reach(vehicle)
     scaled = channels_of(vehicle)
     return {
         name: max(
             -channel.low, channel.high, -scaled[name].low, scaled[name].high, reach[channel.unit]
         )
         for name, channel in CHANNELS.items()
+    }
+
+
+def _reach(vehicle: Vehicle) -> dict[str, float]:
+    """The largest magnitude that the vehicle can reach, by the unit of the channel."""
+    rpm = vehicle.maximum_voltage / vehicle.torque_constant * RPM
+    return {
+        "m/s": rpm * _speed_per_rpm(vehicle),
+        "m/s^2": GRAVITY,
+        "rad": math.pi / 2,
+        "rpm": rpm,
+        "V": vehicle.maximum_voltage,
+        "A": vehicle.maximum_voltage / vehicle.resistance,
     }
 
 
@@ -66,7 +73,7 @@ def plausible_values(
     if not any(np.isfinite(values[channel]).any() for channel in readings):
         allowed = "at least one number in a column of a reading"
         raise refusal("log", "no reading", allowed, "check its columns")
-    _remark_disagreement(values, vehicle.vehicle, remarks)
+    _remark_disagreement(values, vehicle, remarks)
     return values
 
 
@@ -97,7 +104,8 @@ def _check_unit(
 ) -> None:
     """Refuse many impossible values, unless all are one number, which then means missing.
 
-    The units that would make them possible are named, in place of the one of now.
+    The unit that would make them likely is named, in place of the one of now, if it is the only
+    one.
     Of a command, those at zero do not count: a rudder is amidships for most of a mission.
     """
     is_known = np.isfinite(column)
@@ -109,8 +117,12 @@ def _check_unit(
     unit = CHANNELS[channel].unit
     typical = float(np.median(abs(impossible)))
     column_value = typical / UNITS[unit][now]
-    fitting = [name for name, factor in UNITS[unit].items() if column_value * factor < limit]
-    hint = f" ({' or '.join(fitting)}?)" if fitting else ""
+    fitting = [
+        name
+        for name, factor in UNITS[unit].items()
+        if LEAST_SHARE * limit < column_value * factor < limit
+    ]
+    hint = f" ({fitting[0]}?)" if len(fitting) == 1 else ""
     raise refusal(
         channel,
         f"{typical:.6g} {unit} and the like",
@@ -132,41 +144,70 @@ def _remark_missing_or_constant(channel: str, column: np.ndarray, remarks: list[
 
 
 def _remark_disagreement(
-    values: Mapping[str, np.ndarray], vehicle: Vehicle, remarks: list[str]
+    values: Mapping[str, np.ndarray], vehicle: VehicleFile, remarks: list[str]
 ) -> None:
     """Remark where speed or voltage disagree with the shaft speed by a factor as of a unit."""
     for side in SIDES:
         rpm = f"{side}_rpm"
         per_rpm = {
-            "speed": _speed_per_rpm(vehicle),
-            f"{side}_voltage": vehicle.torque_constant / RPM,
+            "speed": _speed_per_rpm(vehicle.vehicle),
+            f"{side}_voltage": vehicle.vehicle.torque_constant / RPM,
         }
+        ratios = {}
         for channel, scale in per_rpm.items():
             ratio = _typical_ratio(values.get(channel), values.get(rpm), scale)
-            if ratio and not 1 / DISAGREEMENT < ratio < DISAGREEMENT:
+            if ratio:
+                ratios[channel] = ratio
+        explanation = _explanation(ratios, rpm, values, vehicle)
+        for channel, ratio in ratios.items():
+            if not 1 / DISAGREEMENT < ratio < DISAGREEMENT:
                 remark = f"{channel} is {ratio:.3g} times what {rpm} gives with these constants"
-                remarks.append(f"{remark}{_explanation(ratio, channel)}; are the units right?")
+                remarks.append(f"{remark}{explanation}; are the units right?")
 
 
 def _typical_ratio(column: np.ndarray | None, rpm: np.ndarray | None, scale: float) -> float | None:
     """Median ratio of a reading to the one that the shaft speed implies, while the shaft turns."""
     if column is None or rpm is None or not scale:
         return None
-    is_known = np.isfinite(column) & np.isfinite(rpm) & (column != 0)
-    fastest = np.max(abs(rpm), where=is_known, initial=0.0)
-    is_turning = is_known & (abs(rpm) > TURNING * fastest)
+    is_turning = np.isfinite(column) & (column != 0) & _is_turning(rpm)
     if is_turning.sum() <= 10:
         return None
     return float(np.median(abs(column[is_turning] / (scale * rpm[is_turning]))))
 
 
-def _explanation(ratio: float, channel: str) -> str:
-    """The unit with the factor nearest to the ratio, if one is near."""
-    units = UNITS[CHANNELS[channel].unit]
-    factors = {f"{channel} in {unit}": 1 / factor for unit, factor in units.items()}
-    factors |= {f"shaft speed in {unit}": factor for unit, factor in UNITS["rpm"].items()}
-    distance = {
-        name: abs(math.log(ratio / factor)) for name, factor in factors.items() if factor != 1.0
+def _is_turning(rpm: np.ndarray) -> np.ndarray:
+    """Where the shaft turns, (n_rows,)."""
+    is_known = np.isfinite(rpm)
+    fastest = np.max(abs(rpm), where=is_known, initial=0.0)
+    return is_known & (abs(rpm) > TURNING * fastest)
+
+
+def _explanation(
+    ratios: Mapping[str, float], rpm: str, values: Mapping[str, np.ndarray], vehicle: VehicleFile
+) -> str:
+    """The unit of one channel with which all agree and are within reach, if it is the only one."""
+    if not ratios:
+        return ""
+    reach = _reach(vehicle.vehicle)
+    is_turning = _is_turning(values[rpm])
+    shares = {
+        channel: np.nanmedian(abs(values[channel][is_turning])) / reach[CHANNELS[channel].unit]
+        for channel in (rpm, *ratios)
     }
-    nearest = min(distance, key=lambda name: distance[name])
-    return f", as if with {nearest}" if distance[nearest] < math.log(2) else ""
+    explanations = []
+    for changed in shares:
+        kind = CHANNELS[changed].unit
+        now = unit_of(vehicle.columns[changed], kind)
+        for unit in UNITS[kind]:
+            factor = UNITS[kind][unit] / UNITS[kind][now]
+            new_shares = shares | {changed: shares[changed] * factor}
+            new_ratios = (
+                ratio / factor if changed == rpm else ratio * factor if changed == one else ratio
+                for one, ratio in ratios.items()
+            )
+            agrees = all(1 / AGREEMENT < ratio < AGREEMENT for ratio in new_ratios)
+            is_likely = all(LEAST_SHARE < share < 1.0 for share in new_shares.values())
+            if unit != now and agrees and is_likely:
+                name = "shaft speed" if changed == rpm else changed
+                explanations.append(f", as if with {name} in {unit}")
+    return explanations[0] if len(explanations) == 1 else ""

@@ -4,25 +4,35 @@ import re
 from collections.abc import Iterable
 
 NUMBER = re.compile(r"(?<![\w.'])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w'])")
+EXPLANATION = re.compile(r", as if with [^;]*")
 NAMED = 3  # logs in a row
 
 
 def remark_rows(remarks: Iterable[tuple[str, str]]) -> list[list[str]]:
     """Rows of remark and logs, from pairs of log and remark.
 
-    Remarks that differ in their numbers alone are one row, with the range of each number.
+    Remarks that differ in their numbers alone are one row, with the range of each number. A unit
+    that explains a log is named only if it explains all logs of the row.
 
     >>> remark_rows([("a.csv", "rows: 3 left out"), ("b.csv", "rows: 8 left out")])
     [['rows: 3 to 8 left out', 'a.csv, b.csv']]
     """
     groups: dict[str, list[tuple[str, str]]] = {}
     for log, remark in remarks:
-        groups.setdefault(NUMBER.sub("0", remark), []).append((log, remark))
+        key = NUMBER.sub("0", EXPLANATION.sub("", remark))
+        groups.setdefault(key, []).append((log, remark))
     rows = []
     for group in groups.values():
         logs = list(dict.fromkeys(log for log, _ in group))
-        rows.append([_with_ranges([remark for _, remark in group]), _first_names(logs)])
+        remarks_of_group = _with_common_explanation([remark for _, remark in group])
+        rows.append([_with_ranges(remarks_of_group), _first_names(logs)])
     return rows
+
+
+def _with_common_explanation(remarks: list[str]) -> list[str]:
+    """The remarks, without their explanations where these differ."""
+    explanations = {tuple(EXPLANATION.findall(remark)) for remark in remarks}
+    return remarks if len(explanations) == 1 else [EXPLANATION.sub("", one) for one in remarks]
 
 
 def _with_ranges(remarks: list[str]) -> str:

@@ -68,9 +68,9 @@ def test_units_scale_and_offset(tmp_path):
     np.testing.assert_allclose(channel(log, "port_rpm"), np.resize(RPM, 150))
 
 
-def test_a_unit_of_the_file_that_is_too_large_is_refused_with_those_that_fit(tmp_path):
+def test_a_unit_of_the_file_that_is_too_large_is_refused_and_none_named_where_two_fit(tmp_path):
     settings = vehicle(port_rpm=Column("n", 60.0))
-    with pytest.raises(InputError, match=r"channels.port_rpm\] \(rpm or rad/s\?\)"):
+    with pytest.raises(InputError, match=r"channels.port_rpm\], or"):
         read(tmp_path, 0.1 * np.arange(150), settings)
 
 
@@ -253,8 +253,8 @@ def test_a_duty_times_the_supply_is_the_voltage_of_the_motor(tmp_path):
         ),
         (
             {"u": SPEED * 3.6},
-            r"speed is 3\.\d+ times what port_rpm gives with these constants, "
-            r"as if with speed in km/h; are",
+            r"speed is 3\.\d+ times what port_rpm gives with these constants; "
+            r"are the units right\?",
         ),
         (
             {"u": SPEED / 50},
@@ -262,7 +262,7 @@ def test_a_duty_times_the_supply_is_the_voltage_of_the_motor(tmp_path):
             r"are the units right\?",
         ),
     ],
-    ids=["rev/s", "km/h", "neither"],
+    ids=["rev/s", "km/h or ft/s or kn", "none"],
 )
 def test_disagreeing_units_are_reported_with_an_explanation(tmp_path, columns, words):
     log = read(
@@ -313,3 +313,24 @@ def test_bag_with_topics_at_different_times(tmp_path):
     assert len(log.time) == 150
     np.testing.assert_array_equal(channel(log, "speed"), np.resize(SPEED, 150))
     np.testing.assert_array_equal(channel(log, "port_rpm"), np.resize(RPM, 150))
+
+
+def read_of(tmp_path, settings, **columns):
+    columns = {name: np.resize(values, 150) for name, values in columns.items()}
+    return read(tmp_path, 0.1 * np.arange(150), settings, **columns)
+
+
+def test_a_unit_is_not_named_that_the_voltage_contradicts(tmp_path):
+    torque_constant = vehicle().vehicle.torque_constant
+    settings = vehicle(port_voltage=Column("V"))
+    voltage = torque_constant * RPM * np.pi / 30
+    log = read_of(tmp_path, settings, n=RPM / 60, u=SPEED, V=voltage / 60)
+    (remark,) = [one for one in log.remarks if one.startswith("speed is")]
+    assert "as if" not in remark
+
+
+def test_a_unit_is_named_in_place_of_that_of_the_file(tmp_path):
+    settings = vehicle(port_rpm=Column("n", 30 / np.pi))
+    log = read_of(tmp_path, settings, n=RPM / 60)
+    (remark,) = log.remarks
+    assert "as if with shaft speed in rev/s; are" in remark

@@ -228,7 +228,7 @@ REFUSED = {
         scaled("V", 1000),
         r"correct unit or scale of [channels.port_voltage] (mV?)",
     ),
-    "millimetres per second": (scaled("u", 1000), "[channels.speed] (cm/s or mm/s?)"),
+    "millimetres per second": (scaled("u", 1000), "[channels.speed], or [parameters]"),
     "nothing read": (text([[row[0], "", "-", "nan", "inf"] for row in ROWS]), "no reading"),
     "no number at all": (
         text([["", "", "", "", "NaN"] for row in ROWS]),
