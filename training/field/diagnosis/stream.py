@@ -36,7 +36,6 @@ from training.field.logs.clock import GAP
 from training.field.logs.encoding import encoding_of
 from training.field.logs.header_rows import is_byte_row, is_unit_row
 from training.field.logs.log import observations_of
-from training.field.logs.numerals import is_grouped
 from training.field.logs.plausible import IMPOSSIBLE, largest_magnitudes
 from training.field.logs.resolution import printed_resolution
 from training.field.logs.stream_cells import PLAIN, Row, StreamClock, StreamNumbers
@@ -285,8 +284,7 @@ class Stream:
         limit = self._limits[channel]
         if math.isnan(value):
             if cell.lower() not in MISSING:
-                may_be = " may be a decimal number or thousands" if is_grouped(cell) else ""
-                self.remarks.append(f"{channel}: {shown!r}{may_be}")
+                self.remarks.append(f"{channel}: {shown!r}")
         elif abs(value) > limit:
             self.remarks.append(f"{channel}: {shown!r} is beyond {limit:.3g}")
             value = math.nan

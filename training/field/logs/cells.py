@@ -15,6 +15,7 @@ LONGEST_LINE = 100_000  # characters
 MISSING = ("", *"- -- --- ? * nan null none nil na n/a n.a. nat missing".split())
 # what spreadsheets write for a value that they do not have
 MISSING += ("#n/a", "#na", "#nv", "#value!", "#wert!", "#div/0!", "#ref!", "#bezug!", "#num!")
+LEAST_OF_NUMBERS = 0.5  # share of numbers of a row of numbers
 VALUE_WORDS = frozenset((*MISSING, "true", "false", "inf", "-inf", "infinity", "-infinity"))
 VALUE = re.compile(
     rf"[+\-\u2212]?(?:\d{{1,3}}(?:[.,{NARROW_MARKS}]\d{{3}})+|\d*)(?:\d[.,]?|[.,]\d+)"
@@ -47,16 +48,25 @@ def separator_of(lines: Sequence[str]) -> str:
     def score(separator: str) -> tuple[bool, float]:
         rows = [cells_of(line, separator) for line in lines]
         width = usual_width(rows)
-        shares = [share_of_values(row) for row in rows if len(row) == width]
-        return width > 1, sum(shares) / len(rows)
+        weights = [_weight(row) for row in rows if len(row) == width]
+        of_numbers = [weight for weight in weights if weight > LEAST_OF_NUMBERS]
+        return width > 1, sum(of_numbers or weights)
 
     return max(SEPARATORS, key=score)
 
 
 def usual_width(rows: Sequence[Sequence[str]]) -> int:
     """Number of cells of the rows that make up most of the table."""
-    counts = Counter(map(len, rows))
-    return max(counts, key=lambda width: width * counts[width])
+    weights: Counter[int] = Counter()
+    for row in rows:
+        weights[len(row)] += len(row) * _weight(row)
+    return max(weights, key=lambda width: weights[width])
+
+
+def _weight(row: Sequence[str]) -> float:
+    """Weight of a row in the choice of a layout: rows of numbers outweigh any lines of words."""
+    share = share_of_values(row)
+    return share if share > LEAST_OF_NUMBERS else 1e-4 * (share + 0.1)
 
 
 def share_of_values(row: Sequence[str]) -> float:

@@ -15,6 +15,7 @@ from training.field.logs.numerals import (
     Evidence,
     decimal_mark,
     evidence_of,
+    is_grouped,
     plain_numbers,
     split_numbers,
 )
@@ -33,6 +34,8 @@ from training.field.vehicle_file import Column
 
 Row = Mapping[str, Any]  # the cells of a line by the name of their column
 PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+UNDECIDED = "a decimal number or thousands?"
+POINT_AMONG_COMMAS = "a decimal point among commas"
 WHOLE = re.compile(r"[+-]?\d+")
 CLOCK_DIGITS = re.compile(r"[0-2]\d[0-5]\d[0-5]\d(?:\.\d+)?")
 
@@ -75,14 +78,19 @@ class StreamNumbers:
 
     def _plain(self, label: str, cell: str) -> str:
         mark = self._marks.get(label) or self._mark(label)
-        is_plain = WHOLE.fullmatch(cell) if mark != POINT else PLAIN.fullmatch(cell)
-        if is_plain or mark is None or cell.lower() in MISSING:
+        if WHOLE.fullmatch(cell) or (mark == POINT and PLAIN.fullmatch(cell)):
+            return cell
+        if mark is None:
+            return f"{cell} ({UNDECIDED})" if is_grouped(cell) else cell
+        if cell.lower() in MISSING:
             return cell
         numbers, units = split_numbers(pa.array([cell]))
         unit = units[0].as_py()
         if unit and self._units.setdefault(label, unit) != unit:
             return cell
-        return plain_numbers(numbers, mark)[0].as_py() or cell
+        plain = plain_numbers(numbers, mark)[0].as_py()
+        is_point = plain is None and PLAIN.fullmatch(cell)
+        return f"{cell} ({POINT_AMONG_COMMAS})" if is_point else plain or cell
 
     def _mark(self, label: str) -> str | None:
         """The decimal mark of a column that has not shown its own."""
