@@ -1,6 +1,6 @@
 """A vehicle's log as the channels of an observation, sample by sample, with remarks on repairs."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +15,8 @@ from training.field.logs.clock import TimeAxis, time_axis
 from training.field.logs.files import read_table
 from training.field.logs.plausible import plausible_values
 from training.field.logs.table import Table
-from training.field.vehicle_file import Column, VehicleFile
+from training.field.units import UNITS, spelt
+from training.field.vehicle_file import Column, VehicleFile, unit_of
 
 SHORTEST = 10.0  # s: a shorter segment is left out
 LONGEST = 5_000_000  # samples, 139 h
@@ -50,6 +51,7 @@ def read_log(path: Path, vehicle: VehicleFile) -> Log:
         channel: _scaled_column(table, channel, column)
         for channel, column in vehicle.columns.items()
     }
+    remarks += _unit_remarks(table, vehicle)
     rows = _rows_with_numbers(columns)
     axis = time_axis(_stamps(table, vehicle, remarks)[rows], vehicle.sample_rate, remarks)
     rows = rows[axis.rows]
@@ -92,6 +94,17 @@ def _scaled_column(table: Table, thing: str, column: Column) -> np.ndarray:
     with np.errstate(over="ignore"):
         values = column.scale * table.columns[column.name] + column.offset
         return values if column.times is None else values * table.columns[column.times]
+
+
+def _unit_remarks(table: Table, vehicle: VehicleFile) -> Iterator[str]:
+    """Remarks on the channels whose unit in the log is not that of the vehicle file."""
+    for channel, column in vehicle.columns.items():
+        kind = CHANNELS[channel].unit
+        stated = spelt(table.units.get(column.name, ""), kind)
+        used = unit_of(column, kind)
+        is_other = stated and used != stated and UNITS[kind][used] == abs(column.scale)
+        if is_other and column.times is None:
+            yield f"{channel}: in {stated} by the log, read in {used} by the vehicle file"
 
 
 def _rows_with_numbers(columns: Mapping[str, np.ndarray]) -> np.ndarray:

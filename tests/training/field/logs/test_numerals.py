@@ -105,3 +105,10 @@ def test_few_lost_cells_are_missing_and_remarked(tmp_path, pair):
 def test_words_of_spreadsheets_for_missing_are_no_loss(tmp_path):
     log = log_of(tmp_path, ["#N/A" if k % 2 else f"0.4{k % 7}" for k in range(200)])
     assert "speed: missing in 100 of 200 rows" in log.remarks
+
+
+def test_a_unit_of_the_log_that_is_not_that_of_the_vehicle_file_is_remarked(tmp_path):
+    log = log_of(tmp_path, [f"0.4{k % 7} kn" for k in range(200)])
+    assert "speed: in kn by the log, read in m/s by the vehicle file" in log.remarks
+    log = log_of(tmp_path, [f"0.4{k % 7} m/s" for k in range(200)])
+    assert not any("vehicle file" in remark for remark in log.remarks)
