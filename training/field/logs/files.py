@@ -53,7 +53,10 @@ def read_table(path: Path) -> Table:
         raise foreign
     if _file_reader(content[:START]):
         raise refusal("log", f"{log}: gzip", "text, Parquet or ULog in it", "unpack it with gunzip")
-    table = _reader(CONTENT_READERS, content)(content, log)
+    reader = _reader(CONTENT_READERS, content)
+    contents = [content]
+    del content  # only the reader holds it, and lets it go when it has the cells
+    table = reader(contents.pop(), log)
     if not any(np.isfinite(values).any() for values in table.columns.values()):
         allowed = "a table with at least one column of numbers"
         raise refusal("log", log, allowed, "check what was exported")

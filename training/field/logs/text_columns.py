@@ -207,13 +207,15 @@ def _with_loss(read: ReadColumn, cells: pa.Array, rows: np.ndarray, label: str) 
     lost = dict(zip(rows.tolist(), texts, strict=False))
     n_known = _n_known(cells)
     reason = None
+    is_time = is_named_as_time(label)
     if rows.size > MOST_LOST * n_known:
-        kind = "time stamps" if is_named_as_time(label) else "numbers"
+        kind = "time stamps" if is_time else "numbers"
         allowed = f"{kind}: {rows.size} of {n_known} cells are none that can be read"
         remedy = "export it in another notation: see docs/logs.md"
         reason = refusal(f"column {label!r}", texts[0], allowed, remedy)
     has_numbers = np.isfinite(read.values).any()
-    loss = _loss_remark("number", cells, rows) if has_numbers else ""
+    kind = "number" if has_numbers else "time stamp"
+    loss = _loss_remark(kind, cells, rows) if has_numbers or is_time else ""
     remark = "; ".join(filter(None, (read.remark, loss)))
     return read._replace(remark=remark, refusal=reason, lost=lost if has_numbers else {})
 

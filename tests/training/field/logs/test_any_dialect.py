@@ -36,7 +36,7 @@ STAMPS = {
     "MATLAB": lambda m: f"{m:%d-%b-%Y %H:%M:%S}.{tenths(m)}",
     "clock": lambda m: f"{m:%H:%M:%S}.{tenths(m)}",
     "minutes and seconds": lambda m: f"{m:%M:%S}.{tenths(m)}",
-    "pandas": lambda m: f"0 days {m:%H:%M:%S}.{m.microsecond:06}",
+    "pandas": lambda m: f"{m.day} days {m:%H:%M:%S}.{m.microsecond:06}",
     "two columns": lambda m: f"{m:%Y-%m-%d}\0{m:%H:%M:%S}.{tenths(m)}",
     "three columns": lambda m: f"{m:%H}\0{m:%M}\0{m:%S}.{tenths(m)}",
 }
