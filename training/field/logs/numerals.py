@@ -5,6 +5,7 @@ cells that leave no choice decide for the others of their column, and for column
 """
 
 import re
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ POINT = "."
 COMMA = ","
 OTHER_MARK = {POINT: COMMA, COMMA: POINT}
 NARROW_MARKS = "\u00a0\u202f '’"  # between thousands, whatever the decimal mark
+MINUS = "\u2212"
 EXPONENT = r"(?:[eE][+-]?\d+)?"
 UNIT = r"[A-Za-z%°µμΩ‰][A-Za-zµμΩ°%/·*^²³⁻¹1-4-]{0,11}"
 NUMERAL = (
@@ -81,6 +83,12 @@ def is_grouped(cell: str) -> bool:
     return any(re.match(grouped_by(mark), cell) for mark in OTHER_MARK)
 
 
+@lru_cache(maxsize=4096)
+def evidence_of_number(number: str) -> Evidence:
+    """What one number says about the decimal mark."""
+    return evidence_of(pa.array([number]))
+
+
 def grouped_by(mark: str) -> str:
     """Pattern of the numbers that are decimal with this mark, or thousands."""
     return rf"^[+-]?[1-9]\d{{0,2}}\{mark}\d{{3}}$"
@@ -135,7 +143,7 @@ def split_numbers(cells: pa.Array) -> tuple[pa.Array, pa.Array]:
     >>> numbers.to_pylist(), units.to_pylist()
     (['12.3', '0,4', '1', None], ['V', '', '', None])
     """
-    cells = pc.replace_substring(cells, "\u2212", "-")  # minus sign
+    cells = pc.replace_substring(cells, MINUS, "-")
     words = pc.utf8_lower(cells)
     for word, digit in TRUTH.items():
         cells = pc.if_else(pc.equal(words, word), digit, cells)
@@ -151,21 +159,52 @@ def usual_unit(units: pa.Array) -> str:
     return names[int(np.argmax(counts.field("counts")))] if names else ""
 
 
+def split_number(cell: str) -> tuple[str | None, str]:
+    """Number and unit of one cell, as `split_numbers`.
+
+    >>> split_number("12.3 V"), split_number("east")
+    (('12.3', 'V'), (None, ''))
+    """
+    cell = TRUTH.get(cell.lower(), cell.replace(MINUS, "-"))
+    parts = re.match(NUMERAL, cell)
+    return (parts["number"].strip(NARROW_MARKS), parts["unit"] or "") if parts else (None, "")
+
+
 def plain_numbers(numbers: pa.Array, mark: str) -> pa.Array:
     """The numbers without thousands, with a decimal point; null for what is none with this mark.
 
     >>> plain_numbers(pa.array(["1.234,5", "12", "1 000", "1.5"]), ",").to_pylist()
     ['1234.5', '12', '1000', None]
     """
-    other = OTHER_MARK[mark]
-    narrow = f"[{NARROW_MARKS}{other}]"
-    whole = rf"(?:\d+|[1-9]\d{{0,2}}(?:{narrow}\d{{3}})+)"
-    pattern = rf"^[+-]?(?:{whole}(?:\{mark}\d*)?|\{mark}\d+){EXPONENT}$"
-    is_number = pc.match_substring_regex(numbers, rf"{pattern}|^[+-]?(?i:inf(?:inity)?)$")
-    plain = pc.replace_substring_regex(numbers, narrow, "")
+    is_number = pc.match_substring_regex(numbers, _number(mark))
+    plain = pc.replace_substring_regex(numbers, _between_thousands(mark), "")
     if mark == COMMA:
         plain = pc.replace_substring(plain, COMMA, POINT)
     return pc.if_else(is_number, plain, None)
+
+
+def plain_number(number: str, mark: str) -> str | None:
+    """One number, as `plain_numbers`.
+
+    >>> plain_number("1.234,5", ","), plain_number("1.5", ",")
+    ('1234.5', None)
+    """
+    if not re.match(_number(mark), number):
+        return None
+    return re.sub(_between_thousands(mark), "", number).replace(COMMA, POINT)
+
+
+@cache
+def _number(mark: str) -> str:
+    """Pattern of the numbers with this decimal mark."""
+    whole = rf"(?:\d+|[1-9]\d{{0,2}}(?:{_between_thousands(mark)}\d{{3}})+)"
+    finite = rf"[+-]?(?:{whole}(?:\{mark}\d*)?|\{mark}\d+){EXPONENT}"
+    return rf"^(?:{finite}|[+-]?(?i:inf(?:inity)?))$"
+
+
+@cache
+def _between_thousands(mark: str) -> str:
+    return f"[{NARROW_MARKS}{OTHER_MARK[mark]}]"
 
 
 def as_floats(plain: pa.Array) -> np.ndarray:

@@ -15,7 +15,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from training.field.logs.clock import DAY, HOUR, unwrapped
-from training.field.logs.numerals import count_matching
 
 SHOWN = 60  # cells at either end of a column, by which its notation is found
 LEAST_SHARE = 0.9  # of the cells that a notation has to explain
@@ -124,7 +123,9 @@ def read_stamps(
         stamps = _in_two_parts(fields, hint.lower(), is_whole)
     if only_digits and np.isnan(stamps.clock).sum() > cells.null_count:
         return None
-    return stamps._replace(example=cells.drop_null()[0].as_py())
+    zone = _only_unknown_zone(fields)
+    remark = f"zone {zone!r} taken for universal time" if zone else stamps.remark
+    return stamps._replace(example=cells.drop_null()[0].as_py(), remark=remark)
 
 
 def _iso_stamps(cells: pa.Array) -> Stamps | None:
@@ -156,8 +157,8 @@ def is_stamp(cell: str) -> bool:
 def _notation(cells: pa.Array, notations: Sequence[str]) -> str | None:
     """The notation of most cells at the ends of a column, if it is that of nearly all there."""
     known = cells.drop_null()
-    sample = pa.concat_arrays([known[:SHOWN], known[-SHOWN:]])
-    counts = [count_matching(sample, notation) for notation in notations]
+    sample = [*known[:SHOWN].to_pylist(), *known[-SHOWN:].to_pylist()]
+    counts = [sum(1 for cell in sample if re.match(one, cell)) for one in notations]
     most = max(counts)
     return notations[counts.index(most)] if most > LEAST_SHARE * len(sample) else None
 
@@ -228,9 +229,16 @@ def _sum_of(hour: np.ndarray, fields: Fields, is_limited: bool = True) -> np.nda
 
 def _zone_hours(fields: Fields) -> np.ndarray:
     """Hours by which a zone is before universal time (n_rows,); NaN for one of several unknown."""
-    if not fields.has("zone"):
+    if not fields.has("zone") or _only_unknown_zone(fields):
         return np.zeros(len(fields.is_missing))
     return fields.by_text("zone", zone_hours)
+
+
+def _only_unknown_zone(fields: Fields) -> str:
+    """The zone of all stamps, if it is not known; else empty."""
+    zones = {zone for zone in pc.unique(fields.text("zone")).to_pylist() if zone}
+    zone = zones.pop() if len(zones) == 1 else ""
+    return zone if math.isnan(zone_hours(zone)) else ""
 
 
 def zone_hours(zone: str) -> float:

@@ -14,10 +14,10 @@ from training.field.logs.numerals import (
     POINT,
     Evidence,
     decimal_mark,
-    evidence_of,
+    evidence_of_number,
     is_grouped,
-    plain_numbers,
-    split_numbers,
+    plain_number,
+    split_number,
 )
 from training.field.logs.stamp_columns import (
     TIME,
@@ -64,12 +64,10 @@ class StreamNumbers:
         return {**row, **{label: self._plain(label, cell) for label, cell in cells.items()}}
 
     def _add_evidence(self, label: str, cell: str) -> None:
-        if WHOLE.fullmatch(cell):
-            evidence = Evidence(whole=1)
-        elif PLAIN.fullmatch(cell) or any(map(str.isdigit, cell)):
-            evidence = evidence_of(split_numbers(pa.array([cell]))[0])
-        else:
+        number, _ = split_number(cell)
+        if number is None:
             return
+        evidence = Evidence(whole=1) if WHOLE.fullmatch(number) else evidence_of_number(number)
         self._lines += evidence
         own = self._evidence.get(label, Evidence()) + evidence
         self._evidence[label] = own
@@ -82,13 +80,11 @@ class StreamNumbers:
             return cell
         if mark is None:
             return f"{cell} ({UNDECIDED})" if is_grouped(cell) else cell
-        if cell.lower() in MISSING:
+        number, unit = split_number(cell)
+        is_of_unit = not unit or self._units.setdefault(label, unit) == unit
+        if number is None or not is_of_unit or cell.lower() in MISSING:
             return cell
-        numbers, units = split_numbers(pa.array([cell]))
-        unit = units[0].as_py()
-        if unit and self._units.setdefault(label, unit) != unit:
-            return cell
-        plain = plain_numbers(numbers, mark)[0].as_py()
+        plain = plain_number(number, mark)
         is_point = plain is None and PLAIN.fullmatch(cell)
         return f"{cell} ({POINT_AMONG_COMMAS})" if is_point else plain or cell
 

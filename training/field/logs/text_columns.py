@@ -104,20 +104,16 @@ def text_column(cells: pa.ChunkedArray, label: str) -> TextColumn:
     text = cells.combine_chunks()
     del cells  # of a long log, each copy counts
     text = pc.utf8_trim(text, characters=" \t\"'")
-    values = _plain_floats(text)
-    if values is None:
+    plain = _plain_column(text)
+    if plain is None:
         text = with_nulls(text)
-        values = _plain_floats(text)
-    if values is None:
-        values = _plain_comma_floats(text)
-        if values is not None:
-            return TextColumn(None, values, None, None, Evidence(comma=1))
+        plain = _plain_column(text)
+    if plain is None:
         numbers, units = split_numbers(text)
         return TextColumn(text, None, numbers, units, evidence_of(numbers))
-    # a cell with a decimal point is enough, for plain numbers have no comma
-    evidence = evidence_of(text[:FIRST])
-    if not evidence.point:
-        evidence = evidence_of(text)
+    values, evidence = plain
+    if evidence.comma:
+        return TextColumn(None, values, None, None, evidence)
     if is_named_as_time(label) and spelt(beside_name(label), "s") is None:
         stamps = read_stamps(text, only_digits=True)
         if stamps is not None:
@@ -127,20 +123,25 @@ def text_column(cells: pa.ChunkedArray, label: str) -> TextColumn:
     return TextColumn(text, None, text, pa.array([""] * len(text)), evidence)
 
 
+def _plain_column(text: pa.Array) -> tuple[np.ndarray, Evidence] | None:
+    """The values of plain numbers, with decimal points or commas, and what shows their mark."""
+    first = evidence_of(text[:FIRST])
+    values = _plain_floats(text)
+    if values is not None:
+        # plain numbers have no comma: one with a decimal point is enough
+        return values, first if first.point else evidence_of(text)
+    if not first.comma or pc.any(pc.match_substring(text, POINT)).as_py():
+        return None
+    values = _plain_floats(pc.replace_substring(text, COMMA, POINT))
+    return None if values is None else (values, Evidence(comma=1))
+
+
 def _plain_floats(text: pa.Array) -> np.ndarray | None:
     try:
         text[:FIRST].cast(pa.float64())  # a long cast that fails takes long
         return text.cast(pa.float64()).to_numpy(zero_copy_only=False)
     except pa.ArrowInvalid:
         return None
-
-
-def _plain_comma_floats(text: pa.Array) -> np.ndarray | None:
-    """The values of plain numbers whose first cells show a decimal comma."""
-    evidence = evidence_of(text[:FIRST])
-    if not evidence.comma or pc.any(pc.match_substring(text, POINT)).as_py():
-        return None
-    return _plain_floats(pc.replace_substring(text, COMMA, POINT))
 
 
 def with_nulls(text: pa.Array) -> pa.Array:

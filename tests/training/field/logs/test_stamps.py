@@ -161,6 +161,13 @@ def test_summer_time_does_not_set_the_time(stamps):
     np.testing.assert_allclose(np.diff(elapsed([*before, *stamps])), 0.1, atol=1e-5)
 
 
+def test_one_zone_that_is_not_known_does_not_matter():
+    table = table_of(["10:00:00 AEST", "10:00:01 AEST"])
+    np.testing.assert_array_equal(table.columns["Time"], [36_000, 36_001])
+    assert "Time: zone 'AEST' taken for universal time" in table.remarks
+    assert "Time" in table_of(["10:00:00 AEST", "10:00:01 AEDT"]).refusals
+
+
 def test_an_hour_without_rows_is_no_summer_time():
     stamps = [f"2024-05-01 01:59:59.{k}" for k in range(10)] + ["2024-05-01 03:00:00.0"]
     assert elapsed(stamps)[-1] == pytest.approx(3601, abs=0.1)
