@@ -5,8 +5,8 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
+from training.field.logs.notations import is_stamp
 from training.field.logs.numerals import NARROW_MARKS, UNIT
-from training.field.logs.stamps import is_stamp
 
 # of the cells of a line, by the name in remarks; the last: any number of blanks
 SEPARATORS = {"\t": "tabs", ";": "semicolons", "|": "bars", ",": "commas", " ": "blanks"}

@@ -6,7 +6,6 @@ A notation is decided from the whole column: ``05/01`` alone may be in May or in
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -14,70 +13,17 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from training.field.logs.clock import DAY, HOUR, unwrapped
+from training.field.logs.clock import DAY, HOUR
+from training.field.logs.notations import DIGITS, MONTHS, NOTATIONS, zone_hours
 
 SHOWN = 60  # cells at either end of a column, by which its notation is found
 LEAST_SHARE = 0.9  # of the cells that a notation has to explain
 # rows with one stamp, above which 10:01 may be hours and minutes as well as minutes and seconds
 MOST_PER_SECOND = 25
 FIRST_YEAR_OF_CENTURY = 70  # of years with two digits
-# of its usual steps, by which a clock may miss the full hour when summer time sets it
-SUMMER_TIME_STEPS = 3
-SUMMER_TIME_MONTHS = (3, 4, 9, 10, 11)
 DAY_FIRST = "day first"
 MONTH_FIRST = "month first"
 YEAR_FIRST = "year first"
-MONTHS = {
-    name: month
-    for month, names in enumerate(
-        "jan,feb,mar mär mrz,apr,may mai,jun,jul,aug,sep,oct okt,nov,dec dez".split(","), start=1
-    )
-    for name in names.split()
-}
-ZONES = {  # h; those with one meaning in logs
-    "": 0, "z": 0, "utc": 0, "gmt": 0, "wet": 0, "west": 1, "cet": 1, "mez": 1, "cest": 2,
-    "mesz": 2, "eet": 2, "eest": 3, "est": -5, "edt": -4, "cst": -6, "cdt": -5, "mst": -7,
-    "mdt": -6, "pst": -8, "pdt": -7,
-}  # fmt: skip
-SECONDS = r"(?P<second>\d{2}(?:[.,]\d+|:\d{3})?)"
-CLOCKS = (
-    rf"(?P<hour>\d{{1,2}}):(?P<minute>\d{{2}})(?::{SECONDS})?",
-    rf"(?P<hour>\d{{1,2}})\.(?P<minute>\d{{2}})\.{SECONDS}",
-    rf"(?P<hour>\d{{1,2}})-(?P<minute>\d{{2}})-{SECONDS}",
-    r"(?P<hour>\d{2})(?P<minute>\d{2})(?P<second>\d{2}(?:[.,]\d+)?)",
-)
-ZONE = r"(?:Z|z|(?:UTC|GMT)?[+-]\d{1,2}(?::?\d{2})?|[A-Za-z]{3,5})"
-SUFFIX = rf"\s*(?P<half>[AaPp]\.?\s?[Mm]\.?)?\s*(?P<zone>{ZONE})?(?:\s*[\[(][^\])]+[\])])?"
-WEEKDAY = r"(?:[A-Za-z]{2,9}\.?,?\s+)?"
-NAME = r"(?P<name>[A-Za-zä]{3,9})\.?"
-YEAR = r"(?P<year>\d{4}|\d{2})"
-DATES = (
-    r"(?P<year>\d{4})[-/.:](?P<month>\d{1,2})[-/.:](?P<day>\d{1,2})",
-    r"(?P<first>\d{1,2})(?P<mark>[-/.])(?P<middle>\d{1,2})[-/.](?P<last>\d{4}|\d{2})",
-    r"(?P<year>\d{4})(?P<month>\d{2})(?P<day>\d{2})",
-    r"(?P<year>\d{4})[-:](?P<day>\d{3})",
-    rf"(?P<day>\d{{1,2}})[-./\s]*{NAME}[-./,\s]*{YEAR}",
-    rf"{NAME}\s+(?P<day>\d{{1,2}}),?\s+(?P<year>\d{{4}})",
-)
-BETWEEN = r"(?:\s*[T,;_]\s*|\s+-\s+|\s+|-|:)"
-DURATION = r"(?:(?P<days>-?\d+)(?:\s*days?,?\s*|\.)\+?)?"
-NOTATIONS = (
-    rf"^(?P<sign>-)?{DURATION}(?P<hour>\d{{1,4}}):(?P<minute>\d{{2}}):{SECONDS}{SUFFIX}$",
-    rf"^(?P<sign>-)?(?P<minute>\d{{1,4}}):{SECONDS}{SUFFIX}$",
-    *(rf"^{WEEKDAY}{date}(?:{BETWEEN}{clock}{SUFFIX})?$" for date in DATES for clock in CLOCKS),
-    rf"^{WEEKDAY}{NAME}\s+(?P<day>\d{{1,2}})\s+{CLOCKS[0]}\s+(?:{ZONE}\s+)?(?P<year>\d{{4}})$",
-    r"^(?P<sign>-)?P(?:(?P<days>[\d.]+)D)?"
-    r"(?:T(?:(?P<hour>[\d.]+)H)?(?:(?P<minute>[\d.]+)M)?(?:(?P<second>[\d.,]+)S)?)?$",
-    r"^(?:(?P<hour>\d+)\s?h\w*\s*)?(?:(?P<minute>\d+)\s?m(?:in)?\s*)?"
-    r"(?P<second>\d+(?:[.,]\d+)?)\s?s\w*$",
-)
-# notations without marks, which are read as such only where a name says that it is a time
-DIGITS = (
-    r"^(?P<year>(?:19|20)\d{2})(?P<month>\d{2})(?P<day>\d{2})"
-    r"(?P<hour>[0-2]\d)(?P<minute>[0-5]\d)(?P<second>[0-5]\d(?:[.,]\d+)?)$",
-    r"^(?P<year>(?:19|20)\d{2})(?P<month>[01]\d)(?P<day>[0-3]\d)$",
-    r"^(?P<hour>[0-2]\d)(?P<minute>[0-5]\d)(?P<second>[0-5]\d(?:[.,]\d+)?)$",
-)
 
 
 class Stamps(NamedTuple):
@@ -142,16 +88,6 @@ def _iso_stamps(cells: pa.Array) -> Stamps | None:
         clock = np.round(seconds - DAY * days, 6)
         return Stamps(clock, {YEAR_FIRST: days}, has_clock=has_clock, is_local=zone is None)
     return None
-
-
-@lru_cache(maxsize=4096)
-def is_stamp(cell: str) -> bool:
-    """Whether a cell is written like a time stamp or a duration.
-
-    >>> is_stamp("40:10.1"), is_stamp("May 1, 2024 10:00:00 AM"), is_stamp("1.5")
-    (True, True, False)
-    """
-    return any(re.match(notation, cell) for notation in NOTATIONS)
 
 
 def _notation(cells: pa.Array, notations: Sequence[str]) -> str | None:
@@ -241,19 +177,6 @@ def _only_unknown_zone(fields: Fields) -> str:
     return zone if math.isnan(zone_hours(zone)) else ""
 
 
-def zone_hours(zone: str) -> float:
-    """Hours by which a zone is before universal time; NaN for one that is not known.
-
-    >>> zone_hours("+0530"), zone_hours("UTC-3"), zone_hours("CEST")
-    (5.5, -3.0, 2)
-    """
-    offset = re.fullmatch(r"(?:UTC|GMT)?([+-])(\d{1,2}):?(\d{2})?", zone)
-    if offset is None:
-        return ZONES.get(zone.lower(), math.nan)
-    sign, hours, minutes = offset.groups()
-    return (-1 if sign == "-" else 1) * (int(hours) + int(minutes or 0) / 60)
-
-
 def _dated(fields: Fields, hint: str) -> Stamps:
     has_clock = fields.has("hour")
     clock = _time_of_day(fields)
@@ -270,18 +193,14 @@ def _orders(fields: Fields, hint: str) -> dict[str, np.ndarray]:
     """Days since 1970 (n_rows,) by the order in which the fields of the dates may be read."""
     if "name" in fields:
         month = fields.by_text("name", lambda text: MONTHS.get(text[:3].lower(), math.nan))
-        return {
-            DAY_FIRST: days_since_1970(
-                _whole_year(fields.numbers("year")), month, fields.numbers("day")
-            )
-        }
+        year = _whole_year(fields.numbers("year"))
+        return {DAY_FIRST: days_since_1970(year, month, fields.numbers("day"))}
     if "last" not in fields:
         year = fields.numbers("year")
-        if "month" not in fields:
-            return {
-                YEAR_FIRST: days_since_1970(year, np.ones_like(year), fields.numbers("day"), 366)
-            }
-        return {YEAR_FIRST: days_since_1970(year, fields.numbers("month"), fields.numbers("day"))}
+        day = fields.numbers("day")
+        if "month" in fields:
+            return {YEAR_FIRST: days_since_1970(year, fields.numbers("month"), day)}
+        return {YEAR_FIRST: days_since_1970(year, np.ones_like(year), day, 366)}
     first = fields.numbers("first")
     middle = fields.numbers("middle")
     last = fields.numbers("last")
@@ -342,7 +261,7 @@ def _in_two_parts(fields: Fields, hint: str, is_whole: bool) -> Stamps:
     first = fields.numbers("minute")
     second = fields.numbers("second")
     sign = np.where(fields.by_text("sign", len) > 0, -1.0, 1.0)
-    if fields.has("half") or "hh:mm" in hint:
+    if fields.has("half") or ("hh:mm" in hint and "ss" not in hint):
         clock = HOUR * first + 60.0 * second
         if fields.has("half"):
             clock = HOUR * _hour_of_half(fields, first) + 60.0 * second
@@ -353,81 +272,7 @@ def _in_two_parts(fields: Fields, hint: str, is_whole: bool) -> Stamps:
     has_fraction = bool((second % 1 > 0).any()) or fields.longest("second") > 2
     if has_fraction or known.max(initial=0.0) > 24 or "mm:ss" in hint:
         return Stamps(clock, period=period)
-    rows_per_stamp = known.size / np.unique(clock[~np.isnan(clock)]).size
+    rows_per_stamp = known.size / max(1, np.unique(clock[~np.isnan(clock)]).size)
     if not is_whole or rows_per_stamp > MOST_PER_SECOND:
         raise Undecided("minutes and seconds, or hours and minutes")
     return Stamps(clock, period=period, remark="read as minutes and seconds")
-
-
-def seconds_of(stamps: Stamps, is_whole: bool = True) -> tuple[np.ndarray, str]:
-    """Seconds since 1970 (n_rows,), or since a midnight where there is no date, and a remark.
-
-    Where a clock begins again, as after midnight, its seconds go on. `Undecided` where day and
-    month may be either, and the rows do not show which.
-    """
-    if not stamps.dates:
-        return unwrapped(stamps.clock, stamps.period), stamps.remark
-    readings = {order: DAY * days + stamps.clock for order, days in stamps.dates.items()}
-    order, remark = _only_order(readings, is_whole)
-    if not (stamps.is_local and stamps.has_clock and is_whole):
-        return readings[order], "; ".join(filter(None, (stamps.remark, remark)))
-    seconds, n_changes = without_summer_time(readings[order])
-    if n_changes:
-        remark = f"the clock was set by an hour for summer time; the time goes on ({n_changes})"
-    return seconds, "; ".join(filter(None, (stamps.remark, remark)))
-
-
-def _only_order(readings: Mapping[str, np.ndarray], is_whole: bool) -> tuple[str, str]:
-    """The order of day and month, and a remark where it does not matter which."""
-    orders = list(readings)
-    if len(orders) == 1:
-        return orders[0], ""
-    if not is_whole:
-        raise Undecided(", or ".join(orders))
-    elapsed = [_elapsed(readings[order]) for order in orders]
-    if all(np.array_equal(elapsed[0], other) for other in elapsed[1:]):
-        return orders[0], f"dates may be {' or '.join(orders)}; the time between rows is the same"
-    unbroken = [
-        order
-        for order, one in zip(orders, elapsed, strict=True)
-        if abs(np.diff(one)).max(initial=0.0) < DAY
-    ]
-    if len(unbroken) != 1:
-        raise Undecided(", or ".join(orders))
-    return unbroken[0], f"dates read {unbroken[0]}: otherwise the rows would be days apart"
-
-
-def _elapsed(seconds: np.ndarray) -> np.ndarray:
-    known = seconds[~np.isnan(seconds)]
-    return np.round(known - known[:1], 6)
-
-
-def without_summer_time(seconds: np.ndarray) -> tuple[np.ndarray, int]:
-    """Local time (n_rows,) without the hours by which summer time sets a clock, and their number.
-
-    That is on a Sunday in spring or autumn, at a full hour.
-    """
-    rows = np.flatnonzero(~np.isnan(seconds))
-    known = seconds[rows]
-    steps = np.diff(known)
-    places = np.flatnonzero((abs(steps) > HOUR / 2) & (abs(steps) < 2 * HOUR))
-    if not places.size:
-        return seconds, 0
-    near = SUMMER_TIME_STEPS * np.median(abs(steps))
-    hours = np.sign(steps[places])
-    after = known[places + 1]
-    is_hour = (abs(steps[places] - HOUR * hours) <= near) & (after % HOUR <= near)
-    is_change = is_hour & _may_change(after)
-    shift = np.zeros(known.size)
-    shift[places[is_change] + 1] = HOUR * hours[is_change]
-    corrected = seconds.copy()
-    corrected[rows] = known - np.cumsum(shift)
-    return corrected, int(is_change.sum())
-
-
-def _may_change(seconds: np.ndarray) -> np.ndarray:
-    """Whether a time is on a Sunday of the months in which summer time begins or ends."""
-    days = np.floor(seconds / DAY).astype("datetime64[D]")
-    month = days.astype("datetime64[M]").astype(int) % 12 + 1
-    is_sunday = (days.astype(int) + 4) % 7 == 0  # 1 January 1970 was a Thursday
-    return is_sunday & np.isin(month, SUMMER_TIME_MONTHS)

@@ -31,7 +31,8 @@ from training.field.logs.stamp_columns import (
     time_of_parts,
     with_dates,
 )
-from training.field.logs.stamps import Stamps, Undecided, read_stamps, seconds_of
+from training.field.logs.stamp_seconds import seconds_of
+from training.field.logs.stamps import Stamps, Undecided, read_stamps
 from training.field.logs.table import Table
 from training.field.units import spelt
 

@@ -168,6 +168,17 @@ def test_one_zone_that_is_not_known_does_not_matter():
     assert "Time" in table_of(["10:00:00 AEST", "10:00:01 AEDT"]).refusals
 
 
+def test_summer_time_of_a_clock_of_whole_seconds():
+    stamps = [f"2024-03-31 01:59:{50 + k // 10}" for k in range(100)]
+    stamps += [f"2024-03-31 03:00:0{k // 10}" for k in range(100)]
+    np.testing.assert_array_equal(elapsed(stamps), np.arange(200) // 10)
+
+
+def test_impossible_stamps_are_refused_by_name():
+    for stamps in (["10:75", "10:76"], ["10:61:00"] * 2, ["2024-02-30 10:00:00"] * 2):
+        assert "2 of 2 cells are none" in str(table_of(stamps).refusals["Time"])
+
+
 def test_an_hour_without_rows_is_no_summer_time():
     stamps = [f"2024-05-01 01:59:59.{k}" for k in range(10)] + ["2024-05-01 03:00:00.0"]
     assert elapsed(stamps)[-1] == pytest.approx(3601, abs=0.1)
