@@ -12,7 +12,7 @@ from auv_fault_env import episodes, lanes, layout, sensors
 from auv_fault_env.channels import CHANNELS, COMMANDS
 from auv_fault_env.compiling import n_threads
 from auv_fault_env.errors import finite_in_range, one_per_lane, refusal, whole_number
-from auv_fault_env.faults import Fault, matrices
+from auv_fault_env.faults import Fault, classes, matrices
 from auv_fault_env.missions import Mission, MissionSampler, mission_of
 from auv_fault_env.noise import STREAMS, episode_keys, uniforms
 from auv_fault_env.parameters import (
@@ -39,6 +39,8 @@ from auv_fault_env.unmodelled import plant_faults
 
 # columns of the parameters that only the kernel with imperfections reads
 SIGNAL_PARAMETERS = slice(layout.SIGNALS - layout.PARAMETER, None)
+ACTIONS = COMMANDS[1:]
+GIVE_ACTIONS = f"give {', '.join(ACTIONS)}"
 PARALLEL_LANES = 512  # below, waking the threads costs more than they save
 
 
@@ -81,6 +83,8 @@ class Fleet:
         `PlantConstants` as an array.
     diagnoses
         Diagnosis class of every fault: those of `plant_faults`, then `more_faults`, (n_faults,).
+    class_of_fault
+        Index of that class in `faults.classes()`, (n_faults,).
     outcomes
         (4, n_lanes) of the last step: reward, energy [J], cost [m^2/s^2], mission speed [m/s].
     changes
@@ -136,6 +140,8 @@ class Fleet:
         self.catalogue = matrices(self._faults)
         self._changes_signal = self.catalogue.offset[:, SIGNAL_PARAMETERS].any(axis=1)
         self.diagnoses = np.array([fault.diagnosis for fault in self._faults])
+        names = classes()
+        self.class_of_fault = np.array([names.index(fault.diagnosis) for fault in self._faults])
 
     def _faults_now(self) -> tuple[Fault, ...]:
         return *plant_faults().values(), *self.more_faults
@@ -360,9 +366,9 @@ class Fleet:
 
     def _step_blocks(self, arrays: tuple[np.ndarray, ...]) -> int:
         """Step all blocks; returns the number of lanes that need an update."""
+        if len(self._block_ranges) == 1:
+            return lanes.step_blocks(*self._block_ranges[0], *arrays)
         first, *others = self._block_ranges
-        if not others:
-            return lanes.step_blocks(*first, *arrays)
         if self._threads is None or self._process != os.getpid():  # threads do not survive a fork
             self._threads = ThreadPoolExecutor(len(others))
             self._process = os.getpid()
@@ -415,21 +421,19 @@ class Fleet:
 
 def checked_actions(actions, shape: tuple[int, ...]) -> np.ndarray:
     """The actions as contiguous float64 if they are finite and of that shape, else a refusal."""
-    names = COMMANDS[1:]
-    remedy = f"give {', '.join(names)}"
     try:
         actions = np.ascontiguousarray(actions, np.float64)
     except (TypeError, ValueError):
-        raise refusal("action", actions, f"numbers of shape {shape}", remedy) from None
+        raise refusal("action", actions, f"numbers of shape {shape}", GIVE_ACTIONS) from None
     if actions.shape != shape:
-        raise refusal("shape of the action", actions.shape, shape, remedy)
+        raise refusal("shape of the action", actions.shape, shape, GIVE_ACTIONS)
     if actions.ndim == 1:
         are_finite = all(map(math.isfinite, actions.tolist()))  # faster for one vehicle
     else:
         are_finite = np.isfinite(actions).all()
     if not are_finite:
         place = tuple(np.argwhere(~np.isfinite(actions))[0])
-        thing = f"action, {names[place[-1]]}"
+        thing = f"action, {ACTIONS[place[-1]]}"
         raise refusal(thing, float(actions[place]), "a finite number", "check the policy")
     return actions
 

@@ -1,18 +1,21 @@
-"""The truth behind the readings, for scoring only."""
+"""The truth behind the readings, for scoring only: how much of it the information of a step has.
 
-import math
+A level is one of `LEVELS`. ``"label"``: the class of the most severe fault as the number
+`true_class`. ``"full"``: that, and a dictionary `truth`. False: nothing.
+"""
+
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from auv_fault_env import layout
-from auv_fault_env.errors import known_name
-from auv_fault_env.faults import NORMAL, classes
+from auv_fault_env.errors import known_name, refusal
+from auv_fault_env.faults import classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import PARAMETERS
 from auv_fault_env.physics import RPM
-from auv_fault_env.schedules import first_onset, profile_of
+from auv_fault_env.schedules import first_onset
 
 # row of the memory and factor of the unit by name of the noise-free state
 STATE: dict[str, tuple[int, float]] = {
@@ -26,6 +29,15 @@ STATE: dict[str, tuple[int, float]] = {
     "starboard_current": (layout.STARBOARD_CURRENT, 1.0),
     "starboard_rpm": (layout.STARBOARD_SHAFT_SPEED, RPM),
 }
+
+LEVELS = ("full", "label", False)
+
+
+def known_level(truth: str | bool) -> str | bool:
+    """The level of the truth, if there is one of that name."""
+    if any(truth is level or (level and truth == level) for level in LEVELS):
+        return truth
+    raise refusal("truth", truth, "'full', 'label' or False", "give one of them")
 
 
 class FleetTruth(Mapping):
@@ -74,39 +86,63 @@ class FleetTruth(Mapping):
     def _severity(self) -> dict[str, np.ndarray]:
         plan = self._fleet.plan
         names = classes()
-        class_of_fault = [names.index(name) for name in self._fleet.diagnoses]
-        class_of_fault = np.array(class_of_fault)
         largest = np.zeros((len(names), self._fleet.n_lanes))
         lanes = np.arange(self._fleet.n_lanes)
         for fault, severity in zip(plan.fault.T, plan.severity.T, strict=True):
-            row = np.where(fault >= 0, class_of_fault[fault], 0)
+            row = np.where(fault >= 0, self._fleet.class_of_fault[fault], 0)
             np.maximum.at(largest, (row, lanes), severity)
         return dict(zip(names[1:], largest[1:], strict=True))
 
     def _label(self) -> np.ndarray:
-        plan = self._fleet.plan
-        lanes = np.arange(self._fleet.n_lanes)
-        if not plan.severity.size:
-            return np.full(lanes.size, NORMAL)
-        worst = plan.severity.argmax(axis=1)
-        is_faulty = plan.severity[lanes, worst] > 0.0
-        diagnosis = self._fleet.diagnoses[plan.fault[lanes, worst]]
-        return np.where(is_faulty, diagnosis, NORMAL)
+        return np.array(classes())[worst_class(self._fleet)]
+
+
+def worst_class(fleet: Fleet) -> np.ndarray:
+    """Class of the most severe fault as an index of `classes()`, 0 for `normal`, (n_lanes,).
+
+    Of equally severe faults the first of the schedule counts.
+    """
+    true_class = np.zeros(fleet.n_lanes, np.int64)
+    largest = np.zeros(fleet.n_lanes)
+    for fault, severity in zip(fleet.plan.fault.T, fleet.plan.severity.T, strict=True):
+        is_worse = severity > largest
+        true_class = np.where(is_worse, fleet.class_of_fault[fault], true_class)
+        largest = np.where(is_worse, severity, largest)
+    return true_class
+
+
+def fleet_truth(fleet: Fleet, level: str | bool) -> dict[str, Any]:
+    """The truth of all lanes for the information of a step, as arrays (n_lanes,)."""
+    if not level:
+        return {}
+    truth = {"true_class": worst_class(fleet)}
+    return truth | {"truth": dict(FleetTruth(fleet))} if level == "full" else truth
 
 
 class SingleLaneTruth:
-    """The truth of one lane in plain numbers; what only faults change is cached between changes."""
+    """The truth of one lane in numpy scalars; what faults alone change is kept between changes."""
 
     def __init__(self, fleet: Fleet, lane: int = 0):
         self._fleet = fleet
         self._lane = lane
-        self._changes = -1  # of the fleet, when the cached values were read
+        # of the fleet, when the kept values were read
+        self._changes = -1
+        self._changes_of_class = -1
         self._block = lane // layout.LANES
         self._column = lane % layout.LANES
         first = self._block * layout.N_ROWS * layout.LANES + self._column
         rows = np.array([row for row, _ in STATE.values()])
         self._state_places = first + layout.LANES * rows
         self._state_factors = np.array([factor for _, factor in STATE.values()])
+
+    def of_level(self, level: str | bool) -> dict[str, Any]:
+        """The truth for the information of a step."""
+        if not level:
+            return {}
+        if self._changes_of_class != self._fleet.changes:
+            self._read_class()
+        truth = {"true_class": self._class}
+        return truth | {"truth": self.read()} if level == "full" else truth
 
     def read(self) -> dict[str, Any]:
         """A new dictionary of label, severity by class, onset [s], parameters and state by name."""
@@ -115,37 +151,37 @@ class SingleLaneTruth:
         if self._fleet.effects.size:  # then heat changes parameters at every step
             self._read_parameters()
         values = self._fleet.state.memory.take(self._state_places)
-        state = (values * self._state_factors).tolist()
         return {
             "label": self._label,
             "severity": self._severity.copy(),
             "onset": self._onset,
             "parameters": self._parameters.copy(),
-            "state": dict(zip(STATE, state, strict=True)),
+            "state": dict(zip(STATE, values * self._state_factors, strict=True)),
         }
 
     def _read_parameters(self):
         rows = slice(layout.PARAMETER, layout.SURROUNDINGS)
         parameters = self._fleet.table[self._block, rows, self._column]
-        self._parameters = dict(zip(PARAMETERS, parameters.tolist(), strict=True))
+        self._parameters = dict(zip(PARAMETERS, parameters.copy(), strict=True))
+
+    def _read_class(self):
+        self._changes_of_class = self._fleet.changes
+        self._class = np.int64(0)
+        severities = self._fleet.plan.severity[self._lane]
+        if severities.size and severities.max() > 0.0:
+            event = severities.argmax()  # of equal ones the first, as in `worst_class`
+            self._class = self._fleet.class_of_fault[self._fleet.plan.fault[self._lane, event]]
 
     def _read_faults(self):
         plan = self._fleet.plan
         self._changes = self._fleet.changes
         self._read_parameters()
-        self._severity = dict.fromkeys(classes()[1:], 0.0)
-        self._onset = math.inf
-        self._label = NORMAL
-        worst = 0.0
-        faults = plan.fault[self._lane].tolist()
-        severities = plan.severity[self._lane].tolist()
-        onsets = profile_of(plan).onset[self._lane].tolist()
-        for fault, severity, onset in zip(faults, severities, onsets, strict=True):
-            if fault < 0:
-                continue
-            name = str(self._fleet.diagnoses[fault])
-            self._severity[name] = max(self._severity[name], severity)
-            self._onset = min(self._onset, onset)
-            if severity > worst:  # of equal severities the first event, as in `FleetTruth`
-                self._label = name
-                worst = severity
+        self._read_class()
+        names = classes()
+        self._label = names[self._class]
+        self._severity = dict.fromkeys(names[1:], np.float64(0.0))
+        for fault, severity in zip(plan.fault[self._lane], plan.severity[self._lane], strict=True):
+            if fault >= 0:
+                name = names[self._fleet.class_of_fault[fault]]
+                self._severity[name] = max(self._severity[name], severity)
+        self._onset = first_onset(plan)[self._lane]

@@ -85,7 +85,10 @@ many, _ = vector.reset(seed=1, options={"schedule": [EVENT]})
 many, *_ = vector.step(np.zeros((N_LANES, 1)))
 
 plant = gym.make_vec(
-    "auv_fault_env/Propulsion-v0", num_envs=N_LANES, vectorization_mode="vector_entry_point"
+    "auv_fault_env/Propulsion-v0",
+    num_envs=N_LANES,
+    vectorization_mode="vector_entry_point",
+    truth="full",
 )
 readings, _ = plant.reset(seed=1, options={"schedule": [EVENT]})
 for _ in range(30):

@@ -37,13 +37,13 @@ def simulate(env, steps, seed=3, **options):
 def test_gymnasium_check_env_passes_without_a_warning():
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        check_env(gym.make(NAME).unwrapped, skip_render_check=True)
+        check_env(gym.make(NAME, truth="full").unwrapped, skip_render_check=True)
     assert not caught, [str(one.message) for one in caught]
 
 
 def test_stable_baselines_check_env_passes_without_a_warning():
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
-    env = gym.wrappers.RescaleAction(gym.make(NAME), -1, 1)
+    env = gym.wrappers.RescaleAction(gym.make(NAME, truth="full"), -1, 1)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         checker.check_env(env, skip_render_check=True)
@@ -51,7 +51,7 @@ def test_stable_baselines_check_env_passes_without_a_warning():
 
 
 def test_spaces_are_the_documented_ones():
-    env = gym.make(NAME)
+    env = gym.make(NAME, truth="full")
     assert env.observation_space.dtype == env.action_space.dtype == np.float32
     assert env.observation_space.shape == (12,) and env.action_space.shape == (3,)
     assert np.isfinite([env.observation_space.low, env.observation_space.high]).all()
@@ -77,14 +77,16 @@ def test_spaces_are_the_documented_ones():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_info_and_truth_have_their_form(seed):
-    for observation, _, info in simulate(PropulsionEnv(), 30, seed):
-        assert set(info) == {"mission_speed", "energy", "cost", "truth"}
-        assert [type(info[key]) for key in ("mission_speed", "energy", "cost")] == [float] * 3
+    for observation, _, info in simulate(PropulsionEnv(truth="full"), 30, seed):
+        assert set(info) == {"mission_speed", "energy", "cost", "true_class", "truth"}
+        assert {type(info[key]) for key in ("mission_speed", "energy", "cost")} == {np.float64}
         truth = info["truth"]
+        assert type(info["true_class"]) is np.int64
+        assert truth["label"] == classes()[info["true_class"]]
         assert set(truth) == {"label", "severity", "onset", "parameters", "state"}
         assert truth["label"] in classes() and tuple(truth["severity"]) == classes()[1:]
         assert tuple(truth["parameters"]) == tuple(PARAMETERS)
-        assert type(truth["onset"]) is float and (
+        assert type(truth["onset"]) is np.float64 and (
             truth["onset"] >= 5.0 or math.isnan(truth["onset"])
         )
         assert set(CHANNELS) - set(list(CHANNELS)[:4]) <= set(truth["state"])
@@ -93,12 +95,12 @@ def test_info_and_truth_have_their_form(seed):
             *truth["parameters"].values(),
             *truth["state"].values(),
         ]
-        assert {type(value) for value in plain} == {float} and np.isfinite(plain).all()
+        assert {type(value) for value in plain} == {np.float64} and np.isfinite(plain).all()
         assert observation.dtype == np.float32 and observation.shape == (12,)
 
 
 def test_truth_is_a_fresh_dictionary_every_step():
-    rows = simulate(PropulsionEnv(), 3, schedule=FAULTS)
+    rows = simulate(PropulsionEnv(truth="full"), 3, schedule=FAULTS)
     rows[1][2]["truth"]["parameters"]["alpha"] = rows[1][2]["truth"]["severity"][
         "increased_drag"
     ] = 7.0
@@ -109,7 +111,9 @@ def test_truth_is_a_fresh_dictionary_every_step():
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_reward_is_the_documented_formula(preset):
-    for _, reward, info in simulate(PropulsionEnv(preset=preset), 200, schedule=FAULTS)[1:]:
+    for _, reward, info in simulate(
+        PropulsionEnv(truth="full", preset=preset), 200, schedule=FAULTS
+    )[1:]:
         deviation = info["truth"]["state"]["speed"] - info["mission_speed"]
         assert info["cost"] == pytest.approx(deviation**2, rel=1e-12)
         assert reward == pytest.approx(-(deviation**2) - ENERGY_WEIGHT * info["energy"], rel=1e-12)
@@ -117,7 +121,7 @@ def test_reward_is_the_documented_formula(preset):
 
 
 def test_energy_lies_between_the_powers_at_the_ends_of_the_sample():
-    rows = simulate(PropulsionEnv(healthy_band=3.0), 400, schedule=FAULTS)
+    rows = simulate(PropulsionEnv(truth="full", healthy_band=3.0), 400, schedule=FAULTS)
     wide = 0
     for (_, _, before), (_, _, after) in itertools.pairwise(rows):
         low = high = 0.0
@@ -139,8 +143,8 @@ def test_energy_lies_between_the_powers_at_the_ends_of_the_sample():
 
 
 def test_energy_of_steady_motion_is_voltage_times_current():
-    rows = simulate(PropulsionEnv(**QUIET), 0, mission="cruise", schedule=[])
-    env = PropulsionEnv(**QUIET)
+    rows = simulate(PropulsionEnv(truth="full", **QUIET), 0, mission="cruise", schedule=[])
+    env = PropulsionEnv(truth="full", **QUIET)
     env.reset(options={"mission": "cruise", "schedule": []})
     for _ in range(300):
         *_, info = env.step([rows[0][0][0], 0.0, 0.0])
@@ -150,14 +154,16 @@ def test_energy_of_steady_motion_is_voltage_times_current():
 
 
 def test_readings_without_noise_are_the_true_state():
-    for observation, _, info in simulate(PropulsionEnv(sensor_noise=0.0), 200, schedule=FAULTS):
+    for observation, _, info in simulate(
+        PropulsionEnv(truth="full", sensor_noise=0.0), 200, schedule=FAULTS
+    ):
         state = info["truth"]["state"]
         expected = np.float32([state[name] for name in list(CHANNELS)[4:]])
         np.testing.assert_allclose(observation[4:], expected, rtol=2e-7, atol=1e-12)
 
 
 def test_noise_of_the_readings_has_its_default_size():
-    rows = simulate(PropulsionEnv(), 600, mission="cruise", schedule=[])
+    rows = simulate(PropulsionEnv(truth="full"), 600, mission="cruise", schedule=[])
     readings = list(CHANNELS)[4:]
     errors = np.array(
         [row[0][4:] - [row[2]["truth"]["state"][name] for name in readings] for row in rows]
@@ -168,7 +174,7 @@ def test_noise_of_the_readings_has_its_default_size():
 
 
 def test_commands_are_observed_clipped():
-    env = PropulsionEnv()
+    env = PropulsionEnv(truth="full")
     env.reset(seed=1)
     observation, *_ = env.step([5.0, -5.0, 5.0])
     np.testing.assert_array_equal(observation[1:4], np.float32([1.0, -0.4, 0.4]))
@@ -186,19 +192,19 @@ def test_an_action_may_be_any_sequence_of_numbers(kind):
         if isinstance(kind(()), list | tuple)
         else np.array([0.5, 0.0, 0.25], kind)
     )
-    env = PropulsionEnv()
+    env = PropulsionEnv(truth="full")
     env.reset(seed=1)
     assert env.step(action)[0][1:4].tolist() == [0.5, 0.0, 0.25]
 
 
 def test_same_seed_same_episode():
-    one, two = (simulate(PropulsionEnv(), 100, seed=9) for _ in range(2))
+    one, two = (simulate(PropulsionEnv(truth="full"), 100, seed=9) for _ in range(2))
     assert [row[0].tobytes() for row in one] == [row[0].tobytes() for row in two]
     assert [(row[1], row[2]) for row in one] == [(row[1], row[2]) for row in two]
 
 
 def test_different_seeds_and_later_episodes_differ():
-    env = PropulsionEnv()
+    env = PropulsionEnv(truth="full")
     starts = [env.reset(seed=seed)[0].tobytes() for seed in range(20)] + [
         env.reset()[0].tobytes() for _ in range(20)
     ]
@@ -209,14 +215,19 @@ def test_different_seeds_and_later_episodes_differ():
 
 def test_vehicles_differ_within_the_healthy_band():
     alphas = np.array(
-        [PropulsionEnv().reset(seed=s)[1]["truth"]["parameters"]["alpha"] for s in range(200)]
+        [
+            PropulsionEnv(truth="full").reset(seed=s)[1]["truth"]["parameters"]["alpha"]
+            for s in range(200)
+        ]
     )
     relative = alphas / PRESETS["thesis1992"].alpha - 1.0
     assert np.abs(relative).max() <= 0.05 and np.ptp(relative) > 0.09
 
 
 def test_without_a_band_the_vehicle_is_the_nominal_one():
-    truth = PropulsionEnv(healthy_band=0.0).reset(seed=5, options={"schedule": []})[1]["truth"]
+    truth = PropulsionEnv(truth="full", healthy_band=0.0).reset(seed=5, options={"schedule": []})[
+        1
+    ]["truth"]
     preset = PRESETS["thesis1992"]
     assert (
         truth["parameters"]["alpha"] == preset.alpha and truth["parameters"]["port_c1"] == preset.c1
@@ -228,8 +239,8 @@ def test_without_a_band_the_vehicle_is_the_nominal_one():
 
 @pytest.mark.parametrize("factor", ["sensor_noise", "disturbance", "healthy_band"])
 def test_make_takes_the_factors_of_the_design(factor):
-    default = gym.make(NAME, preset="thesis1992")
-    off = gym.make(NAME, **{factor: 0.0})
+    default = gym.make(NAME, truth="full", preset="thesis1992")
+    off = gym.make(NAME, truth="full", **{factor: 0.0})
     one, two = (env.reset(seed=1, options={"schedule": []}) for env in (default, off))
     changed = {
         "sensor_noise": lambda info: info["truth"]["parameters"]["speed_noise"],
@@ -248,13 +259,17 @@ def test_make_takes_the_factors_of_the_design(factor):
 )
 def test_make_takes_presets_and_vehicles(preset):
     vehicle = preset if not isinstance(preset, str) else PRESETS[preset]
-    _, info = gym.make(NAME, preset=preset, healthy_band=0.0).reset(seed=1)
+    _, info = gym.make(NAME, truth="full", preset=preset, healthy_band=0.0).reset(seed=1)
     assert info["truth"]["parameters"]["alpha"] == vehicle.alpha
 
 
 @pytest.mark.parametrize("limit", [None, 30], ids=["default_600", "given_30"])
 def test_time_limit_truncates_and_nothing_terminates(limit):
-    env = gym.make(NAME) if limit is None else gym.make(NAME, max_episode_steps=limit)
+    env = (
+        gym.make(NAME, truth="full")
+        if limit is None
+        else gym.make(NAME, truth="full", max_episode_steps=limit)
+    )
     env.reset(seed=1)
     ends = [env.step(np.zeros(3, np.float32))[2:4] for _ in range(limit or 600)]
     assert ends == [(False, False)] * (len(ends) - 1) + [(False, True)]
@@ -265,7 +280,7 @@ def test_every_element_varies_and_stays_inside_under_random_actions():
     n = 10 * (len(CATALOGUE) + 1)
     steps = 200
     schedules = [[{"fault": name, "onset": 1.0, "severity": 1.0}] for name in CATALOGUE] + [[]]
-    env = PropulsionVectorEnv(n)
+    env = PropulsionVectorEnv(n, truth="full")
     random = np.random.default_rng(0)
     rows = [env.reset(seed=77, options={"schedules": schedules * 10})[0]]
     low = env.action_space.low

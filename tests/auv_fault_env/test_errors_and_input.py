@@ -43,11 +43,11 @@ def event(**changes):
 
 
 def single(**options):
-    return lambda: PropulsionEnv().reset(seed=1, options=options)
+    return lambda: PropulsionEnv(truth="full").reset(seed=1, options=options)
 
 
 def vector(**options):
-    return lambda: PropulsionVectorEnv(3).reset(seed=1, options=options)
+    return lambda: PropulsionVectorEnv(3, truth="full").reset(seed=1, options=options)
 
 
 EVENTS = {
@@ -183,12 +183,16 @@ def test_onset_after_the_end_of_the_episode(onset, form):
 
 
 def test_a_longer_episode_takes_a_later_onset():
-    longer = PropulsionVectorEnv(2, max_episode_steps=700)
+    longer = PropulsionVectorEnv(2, max_episode_steps=700, truth="full")
     assert longer.reset(options={"schedule": [LATE]})[1]["truth"]["onset"].tolist() == [60.0, 60.0]
-    longer = gym.make("auv_fault_env/Propulsion-v0", max_episode_steps=700, horizon=70.0)
+    longer = gym.make(
+        "auv_fault_env/Propulsion-v0", truth="full", max_episode_steps=700, horizon=70.0
+    )
     assert longer.reset(options={"schedule": [LATE]})[1]["truth"]["onset"] == 60.0
     assert (
-        PropulsionEnv(horizon=math.inf).reset(options={"schedule": [LATE]})[1]["truth"]["onset"]
+        PropulsionEnv(truth="full", horizon=math.inf).reset(options={"schedule": [LATE]})[1][
+            "truth"
+        ]["onset"]
         == 60.0
     )
 
@@ -347,7 +351,7 @@ ACTIONS = {
 @pytest.mark.parametrize("lanes", [0, 3], ids=["single", "vector"])
 def test_actions(case, lanes):
     action, *expected = case
-    env = PropulsionVectorEnv(lanes) if lanes else PropulsionEnv()
+    env = PropulsionVectorEnv(lanes, truth="full") if lanes else PropulsionEnv(truth="full")
     env.reset(seed=1)
     if lanes and isinstance(action, list) and action:
         action = [action] * lanes
@@ -355,8 +359,8 @@ def test_actions(case, lanes):
 
 
 def test_a_refused_action_leaves_the_episode_as_it_was():
-    env = PropulsionEnv()
-    twin = PropulsionEnv()
+    env = PropulsionEnv(truth="full")
+    twin = PropulsionEnv(truth="full")
     for one in (env, twin):
         one.reset(seed=1)
     with pytest.raises(ValueError, match="action"):
@@ -377,7 +381,7 @@ def test_actions_of_a_wrong_shape_never_reach_the_kernel(maker, shape):
 
 
 @pytest.mark.parametrize(
-    "maker", [PropulsionEnv, lambda: PropulsionVectorEnv(2)], ids=["single", "vector"]
+    "maker", [PropulsionEnv, lambda: PropulsionVectorEnv(2, truth="full")], ids=["single", "vector"]
 )
 def test_step_before_reset(maker):
     call = lambda: maker().step(np.zeros(3))  # noqa: E731
@@ -387,7 +391,7 @@ def test_step_before_reset(maker):
 
 
 def factor(**changes):
-    return lambda: PropulsionEnv(**changes)
+    return lambda: PropulsionEnv(truth="full", **changes)
 
 
 def vehicle(**changes):
@@ -438,5 +442,5 @@ def test_number_of_lanes(maker, number):
 
 @pytest.mark.parametrize("limit", [0, -1, 1.5, None, "600", True, NAN], ids=repr)
 def test_length_of_the_episode(limit):
-    call = lambda: PropulsionVectorEnv(2, max_episode_steps=limit)  # noqa: E731
+    call = lambda: PropulsionVectorEnv(2, max_episode_steps=limit, truth="full")  # noqa: E731
     assert_refused(call, "max_episode_steps", re.escape(repr(limit)), POSITIVE)

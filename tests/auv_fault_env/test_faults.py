@@ -4,6 +4,7 @@ import itertools
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 
 import gymnasium as gym
 import numpy as np
@@ -242,7 +243,7 @@ def test_a_new_fault_appears_in_the_truth(monkeypatch, vector):
     monkeypatch.setitem(CATALOGUE, "ice_on_hull", ice())
     name = "auv_fault_env/Propulsion-v0"
     options = {"schedule": [FaultEvent("ice_on_hull", 0.1, 0.5)]}
-    env = gym.make_vec(name, num_envs=2) if vector else gym.make(name)
+    env = gym.make_vec(name, num_envs=2, truth="full") if vector else gym.make(name, truth="full")
     env.reset(seed=1, options=options)
     action = np.zeros(env.action_space.shape, np.float32)
     truth = [dict(env.step(action)[4]["truth"]) for _ in range(2)]
@@ -263,12 +264,12 @@ def test_a_new_kind_of_a_sensor_joins_its_class(monkeypatch):
 
 
 ENVIRONMENT = "auv_fault_env/Propulsion-v0"
-MAKERS = {"single": gym.make, "vector": lambda name: gym.make_vec(name, num_envs=3)}
+MAKERS = {"single": gym.make, "vector": partial(gym.make_vec, num_envs=3)}
 
 
 @pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
 def test_fault_added_beside_an_open_environment_strikes_in_it(monkeypatch, make):
-    env = make(ENVIRONMENT)
+    env = make(ENVIRONMENT, truth="full")
     env.reset(seed=0)
     env.step(np.zeros(env.action_space.shape))
     monkeypatch.setitem(CATALOGUE, "ice_on_hull", ice())
@@ -282,7 +283,7 @@ def test_fault_added_beside_an_open_environment_strikes_in_it(monkeypatch, make)
 
 @pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
 def test_fault_added_beside_an_open_environment_is_sampled_in_it(monkeypatch, make):
-    env = make(ENVIRONMENT)
+    env = make(ENVIRONMENT, truth="full")
     env.reset(seed=0)
     for k in range(500):
         monkeypatch.setitem(CATALOGUE, f"ice_{k}", replace(ice(), name=f"ice_{k}"))
@@ -318,7 +319,10 @@ CATALOGUE["ice"] = Fault("ice", "hull", scale={{"alpha": 1.4}})
 import gymnasium as gym
 import numpy as np
 schedule = [{{"fault": "ice", "onset": 0.0, "severity": 1.0}}]
-for env in (gym.make("{ENVIRONMENT}"), gym.make_vec("{ENVIRONMENT}", num_envs=2)):
+for env in (
+    gym.make("{ENVIRONMENT}", truth="full"),
+    gym.make_vec("{ENVIRONMENT}", num_envs=2, truth="full"),
+):
     env.reset(seed=1, options={{"schedule": schedule}})
     truth = env.step(np.zeros(env.action_space.shape))[-1]["truth"]
     assert np.all(np.array(truth["label"]) == "ice"), truth["label"]

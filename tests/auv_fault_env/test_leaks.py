@@ -39,7 +39,7 @@ def band(labels):
 @pytest.fixture(scope="module")
 def episodes():
     """Observations at the reset and after every onset, and the class of each lane's first fault."""
-    env = PropulsionVectorEnv(LANES, parallel=False)
+    env = PropulsionVectorEnv(LANES, parallel=False, truth="full")
     first, info = env.reset(seed=10_000)
     assert set(info["truth"]["label"]) == {"normal"}
     names = np.array(["normal", *(fault.diagnosis for fault in CATALOGUE.values())])
@@ -88,8 +88,8 @@ def test_the_same_classifier_finds_a_leak(task):
 
 
 def test_reset_observation_is_that_of_the_healthy_twin():
-    sampled = PropulsionVectorEnv(2000, parallel=False)
-    healthy = PropulsionVectorEnv(2000, parallel=False)
+    sampled = PropulsionVectorEnv(2000, parallel=False, truth="full")
+    healthy = PropulsionVectorEnv(2000, parallel=False, truth="full")
     one, _ = sampled.reset(seed=3)
     two, _ = healthy.reset(seed=3, options={"schedule": []})
     assert one.tobytes() == two.tobytes()

@@ -14,7 +14,7 @@ QUIET = dict(sensor_noise=0.0, disturbance=0.0, healthy_band=0.0)
 
 def legs_seen(mission, steps):
     """The mission speed of the reset and of every step after it, as observed."""
-    env = PropulsionEnv(**QUIET)
+    env = PropulsionEnv(truth="full", **QUIET)
     observation, info = env.reset(seed=1, options={"mission": mission, "schedule": []})
     seen = [(float(observation[0]), info["mission_speed"])]
     for _ in range(steps):
@@ -63,7 +63,7 @@ def test_thesis_mission_alternates_every_ten_seconds():
 
 
 def test_acceleration_mission_starts_at_rest():
-    env = PropulsionEnv(**QUIET)
+    env = PropulsionEnv(truth="full", **QUIET)
     observation, _ = env.reset(options={"mission": "acceleration", "schedule": []})
     assert observation[0] == np.float32(1.5 * FOOT) and (observation[4:] == 0.0).all()
 
@@ -71,7 +71,7 @@ def test_acceleration_mission_starts_at_rest():
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("speed", [0.15, 0.3, 0.6])
 def test_a_mission_starts_in_steady_motion(preset, speed):
-    env = PropulsionEnv(preset=preset, **QUIET)
+    env = PropulsionEnv(truth="full", preset=preset, **QUIET)
     first, _ = env.reset(seed=1, options={"mission": speed, "schedule": []})
     assert first[4] == np.float32(speed) and first[5] == pytest.approx(0.0, abs=1e-9)
     for side in PRESETS[preset].sides:
@@ -83,7 +83,7 @@ def test_a_mission_starts_in_steady_motion(preset, speed):
 
 
 def test_start_speed_may_differ_from_the_first_leg():
-    env = PropulsionEnv(**QUIET)
+    env = PropulsionEnv(truth="full", **QUIET)
     observation, _ = env.reset(
         options={"mission": Mission(((0.0, 0.4),), start_speed=0.2), "schedule": []}
     )
@@ -97,7 +97,7 @@ def test_registered_missions_stay_within_the_command(name):
 
 
 def test_each_lane_has_its_mission():
-    env = PropulsionVectorEnv(3, **QUIET)
+    env = PropulsionVectorEnv(3, **QUIET, truth="full")
     observations, info = env.reset(
         options={"missions": ["cruise", 0.2, [(0.0, 0.5), (0.1, 0.6)]], "schedule": []}
     )
@@ -109,8 +109,8 @@ def test_each_lane_has_its_mission():
 
 
 def test_a_given_mission_and_a_sampled_schedule_go_together():
-    fixed = PropulsionVectorEnv(30)
-    free = PropulsionVectorEnv(30)
+    fixed = PropulsionVectorEnv(30, truth="full")
+    free = PropulsionVectorEnv(30, truth="full")
     _, given = fixed.reset(seed=4, options={"mission": "cruise"})
     _, sampled = free.reset(seed=4)
     assert given["truth"]["onset"].tolist() == sampled["truth"]["onset"].tolist()

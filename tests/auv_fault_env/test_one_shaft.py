@@ -69,7 +69,7 @@ def test_no_fault_of_starboard_is_drawn_and_all_others_are():
     "name", ["seal_friction:starboard", "sensor_bias:starboard_rpm", "worn_brushes:starboard"]
 )
 def test_a_fault_of_starboard_is_refused_by_name(name):
-    env = gym.make(ID, preset=ONE)
+    env = gym.make(ID, preset=ONE, truth="full")
     event = {"fault": name, "onset": 1.0, "severity": 0.5}
     with pytest.raises(InputError, match=f"fault: got '{name}'; allowed is one of port"):
         env.reset(seed=1, options={"schedule": [event]})
@@ -82,7 +82,7 @@ def test_a_fault_of_starboard_is_refused_by_name(name):
 @pytest.mark.parametrize("name", ["increased_drag", "seal_friction:port", "fouled_propellers"])
 def test_faults_of_what_exists_are_taken(name):
     event = {"fault": name, "onset": 1.0, "severity": 0.5}
-    env = gym.make(ID, preset=ONE)
+    env = gym.make(ID, preset=ONE, truth="full")
     env.reset(seed=1, options={"schedule": [event]})
     for _ in range(15):
         *_, info = env.step([0.4, 0.0, 0.0])
@@ -124,7 +124,7 @@ def test_a_frame_shows_one_propeller_on_the_centre_line():
 def test_a_lane_of_a_batch_is_the_single_environment():
     vector = gym.make_vec(ID, num_envs=3, vectorization_mode="vector_entry_point", preset=ONE)
     many, _ = vector.reset(seed=5)
-    single = gym.make(ID, preset=ONE)
+    single = gym.make(ID, preset=ONE, truth="full")
     one, _ = single.reset(seed=6)
     for _ in range(50):
         np.testing.assert_array_equal(many[1], one)
@@ -133,7 +133,7 @@ def test_a_lane_of_a_batch_is_the_single_environment():
 
 
 def test_the_truth_has_no_starboard_thrust_and_state():
-    _, info = gym.make(ID, preset="remus100").reset(seed=3, options={"schedule": []})
+    _, info = gym.make(ID, preset="remus100", truth="full").reset(seed=3, options={"schedule": []})
     assert info["truth"]["parameters"]["starboard_beta"] == 0.0
     state = info["truth"]["state"]
     assert not any(state[f"starboard_{name}"] for name in ("voltage", "current", "rpm"))

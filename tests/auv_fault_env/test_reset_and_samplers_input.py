@@ -11,6 +11,7 @@ import pytest
 from auv_fault_env import MISSIONS, Fault, Fleet, MissionSampler, ScheduleSampler
 from auv_fault_env.env import PropulsionEnv, PropulsionVectorEnv
 from auv_fault_env.errors import InputError
+from auv_fault_env.truth import FleetTruth
 
 LINE = re.compile(r"(?P<thing>.+?): got (?P<got>.+); allowed is (?P<allowed>.+); (?P<remedy>[^;]+)")
 NAN = math.nan
@@ -31,7 +32,7 @@ def assert_refused(call, thing, got, allowed, remedy=".+"):
 @pytest.mark.parametrize("lanes", [0, 3], ids=["single", "vector"])
 @pytest.mark.parametrize("name", ["schedul", "seed", "reset_mask", 1], ids=str)
 def test_unknown_reset_option(lanes, name):
-    env = PropulsionVectorEnv(lanes) if lanes else PropulsionEnv()
+    env = PropulsionVectorEnv(lanes, truth="full") if lanes else PropulsionEnv(truth="full")
     assert_refused(
         lambda: env.reset(options={name: []}),
         "reset option",
@@ -43,7 +44,7 @@ def test_unknown_reset_option(lanes, name):
 @pytest.mark.parametrize("options", [5, "schedule", ["schedule"]], ids=repr)
 def test_options_that_are_no_mapping(options):
     assert_refused(
-        lambda: PropulsionEnv().reset(options=options),
+        lambda: PropulsionEnv(truth="full").reset(options=options),
         "options",
         re.escape(repr(options)),
         "mapping",
@@ -52,7 +53,7 @@ def test_options_that_are_no_mapping(options):
 
 def test_options_by_lane_belong_to_the_vector_environment():
     assert_refused(
-        lambda: PropulsionEnv().reset(options={"schedules": [[]]}),
+        lambda: PropulsionEnv(truth="full").reset(options={"schedules": [[]]}),
         "reset option",
         "schedules",
         "one of schedule",
@@ -74,7 +75,7 @@ SEEDS = {
 @pytest.mark.parametrize("case", SEEDS.values(), ids=SEEDS)
 def test_seeds_of_the_vector_environment(case):
     seed, *expected = case
-    assert_refused(lambda: PropulsionVectorEnv(3).reset(seed=seed), *expected)
+    assert_refused(lambda: PropulsionVectorEnv(3, truth="full").reset(seed=seed), *expected)
 
 
 PER_LANE = {
@@ -110,12 +111,14 @@ PER_LANE = {
 @pytest.mark.parametrize("case", PER_LANE.values(), ids=PER_LANE)
 def test_options_by_lane(case):
     options, *expected = case
-    assert_refused(lambda: PropulsionVectorEnv(3).reset(seed=1, options=options), *expected)
+    assert_refused(
+        lambda: PropulsionVectorEnv(3, truth="full").reset(seed=1, options=options), *expected
+    )
 
 
 def test_a_refused_reset_leaves_the_episode_as_it_was():
-    env = PropulsionVectorEnv(3)
-    twin = PropulsionVectorEnv(3)
+    env = PropulsionVectorEnv(3, truth="full")
+    twin = PropulsionVectorEnv(3, truth="full")
     for one in (env, twin):
         one.reset(seed=1)
     for bad in (
@@ -254,10 +257,17 @@ def test_faults(case):
 
 
 def test_unknown_key_of_the_truth():
-    info = PropulsionVectorEnv(2).reset(seed=1)[1]
-    assert_refused(
-        lambda: info["truth"]["labl"], "truth", "labl", "one of label, severity", "'label'"
-    )
+    fleet = Fleet(2)
+    fleet.reset([1, 2])
+    call = lambda: FleetTruth(fleet)["labl"]  # noqa: E731
+    assert_refused(call, "truth", "labl", "one of label, severity", "'label'")
+
+
+@pytest.mark.parametrize("level", ["labels", True, None, 0, 1, ["full"]], ids=repr)
+@pytest.mark.parametrize("maker", [PropulsionEnv, PropulsionVectorEnv])
+def test_level_of_the_truth(maker, level):
+    expected = "truth", re.escape(repr(level)), "'full', 'label' or False", "give one"
+    assert_refused(lambda: maker(truth=level), *expected)
 
 
 def test_fleet_needs_a_reset_of_all_lanes_first():

@@ -165,8 +165,8 @@ def test_later_episodes_draw_anew_from_the_same_distribution():
 def test_sample_is_what_an_environment_with_that_seed_draws():
     n = 40
     sampler = ScheduleSampler()
-    sampled = PropulsionVectorEnv(n)
-    given = PropulsionVectorEnv(n)
+    sampled = PropulsionVectorEnv(n, truth="full")
+    given = PropulsionVectorEnv(n, truth="full")
     schedules = [sampler.sample(seed) for seed in range(100, 100 + n)]
     assert {len(schedule) for schedule in schedules} == {0, 1, 2}
     one = sampled.reset(seed=100)[0]

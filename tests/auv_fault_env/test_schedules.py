@@ -20,7 +20,7 @@ def event(fault=DRAG, onset=1.0, severity=0.8, **profile):
 
 def truths(*events, steps, **options):
     """The truth of every step of an episode without noise."""
-    env = PropulsionEnv(sensor_noise=0.0, disturbance=0.0, healthy_band=0.0)
+    env = PropulsionEnv(truth="full", sensor_noise=0.0, disturbance=0.0, healthy_band=0.0)
     env.reset(seed=1, options={"schedule": events, "mission": "cruise"} | options)
     return [env.step([0.3, 0.0, 0.0])[4]["truth"] for _ in range(steps)]
 
@@ -139,10 +139,10 @@ def test_more_events_than_the_sampler_draws():
 
 
 def test_schedules_may_shrink_between_episodes():
-    env = PropulsionEnv()
+    env = PropulsionEnv(truth="full")
     env.reset(seed=1, options={"schedule": [event(name, 0.0) for name in CATALOGUE]})
     first, _ = env.reset(seed=2, options={"schedule": []})
-    again, _ = PropulsionEnv().reset(seed=2, options={"schedule": []})
+    again, _ = PropulsionEnv(truth="full").reset(seed=2, options={"schedule": []})
     assert first.tobytes() == again.tobytes()
     assert env.step([0.3, 0, 0])[4]["truth"]["label"] == "normal"
 

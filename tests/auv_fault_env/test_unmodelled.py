@@ -71,7 +71,7 @@ def test_no_class_knows_it_and_the_truth_calls_it_unknown(name):
     fault = UNMODELLED[name]
     assert fault.name == name and fault.about and fault.source
     assert fault.diagnosis == UNKNOWN and name not in CATALOGUE and name not in classes()
-    env = PropulsionEnv()
+    env = PropulsionEnv(truth="full")
     env.reset(seed=1, options={"schedule": [FaultEvent(name, 0.0, 0.7)]})
     *_, info = env.step([0.4, 0.0, 0.0])
     assert info["truth"]["label"] == UNKNOWN and info["truth"]["onset"] == 0.0

@@ -9,6 +9,7 @@ from gymnasium.vector import AutoresetMode
 
 from auv_fault_env import CATALOGUE, CHANNELS, PARAMETERS, FaultEvent, Fleet, classes, layout
 from auv_fault_env.env import PropulsionEnv, PropulsionVectorEnv
+from auv_fault_env.truth import LEVELS, FleetTruth
 
 NAME = "auv_fault_env/Propulsion-v0"
 LANES = 7
@@ -28,7 +29,7 @@ def commands(lanes=LANES, steps=STEPS, seed=0):
 def lane_of(values, lane):
     """One lane of a mapping of arrays, nested or not, as plain numbers."""
     if hasattr(values, "keys"):
-        return {key: lane_of(values[key], lane) for key in values}
+        return {key: lane_of(values[key], lane) for key in values if not key.startswith("_")}
     return values[lane].item()
 
 
@@ -36,7 +37,7 @@ def single_ride(lane, actions, **options):
     """(observation, reward, terminated, truncated, info) of a single environment that resets when
     it is truncated.
     """
-    env = gym.make(NAME, max_episode_steps=LIMIT)
+    env = gym.make(NAME, truth="full", max_episode_steps=LIMIT)
     rows = []
     truncated = False
     observation, info = env.reset(seed=SEED + lane, options=options)
@@ -62,10 +63,8 @@ def vector_ride(env, actions, **options):
     for action in [*actions, None]:
         for lane, rows in enumerate(lanes):
             observation, reward, terminated, truncated, info = outcome
-            told = {key: lane_of(info[key], lane) for key in info}
-            rows.append(
-                (observation[lane].tobytes(), reward[lane], terminated[lane], truncated[lane], told)
-            )
+            results = reward[lane], terminated[lane], truncated[lane], lane_of(info, lane)
+            rows.append((observation[lane].tobytes(), *results))
         outcome = env.step(action) if action is not None else None
     return lanes
 
@@ -74,7 +73,7 @@ def vector_ride(env, actions, **options):
 def test_lane_equals_the_single_environment_through_a_reset(given):
     options = {"schedule": [FAULT], "mission": "thesis"} if given else {}
     actions = commands()
-    lanes = vector_ride(gym.make_vec(NAME, num_envs=LANES), actions, **options)
+    lanes = vector_ride(gym.make_vec(NAME, num_envs=LANES, truth="full"), actions, **options)
     for lane, rows in enumerate(lanes):
         assert rows == single_ride(lane, actions[:, lane], **options), f"lane {lane}"
         assert [row[3] for row in rows].index(True) == LIMIT
@@ -128,7 +127,7 @@ def test_resetting_some_lanes_leaves_the_others_alone():
 
 
 def test_without_any_variation_all_lanes_are_identical():
-    env = PropulsionVectorEnv(66, sensor_noise=0.0, disturbance=0.0, healthy_band=0.0)
+    env = PropulsionVectorEnv(66, sensor_noise=0.0, disturbance=0.0, healthy_band=0.0, truth="full")
     observations, _ = env.reset(seed=3, options={"schedule": [FAULT], "mission": "thesis"})
     for action in commands(1, 150):
         assert len({row.tobytes() for row in observations}) == 1
@@ -138,7 +137,7 @@ def test_without_any_variation_all_lanes_are_identical():
 @pytest.mark.parametrize("factor", ["sensor_noise", "disturbance", "healthy_band"])
 def test_each_variation_makes_lanes_differ(factor):
     off = dict(sensor_noise=0.0, disturbance=0.0, healthy_band=0.0)
-    env = PropulsionVectorEnv(66, **off | {factor: 1.0})
+    env = PropulsionVectorEnv(66, **off | {factor: 1.0}, truth="full")
     env.reset(seed=3, options={"schedule": [], "mission": "cruise"})
     for _ in range(5):
         observations, *_ = env.step(np.tile([0.3, 0.0, 0.0], (66, 1)))
@@ -164,7 +163,7 @@ def test_the_same_seed_without_the_fault_is_the_exact_twin_before_onset():
 
 
 def test_auto_reset_comes_on_the_step_after_the_end():
-    env = PropulsionVectorEnv(2, max_episode_steps=5)
+    env = PropulsionVectorEnv(2, max_episode_steps=5, truth="full")
     assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
     env.reset(seed=1, options={"schedule": [FAULT | {"onset": 0.0}]})
     actions = np.tile([0.5, 0.1, 0.1], (2, 1))
@@ -190,7 +189,7 @@ def test_auto_reset_comes_on_the_step_after_the_end():
 
 @pytest.mark.parametrize("limit", [20, 600])
 def test_make_vec_hands_the_time_limit_on(limit):
-    env = gym.make_vec(NAME, num_envs=3, max_episode_steps=limit)
+    env = gym.make_vec(NAME, num_envs=3, truth="full", max_episode_steps=limit)
     assert (
         isinstance(env.unwrapped, PropulsionVectorEnv) and env.unwrapped.max_episode_steps == limit
     )
@@ -200,68 +199,73 @@ def test_make_vec_hands_the_time_limit_on(limit):
 
 
 def test_make_vec_takes_the_factors():
-    env = gym.make_vec(
-        NAME, num_envs=2, preset="npsnet1995", sensor_noise=0.0, disturbance=0.0, healthy_band=0.0
-    )
+    off = dict(sensor_noise=0.0, disturbance=0.0, healthy_band=0.0)
+    env = gym.make_vec(NAME, num_envs=2, preset="npsnet1995", truth="full", **off)
     _, info = env.reset(seed=1, options={"schedule": [], "mission": "cruise"})
     assert info["truth"]["parameters"]["alpha"][0] == -0.0276 / 0.3048
     assert info["truth"]["parameters"]["speed_noise"].tolist() == [0.0, 0.0]
 
 
-def test_info_and_truth_are_arrays_of_the_lanes():
-    env = PropulsionVectorEnv(70)
+def is_masked(info, n_lanes):
+    """Whether every entry, at any depth, is an array of the lanes or a plain dictionary with a
+    mask.
+    """
+    names = [name for name in info if not name.startswith("_")]
+    return all(
+        info[f"_{name}"].tolist() == [True] * n_lanes
+        and (
+            is_masked(info[name], n_lanes)
+            if type(info[name]) is dict
+            else type(info[name]) is np.ndarray and info[name].shape == (n_lanes,)
+        )
+        for name in names
+    )
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_info_has_arrays_of_the_lanes_and_masks(level):
+    env = PropulsionVectorEnv(70, truth=level)
     _, info = env.reset(seed=1)
     for _ in range(3):
-        truth = info["truth"]
-        assert set(info) == {"mission_speed", "energy", "cost", "truth"}
-        assert (
-            list(truth) == ["label", "severity", "onset", "parameters", "state"] and len(truth) == 5
-        )
-        assert tuple(truth["severity"]) == classes()[1:] and tuple(truth["parameters"]) == tuple(
-            PARAMETERS
-        )
-        assert set(list(CHANNELS)[4:]) <= set(truth["state"])
-        nested = [
-            value for key in ("severity", "parameters", "state") for value in truth[key].values()
-        ]
-        for values in (
-            *nested,
-            truth["onset"],
-            info["mission_speed"],
-            info["energy"],
-            info["cost"],
-        ):
-            assert values.shape == (70,) and values.dtype == np.float64
-        assert truth["label"].shape == (70,) and set(truth["label"]) <= set(classes())
+        names = [name for name in info if not name.startswith("_")]
+        of_level = {"full": ["true_class", "truth"], "label": ["true_class"], False: []}
+        assert names == ["mission_speed", "energy", "cost", *of_level[level]]
+        assert is_masked(info, 70) and type(info) is dict
+        if level == "full":
+            truth = info["truth"]
+            assert set(truth) > {"label", "severity", "onset", "parameters", "state"}
+            assert set(classes()[1:]) < set(truth["severity"])
+            assert set(PARAMETERS) < set(truth["parameters"])
+            assert set(list(CHANNELS)[4:]) < set(truth["state"])
+            assert truth["label"].tolist() == np.array(classes())[info["true_class"]].tolist()
         *_, info = env.step(np.zeros((70, 3)))
 
 
-def test_truth_is_not_served_stale():
-    env = PropulsionVectorEnv(2)
-    _, info = env.reset(seed=1, options={"schedule": [FAULT | {"onset": 0.0}]})
-    kept = dict(info["truth"])
-    *_, later = env.step(np.zeros((2, 3)))
-    assert later["truth"]["label"].tolist() == kept["label"].tolist() == ["sensor:speed"] * 2
-    for key in kept:
-        with pytest.raises(
-            RuntimeError, match=r"got a later step; allowed is its own step; keep dict"
-        ):
-            info["truth"][key]
-
-
-def test_truth_is_not_served_stale_after_a_reset():
-    env = PropulsionVectorEnv(2)
-    _, info = env.reset(seed=1)
-    *_, stepped = env.step(np.zeros((2, 3)))
+def test_truth_that_is_kept_stays_as_it_was():
+    env = PropulsionVectorEnv(2, truth="full")
+    _, info = env.reset(seed=1, options={"schedule": [FAULT | {"onset": 0.1}]})
+    before = lane_of(info, 0)
+    for _ in range(3):
+        *_, later = env.step(np.zeros((2, 3)))
     env.reset(seed=2)
-    for old in (info, stepped):
-        with pytest.raises(RuntimeError, match="later"):
-            old["truth"]["label"]
+    assert lane_of(info, 0) == before and before["truth"]["label"] == "normal"
+    assert later["truth"]["label"].tolist() == ["sensor:speed"] * 2
+
+
+def test_truth_of_a_fleet_is_not_served_stale():
+    fleet = Fleet(2)
+    fleet.reset([1, 2])
+    truth = FleetTruth(fleet)
+    kept = dict(truth)
+    fleet.step(np.zeros((2, 3)))
+    for key in kept:
+        with pytest.raises(RuntimeError, match="got a later step; allowed is its own step"):
+            truth[key]
 
 
 def test_what_a_step_returns_is_the_caller_s_own():
-    env = PropulsionVectorEnv(3)
-    twin = PropulsionVectorEnv(3)
+    env = PropulsionVectorEnv(3, truth="full")
+    twin = PropulsionVectorEnv(3, truth="full")
     rows = [one.reset(seed=1, options={"schedule": [FAULT]}) for one in (env, twin)]
     for _ in range(20):
         observations, *arrays, info = rows[0]
@@ -289,14 +293,14 @@ SEEDS = {
 
 @pytest.mark.parametrize("seed", SEEDS.values(), ids=SEEDS)
 def test_seeds_of_the_lanes(seed):
-    observations, _ = PropulsionVectorEnv(3).reset(seed=seed)
-    singles = [PropulsionEnv().reset(seed=5 + lane)[0] for lane in range(3)]
+    observations, _ = PropulsionVectorEnv(3, truth="full").reset(seed=seed)
+    singles = [PropulsionEnv(truth="full").reset(seed=5 + lane)[0] for lane in range(3)]
     assert observations.tobytes() == np.array(singles).tobytes()
 
 
 def test_reset_without_a_seed_goes_on_to_the_next_episode():
-    env = PropulsionVectorEnv(2)
-    single = PropulsionEnv()
+    env = PropulsionVectorEnv(2, truth="full")
+    single = PropulsionEnv(truth="full")
     env.reset(seed=5)
     single.reset(seed=6)
     for _ in range(3):
@@ -306,7 +310,7 @@ def test_reset_without_a_seed_goes_on_to_the_next_episode():
 def test_schedules_by_lane(tmp_path):
     path = tmp_path / "schedule.json"
     path.write_text('[{"fault": "increased_drag", "onset": 0.1, "severity": 0.25}]')
-    env = PropulsionVectorEnv(4)
+    env = PropulsionVectorEnv(4, truth="full")
     env.reset(seed=1, options={"schedules": [[FAULT], str(path), [], [FAULT | {"onset": 0.0}]]})
     *_, info = env.step(np.zeros((4, 3)))
     assert info["truth"]["label"].tolist() == ["normal", "normal", "normal", "sensor:speed"]
@@ -322,7 +326,8 @@ def test_of_equally_severe_faults_both_environments_name_the_first():
         {"fault": "increased_drag", "onset": 0.0, "severity": FAULT["severity"]},
     ]
     single, vector = (
-        kind().reset(seed=1, options={"schedule": schedule})[1]
+        kind(truth="full").reset(seed=1, options={"schedule": schedule})[1]
         for kind in (PropulsionEnv, PropulsionVectorEnv)
     )
     assert single["truth"]["label"] == vector["truth"]["label"][0] == "sensor:speed"
+    assert single["true_class"] == vector["true_class"][0] == classes().index("sensor:speed")

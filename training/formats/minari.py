@@ -18,8 +18,8 @@ import gymnasium as gym
 import numpy as np
 
 from auv_fault_env.channels import CHANNELS
-from auv_fault_env.env import ACTIONS
 from auv_fault_env.errors import finite_in_range
+from auv_fault_env.fleet import ACTIONS
 from auv_fault_env.missions import Mission
 from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.schedules import Schedule, to_json
@@ -59,7 +59,7 @@ def environment(arguments: Simulate) -> gym.envs.registration.EnvSpec:
     spec.max_episode_steps = round(arguments.duration * SAMPLE_RATE)
     names = ("preset", "sensor_noise", "disturbance", "healthy_band")
     spec.kwargs = {name: getattr(arguments, name) for name in names}
-    spec.kwargs["horizon"] = max(60.0, arguments.duration)
+    spec.kwargs["truth"] = "full"
     return spec
 
 

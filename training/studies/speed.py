@@ -120,13 +120,25 @@ class Comparison(NamedTuple):
 
 
 TO_CARTPOLE = ("cartpole", CARTPOLE)
+# environments of gymnasium.vector.SyncVectorEnv
+SYNC = 8
 GEM = "gym-electric-motor DC speed"
 BATCH = "Propulsion-v0, {lanes} lanes"
 COST = "cost per lane-step at {lanes}"
 # by run
 COMPARISONS = {
     "cartpole": Comparison("CartPole-v1, single", "cartpole", *TO_CARTPOLE),
-    "single": Comparison("Propulsion-v0, single", "single", *TO_CARTPOLE, least=0.4),
+    "single": Comparison("Propulsion-v0, single", "single", *TO_CARTPOLE, least=0.6),
+    "sync_cartpoles": Comparison(
+        f"CartPole-v1, SyncVectorEnv of {SYNC}", "sync_cartpoles", *TO_CARTPOLE
+    ),
+    "sync": Comparison(
+        f"Propulsion-v0, SyncVectorEnv of {SYNC}",
+        "sync_cartpoles",
+        "sync",
+        "time of a step to that of CartPole-v1",
+        most=2.0,
+    ),
     "gem": Comparison(f"{GEM}, single", "single", "gem", "ours over it", least=15.0),
     "gem_free": Comparison(f"{GEM}, no constraints", "single", "gem_free", "ours over it"),
     "gem_euler": Comparison(f"{GEM}, Euler", "single", "gem_euler", "ours over it"),
@@ -173,6 +185,8 @@ def compared_runs(seed: int, size: Size) -> dict[str, Run]:
     return {
         "cartpole": single_run(gym.make(CARTPOLE), seed, size.episode),
         "single": single_run(gym.make(ENVIRONMENT), seed, size.episode),
+        "sync_cartpoles": batch_run(CARTPOLE, SYNC, seed, size.episode, "sync"),
+        "sync": batch_run(ENVIRONMENT, SYNC, seed, size.episode, "sync"),
         **gem_runs(seed),
         "serial": batch_run(ENVIRONMENT, size.lanes, seed, steps, parallel=False),
         "parallel": batch_run(ENVIRONMENT, size.lanes, seed, steps),

@@ -37,9 +37,14 @@ def single_run(env: gym.Env, seed: int, steps: int) -> Run:
     return run
 
 
-def batch_run(name: str, n_lanes: int, seed: int, steps: int, **options) -> Run:
-    """Steps of a hand-vectorised environment with random actions, its own resets among them."""
-    env = gym.make_vec(name, num_envs=n_lanes, vectorization_mode="vector_entry_point", **options)
+def batch_run(
+    name: str, n_lanes: int, seed: int, steps: int, form: str = "vector_entry_point", **options
+) -> Run:
+    """Steps of a vectorised environment with random actions, its own resets among them.
+
+    `form` is the `vectorization_mode` of `gymnasium.make_vec`; by default it is hand-vectorised.
+    """
+    env = gym.make_vec(name, num_envs=n_lanes, vectorization_mode=form, **options)
     actions = prepare(env, seed, N_BATCH_ACTIONS)
 
     def run() -> int:

@@ -1,0 +1,64 @@
+"""What both forms of the environment share: spaces, options of a reset, order of the calls."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from auv_fault_env.errors import known_name, refusal
+from auv_fault_env.parameters import Vehicle, channels_of
+from auv_fault_env.schedules import Schedule, schedule_of
+
+
+def box(names: Sequence[str], vehicle: Vehicle) -> gym.spaces.Box:
+    """The space of these channels of a vehicle."""
+    channels = channels_of(vehicle)
+    low = np.array([channels[name].low for name in names], np.float32)
+    high = np.array([channels[name].high for name in names], np.float32)
+    return gym.spaces.Box(low, high, dtype=np.float32)
+
+
+def outcome_info(outcomes: np.ndarray) -> dict[str, Any]:
+    """What the `outcomes` of a fleet (4, ...) add to the information of a step."""
+    _, energy, cost, mission_speed = outcomes
+    return {"mission_speed": mission_speed, "energy": energy, "cost": cost}
+
+
+def masked(info: dict[str, Any], mask: np.ndarray) -> dict[str, Any]:
+    """The information of a vector environment, and for each name a mask ``_name`` (num_envs,).
+
+    As in Gymnasium the mask says which lanes have the entry.
+    """
+    marked = {}
+    for name, entry in info.items():
+        marked[name] = masked(entry, mask) if isinstance(entry, dict) else entry
+        marked[f"_{name}"] = mask
+    return marked
+
+
+def known_options(options: dict[str, Any] | None, names: Sequence[str]) -> dict[str, Any]:
+    """The options of a reset, if all have one of these names."""
+    if not isinstance(options, Mapping | None):
+        raise refusal("reset options", options, "a mapping", f"give some of {', '.join(names)}")
+    for name in options or {}:
+        known_name("reset option", name, names)
+    return options or {}
+
+
+def need_reset(started: bool) -> None:
+    """Refuse what is only possible after a reset."""
+    if not started:
+        message = "step: got no reset before; allowed is a step after a reset; call reset() first"
+        raise gym.error.ResetNeeded(message)
+
+
+def checked_schedule(value, end: float) -> Schedule:
+    """The schedule, if all its faults begin before the end [s] of the episode."""
+    schedule = schedule_of(value)
+    for event in schedule:
+        if event.onset >= end:
+            allowed = f"before the episode's end at {end:g} s"
+            remedy = "begin earlier, or raise max_episode_steps (single environment: also horizon)"
+            raise refusal(f"onset of {event.fault}", event.onset, allowed, remedy)
+    return schedule

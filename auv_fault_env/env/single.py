@@ -1,0 +1,209 @@
+"""The environment of one vehicle."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from auv_fault_env.channels import CHANNELS
+from auv_fault_env.env.interface import (
+    box,
+    checked_schedule,
+    known_options,
+    need_reset,
+    outcome_info,
+)
+from auv_fault_env.errors import finite_in_range, known_name
+from auv_fault_env.fleet import ACTIONS, Fleet, checked_actions
+from auv_fault_env.missions import mission_of
+from auv_fault_env.parameters import Vehicle
+from auv_fault_env.truth import SingleLaneTruth, known_level
+
+
+class PropulsionEnv(gym.Env):
+    """An underwater vehicle under way: surge, two propeller shafts, controllers, sensors, faults.
+
+    ## Description
+    The vehicle follows the speed of its mission while a fault may strike its hull, propellers,
+    shaft seals, motors or sensors. The agent commands speed, rudder and stern plane; a diagnoser
+    outside reads the observations and names the fault. The plant is that of the NPS thesis "Neural
+    network based propulsion system fault diagnostics for the NPS AUV II" (June 1992); a sample is
+    0.1 s. The seed decides healthy vehicle, mission, faults and noise of every episode. The same
+    seed with an empty schedule is the exact fault-free twin.
+
+    ## Action Space
+    `Box(3)`, float32, in physical units; values outside are clipped, NaN and infinity are refused.
+    The largest speed is the vehicle's `maximum_speed`, here that of `thesis1992`.
+
+    | Index | Action | Minimum | Maximum | Unit |
+    |---|---|---|---|---|
+    | 0 | commanded surge speed | 0 | 1 | m/s |
+    | 1 | rudder | -0.4 | 0.4 | rad |
+    | 2 | stern plane | -0.4 | 0.4 | rad |
+
+    ## Observation Space
+    `Box(12)`, float32, in the order of `auv_fault_env.CHANNELS`. Readings saturate at these limits,
+    which grow with the vehicle's largest speed, shaft speed, voltage and current (here those of
+    `thesis1992`). A vehicle with one shaft has that of port; its starboard readings are always 0.
+
+    | Index | Channel | Minimum | Maximum | Unit | Noise (1 sigma) |
+    |---|---|---|---|---|---|
+    | 0 | mission_speed | 0 | 1 | m/s | |
+    | 1 | speed_command | 0 | 1 | m/s | |
+    | 2 | rudder | -0.4 | 0.4 | rad | |
+    | 3 | stern_plane | -0.4 | 0.4 | rad | |
+    | 4 | speed | -1 | 5 | m/s | 0.01 |
+    | 5 | acceleration | -2 | 2 | m/s^2 | 0.002 |
+    | 6, 9 | port_voltage, starboard_voltage | -5 | 30 | V | 0.025 |
+    | 7, 10 | port_current, starboard_current | -30 | 30 | A | 0.025 |
+    | 8, 11 | port_rpm, starboard_rpm | -500 | 6000 | rpm | 1 |
+
+    Readings are taken at the end of the sample, simultaneously, before the controllers act again;
+    channels 1 to 3 are the commands of the sample that ended. A dropped-out reading is 0,
+    as a pulled-down input gives, never NaN. Faults show in the readings only: there is no
+    fault-free channel, and the controllers too use the faulty readings.
+
+    ## Rewards
+    ``-(speed - mission_speed)^2 - 0.01 energy`` with the true speed [m/s] and the electrical energy
+    [J] of the sample. It pays for the mission, not for a diagnosis.
+
+    ## Starting State
+    In motion at the first speed of the mission, or at rest (one sampled mission in five). The first
+    command acts on the first step.
+
+    ## Episode End
+    `terminated` stays False; the registration truncates after 600 steps (60 s).
+
+    ## Information
+    `mission_speed` [m/s], `energy` [J of the step], `cost` (squared deviation from the mission
+    speed, m^2/s^2), and of the truth as much as the argument `truth` says, for scoring, not for
+    agents:
+
+    * ``"label"``, the default: `true_class`, the index in `auv_fault_env.classes()` of the
+      diagnosis class of the largest severity during the step, 0 for `normal`. Only numbers, so that
+      libraries can collect the information as arrays and tensors.
+    * ``"full"``: that, and a dictionary `truth` of `label` (the class by name), `severity` (by
+      class), `onset` [s] of the first fault of the schedule (infinite if none, maybe in the
+      future), `parameters` (by name, under the faults) and `state` (noise-free, by name).
+    * ``False``: nothing.
+
+    ## Arguments
+    ```python
+    arguments = dict(preset="thesis1992", sensor_noise=1.0, disturbance=1.0, healthy_band=1.0)
+    gym.make("auv_fault_env/Propulsion-v0", **arguments)
+    ```
+    `preset`: a name in `auv_fault_env.PRESETS` or a `Vehicle`. `sensor_noise`, `disturbance`,
+    `healthy_band`: factors on the default noise, the disturbing acceleration and the healthy band;
+    0 switches off. `horizon`: end of the episode [s], before which every fault of a schedule must
+    begin; raise it together with `max_episode_steps`. `realism`: factor on the imperfections of
+    real sensors and surroundings, from 0, the default, to 10; `imperfections`: names of those that
+    act (`auv_fault_env.realism.EFFECTS`), None for all.
+
+    `reset(options={"schedule": ..., "mission": ...})`: the schedule is a sequence of `FaultEvent`
+    or of mappings with their fields, or the path of a JSON file; empty means healthy; without it
+    one is sampled. The mission is a name (`thesis`, `acceleration`, `cruise`), a speed [m/s], a
+    list of legs (start [s], speed [m/s]) or a `Mission`.
+
+    >>> import gymnasium as gym
+    >>> import auv_fault_env
+    >>> env = gym.make("auv_fault_env/Propulsion-v0", truth="full")
+    >>> fault = {"fault": "propeller_loss:port", "onset": 1.0, "severity": 1.0}
+    >>> observation, info = env.reset(seed=1, options={"schedule": [fault], "mission": "thesis"})
+    >>> for _ in range(11):
+    ...     observation, reward, terminated, truncated, info = env.step([observation[0], 0.0, 0.0])
+    >>> print(info["truth"]["label"], info["truth"]["parameters"]["port_beta"])
+    propeller_loss:port 0.0
+
+    ## Version History
+    * v0: first version
+    """
+
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
+
+    def __init__(
+        self,
+        render_mode: str | None = None,
+        preset: str | Vehicle = "thesis1992",
+        sensor_noise: float = 1.0,
+        disturbance: float = 1.0,
+        healthy_band: float = 1.0,
+        horizon: float = 60.0,
+        realism: float = 0.0,
+        imperfections: Sequence[str] | None = None,
+        truth: str | bool = "label",
+    ):
+        if render_mode is not None:
+            known_name("render_mode", render_mode, self.metadata["render_modes"])
+        self.render_mode = render_mode
+        self._horizon = finite_in_range("horizon", horizon, 0.0, math.inf)
+        self.fleet = Fleet(
+            1,
+            preset,
+            sensor_noise,
+            disturbance,
+            healthy_band,
+            realism=realism,
+            imperfections=imperfections,
+        )
+        self.action_space = box(ACTIONS, self.fleet.vehicle)
+        self.observation_space = box(tuple(CHANNELS), self.fleet.vehicle)
+        self._truth_level = known_level(truth)
+        self._truth = SingleLaneTruth(self.fleet)
+        self._observation: np.ndarray | None = None
+        self._renderer = None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Start the first episode of the seed; without a seed the next episode of the last one."""
+        options = known_options(options, ("schedule", "mission"))
+        schedules = missions = None
+        if options.get("schedule") is not None:
+            schedules = [checked_schedule(options["schedule"], self._horizon)]
+        if options.get("mission") is not None:
+            missions = [mission_of(options["mission"])]
+        super().reset(seed=seed)
+        is_first_episode = seed is not None or self._observation is None
+        seeds = [self.np_random_seed] if is_first_episode else None
+        self._observation = self.fleet.reset(seeds, schedules=schedules, missions=missions)[0]
+        if self._renderer is not None:
+            self._renderer.clear()
+        return self._observation_and_info()
+
+    def step(self, action):
+        """Apply the action for one sample of 0.1 s."""
+        need_reset(self._observation is not None)
+        self._observation = self.fleet.advance(checked_actions(action, (3,))[None])[0]
+        observation, info = self._observation_and_info()
+        return observation, self.fleet.outcomes.item(0), False, False, info
+
+    def _observation_and_info(self):
+        info = outcome_info(self.fleet.outcomes[:, 0])
+        info |= self._truth.of_level(self._truth_level)
+        if self.render_mode is not None:
+            self._record()
+        return self._observation, info
+
+    def _record(self):
+        if self._renderer is None:
+            from auv_fault_env.rendering import Renderer
+
+            fps = self.metadata["render_fps"]
+            self._renderer = Renderer(self.render_mode, fps, self.fleet.vehicle)
+        self._renderer.record(float(self.fleet.time[0]), self._observation, self._truth.read())
+        if self.render_mode == "human":
+            self._renderer.show()
+
+    def render(self) -> np.ndarray | None:
+        """The frame (height, width, 3) uint8 in mode `rgb_array`, None in mode `human`."""
+        need_reset(self._observation is not None)
+        return self._renderer.frame() if self.render_mode == "rgb_array" else None
+
+    def __getstate__(self):
+        return self.__dict__ | {"_renderer": None}
+
+    def close(self):
+        """Close the window, if there is one."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
