@@ -414,6 +414,12 @@ class Fleet:
         return self.state.memory.reshape(-1, layout.N_ROWS, layout.LANES)
 
     @property
+    def observations(self) -> np.ndarray:
+        """A new array of the present observations (n_lanes, n_channels), float32."""
+        rows = self.table[:, : len(CHANNELS)].swapaxes(1, 2)
+        return rows.reshape(-1, len(CHANNELS))[: self.n_lanes].astype(np.float32)
+
+    @property
     def time(self) -> np.ndarray:
         """Time since the start of the episode [s], (n_lanes,)."""
         return self.state.step / SAMPLE_RATE

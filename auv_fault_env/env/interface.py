@@ -1,14 +1,24 @@
 """What both forms of the environment share: spaces, options of a reset, order of the calls."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
 from auv_fault_env.errors import known_name, refusal
-from auv_fault_env.parameters import Vehicle, channels_of
+from auv_fault_env.parameters import Vehicle, channels_of, vehicle_of
 from auv_fault_env.schedules import Schedule, schedule_of
+
+
+def vehicle_of_argument(preset: str | Vehicle | Mapping) -> Vehicle:
+    """The vehicle of a preset's name, a `Vehicle`, or that of its fields."""
+    if not isinstance(preset, Mapping):
+        return vehicle_of(preset)
+    for name in preset:
+        known_name("field of the vehicle", name, [spec.name for spec in fields(Vehicle)])
+    return Vehicle(**preset)
 
 
 def box(names: Sequence[str], vehicle: Vehicle) -> gym.spaces.Box:
@@ -59,6 +69,6 @@ def checked_schedule(value, end: float) -> Schedule:
     for event in schedule:
         if event.onset >= end:
             allowed = f"before the episode's end at {end:g} s"
-            remedy = "begin earlier, or raise max_episode_steps (single environment: also horizon)"
+            remedy = "begin earlier, or raise max_episode_steps"
             raise refusal(f"onset of {event.fault}", event.onset, allowed, remedy)
     return schedule

@@ -1,7 +1,6 @@
 """The environment of one vehicle."""
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -10,19 +9,21 @@ import numpy as np
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.env.interface import (
     box,
-    checked_schedule,
     known_options,
     need_reset,
     outcome_info,
+    vehicle_of_argument,
 )
-from auv_fault_env.errors import finite_in_range, known_name
+from auv_fault_env.env.recording import METADATA, Recording, known_render_mode
+from auv_fault_env.env.spec import WithSpec
 from auv_fault_env.fleet import ACTIONS, Fleet, checked_actions
 from auv_fault_env.missions import mission_of
 from auv_fault_env.parameters import Vehicle
+from auv_fault_env.schedules import schedule_of
 from auv_fault_env.truth import SingleLaneTruth, known_level
 
 
-class PropulsionEnv(gym.Env):
+class PropulsionEnv(WithSpec, gym.Env):
     """An underwater vehicle under way: surge, two propeller shafts, controllers, sensors, faults.
 
     ## Description
@@ -94,17 +95,20 @@ class PropulsionEnv(gym.Env):
     arguments = dict(preset="thesis1992", sensor_noise=1.0, disturbance=1.0, healthy_band=1.0)
     gym.make("auv_fault_env/Propulsion-v0", **arguments)
     ```
-    `preset`: a name in `auv_fault_env.PRESETS` or a `Vehicle`. `sensor_noise`, `disturbance`,
+    `preset`: a name in `auv_fault_env.PRESETS`, a `Vehicle` or its fields (that of a vehicle file
+    is ``training.field.vehicle_file.read_vehicle(path).vehicle``; the environment cannot read the
+    file itself, as its other parts belong to diagnosers). `sensor_noise`, `disturbance`,
     `healthy_band`: factors on the default noise, the disturbing acceleration and the healthy band;
-    0 switches off. `horizon`: end of the episode [s], before which every fault of a schedule must
-    begin; raise it together with `max_episode_steps`. `realism`: factor on the imperfections of
-    real sensors and surroundings, from 0, the default, to 10; `imperfections`: names of those that
-    act (`auv_fault_env.realism.EFFECTS`), None for all.
+    0 switches off. `realism`: factor on the imperfections of real sensors and surroundings, from 0,
+    the default, to 10; `imperfections`: names of those that act (`auv_fault_env.realism.EFFECTS`),
+    None for all. `truth`: see Information.
 
     `reset(options={"schedule": ..., "mission": ...})`: the schedule is a sequence of `FaultEvent`
     or of mappings with their fields, or the path of a JSON file; empty means healthy; without it
     one is sampled. The mission is a name (`thesis`, `acceleration`, `cruise`), a speed [m/s], a
-    list of legs (start [s], speed [m/s]) or a `Mission`.
+    list of legs (start [s], speed [m/s]) or a `Mission`. Both hold for the episode that this reset
+    starts. A fault that begins after the last step of the registration's time limit never comes:
+    one environment does not know the limit, the vector form does and refuses it.
 
     >>> import gymnasium as gym
     >>> import auv_fault_env
@@ -120,27 +124,23 @@ class PropulsionEnv(gym.Env):
     * v0: first version
     """
 
-    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
+    metadata = METADATA
 
     def __init__(
         self,
         render_mode: str | None = None,
-        preset: str | Vehicle = "thesis1992",
+        preset: str | Vehicle | Mapping = "thesis1992",
         sensor_noise: float = 1.0,
         disturbance: float = 1.0,
         healthy_band: float = 1.0,
-        horizon: float = 60.0,
         realism: float = 0.0,
         imperfections: Sequence[str] | None = None,
         truth: str | bool = "label",
     ):
-        if render_mode is not None:
-            known_name("render_mode", render_mode, self.metadata["render_modes"])
-        self.render_mode = render_mode
-        self._horizon = finite_in_range("horizon", horizon, 0.0, math.inf)
+        self.render_mode = known_render_mode(render_mode)
         self.fleet = Fleet(
             1,
-            preset,
+            vehicle_of_argument(preset),
             sensor_noise,
             disturbance,
             healthy_band,
@@ -152,22 +152,22 @@ class PropulsionEnv(gym.Env):
         self._truth_level = known_level(truth)
         self._truth = SingleLaneTruth(self.fleet)
         self._observation: np.ndarray | None = None
-        self._renderer = None
+        self._recording = None if render_mode is None else Recording(render_mode, self.fleet)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Start the first episode of the seed; without a seed the next episode of the last one."""
         options = known_options(options, ("schedule", "mission"))
         schedules = missions = None
         if options.get("schedule") is not None:
-            schedules = [checked_schedule(options["schedule"], self._horizon)]
+            schedules = [schedule_of(options["schedule"])]
         if options.get("mission") is not None:
             missions = [mission_of(options["mission"])]
         super().reset(seed=seed)
         is_first_episode = seed is not None or self._observation is None
         seeds = [self.np_random_seed] if is_first_episode else None
         self._observation = self.fleet.reset(seeds, schedules=schedules, missions=missions)[0]
-        if self._renderer is not None:
-            self._renderer.clear()
+        if self._recording is not None:
+            self._recording.clear()
         return self._observation_and_info()
 
     def step(self, action):
@@ -180,30 +180,16 @@ class PropulsionEnv(gym.Env):
     def _observation_and_info(self):
         info = outcome_info(self.fleet.outcomes[:, 0])
         info |= self._truth.of_level(self._truth_level)
-        if self.render_mode is not None:
-            self._record()
+        if self._recording is not None:
+            self._recording.record(self._observation)
         return self._observation, info
-
-    def _record(self):
-        if self._renderer is None:
-            from auv_fault_env.rendering import Renderer
-
-            fps = self.metadata["render_fps"]
-            self._renderer = Renderer(self.render_mode, fps, self.fleet.vehicle)
-        self._renderer.record(float(self.fleet.time[0]), self._observation, self._truth.read())
-        if self.render_mode == "human":
-            self._renderer.show()
 
     def render(self) -> np.ndarray | None:
         """The frame (height, width, 3) uint8 in mode `rgb_array`, None in mode `human`."""
         need_reset(self._observation is not None)
-        return self._renderer.frame() if self.render_mode == "rgb_array" else None
-
-    def __getstate__(self):
-        return self.__dict__ | {"_renderer": None}
+        return None if self._recording is None else self._recording.frame()
 
     def close(self):
         """Close the window, if there is one."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        if self._recording is not None:
+            self._recording.close()

@@ -1,51 +1,44 @@
 """The environment of many vehicles at once."""
 
-import numbers
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from auv_fault_env.channels import CHANNELS
-from auv_fault_env.env.interface import (
-    box,
-    checked_schedule,
-    known_options,
-    masked,
-    need_reset,
-    outcome_info,
-)
-from auv_fault_env.errors import one_per_lane, refusal, whole_number
+from auv_fault_env.env.autoreset import AutoresetVectorEnv
+from auv_fault_env.env.interface import box, need_reset, outcome_info, vehicle_of_argument
+from auv_fault_env.env.recording import METADATA, Recording, known_render_mode
 from auv_fault_env.fleet import ACTIONS, Fleet
-from auv_fault_env.missions import Mission, mission_of
-from auv_fault_env.parameters import SAMPLE_RATE, Vehicle
+from auv_fault_env.missions import Mission
+from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME, Vehicle
 from auv_fault_env.schedules import Schedule
 from auv_fault_env.truth import fleet_truth, known_level
 
 
-class PropulsionVectorEnv(gym.vector.VectorEnv):
+class PropulsionVectorEnv(AutoresetVectorEnv):
     """`PropulsionEnv` for many vehicles at once, with the same spaces, rewards and information.
 
-    Lane k of ``reset(seed=s)`` is the single environment with seed s + k, bit for bit. A finished
-    lane resets itself on the next step, whose action it ignores (`AutoresetMode.NEXT_STEP`). Values
-    in `info` are arrays (num_envs,) or dictionaries of them, each with its mask ``_name`` as in
-    Gymnasium. ``truth="full"`` costs more time than a step: `auv_fault_env.truth.FleetTruth` of
+    Lane k of ``reset(seed=s)`` is the single environment with seed s + k, bit for bit, and so are
+    its next episodes. `max_episode_steps` truncates, and no fault of a given schedule may begin
+    later. `autoreset_mode` says what happens to a lane that ends, see `AutoresetVectorEnv`.
+    `parallel` is that of `Fleet`. The other arguments are those of `PropulsionEnv`; `render`
+    gives a frame of each lane, and in mode ``"human"`` the window shows the first.
+
+    Values in `info` are arrays (num_envs,) or dictionaries of them, each with its mask ``_name`` as
+    in Gymnasium. ``truth="full"`` costs more time than a step: `auv_fault_env.truth.FleetTruth` of
     `fleet` computes what is read of it only.
-    `reset(options=...)` takes `schedule` and `mission` for all lanes, or `schedules` and `missions`
-    with one per lane.
     """
 
-    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
+    metadata = METADATA | {"autoreset_mode": AutoresetMode.NEXT_STEP}
 
     def __init__(
         self,
         num_envs: int = 1,
         max_episode_steps: int = 600,
-        preset: str | Vehicle = "thesis1992",
+        preset: str | Vehicle | Mapping = "thesis1992",
         sensor_noise: float = 1.0,
         disturbance: float = 1.0,
         healthy_band: float = 1.0,
@@ -53,10 +46,12 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
         realism: float = 0.0,
         imperfections: Sequence[str] | None = None,
         truth: str | bool = "label",
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
     ):
         self.fleet = Fleet(
             num_envs,
-            preset,
+            vehicle_of_argument(preset),
             sensor_noise,
             disturbance,
             healthy_band,
@@ -64,81 +59,59 @@ class PropulsionVectorEnv(gym.vector.VectorEnv):
             realism=realism,
             imperfections=imperfections,
         )
-        self.num_envs = self.fleet.n_lanes
-        self.max_episode_steps = whole_number("max_episode_steps", max_episode_steps)
+        super().__init__(self.fleet.n_lanes, max_episode_steps, SAMPLE_TIME, autoreset_mode)
+        self.render_mode = known_render_mode(render_mode)
         self.single_action_space = box(ACTIONS, self.fleet.vehicle)
         self.single_observation_space = box(tuple(CHANNELS), self.fleet.vehicle)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._truth_level = known_level(truth)
-        self._terminated = np.zeros(self.num_envs, bool)
-        self._done: np.ndarray | None = None
+        self._observations = np.empty(self.observation_space.shape, np.float32)
+        n_recorded = {None: 0, "rgb_array": self.num_envs, "human": 1}[render_mode]
+        lanes = range(n_recorded)
+        self._recordings = [Recording(render_mode, self.fleet, lane) for lane in lanes]
 
-    def reset(
+    def _start(
         self,
-        *,
-        seed: int | Sequence[int | None] | None = None,
-        options: dict[str, Any] | None = None,
-    ):
-        """Start an episode on every lane."""
-        options = known_options(options, ("schedule", "mission", "schedules", "missions"))
-        end = self.max_episode_steps / SAMPLE_RATE
-        schedules = self._per_lane(options, "schedule", partial(checked_schedule, end=end))
-        missions = self._per_lane(options, "mission", mission_of)
-        if isinstance(seed, numbers.Integral):
-            seed = whole_number("seed", seed, 0)
-        super().reset(seed=seed if isinstance(seed, int) else None)
-        observations = self.fleet.reset(self._seeds(seed), schedules=schedules, missions=missions)
-        self._done = np.zeros(self.num_envs, bool)
-        return observations, self._info()
-
-    def step(self, actions):
-        """Apply the actions (num_envs, 3) for 0.1 s; finished lanes start their next episode."""
-        need_reset(self._done is not None)
-        observations = self.fleet.step(actions)
-        if self._done.any():
-            self.fleet.reset(lanes=np.flatnonzero(self._done), observations=observations)
-        self._done = self.fleet.time * SAMPLE_RATE >= self.max_episode_steps
-        reward = self.fleet.outcomes[0]
-        return (
-            observations,
-            reward,
-            self._terminated.copy(),
-            self._done.copy(),
-            self._info(),
+        lanes: np.ndarray,
+        seeds: list[int] | None = None,
+        schedules: list[Schedule] | None = None,
+        missions: list[Mission] | None = None,
+    ) -> None:
+        is_some = len(lanes) < self.num_envs
+        self._observations = self.fleet.reset(
+            seeds,
+            lanes if is_some else None,
+            schedules,
+            missions,
+            self.fleet.observations if is_some else None,
         )
+        for lane in lanes[lanes < len(self._recordings)]:
+            self._recordings[lane].clear()
+
+    def _advance(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        self._observations = self.fleet.step(actions)
+        terminated = np.zeros(self.num_envs, bool)
+        truncated = self.fleet.time * SAMPLE_RATE >= self.max_episode_steps
+        return self.fleet.outcomes[0], terminated, truncated
+
+    def _observe(self) -> np.ndarray:
+        for lane, recording in enumerate(self._recordings):
+            recording.record(self._observations[lane])
+        return self._observations
+
+    def _information(self) -> dict[str, Any]:
+        return outcome_info(self.fleet.outcomes) | fleet_truth(self.fleet, self._truth_level)
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """A frame (height, width, 3) uint8 of each lane in mode `rgb_array`."""
+        need_reset(self._done is not None)
+        if self.render_mode != "rgb_array":
+            return None
+        return tuple(recording.frame() for recording in self._recordings)
 
     def close_extras(self, **kwargs):
-        """End the fleet's threads."""
+        """End the fleet's threads, and close the window, if there is one."""
         self.fleet.close()
-
-    def _info(self) -> dict[str, Any]:
-        info = outcome_info(self.fleet.outcomes) | fleet_truth(self.fleet, self._truth_level)
-        return masked(info, np.ones(self.num_envs, bool))
-
-    def _seeds(self, seed) -> list[int] | None:
-        """One seed per lane; None to go on with the next episodes."""
-        if seed is None and self._done is not None:
-            return None
-        if seed is None or isinstance(seed, int):
-            first = self.np_random_seed if seed is None else seed
-            return [first + lane for lane in range(self.num_envs)]
-        seeds = one_per_lane("seeds", seed, self.num_envs, "give one int for all")
-        return [self.np_random.integers(2**63) if seed is None else seed for seed in seeds]
-
-    def _per_lane(
-        self, options: dict[str, Any], name: str, convert: Callable[[Any], Any]
-    ) -> list[Schedule | Mission] | None:
-        """The schedules or missions of all lanes, from the option `name` or from its plural."""
-        plural = f"{name}s"
-        for_all = options.get(name)
-        for_each = options.get(plural)
-        if for_all is not None and for_each is not None:
-            allowed = f"either {name} or {plural}"
-            raise refusal("reset option", [name, plural], allowed, "leave one out")
-        if for_all is not None:
-            return [convert(for_all)] * self.num_envs
-        if for_each is None:
-            return None
-        for_each = one_per_lane(plural, for_each, self.num_envs, f"or give one {name!r}")
-        return [convert(value) for value in for_each]
+        for recording in self._recordings:
+            recording.close()

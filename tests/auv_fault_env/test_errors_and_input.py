@@ -163,12 +163,11 @@ def test_schedules(case, environment):
 
 
 @pytest.mark.parametrize("onset", [60.0, 61, 1e9])
-@pytest.mark.parametrize("form", ["gym_make", "vector", "vector_by_lane", "make_vec"])
+@pytest.mark.parametrize("form", ["vector", "vector_by_lane", "make_vec"])
 def test_onset_after_the_end_of_the_episode(onset, form):
     late = [EVENT | {"onset": onset}]
     name = "auv_fault_env/Propulsion-v0"
     calls = {
-        "gym_make": lambda: gym.make(name).reset(options={"schedule": late}),
         "vector": vector(schedule=late),
         "vector_by_lane": vector(schedules=[[], late, []]),
         "make_vec": lambda: gym.make_vec(name, num_envs=2).reset(options={"schedule": late}),
@@ -185,16 +184,12 @@ def test_onset_after_the_end_of_the_episode(onset, form):
 def test_a_longer_episode_takes_a_later_onset():
     longer = PropulsionVectorEnv(2, max_episode_steps=700, truth="full")
     assert longer.reset(options={"schedule": [LATE]})[1]["truth"]["onset"].tolist() == [60.0, 60.0]
-    longer = gym.make(
-        "auv_fault_env/Propulsion-v0", truth="full", max_episode_steps=700, horizon=70.0
-    )
-    assert longer.reset(options={"schedule": [LATE]})[1]["truth"]["onset"] == 60.0
-    assert (
-        PropulsionEnv(truth="full", horizon=math.inf).reset(options={"schedule": [LATE]})[1][
-            "truth"
-        ]["onset"]
-        == 60.0
-    )
+
+
+def test_one_environment_does_not_know_its_time_limit_and_takes_any_onset():
+    for limit in (5, 700):
+        env = gym.make("auv_fault_env/Propulsion-v0", max_episode_steps=limit, truth="full")
+        assert env.reset(options={"schedule": [LATE]})[1]["truth"]["onset"] == 60.0
 
 
 BROKEN = {

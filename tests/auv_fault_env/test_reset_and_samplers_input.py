@@ -30,7 +30,7 @@ def assert_refused(call, thing, got, allowed, remedy=".+"):
 
 
 @pytest.mark.parametrize("lanes", [0, 3], ids=["single", "vector"])
-@pytest.mark.parametrize("name", ["schedul", "seed", "reset_mask", 1], ids=str)
+@pytest.mark.parametrize("name", ["schedul", "seed", 1], ids=str)
 def test_unknown_reset_option(lanes, name):
     env = PropulsionVectorEnv(lanes, truth="full") if lanes else PropulsionEnv(truth="full")
     assert_refused(
