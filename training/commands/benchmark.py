@@ -29,11 +29,11 @@ from training.benchmark.trials import COUNTING, THRESHOLD, Entrant
 from training.benchmark.workers import check_backend, run_missing
 from training.report.page import print_tables, write_report
 from training.report.run_folder import (
+    SUBCOMMAND,
     checked_output,
     read_manifest,
     run_folder,
     write_json,
-    write_manifest,
 )
 from training.seeds import seeds
 from training.stimuli import STIMULI
@@ -164,7 +164,7 @@ def named_entrants(names: Iterable[str], third_parties: Mapping[str, Any]) -> di
 
 def trials_folder(run: Run) -> Path:
     """The folder of the trials; an output with anything but a run of this suite is refused."""
-    output = checked_output(run.output)
+    output = checked_output(run.output, SUBCOMMAND + run.name, [TRIALS])
     manifest = read_manifest(output)
     identity = run.suite_identity
     if manifest is not None and {key: manifest.get(key) for key in identity} != identity:
@@ -173,14 +173,11 @@ def trials_folder(run: Run) -> Path:
         thing = f"{output}, {manifest['command']}, {earlier}"
         allowed = f"a new folder or a run with {wanted}"
         raise refusal("output", thing, allowed, "choose another --output")
+    if manifest is None:
+        with run_folder(output, run.name, run.arguments, identity):
+            pass
     folder = output / TRIALS
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if manifest is None:
-            write_manifest(output, run.name, run.arguments, identity)
-    except OSError as error:
-        allowed = f"a place that can be written ({error.strerror or error})"
-        raise refusal("output", str(output), allowed, "choose another --output") from None
+    folder.mkdir(exist_ok=True)
     return folder
 
 

@@ -21,12 +21,20 @@ from safetensors import SafetensorError
 from auv_fault_env.errors import finite_in_range, refusal, whole_number
 from diagnosers import Recursive, storage
 from training.arguments import Train
-from training.learning.checkpoint import LOG, Progress, unfinished_folder
+from training.learning.checkpoint import (
+    FILE,
+    LOG,
+    Progress,
+    check_origin,
+    discard,
+    unfinished_folder,
+)
 from training.learning.loop import train
 from training.learning.page import page
 from training.learning.trainer import Trainer, make_trainer
 from training.report.page import write_report
 from training.report.run_folder import (
+    SUBCOMMAND,
     checked_output,
     provenance,
     read_manifest,
@@ -34,7 +42,7 @@ from training.report.run_folder import (
     write_json,
 )
 
-SETTINGS = ("name", "seed", "epochs")
+SETTINGS = ("name", "seed", "epochs")  # all arguments that the weights depend on
 
 
 def main(arguments: Train) -> None:
@@ -68,33 +76,33 @@ def run_training(
 
     `name` is that of the weights; `run` trains in the second folder and writes the first.
     """
-    output = checked_output(arguments.output or Path("runs") / f"train-{name}")
+    place = arguments.output or Path("runs") / f"train-{name}"
+    output = checked_output(place, SUBCOMMAND + command)
     unfinished = unfinished_folder(output)
     if arguments.restart:
-        shutil.rmtree(unfinished, ignore_errors=True)
-    must_train = arguments.restart or unfinished.exists()
-    if must_train or not is_finished(output, command, arguments, settings):
+        discard(unfinished)
+    must_train = arguments.restart or (unfinished / FILE).exists()
+    if must_train or not is_finished(output, arguments, settings):
         run(output, unfinished)
-        shutil.rmtree(unfinished, ignore_errors=True)
         print(f"report: {output / 'index.html'}")
     else:
         print(f"already trained: {output}; --restart trains anew")
+    discard(unfinished)
     if arguments.install:
         install(output, name)
 
 
-def is_finished(output: Path, name: str, arguments: Any, settings: Sequence[str]) -> bool:
+def is_finished(output: Path, arguments: Any, settings: Sequence[str]) -> bool:
     """Whether the output is that of this training; another training is refused, for its hours.
 
-    `name` is that of the command, `settings` the arguments in which two trainings must agree.
+    `settings` are the arguments in which two trainings must agree.
     """
     manifest = read_manifest(output)
-    if manifest is None or manifest["command"] != f"auv-fault {name}":
+    if manifest is None:
         return False
-    finished = {setting: manifest["arguments"][setting] for setting in settings}
-    if finished != {setting: getattr(arguments, setting) for setting in settings}:
-        remedy = "choose another --output, or add --restart to replace it"
-        raise refusal(f"training in {output}", finished, "that of this command", remedy)
+    remedy = "choose another --output, or add --restart to replace it"
+    wanted = {setting: getattr(arguments, setting) for setting in settings}
+    check_origin(f"training in {output}", manifest.get("arguments"), wanted, remedy)
     return True
 
 
@@ -115,7 +123,8 @@ def explain_interruption(output: Path, restart: bool) -> Iterator[None]:
 
 def _run(arguments: Train, trainer: Trainer, output: Path, unfinished: Path) -> None:
     with explain_interruption(output, arguments.restart):
-        progress = train(trainer, arguments.name, arguments.seed, unfinished, arguments.epochs)
+        settings = {"name": arguments.name, "seed": arguments.seed}
+        progress = train(trainer, settings, unfinished, arguments.epochs)
         start = time.perf_counter()
         diagnoser, figures = trainer.finish()
         seconds = time.perf_counter() - start

@@ -25,6 +25,7 @@ from training.report.page import write_report
 from training.report.run_folder import provenance, run_folder, write_json
 from training.stimuli.policy import LearnedPolicy, policy_name
 
+# all arguments that the policy depends on
 SETTINGS = ("diagnoser", "budget", "seed", "steps")
 
 
@@ -53,7 +54,8 @@ def _run(
     unfinished: Path,
 ) -> None:
     with explain_interruption(output, arguments.restart):
-        progress = train(trainer, name, arguments.seed, unfinished)
+        settings = {setting: getattr(arguments, setting) for setting in SETTINGS}
+        progress = train(trainer, settings, unfinished)
         policy, figures = trainer.finish()
         training_card = card(arguments, trainer, progress, figures)
         with run_folder(output, "train-stimulus", arguments) as folder:

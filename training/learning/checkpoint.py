@@ -1,5 +1,6 @@
 """The checkpoint of an unfinished training: its progress, in one file beside the output."""
 
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -65,8 +66,14 @@ def write(folder: Path, origin: Mapping[str, Any], progress: Progress) -> None:
     storage.write(folder / FILE, tensors, header)
 
 
+def discard(folder: Path) -> None:
+    """Remove the folder, the checkpoint first: without it the training is over, or not begun."""
+    (folder / FILE).unlink(missing_ok=True)
+    shutil.rmtree(folder, ignore_errors=True)
+
+
 def read(folder: Path, origin: Mapping[str, Any]) -> Progress:
-    """The progress in the file; one of another origin (diagnoser, seed, code) is refused."""
+    """The progress in the file; one of another origin (arguments, code) is refused."""
     try:
         tensors, header = storage.read(folder / FILE)
         found_origin = header["origin"]
@@ -76,11 +83,19 @@ def read(folder: Path, origin: Mapping[str, Any]) -> Progress:
         allowed = "a complete checkpoint, and this file is damaged"
         remedy = "add --restart to train anew"
         raise refusal("checkpoint", str(folder / FILE), allowed, remedy) from None
-    if found_origin != origin:
-        allowed = f"that of this command, {dict(origin)}"
-        remedy = "add --restart to train anew, or choose another --output"
-        raise refusal(f"checkpoint in {folder}", found_origin, allowed, remedy)
+    remedy = "add --restart to train anew, or choose another --output"
+    check_origin(f"checkpoint in {folder}", found_origin, origin, remedy)
     return Progress(history, _with_prefix(tensors, "current/"), _with_prefix(tensors, "best/"))
+
+
+def check_origin(thing: str, found: Any, wanted: Mapping[str, Any], remedy: str) -> None:
+    """Refuse a training of other arguments or code than this command's; only they are shown."""
+    found = found if isinstance(found, dict) else {}
+    others = [name for name in wanted if name not in found or found[name] != wanted[name]]
+    if others:
+        asked = {name: wanted[name] for name in others}
+        shown = {name: found.get(name) for name in others}
+        raise refusal(thing, shown, f"that of this command, {asked}", remedy)
 
 
 def _with_prefix(tensors: Tensors, prefix: str) -> Tensors:

@@ -4,7 +4,7 @@ import inspect
 import math
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
@@ -22,28 +22,33 @@ PARTS = ("train", "validation")
 
 
 def train(
-    trainer: Trainer, name: str, seed: int, folder: Path, epochs: int | None = None
+    trainer: Trainer,
+    settings: Mapping[str, Any],
+    folder: Path,
+    epochs: int | None = None,
 ) -> Progress:
     """Train to the end, from a checkpoint on if there is one; the trainer ends in its best state.
 
     Parameters
     ----------
     trainer
-        A new one, of this seed.
-    name, seed
-        With the trainer's code the origin of the checkpoint: one of another origin is refused.
+        A new one, of these settings.
+    settings
+        All arguments that its states depend on. They are with the trainer's code the origin of the
+        checkpoint: one of another origin is refused.
     folder
         Of checkpoint and TensorBoard log; created if it is missing.
     epochs
-        Most epochs, by default the trainer's own number; the epochs stay the same.
+        Most epochs, by default the trainer's own number; the epochs stay the same. A checkpoint
+        with more is refused.
     """
     last = trainer.epochs if epochs is None else epochs
-    origin = {
-        "diagnoser": name,
-        "seed": seed,
-        "code": digest(Path(inspect.getfile(type(trainer)))),
-    }
+    origin = {**settings, "code": digest(Path(inspect.getfile(type(trainer))))}
     progress = _initial_progress(trainer, folder, origin)
+    if len(progress.history) > last:
+        allowed = f"at least the {len(progress.history)} of the checkpoint in {folder}"
+        remedy = "add --restart to train anew, or choose another --output"
+        raise refusal("epochs", last, allowed, remedy)
     bar = tqdm(initial=len(progress.history), total=last, unit="epoch")
     with bar, _tensorboard_log(folder / LOG, progress) as log:
         while len(progress.history) < last and not _is_stalled(progress, trainer.patience):

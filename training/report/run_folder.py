@@ -1,5 +1,6 @@
 """The folder of a run: written beside its place and moved there when it is complete."""
 
+import glob
 import json
 import os
 import platform
@@ -8,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -23,6 +24,7 @@ MANIFEST = "manifest.json"
 # what comes before the name in the commands that write run folders
 SUBCOMMAND = "auv-fault "
 STUDY = "python -m training.studies."
+EARLIER = "-earlier"  # ends the name of an earlier run while another takes its place
 
 
 class UnfinishedRun(NamedTuple):
@@ -31,6 +33,8 @@ class UnfinishedRun(NamedTuple):
     `parents` are those parents of the output that did not exist before, innermost first.
     """
 
+    output: Path
+    files_to_keep: Sequence[str]
     folder: list[Path]
     parents: list[Path]
 
@@ -49,8 +53,9 @@ def run_folder(
 ) -> Iterator[Path]:
     """Yield a folder to write into, which becomes `output` on success and disappears on failure.
 
-    An earlier run at `output` is replaced. Only a killed process (SIGKILL) can leave something
-    behind: a hidden folder beside `output`.
+    An earlier run of the same command at `output` is replaced. A killed process (SIGKILL) can leave
+    a hidden folder beside `output`, which the next run there removes, or moves to its place if it
+    was complete.
 
     Parameters
     ----------
@@ -68,19 +73,23 @@ def run_folder(
     Raises
     ------
     InputError
-        If `output` holds anything but an earlier run, or cannot be written.
+        If `output` holds anything but an earlier run of the command, or cannot be written.
     """
-    output = checked_output(output)
-    run = UnfinishedRun([], [parent for parent in output.parents if not parent.exists()])
+    output = checked_output(output, program + name, files_to_keep)
+    parents = [parent for parent in output.parents if not parent.exists()]
+    run = UnfinishedRun(output, files_to_keep, [], parents)
     unfinished_runs.append(run)
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=f".{output.name}-", dir=output.parent))
+        folder = Path(tempfile.mkdtemp(prefix=_prefix(output), dir=output.parent))
         run.folder.append(folder)
-        yield folder
-        write_manifest(folder, name, arguments, notes, program)
-        folder.chmod(0o755)
-        _replace(output, folder, files_to_keep)
+        with ExitStack() as stack:
+            with suppress(OSError):
+                stack.enter_context(_held(folder))
+            yield folder
+            write_manifest(folder, name, arguments, notes, program)
+            folder.chmod(0o755)
+            _replace(output, folder, files_to_keep)
     except BaseException as error:
         remove_unfinished_runs()
         if isinstance(error, OSError):
@@ -91,14 +100,25 @@ def run_folder(
         unfinished_runs.remove(run)
 
 
-def checked_output(output: Path) -> Path:
-    """The resolved path; refused if anything but an empty folder or an earlier run is there."""
-    output = Path(output).resolve()
-    is_occupied = os.path.lexists(output) and not _is_empty_folder(output)
-    if is_occupied and read_manifest(output) is None:
-        allowed = "a new folder or that of an earlier run"
-        raise refusal("output", str(output), allowed, "choose another --output")
-    return output
+def checked_output(output: Path, command: str, files_to_keep: Sequence[str] = ()) -> Path:
+    """The resolved path, once what a killed run has left is settled.
+
+    Refused if anything but an empty folder or an earlier run of the command is there.
+    """
+    try:
+        resolved = Path(output).resolve()
+        _settle_killed_runs(resolved, files_to_keep)
+        is_occupied = resolved.exists() and not _is_empty_folder(resolved)
+    # RuntimeError for links in a circle, ValueError for a path with a null
+    except (OSError, RuntimeError, ValueError) as error:
+        allowed = f"a place that can be written ({getattr(error, 'strerror', None) or error})"
+        raise refusal("output", str(output), allowed, "choose another --output") from None
+    manifest = read_manifest(resolved)
+    if is_occupied and (manifest is None or manifest["command"] != command):
+        found = f"a run of {manifest['command']}" if manifest else "other files"
+        allowed = f"a new folder or that of an earlier run of {command}, and it holds {found}"
+        raise refusal("output", str(resolved), allowed, "choose another --output")
+    return resolved
 
 
 def read_manifest(path: Path) -> dict[str, Any] | None:
@@ -117,14 +137,17 @@ def remove_unfinished_runs() -> None:
     """Remove what unfinished runs have written, after a failure or before the process ends."""
     for run in unfinished_runs:
         for folder in run.folder:
-            shutil.rmtree(folder, ignore_errors=True)
+            with suppress(OSError):
+                _settle(folder, run.output, run.files_to_keep)
         for parent in filter(_is_empty_folder, run.parents):
             parent.rmdir()
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write JSON that any reader takes: no NaN, no infinity."""
-    path.write_text(json.dumps(content, indent=1, allow_nan=False), encoding="utf-8")
+    """Write JSON that any reader takes: no NaN, no infinity; the file is whole at any time."""
+    aside = path.with_name(f".{path.name}")
+    aside.write_text(json.dumps(content, indent=1, allow_nan=False), encoding="utf-8")
+    aside.replace(path)
 
 
 def _is_empty_folder(path: Path) -> bool:
@@ -151,7 +174,7 @@ def write_manifest(
 
 def _replace(output: Path, folder: Path, files_to_keep: Sequence[str]) -> None:
     """Move the folder to the output; an earlier run stays if that fails."""
-    earlier = folder.with_name(folder.name + "-old")
+    earlier = _earlier(folder)
     if output.exists():
         output.rename(earlier)
     try:
@@ -160,10 +183,53 @@ def _replace(output: Path, folder: Path, files_to_keep: Sequence[str]) -> None:
         if earlier.exists():
             earlier.rename(output)
         raise
-    for name in files_to_keep:
-        if (earlier / name).exists():
-            (earlier / name).rename(output / name)
+    _settle(folder, output, files_to_keep)
+
+
+def _settle(folder: Path, output: Path, files_to_keep: Sequence[str]) -> None:
+    """Finish a replacement that has begun, whose folder is complete; else remove the folder."""
+    earlier = _earlier(folder)
+    if earlier.exists():
+        if not output.exists():
+            (folder if folder.exists() else earlier).rename(output)
+        for name in files_to_keep:
+            if (earlier / name).exists() and not (output / name).exists():
+                (earlier / name).rename(output / name)
     shutil.rmtree(earlier, ignore_errors=True)
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def _settle_killed_runs(output: Path, files_to_keep: Sequence[str]) -> None:
+    """Settle every hidden folder of this output that no process holds."""
+    for left in output.parent.glob(f"{glob.escape(_prefix(output))}*"):
+        # of a replacement that has begun one or both folders exist
+        folder = left.with_name(left.name.removesuffix(EARLIER))
+        with suppress(OSError), _held(folder if folder.exists() else left):
+            _settle(folder, output, files_to_keep)
+
+
+def _prefix(output: Path) -> str:
+    return f".{output.name}.unfinished-"
+
+
+def _earlier(folder: Path) -> Path:
+    return folder.with_name(folder.name + EARLIER)
+
+
+@contextmanager
+def _held(folder: Path) -> Iterator[None]:
+    """Hold a folder until the context or the process ends; `OSError` if another process holds it.
+
+    Also `OSError` where folders cannot be held: on Windows, and on some file systems.
+    """
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        import fcntl  # not on Windows, which opens no folder
+
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def provenance() -> dict[str, Any]:

@@ -39,8 +39,8 @@ from training.report.run_folder import (
     STUDY,
     checked_output,
     read_manifest,
+    run_folder,
     write_json,
-    write_manifest,
 )
 from training.stimuli import STIMULI
 from training.studies import stimulus_behaviour
@@ -90,11 +90,11 @@ def main(arguments: StimulusStudy) -> None:
     workers = ALL_CORES if arguments.workers is None else whole_number("workers", arguments.workers)
     finite_in_range("seed", arguments.seed, 0, LARGEST_SEED)
     benchmarks = load_benchmarks(arguments.results)
-    output = checked_output(arguments.output)
+    output = checked_output(arguments.output, STUDY + "stimuli", [CEILINGS_FILE])
     if read_manifest(output) is None:
-        # the ceilings are saved there before the run folder is complete
-        output.mkdir(parents=True, exist_ok=True)
-        write_manifest(output, "stimuli", arguments, program=STUDY)
+        # the ceilings are saved there before the run is complete
+        with run_folder(output, "stimuli", arguments, program=STUDY):
+            pass
     ceilings = find_ceilings(output / CEILINGS_FILE, list(benchmarks), workers, arguments.seed)
 
     def study(_folder: Path) -> dict[str, Any]:

@@ -118,8 +118,15 @@ def test_broken_off_run_goes_on_bit_for_bit(whole, tmp_path, monkeypatch, capsys
     refused(capsys, "stopped; the same command goes on after the last complete epoch")
     assert not output.exists()
     assert {path.name for path in output.with_name("run-unfinished").iterdir()} == {FILE, LOG}
-    assert run(output, "--seed", "1") == 2
-    refused(capsys, "checkpoint in", "'seed': 0", "--restart")
+    for name, other, kept, asked in (
+        ("seed", "1", "0", "1"),
+        ("budget", "0.04", "0.05", "0.04"),
+        ("steps", "64", STEPS, "64"),
+        ("diagnoser", "integrated", "'filter_bank'", "'integrated'"),
+    ):
+        assert run(output, f"--{name}", other) == 2
+        shown = f"{{'{name}': {kept}}}; allowed is that of this command, {{'{name}': {asked}}}"
+        refused(capsys, "checkpoint in", shown, "--restart")
     numbers = []
     monkeypatch.setattr(
         StimulusTrainer, "epoch", lambda self, number: numbers.append(number) or epoch(self, number)

@@ -1,4 +1,5 @@
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -19,6 +20,7 @@ from training.report.figures.learning import learning_curve
 
 HERE = str(Path(__file__).parent)
 NAME = "integrated"
+SETTINGS = {"name": NAME, "seed": 0}
 KILLED = """
 import importlib, os, signal, sys
 sys.path.insert(0, {here!r})
@@ -50,7 +52,7 @@ MOMENTS = {
         1,
     ),
     "while the run is written": (("training.commands.train", "write_report", 1, True), 6),
-    "before the checkpoint is removed": (("training.commands.train:shutil", "rmtree", 3, True), 6),
+    "before the checkpoint is removed": (("training.commands.train", "discard", 1, True), 6),
 }
 
 
@@ -189,9 +191,9 @@ def test_full_disk_is_one_line_and_loses_no_epoch(
 
 
 def test_shortened_training_is_the_beginning_of_the_whole(tmp_path, toy):
-    short = train(toy(0), NAME, 0, tmp_path / "a", epochs=2)
-    longer = train(toy(0), NAME, 0, tmp_path / "a")
-    whole = train(toy(0), NAME, 0, tmp_path / "b")
+    short = train(toy(0), SETTINGS, tmp_path / "a", epochs=2)
+    longer = train(toy(0), SETTINGS, tmp_path / "a")
+    whole = train(toy(0), SETTINGS, tmp_path / "b")
     assert len(short.history) == 2
     assert len(whole.history) == toy.epochs
     for name, tensor in whole.current.items():
@@ -203,7 +205,7 @@ def test_training_stops_early_and_keeps_the_best(tmp_path, toy):
     trained = toy(0)
     trained.patience = 3
     trained.validate = lambda: {"loss": losses[int(trained.count) - 1]}
-    progress = train(trained, NAME, 0, tmp_path)
+    progress = train(trained, SETTINGS, tmp_path)
     assert progress.losses == losses[:5]
     assert progress.best_epoch == 2
     assert trained.count == 2
@@ -216,7 +218,7 @@ def test_diverged_training_is_refused(tmp_path, toy, value):
     with pytest.raises(
         InputError, match=r"validation loss of epoch 1: got (nan|inf); .* has diverged"
     ):
-        train(trained, NAME, 0, tmp_path)
+        train(trained, SETTINGS, tmp_path)
 
 
 def test_checkpoint_of_another_training_is_refused(tmp_path, monkeypatch, toy, capsys):
@@ -231,6 +233,42 @@ def test_checkpoint_of_another_training_is_refused(tmp_path, monkeypatch, toy, c
     assert run(output) == 2
     refused(capsys, "'code': 'changed'", "--restart")
     assert run(output, "--restart", "--seed", "1") == 0
+
+
+def test_a_checkpoint_with_more_epochs_than_asked_for_is_refused(
+    tmp_path, monkeypatch, toy, capsys
+):
+    output = tmp_path / "run"
+    with monkeypatch.context() as patch:
+        patch.setattr(toy, "finish", stop)
+        run(output, "--epochs", "3")
+    capsys.readouterr()
+    assert run(output, "--epochs", "2") == 2
+    refused(capsys, "epochs: got 2; allowed is at least the 3 of the checkpoint", "--restart")
+    assert run(output, "--epochs", "4") == 0
+    assert card(output)["epochs"] == 4
+
+
+def test_a_finished_run_stays_while_its_remains_are_removed(tmp_path, monkeypatch, toy, capsys):
+    output = tmp_path / "run"
+    assert run(output) == 0
+    # as after a kill while the checkpoint was being removed
+    (unfinished(output) / LOG).mkdir(parents=True)
+    monkeypatch.setattr(toy, "epoch", stop)
+    assert run(output) == 0
+    assert "already trained" in capsys.readouterr().out
+    assert list(tmp_path.iterdir()) == [output]
+
+
+@pytest.mark.parametrize("arguments", [None, {}, {"seed": 0}, []])
+def test_a_manifest_without_its_arguments_is_refused(whole, tmp_path, arguments, capsys):
+    output = tmp_path / "run"
+    shutil.copytree(whole, output)
+    manifest = json.loads((output / "manifest.json").read_text())
+    manifest["arguments"] = arguments
+    (output / "manifest.json").write_text(json.dumps(manifest))
+    assert run(output) == 2
+    refused(capsys, "training in", "'name': None", "'name': 'integrated'", "--restart")
 
 
 def test_checkpoint_keeps_order_shapes_and_dtypes(tmp_path):
@@ -251,7 +289,7 @@ def test_checkpoint_keeps_order_shapes_and_dtypes(tmp_path):
 def test_damaged_checkpoint_is_refused(tmp_path, toy, damage, capsys):
     output = tmp_path / "run"
     path = unfinished(output) / FILE
-    train(toy(0), NAME, 0, path.parent, epochs=2)
+    train(toy(0), SETTINGS, path.parent, epochs=2)
     content = path.read_bytes()
     if damage == "foreign":
         storage.write(path, {"x": np.zeros(3)}, {"diagnoser": "integrated"})

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from auv_fault_env.errors import InputError
-from training.report.run_folder import MANIFEST, run_folder, write_json
+from training.report.run_folder import EARLIER, MANIFEST, run_folder, write_json
 
 
 @dataclass
@@ -87,7 +87,7 @@ def test_earlier_run_survives_if_the_new_one_cannot_take_its_place(tmp_path, mon
     rename = Path.rename
 
     def taken(self, target):
-        return rename(self, target) if self == output or self.name.endswith("-old") else fail()
+        return rename(self, target) if self == output or self.name.endswith(EARLIER) else fail()
 
     monkeypatch.setattr(Path, "rename", taken)
     with pytest.raises(InputError), run_folder(output, "test", Arguments()):
