@@ -21,6 +21,7 @@ from functools import cache
 from pathlib import Path
 
 from numba import config, njit, types
+from numba.core.caching import FunctionCache
 from numba.extending import intrinsic
 
 OPTIONS = dict(error_model="numpy", fastmath={"contract"}, nogil=True)
@@ -117,12 +118,34 @@ def n_threads() -> int:
     return min(cores, int(limit)) if limit.isdigit() and int(limit) else cores
 
 
+class MendedCache(FunctionCache):
+    """A cache on disk whose damaged files are replaced; a disk that is full is not an error."""
+
+    def load_overload(self, signature, target_context):
+        """The compiled code; None where there is none that can be read."""
+        try:
+            return super().load_overload(signature, target_context)
+        # whatever unpickling the half of a file raises
+        except Exception:
+            with contextlib.suppress(OSError):
+                self.flush()
+            return None
+
+    def save_overload(self, signature, compiled):
+        """Write the compiled code if there is room."""
+        with contextlib.suppress(OSError):
+            super().save_overload(signature, compiled)
+
+
 def kernel(function):
     """Compile a loop over lanes and cache it on disk."""
     folder = cache_folder(digest(Path(function.__code__.co_filename).resolve()))
     cache_before = config.CACHE_DIR
     config.CACHE_DIR = str(folder)
     try:
-        return njit(cache=True, **OPTIONS)(function)
+        dispatcher = njit(**OPTIONS)(function)
+        # as its method enable_caching does
+        dispatcher._cache = MendedCache(function)
+        return dispatcher
     finally:
         config.CACHE_DIR = cache_before

@@ -114,6 +114,40 @@ def test_cache_of_another_package_notices_edits_in_its_own_files_alone(project):
     assert all("loop" in path.name for path in cached(project) - files)
 
 
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+def test_a_damaged_cache_is_compiled_again(tmp_path, monkeypatch, suffix):
+    monkeypatch.setattr(compiling.config, "CACHE_DIR", str(tmp_path))
+    file = tmp_path / "damaged.py"
+    text = (
+        "from auv_fault_env.compiling import kernel\n\n@kernel\ndef double(x):\n    return 2 * x\n"
+    )
+    file.write_text(f"# {suffix}\n{text}", encoding="utf-8")
+
+    def hits():
+        """Of the cache, by a kernel as of a new process."""
+        spec = importlib.util.spec_from_file_location("damaged", file)
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        assert module.double(3.0) == 6.0
+        return sum(module.double.stats.cache_hits.values())
+
+    assert [hits(), hits()] == [0, 1]
+    for share in (0.0, 0.5):
+        (path,) = tmp_path.rglob(f"*.{suffix}")
+        path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+        assert [hits(), hits()] == [0, 1]
+
+
+def test_a_disk_without_room_for_the_cache_is_no_error(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(compiling.FunctionCache, "_save_overload", full)
+    monkeypatch.setattr(compiling.config, "CACHE_DIR", str(tmp_path))
+    double = compiling.kernel(lambda x: 2.0 * x)
+    assert double(3.0) == 6.0
+
+
 def module_name(path):
     parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)

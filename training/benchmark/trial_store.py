@@ -79,7 +79,7 @@ def path_of(folder: Path, trial: Trial, fingerprint_of_diagnoser: str) -> Path:
 
 
 def write(path: Path, outcome: FaultyOutcome | HealthyOutcome) -> None:
-    """Write an outcome to a temporary file and rename it, so that every file is whole."""
+    """Write an outcome to a hidden file and rename it, so that every trial is whole."""
     try:
         handle, temporary = tempfile.mkstemp(prefix=".", suffix=".npz", dir=path.parent)
         try:

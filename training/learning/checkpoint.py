@@ -1,5 +1,6 @@
 """The checkpoint of an unfinished training: its progress, in one file beside the output."""
 
+import json
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -62,7 +63,9 @@ def write(folder: Path, origin: Mapping[str, Any], progress: Progress) -> None:
     tensors |= {f"best/{name}": tensor for name, tensor in progress.best.items()}
     # the file sorts the tensors, and has no scalars
     shapes = [(name, np.shape(tensor)) for name, tensor in tensors.items()]
-    header = {"origin": origin, "history": progress.history, "shapes": shapes}
+    # as text, because the header sorts its keys
+    history = json.dumps(progress.history)
+    header = {"origin": origin, "history": history, "shapes": shapes}
     storage.write(folder / FILE, tensors, header)
 
 
@@ -77,7 +80,7 @@ def read(folder: Path, origin: Mapping[str, Any]) -> Progress:
     try:
         tensors, header = storage.read(folder / FILE)
         found_origin = header["origin"]
-        history = header["history"]
+        history = json.loads(header["history"])
         tensors = {name: tensors[name].reshape(shape) for name, shape in header["shapes"]}
     except (InputError, KeyError, TypeError, ValueError):
         allowed = "a complete checkpoint, and this file is damaged"
