@@ -8,10 +8,11 @@ import gymnasium as gym
 from auv_fault_env.channels import CHANNELS, Channel
 from auv_fault_env.faults import CATALOGUE, Fault, classes, labels
 from auv_fault_env.fleet import Fleet
-from auv_fault_env.missions import MISSIONS, Mission, MissionSampler
+from auv_fault_env.missions import MISSIONS, Mission, MissionDistribution, MissionSampler
 from auv_fault_env.parameters import PARAMETERS, PRESETS, Vehicle
 from auv_fault_env.schedules import (
     FaultEvent,
+    ScheduleDistribution,
     ScheduleSampler,
     from_json,
     load_schedule,
@@ -31,7 +32,9 @@ __all__ = [
     "FaultEvent",
     "Fleet",
     "Mission",
+    "MissionDistribution",
     "MissionSampler",
+    "ScheduleDistribution",
     "ScheduleSampler",
     "Vehicle",
     "classes",

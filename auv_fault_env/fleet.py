@@ -13,7 +13,7 @@ from auv_fault_env.channels import CHANNELS, COMMANDS
 from auv_fault_env.compiling import n_threads
 from auv_fault_env.errors import finite_in_range, one_per_lane, refusal, whole_number
 from auv_fault_env.faults import Fault, classes, matrices
-from auv_fault_env.missions import Mission, MissionSampler, mission_of
+from auv_fault_env.missions import Mission, MissionDistribution, MissionSampler, legs_of, mission_of
 from auv_fault_env.noise import STREAMS, episode_keys, uniforms
 from auv_fault_env.parameters import (
     PARAMETERS,
@@ -30,6 +30,7 @@ from auv_fault_env.realism import healthy_spread, kernel_values, known_effects
 from auv_fault_env.schedules import (
     Events,
     Schedule,
+    ScheduleDistribution,
     ScheduleSampler,
     events_of,
     no_events,
@@ -99,8 +100,8 @@ class Fleet:
         disturbance: float = 1.0,
         healthy_band: float = 1.0,
         parallel: bool | None = None,
-        schedules: ScheduleSampler | None = None,
-        missions: MissionSampler | None = None,
+        schedules: ScheduleDistribution | None = None,
+        missions: MissionDistribution | None = None,
         realism: float = 0.0,
         imperfections: Sequence[str] | None = None,
         more_faults: Sequence[Fault] = (),
@@ -133,7 +134,7 @@ class Fleet:
         self.limits = np.array(limits)
         self.more_faults = tuple(more_faults)
         self._read_catalogue()
-        self._allocate(n_blocks, self.schedules.EVENTS, self.missions.n_legs)
+        self._allocate(n_blocks)
 
     def _read_catalogue(self):
         self._faults = self._faults_now()
@@ -146,7 +147,7 @@ class Fleet:
     def _faults_now(self) -> tuple[Fault, ...]:
         return *plant_faults().values(), *self.more_faults
 
-    def _allocate(self, n_blocks: int, n_events: int, n_legs: int):
+    def _allocate(self, n_blocks: int):
         n = self.n_lanes
         self.state = layout.FleetState(
             memory=np.zeros((n_blocks, layout.N_ROWS * layout.LANES)),
@@ -154,13 +155,13 @@ class Fleet:
             step=np.zeros(n, np.int64),
             next_update=np.full(n, episodes.UPDATE_NOW, np.int64),
         )
-        events = no_events(n, n_events)
+        events = no_events(n, 0)
         self.plan = layout.EpisodePlan(
             healthy=np.tile(self._nominal, (n, 1)),
             fault=events.fault,
             profile=events.profile,
-            severity=np.zeros((n, n_events)),
-            legs=np.full((n, n_legs, 2), np.inf),
+            severity=np.zeros((n, 0)),
+            legs=np.full((n, 0, 2), np.inf),
         )
         self._seed = np.zeros(n, np.uint64)
         self._episode = np.zeros(n, np.uint64)
@@ -483,14 +484,5 @@ def _events_and_legs(
         events = events_of([schedule_of(schedule) for schedule in schedules])
     if missions is not None:
         missions = one_per_lane("missions", missions, n_lanes)
-        legs = _legs_of([mission_of(mission) for mission in missions])
+        legs = legs_of([mission_of(mission) for mission in missions])
     return events, legs
-
-
-def _legs_of(missions: Sequence[Mission]) -> tuple[np.ndarray, np.ndarray]:
-    """Legs (n_lanes, n_legs, 2) and start speeds (n_lanes,) of the missions."""
-    n_legs = max(len(mission.legs) for mission in missions)
-    legs = np.full((len(missions), n_legs, 2), np.inf)
-    for lane, mission in enumerate(missions):
-        legs[lane, : len(mission.legs)] = mission.legs
-    return legs, np.array([mission.start_speed for mission in missions])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_fault_env.channels import INDEX, MAXIMUM_COMMAND
+from auv_fault_env.distributions import CHECKED_KEYS, Distribution, generators_of
 from auv_fault_env.errors import (
     InputError,
     finite_in_range,
@@ -77,8 +78,55 @@ def mission_of(value: "Mission | str | float | Sequence | Mapping") -> Mission:
         raise refusal("mission", value, allowed, "write one of these") from None
 
 
+def legs_of(missions: Sequence[Mission]) -> tuple[np.ndarray, np.ndarray]:
+    """Legs (n_lanes, n_legs, 2) and start speeds (n_lanes,) of the missions.
+
+    Legs that a mission lacks begin at infinity.
+    """
+    n_legs = max(len(mission.legs) for mission in missions)
+    legs = np.full((len(missions), n_legs, 2), np.inf)
+    for lane, mission in enumerate(missions):
+        legs[lane, : len(mission.legs)] = mission.legs
+    return legs, np.array([mission.start_speed for mission in missions])
+
+
+def missions_of(legs: np.ndarray, start_speed: np.ndarray) -> list[Mission]:
+    """The mission of every lane: the inverse of `legs_of`."""
+    return [
+        Mission(tuple(map(tuple, rows[np.isfinite(rows[:, 0])])), speed)
+        for rows, speed in zip(legs, start_speed, strict=True)
+    ]
+
+
+class MissionDistribution(Distribution):
+    """A distribution of missions; a subclass defines `mission`, or the faster `sample_legs`."""
+
+    def mission(self, random: np.random.Generator, maximum_speed: float) -> Mission:
+        """The mission of one lane, of speeds up to the vehicle's largest command [m/s]."""
+        raise NotImplementedError
+
+    def sample_legs(
+        self, key: np.ndarray, maximum_speed: float = MAXIMUM_COMMAND
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Random legs (n_lanes, n_legs, 2) and start speeds (n_lanes,), from noise keys."""
+        generators = generators_of(key, "mission")
+        return legs_of([mission_of(self.mission(random, maximum_speed)) for random in generators])
+
+    def check(self, maximum_speed: float) -> None:
+        """Refuse impossible missions, and those of a lane that depend on other lanes."""
+        missions = missions_of(*self.sample_legs(CHECKED_KEYS, maximum_speed))
+        keys = CHECKED_KEYS[:, None]
+        alone = [missions_of(*self.sample_legs(key, maximum_speed))[0] for key in keys]
+        if missions != alone:
+            allowed = "the same mission for a key whenever it is drawn"
+            raise refusal("distribution", type(self).__name__, allowed, "use its generator only")
+        for mission in missions:
+            fastest = max(mission.start_speed, *(speed for _, speed in mission.legs))
+            finite_in_range("mission speed", fastest, 0.0, maximum_speed)
+
+
 @dataclass(frozen=True)
-class MissionSampler:
+class MissionSampler(MissionDistribution):
     """Random missions: legs of uniform speed and duration, the last one without an end."""
 
     speed: tuple[float, float] = (0.15, 0.6)  # of the vehicle's largest command
@@ -89,6 +137,8 @@ class MissionSampler:
     def __post_init__(self):
         pair_in_range("speed of the legs", self.speed, 0.0, 1.0)
         pair_in_range("duration of the legs", self.duration, SAMPLE_TIME, LONGEST)
+        for name in ("speed", "duration"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         whole_number("number of legs", self.n_legs)
         finite_in_range("from_rest", self.from_rest, 0.0, 1.0)
 

@@ -1,5 +1,6 @@
 """When faults come and go: events, schedules, their JSON, and the sampler of schedules."""
 
+import itertools
 import json
 import math
 from collections import namedtuple
@@ -10,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auv_fault_env.distributions import CHECKED_KEYS, Distribution, generators_of
 from auv_fault_env.errors import (
     finite_in_range,
     known_name,
@@ -178,8 +180,33 @@ def schedules_of(events: Events) -> list[Schedule]:
     return schedules
 
 
+class ScheduleDistribution(Distribution):
+    """A distribution of schedules; a subclass defines `schedule`, or the faster `sample_events`."""
+
+    def schedule(self, random: np.random.Generator, vehicle: Vehicle) -> Schedule:
+        """The schedule of one lane, of faults that the vehicle can have."""
+        raise NotImplementedError
+
+    def sample_events(self, key: np.ndarray, vehicle: Vehicle = TWO_SHAFTS) -> Events:
+        """Events of many lanes at random, from their noise keys (n_lanes,)."""
+        generators = generators_of(key, "fault_events")
+        return events_of([schedule_of(self.schedule(random, vehicle)) for random in generators])
+
+    def check(self, vehicle: Vehicle) -> None:
+        """Refuse impossible schedules, and those of a lane that depend on other lanes."""
+        schedules = schedules_of(self.sample_events(CHECKED_KEYS, vehicle))
+        alone = [schedules_of(self.sample_events(key, vehicle))[0] for key in CHECKED_KEYS[:, None]]
+        if schedules != alone:
+            allowed = "the same schedule for a key whenever it is drawn"
+            raise refusal("distribution", type(self).__name__, allowed, "use its generator only")
+        for event in itertools.chain.from_iterable(schedules):
+            if not plant_fault(event.fault).is_possible(vehicle):
+                allowed = f"faults that {vehicle.name} can have"
+                raise refusal("distribution", event.fault, allowed, "leave it out")
+
+
 @dataclass(frozen=True)
-class ScheduleSampler:
+class ScheduleSampler(ScheduleDistribution):
     """Random schedules, all quantities uniform within their ranges.
 
     A severity is at least the fault's own `least_severity`.
@@ -208,6 +235,7 @@ class ScheduleSampler:
             finite_in_range(name, getattr(self, name), 0.0, 1.0)
         for name, high in {**LIMITS, "life": LONGEST}.items():
             pair_in_range(name, getattr(self, name), 0.0, high)
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         if self.life[0] <= 0.0:
             raise refusal("life", self.life, "a pair above 0", "let a fault last")
         for name, weight in self.prior.items():

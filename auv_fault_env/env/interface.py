@@ -8,8 +8,15 @@ import gymnasium as gym
 import numpy as np
 
 from auv_fault_env.errors import known_name, refusal
+from auv_fault_env.fleet import Fleet
+from auv_fault_env.missions import MissionDistribution, MissionSampler
 from auv_fault_env.parameters import Vehicle, channels_of, vehicle_of
-from auv_fault_env.schedules import Schedule, schedule_of
+from auv_fault_env.schedules import (
+    Schedule,
+    ScheduleDistribution,
+    ScheduleSampler,
+    schedule_of,
+)
 
 
 def vehicle_of_argument(preset: str | Vehicle | Mapping) -> Vehicle:
@@ -27,6 +34,22 @@ def box(names: Sequence[str], vehicle: Vehicle) -> gym.spaces.Box:
     low = np.array([channels[name].low for name in names], np.float32)
     high = np.array([channels[name].high for name in names], np.float32)
     return gym.spaces.Box(low, high, dtype=np.float32)
+
+
+def set_distributions(
+    fleet: Fleet,
+    schedules: ScheduleDistribution | Mapping | None,
+    missions: MissionDistribution | Mapping | None,
+) -> None:
+    """Let the next episodes come from these distributions; None keeps the present one."""
+    if schedules is not None:
+        schedules = ScheduleDistribution.of(schedules, ScheduleSampler)
+        schedules.check(fleet.vehicle)
+    if missions is not None:
+        missions = MissionDistribution.of(missions, MissionSampler)
+        missions.check(fleet.vehicle.maximum_speed)
+    fleet.schedules = schedules or fleet.schedules
+    fleet.missions = missions or fleet.missions
 
 
 def outcome_info(outcomes: np.ndarray) -> dict[str, Any]:

@@ -12,14 +12,15 @@ from auv_fault_env.env.interface import (
     known_options,
     need_reset,
     outcome_info,
+    set_distributions,
     vehicle_of_argument,
 )
 from auv_fault_env.env.recording import METADATA, Recording, known_render_mode
 from auv_fault_env.env.spec import WithSpec
 from auv_fault_env.fleet import ACTIONS, Fleet, checked_actions
-from auv_fault_env.missions import mission_of
+from auv_fault_env.missions import MissionDistribution, mission_of
 from auv_fault_env.parameters import Vehicle
-from auv_fault_env.schedules import schedule_of
+from auv_fault_env.schedules import ScheduleDistribution, schedule_of
 from auv_fault_env.truth import SingleLaneTruth, known_level
 
 
@@ -101,7 +102,10 @@ class PropulsionEnv(WithSpec, gym.Env):
     `healthy_band`: factors on the default noise, the disturbing acceleration and the healthy band;
     0 switches off. `realism`: factor on the imperfections of real sensors and surroundings, from 0,
     the default, to 10; `imperfections`: names of those that act (`auv_fault_env.realism.EFFECTS`),
-    None for all. `truth`: see Information.
+    None for all. `truth`: see Information. `schedules`, `missions`: what episodes are drawn from,
+    by default `auv_fault_env.ScheduleSampler()` and `MissionSampler()`: one of these or of another
+    subclass of `ScheduleDistribution` or `MissionDistribution`, or its fields as a dictionary;
+    `set_distributions` changes them from the next episode on.
 
     `reset(options={"schedule": ..., "mission": ...})`: the schedule is a sequence of `FaultEvent`
     or of mappings with their fields, or the path of a JSON file; empty means healthy; without it
@@ -135,6 +139,8 @@ class PropulsionEnv(WithSpec, gym.Env):
         healthy_band: float = 1.0,
         realism: float = 0.0,
         imperfections: Sequence[str] | None = None,
+        schedules: ScheduleDistribution | Mapping | None = None,
+        missions: MissionDistribution | Mapping | None = None,
         truth: str | bool = "label",
     ):
         self.render_mode = known_render_mode(render_mode)
@@ -147,12 +153,24 @@ class PropulsionEnv(WithSpec, gym.Env):
             realism=realism,
             imperfections=imperfections,
         )
+        set_distributions(self.fleet, schedules, missions)
         self.action_space = box(ACTIONS, self.fleet.vehicle)
         self.observation_space = box(tuple(CHANNELS), self.fleet.vehicle)
         self._truth_level = known_level(truth)
         self._truth = SingleLaneTruth(self.fleet)
         self._observation: np.ndarray | None = None
         self._recording = None if render_mode is None else Recording(render_mode, self.fleet)
+
+    def set_distributions(
+        self,
+        schedules: ScheduleDistribution | Mapping | None = None,
+        missions: MissionDistribution | Mapping | None = None,
+    ) -> None:
+        """Draw the next episodes from these, for a curriculum; None keeps the present one.
+
+        The present episode goes on, and `spec` stays that of the environment as it was made.
+        """
+        set_distributions(self.fleet, schedules, missions)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Start the first episode of the seed; without a seed the next episode of the last one."""

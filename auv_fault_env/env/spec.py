@@ -6,6 +6,7 @@ from typing import Any
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
 
+from auv_fault_env.distributions import Distribution
 from auv_fault_env.parameters import Vehicle
 
 
@@ -15,7 +16,7 @@ def plain(argument: Any) -> Any:
         return argument.value
     if isinstance(argument, Vehicle):
         return dataclasses.asdict(argument)
-    return argument
+    return argument.plain() if isinstance(argument, Distribution) else argument
 
 
 class WithSpec:

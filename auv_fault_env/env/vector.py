@@ -9,12 +9,18 @@ from gymnasium.vector.utils import batch_space
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.env.autoreset import AutoresetVectorEnv
-from auv_fault_env.env.interface import box, need_reset, outcome_info, vehicle_of_argument
+from auv_fault_env.env.interface import (
+    box,
+    need_reset,
+    outcome_info,
+    set_distributions,
+    vehicle_of_argument,
+)
 from auv_fault_env.env.recording import METADATA, Recording, known_render_mode
 from auv_fault_env.fleet import ACTIONS, Fleet
-from auv_fault_env.missions import Mission
+from auv_fault_env.missions import Mission, MissionDistribution
 from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME, Vehicle
-from auv_fault_env.schedules import Schedule
+from auv_fault_env.schedules import Schedule, ScheduleDistribution
 from auv_fault_env.truth import fleet_truth, known_level
 
 
@@ -45,6 +51,8 @@ class PropulsionVectorEnv(AutoresetVectorEnv):
         parallel: bool | None = None,
         realism: float = 0.0,
         imperfections: Sequence[str] | None = None,
+        schedules: ScheduleDistribution | Mapping | None = None,
+        missions: MissionDistribution | Mapping | None = None,
         truth: str | bool = "label",
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
@@ -59,6 +67,7 @@ class PropulsionVectorEnv(AutoresetVectorEnv):
             realism=realism,
             imperfections=imperfections,
         )
+        set_distributions(self.fleet, schedules, missions)
         super().__init__(self.fleet.n_lanes, max_episode_steps, SAMPLE_TIME, autoreset_mode)
         self.render_mode = known_render_mode(render_mode)
         self.single_action_space = box(ACTIONS, self.fleet.vehicle)
@@ -70,6 +79,17 @@ class PropulsionVectorEnv(AutoresetVectorEnv):
         n_recorded = {None: 0, "rgb_array": self.num_envs, "human": 1}[render_mode]
         lanes = range(n_recorded)
         self._recordings = [Recording(render_mode, self.fleet, lane) for lane in lanes]
+
+    def set_distributions(
+        self,
+        schedules: ScheduleDistribution | Mapping | None = None,
+        missions: MissionDistribution | Mapping | None = None,
+    ) -> None:
+        """Draw the next episodes from these, for a curriculum; None keeps the present one.
+
+        The present episode goes on, and `spec` stays that of the environment as it was made.
+        """
+        set_distributions(self.fleet, schedules, missions)
 
     def _start(
         self,
