@@ -20,13 +20,14 @@ from diagnosers.bank.sensors import N_READINGS, new_sample
 from diagnosers.kalman import START_SPEED_STD
 from diagnosers.robust import algebra, surge
 from diagnosers.robust.algebra import SEVERITY
+from diagnosers.robust.alignment import LARGEST_LAG, N_EARLIER, N_LAGS, START_MISFIT
 from diagnosers.robust.hypotheses import HypothesisTable, hypothesis_table
 from diagnosers.robust.kernel import BankState, step_lanes
 from diagnosers.robust.motor import START_VOLTAGE_STD, VOLTS
 from diagnosers.robust.pack import workspace
 
 FREEDOM = 6.0  # degrees of freedom of the readings' distribution
-LATENESS = 0.5  # samples by which rpm readings lag, about
+LATENESS = 0.3  # samples by which rpm readings lag behind those that they are aligned with, about
 START_TILT_STD = 0.02  # m/s^2, error of the accelerometer before the first reading
 START_TILT_WALK = 2e-3  # m/s^2, its change per sample before that has been seen
 LEAST_TILT_WALK = 3e-5  # m/s^2
@@ -38,6 +39,8 @@ LARGEST_VOLTAGE_WALK = 1e-2
 # share by which these walks move per sample to what is seen
 TILT_ADAPTATION = 0.02
 VOLTAGE_ADAPTATION = 0.1  # within a second: a ramp of the voltage begins at any sample
+NOISE_ADAPTATION = 0.005  # as these shares, of the noise: within 20 s
+LARGEST_NOISE = 3.0  # standard deviations of a healthy sensor's noise
 WARMING = 3.5  # K, of a motor on a mission, about: what 1 A makes of 1.1 ohm
 STD_OF_UNIFORM = 1.0 / math.sqrt(3.0)  # of a uniform distribution, per half-width
 
@@ -54,6 +57,8 @@ class FilterBankConstants(NamedTuple):
     paddle_memory: float  # share of the paddle wheel's error that is left after a sample
     paddle_variance: float  # m^2/s^2, of that error
     walk_limits: np.ndarray  # (3, 3), of `BankState.walk`: share, least and largest value
+    noise_adaptation: float  # share by which `BankState.noise_ratio` moves to what is seen
+    largest_noise_ratio: float
 
 
 @dataclass(frozen=True)
@@ -63,11 +68,12 @@ class FilterBank(Bank):
     Differences from `GaussianBank`: readings have heavy tails (Student's t), so that no single
     sample decides; the true voltage, the zero offset of the current, the error of the accelerometer
     by offset and attitude, and the slow error of the paddle wheel are states; how fast voltage and
-    attitude change is estimated; the rounding of readings is seen in their differences; readings at
-    rest are no evidence; a healthy vehicle's deviations change slowly; the water's current may
-    change; a fault may end; evidence is forgotten within a minute; and a subsystem may change in a
-    way that no fault of the catalogue does, the class `unknown`. Current and shaft speed imply a
-    voltage that is not read.
+    attitude change is estimated, and the noise of every sensor where it exceeds that of a healthy
+    one; a shaft speed that is read late is compared with the voltage and current of its time; the
+    rounding of readings is seen in their differences; readings at rest are no evidence; a healthy
+    vehicle's deviations change slowly; the water's current may change; a fault may end; evidence is
+    forgotten within a minute; and a subsystem may change in a way that no fault of the catalogue
+    does, the class `unknown`. Current and shaft speed imply a voltage that is not read.
 
     When it misleads: it takes longer than `GaussianBank` where readings are ideal; faults below a
     severity of 0.2 count as healthy; it has no faults of the sensors' timing and no double faults.
@@ -118,6 +124,8 @@ class FilterBank(Bank):
             paddle_memory=math.exp(-SAMPLE_TIME / wheel_time),
             paddle_variance=wheel**2,
             walk_limits=self._walk_limits(),
+            noise_adaptation=NOISE_ADAPTATION,
+            largest_noise_ratio=LARGEST_NOISE**2,
         )
 
     def _walk_limits(self) -> np.ndarray:
@@ -185,6 +193,11 @@ class FilterBank(Bank):
             healthy=np.tile(self.healthy, (n_lanes, 1)),
             prior=prior,
             walk=np.tile(self._initial_walk(), (n_lanes, 1)),
+            noise_ratio=np.ones((n_lanes, N_READINGS)),
+            innovation=unread.copy(),
+            earlier=np.full((n_lanes, 2, N_EARLIER, N_LAGS), np.nan),
+            lag=np.zeros((n_lanes, 2), np.int64),
+            lag_misfit=np.tile([0.0, *[START_MISFIT] * LARGEST_LAG], (n_lanes, 2, 1)),
             age=np.zeros(n_lanes),
         )
 

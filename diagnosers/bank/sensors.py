@@ -30,7 +30,7 @@ class Sample(NamedTuple):
     """
 
     reading: np.ndarray  # the last one where there is none now, 0 where there never was any
-    rounding: np.ndarray  # variance by the rounding to the values that the sensor reports
+    excess: np.ndarray  # variance beyond the healthy noise: by rounding, and by noise as it is seen
     log_spacing: np.ndarray  # logarithm of the distance of these values
     natural: np.ndarray  # probability that a healthy sensor repeats itself; 0 if negligible
     repeated: np.ndarray  # whether it equals the last one

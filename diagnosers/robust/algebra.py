@@ -76,7 +76,7 @@ def condition(columns, measurement, tails, work):
 
     The density is Student's t, whose heavy tails bound what one sample decides. The weight of the
     innovation in the update is that of the scale mixture of Gaussians, so that an outlier moves no
-    state.
+    state. Fill ``work.standardised``, the innovation by its scale, NaN where not available.
     """
     first, last = columns
     gradient, innovation, variance, available = measurement
@@ -93,7 +93,16 @@ def condition(columns, measurement, tails, work):
         # of the innovation: 1 in the middle, falling with its square
         weight = min(1.0, (tails.freedom + 1.0) / (tails.freedom * relative))
         work.weight[c] = weight
+        work.standardised[c] = innovation[c] / math.sqrt(scale) if available[c] > 0.0 else math.nan
         work.gain[c] = available[c] * weight / (variance[c] + weight * (total - variance[c]))
         largest = math.sqrt(MAX_SQUARED_INNOVATION * scale)
         innovation[c] = min(max(innovation[c], -largest), largest)
     update_states(columns, innovation, work)
+
+
+@inlined
+def keep_standardised(columns, row, work):
+    """Keep the last standardised innovation as that of a reading."""
+    first, last = columns
+    for c in range(first, last):
+        work.innovations[row, c] = work.standardised[c]

@@ -27,6 +27,7 @@ from diagnosers.bank.sensors import NOISE_STD, keep_readings
 from diagnosers.bank.surge import DEVIATIONS
 from diagnosers.kalman import START_SPEED_STD
 from diagnosers.robust import algebra, motor, surge
+from diagnosers.robust.alignment import align, compare_lags
 from diagnosers.robust.sensors import fill_sample
 
 # below these a counter may read exactly zero: rpm of a shaft, m/s of a paddle wheel
@@ -36,6 +37,9 @@ ACCELERATION_CHANNEL = READINGS.index("acceleration")
 MOTOR_DEVIATIONS = tuple(range(motor.FIRST_DEVIATION, motor.ZERO))
 WALK_OF_VOLTAGE = (0, 1, 2)  # columns of `BankState.walk` by subsystem
 LARGEST_STEP = 4.0
+N_MOTOR_READINGS = 3
+N_SURGE_READINGS = 2  # speed and acceleration, the first channels
+FIRST_NOISE_SAMPLES = 20.0  # that the assumed noise counts as, when that of a sensor is estimated
 SETTLING_SAMPLES = 20  # before these readings are evidence: one wrong one may have set the states
 
 
@@ -52,6 +56,13 @@ class BankState(NamedTuple):
     # (n_lanes, 3, n_grades + 1), mean, variance and least value of the severity; the last is none
     prior: np.ndarray
     walk: np.ndarray  # (n_lanes, 3), variance per sample of tilt and both voltages
+    # (n_lanes, N_READINGS), variance of the noise by that of a healthy sensor, at least 1
+    noise_ratio: np.ndarray
+    innovation: np.ndarray  # (n_lanes, N_READINGS), the last, standardised; NaN if there was none
+    # (n_lanes, 2, N_EARLIER, N_LAGS), readings of voltage and current by side, the last first
+    earlier: np.ndarray
+    lag: np.ndarray  # (n_lanes, 2), samples by which a shaft speed is read late
+    lag_misfit: np.ndarray  # (n_lanes, 2, N_LAGS), forgetting sums of squares, by lag [rpm^2]
     age: np.ndarray  # (n_lanes,), samples so far
 
 
@@ -157,6 +168,31 @@ def adapt_walk(subsystem, state, channel, column, old, new, sample, table, const
 
 
 @inlined
+def adapt_noise(subsystem, first_channel, n_readings, old, new, table, constants, work):
+    """Move the variance of a subsystem's noise to what the innovations of the best filter show.
+
+    That is half of the squared difference of successive innovations: what changes slowly, such as
+    an error of the model, is no noise. An outlier counts as by its weight in the update.
+    """
+    n_lanes = np.uint64(old.age.size)
+    freedom = constants.tails.freedom
+    for lane in range(n_lanes):
+        best = np.uint64(table.filter[subsystem, old.log_posterior[lane].argmax()])
+        share = max(constants.noise_adaptation, 1.0 / (FIRST_NOISE_SAMPLES + old.age[lane]))
+        for k in range(n_readings):
+            channel = first_channel + k
+            innovation = work.innovations[k, best * n_lanes + lane]
+            difference = innovation - old.innovation[lane, channel]
+            square = 0.5 * difference * difference
+            change = 0.0
+            if not math.isnan(difference):
+                change = share * ((freedom + 1.0) * square / (freedom + square) - 1.0)
+            ratio = old.noise_ratio[lane, channel] * (1.0 + change)
+            new.noise_ratio[lane, channel] = min(max(ratio, 1.0), constants.largest_noise_ratio)
+            new.innovation[lane, channel] = innovation
+
+
+@inlined
 def update_motor(subsystem, old, new, sample, table, constants, work):
     """Take all filters of one motor through a sample."""
     n_lanes = np.uint64(old.age.size)
@@ -173,6 +209,8 @@ def update_motor(subsystem, old, new, sample, table, constants, work):
             # the filters do not know the speed yet
             if old.age[lane] == 0.0 and not sample.silent[SPEED_CHANNEL, lane]:
                 work.surge_speed[c] = sample.reading[SPEED_CHANNEL, lane]
+    for lane in range(n_lanes):
+        work.normal_column[lane] = first * n_lanes + lane
     column_of_walk = WALK_OF_VOLTAGE[subsystem]
     motor.update(columns, sample, channel, old.walk[:, column_of_walk], constants, work)
     adapt_walk(
@@ -187,6 +225,9 @@ def update_motor(subsystem, old, new, sample, table, constants, work):
         constants,
         work,
     )
+    normal = work.normal_column
+    compare_lags(subsystem, old, new, sample, normal, constants.bank.water, work)
+    adapt_noise(subsystem, channel, N_MOTOR_READINGS, old, new, table, constants, work)
     clip_deviations(columns, MOTOR_DEVIATIONS, work)
     update_severity(subsystem, new, table, work)
 
@@ -225,6 +266,7 @@ def update_surge(old, new, sample, table, constants, work):
         constants,
         work,
     )
+    adapt_noise(SURGE, 0, N_SURGE_READINGS, old, new, table, constants, work)
     clip_deviations(columns, DEVIATIONS, work)
     update_severity(SURGE, new, table, work)
 
@@ -242,6 +284,11 @@ def lanes_of(state, lanes):
         state.healthy[lanes],
         state.prior[lanes],
         state.walk[lanes],
+        state.noise_ratio[lanes],
+        state.innovation[lanes],
+        state.earlier[lanes],
+        state.lag[lanes],
+        state.lag_misfit[lanes],
         state.age[lanes],
     )
 
@@ -291,7 +338,9 @@ def motor_stands(lane, channel, shaft_speed, sample, constants):
 def begin_sample(observation, old, new, sample, table, constants, work):
     """Fill the sample and the last readings, and let hypotheses switch, on the lanes of a pack."""
     new.spacing[:] = old.spacing
-    fill_sample(observation, old.readings, new.spacing, constants.bank.sensors, sample)
+    sensors = constants.bank.sensors
+    align(observation, old, new, work.aligned)
+    fill_sample(work.aligned, old.readings, new.spacing, old.noise_ratio, sensors, sample)
     keep_readings(sample, new.readings)
     mark_resting(old, sample, table, constants)
     for lane in range(len(observation)):

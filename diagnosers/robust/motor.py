@@ -38,7 +38,7 @@ from diagnosers.bank.motor import (
 )
 from diagnosers.bank.pack import broadcast
 from diagnosers.bank.sensors import BIAS, GAIN, MIN_GAIN, NOISE, reading_of, truth_of
-from diagnosers.robust.algebra import N_STATES, SEVERITY, condition
+from diagnosers.robust.algebra import N_STATES, SEVERITY, condition, keep_standardised
 from diagnosers.robust.sensors import begin_zero, end_zero, keep_evidence, replace_evidence
 
 # states: true voltage [V], relative deviations of four parameters, zero offset of the current [A]
@@ -73,7 +73,7 @@ def condition_on_voltage(columns, sample, channel, tails, work):
         expected = reading_of(parameters, VOLTAGE, c, x[VOLTS, c])
         work.expected[c] = expected
         innovation = work.readings[OF_VOLTAGE, c] - expected
-        noise = parameters[VOLTAGE + NOISE, c] ** 2 + work.rounding[OF_VOLTAGE, c]
+        noise = parameters[VOLTAGE + NOISE, c] ** 2 + work.excess[OF_VOLTAGE, c]
         expected_square = noise + gain * gain * x[variance_row, c]
         jump = max(0.0, innovation * innovation - JUMP * expected_square)
         x[variance_row, c] += work.available[OF_VOLTAGE, c] * jump / (gain * gain)
@@ -88,6 +88,7 @@ def condition_on_voltage(columns, sample, channel, tails, work):
         gradient, work.innovation[FIRST], work.variance[FIRST], work.available[OF_VOLTAGE]
     )
     condition(columns, measurement, tails, work)
+    keep_standardised(columns, OF_VOLTAGE, work)
     end_zero(columns, sample, channel, work)
 
 
@@ -141,7 +142,7 @@ def compute_innovations(columns, constants, work):
     innovation = work.innovation
     variance = work.variance
     readings = work.readings
-    rounding = work.rounding
+    excess = work.excess
     predicted = work.predicted
     for c in range(first, last):
         before = work.shaft_speed_before[c]
@@ -149,10 +150,10 @@ def compute_innovations(columns, constants, work):
         lag = constants.lateness * (after - before)
         standing = max(1.0 - max(before, after) / highest, 0.0)
         current_by_lag = lag * parameters[TORQUE_CONSTANT, c] / parameters[RESISTANCE, c]
-        rpm_variance = parameters[SPEED + NOISE, c] ** 2 + rounding[OF_RPM, c]
+        rpm_variance = parameters[SPEED + NOISE, c] ** 2 + excess[OF_RPM, c]
         rpm_variance += (standing * STANDING_STD) ** 2
         variance[FIRST, c] = rpm_variance + (RPM * lag) ** 2
-        current_variance = parameters[CURRENT + NOISE, c] ** 2 + rounding[OF_CURRENT, c]
+        current_variance = parameters[CURRENT + NOISE, c] ** 2 + excess[OF_CURRENT, c]
         current_variance += (standing * STANDING_CURRENT_STD) ** 2
         variance[SECOND, c] = current_variance + current_by_lag**2
         innovation[FIRST, c] = readings[OF_RPM, c] - predicted[RPM_READING, c]
@@ -226,7 +227,7 @@ def update(columns, sample, channel, walk, constants, work):
     broadcast(walk, columns, work.added)
     gather_readings(columns, sample, channel, work)
     for k in range(3):
-        broadcast(sample.rounding[channel + k], columns, work.rounding[k])
+        broadcast(sample.excess[channel + k], columns, work.excess[k])
     widen_voltage(columns, sample, channel, water.maximum_voltage, work)
     condition_on_voltage(columns, sample, channel, tails, work)
     imply_voltage(columns, sample, channel, water.maximum_voltage, work)
@@ -239,6 +240,7 @@ def update(columns, sample, channel, walk, constants, work):
     shift_innovation(columns, 1.0, work)
     keep_evidence(columns, work)
     condition(columns, rpm, tails, work)
+    keep_standardised(columns, OF_RPM, work)
     keep_rpm_share(columns, work)
     restore_evidence(columns, sample, channel, math.inf, work)
     shift_innovation(columns, -1.0, work)
@@ -246,6 +248,7 @@ def update(columns, sample, channel, walk, constants, work):
     keep_evidence(columns, work)
     begin_zero(columns, sample, current_channel, CURRENT, current.available, work)
     condition(columns, current, tails, work)
+    keep_standardised(columns, OF_CURRENT, work)
     end_zero(columns, sample, current_channel, work)
     restore_evidence(columns, sample, channel, STANDING * water.maximum_rpm / RPM, work)
     for c in range(first, last):

@@ -4,6 +4,7 @@ from collections import namedtuple
 
 import numpy as np
 
+from auv_fault_env.channels import CHANNELS
 from diagnosers.bank.pack import (
     EFFECTS,
     SINGLE_ROWS,
@@ -15,10 +16,14 @@ from diagnosers.bank.pack import (
 from diagnosers.robust.algebra import N_STATES
 from diagnosers.robust.hypotheses import HypothesisTable
 
-N_ROWS = table_rows(N_STATES) | {"rounding": 3}  # variance of the readings by their rounding
+N_ROWS = table_rows(N_STATES) | {
+    "excess": 3,  # variance of the readings beyond their healthy noise
+    "innovations": 3,  # standardised, of each reading
+}
 OWN_SINGLE_ROWS = (
     *SINGLE_ROWS,
     "weight",  # of the last innovation
+    "standardised",  # the last innovation
     "rpm_share",  # of the measured shaft speed in the estimate
     "voltage_std",
     "expected",  # reading
@@ -28,7 +33,11 @@ OWN_SINGLE_ROWS = (
 )
 CHANGES = ("spread", "water")  # of the states, when a hypothesis begins and while it lasts
 PROBABILITIES = ("switch_probability", "return_probability")  # (n_lanes, n_hypotheses)
-Work = namedtuple("Work", (*N_ROWS, *OWN_SINGLE_ROWS, *EFFECTS, *CHANGES, *PROBABILITIES, "states"))
+OF_LANES = ("aligned", "normal_column")  # see `alignment.align` and `alignment.compare_lags`
+Work = namedtuple(
+    "Work",
+    (*N_ROWS, *OWN_SINGLE_ROWS, *EFFECTS, *CHANGES, *PROBABILITIES, *OF_LANES, "states"),
+)
 
 
 def workspace(table: HypothesisTable, n_lanes: int) -> Work:
@@ -44,5 +53,7 @@ def new_workspace(table: HypothesisTable, n_lanes: int) -> Work:
         **repeated_effects(table, n_lanes),
         **{name: np.repeat(getattr(table, name), n_lanes) for name in CHANGES},
         **{name: np.zeros(shape) for name in PROBABILITIES},
+        aligned=np.zeros((n_lanes, len(CHANNELS))),
+        normal_column=np.zeros(n_lanes, np.uint64),
         states=tuple(range(N_STATES)),
     )

@@ -32,11 +32,12 @@ def spacing_of_values(spacing, now, before):
 
 
 @inlined
-def fill_sample(observation, last, spacing, sensors, sample):
+def fill_sample(observation, last, spacing, noise_ratio, sensors, sample):
     """Fill a sample from the observation (n_lanes, n_channels), where NaN means no reading.
 
     last (n_lanes, N_READINGS): the last readings. spacing (n_lanes, N_READINGS): see
-    `spacing_of_values`, updated. sensors (N_READINGS, 4): see `LOW`.
+    `spacing_of_values`, updated. noise_ratio (n_lanes, N_READINGS): see `BankState`. sensors
+    (N_READINGS, 4): see `LOW`.
     """
     fill_readings(observation, last, sensors, sample)
     for lane in range(len(last)):
@@ -52,7 +53,8 @@ def fill_sample(observation, last, spacing, sensors, sample):
                 step = noise
             step = max(step, sensors[channel, RESOLUTION])
             rounding = min(step, MAX_ROUNDING * noise)
-            sample.rounding[channel, lane] = rounding * rounding / 12.0
+            by_noise = (noise_ratio[lane, channel] - 1.0) * noise * noise
+            sample.excess[channel, lane] = rounding * rounding / 12.0 + by_noise
             std = math.sqrt(noise * noise + rounding * rounding / 12.0)
             natural = step / (2.0 * math.sqrt(math.pi) * std)
             is_coarse = natural > MIN_NATURAL

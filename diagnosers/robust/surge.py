@@ -28,7 +28,7 @@ from diagnosers.bank.surge import (
     predict_speed,
     set_parameters,
 )
-from diagnosers.robust.algebra import condition
+from diagnosers.robust.algebra import condition, keep_standardised
 from diagnosers.robust.sensors import keep_evidence, replace_evidence
 
 # states after those of `bank.surge`: errors of accelerometer and paddle wheel
@@ -50,8 +50,8 @@ def add_to_speed(columns, work):
         work.gradient[PADDLE, c] = 1.0
         work.innovation[0, c] -= x[PADDLE, c]
         standing = min(max(1.0 - x[U, c] / STANDING, 0.0), 1.0)
-        rounding = work.rounding[SPEED_CHANNEL, c]
-        work.variance[0, c] += (standing * STANDING_STD) ** 2 + rounding
+        excess = work.excess[SPEED_CHANNEL, c]
+        work.variance[0, c] += (standing * STANDING_STD) ** 2 + excess
 
 
 @inlined
@@ -63,7 +63,7 @@ def add_to_acceleration(columns, work):
         work.gradient[TILT, c] = 1.0
         work.gradient[PADDLE, c] = 0.0
         work.innovation[0, c] -= x[TILT, c]
-        work.variance[0, c] += work.rounding[ACCELERATION_CHANNEL, c]
+        work.variance[0, c] += work.excess[ACCELERATION_CHANNEL, c]
 
 
 @inlined
@@ -85,7 +85,7 @@ def update(columns, sample, walk, constants, work):
     broadcast(sample.deflection, columns, work.deflection)
     for channel in (SPEED_CHANNEL, ACCELERATION_CHANNEL):
         broadcast(sample.reading[channel], columns, work.readings[channel])
-        broadcast(sample.rounding[channel], columns, work.rounding[channel])
+        broadcast(sample.excess[channel], columns, work.excess[channel])
     set_parameters(columns, work)
     memory = constants.bank.disturbance_memory
     relax_state(columns, D, memory, constants.bank.disturbance_variance, work)
@@ -106,6 +106,7 @@ def update(columns, sample, walk, constants, work):
     add_to_speed(columns, work)
     keep_evidence(columns, work)
     condition(columns, expected_measurement(work), constants.tails, work)
+    keep_standardised(columns, SPEED_CHANNEL, work)
     # that of a paddle wheel that may stand is none
     replace_evidence(columns, sample.resting[SPEED_CHANNEL], work.evidence_before, work)
     condition_on_availability(
@@ -122,3 +123,4 @@ def update(columns, sample, walk, constants, work):
     expect_acceleration(columns, work)
     add_to_acceleration(columns, work)
     condition(columns, expected_measurement(work), constants.tails, work)
+    keep_standardised(columns, ACCELERATION_CHANNEL, work)

@@ -11,6 +11,7 @@ from auv_fault_env.errors import InputError
 from auv_fault_env.faults import UNKNOWN, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import Mission
+from auv_fault_env.parameters import PARAMETERS, SIDES
 from auv_fault_env.schedules import FaultEvent
 from diagnosers.bank.algebra import covariance_row
 from diagnosers.filter_bank import FilterBank, tails_of
@@ -92,6 +93,38 @@ def test_an_imperfection_of_a_healthy_vehicle_is_no_fault(effect):
     observations = observations_of(6, 60, realism=1.0, imperfections=[effect])
     log_normal = log_probability(observations)[:, :, 0]
     assert (log_normal > -3.0).mean() > 0.98
+
+
+def test_the_noise_of_the_sensors_is_estimated():
+    """A factor of 2 on the noise is 4 on its variance."""
+    ratio_of = {}
+    for factor in (1.0, 2.0):
+        observations = observations_of(8, 60, sensor_noise=factor)
+        bank = FilterBank()
+        bank.reset(8)
+        log_normal = [bank.update(one).log_probability[:, 0] for one in observations]
+        ratio_of[factor] = np.median(bank.running.state.noise_ratio, axis=0)
+        assert (np.array(log_normal[100:]) > math.log(0.5)).mean() > 0.99
+    assert (ratio_of[1.0] < 1.5).all()
+    assert (np.abs(ratio_of[2.0] - 4.0) < 1.0).all()
+
+
+def test_a_late_shaft_speed_is_compared_with_the_voltage_of_its_time():
+    """At low speeds a misfit of the shaft's answer looks like a hot motor."""
+    n_lanes = 8
+    legs = [(20.0 * k, 0.12 + 0.1 * (k % 2)) for k in range(6)]
+    fleet = Fleet(n_lanes, realism=1.0, imperfections=["latency"])
+    missions = [Mission(legs)] * n_lanes
+    lanes = seeds("calibration", n_lanes, FIRST_SEED)
+    episodes = roll_out(fleet, lanes, 1200, None, [()] * n_lanes, missions)
+    bank = FilterBank()
+    bank.reset(n_lanes)
+    log_normal = [bank.update(one).log_probability[:, 0] for one in episodes.observations]
+    columns = [list(PARAMETERS).index(f"{side}_rpm_latency") for side in SIDES]
+    true_lag = episodes.healthy[:, columns]
+    assert 0.0 < true_lag.mean() < 1.0
+    assert (bank.running.state.lag == true_lag).all()
+    assert (np.array(log_normal) > math.log(0.5)).mean() > 0.99
 
 
 def test_one_outlier_decides_nothing():

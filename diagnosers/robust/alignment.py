@@ -1,0 +1,74 @@
+"""Readings of a motor of one time: the shaft speed may be read some samples late.
+
+A late shaft speed is compared with the voltage and current of its own time. How late it is follows
+from the voltages of several samples: that of its time predicts it best.
+"""
+
+import numpy as np
+
+from auv_fault_env.compiling import inlined, scalar
+from auv_fault_env.physics import RPM
+from diagnosers.bank.hypotheses import PORT, STARBOARD
+from diagnosers.bank.kernel import MOTOR_CHANNEL
+from diagnosers.bank.motor import OF_RPM, OF_VOLTAGE, predict_shaft_speed, shaft_of
+from diagnosers.bank.sensors import FIRST_READING
+
+LARGEST_LAG = 2  # samples
+N_LAGS = LARGEST_LAG + 1
+N_EARLIER = 2  # voltage and current
+MEMORY = 0.995  # share of a misfit that is left after a sample: 20 s
+LARGEST_MISFIT = 30.0  # rpm, of one sample
+CLEARLY_LESS = 0.6  # share of a misfit
+# rpm^2, of lags other than 0 before the first reading: 20 samples of 5 rpm
+START_MISFIT = 500.0
+
+
+@inlined
+def align(observation, old, new, aligned):
+    """Fill ``aligned``, the observation with voltages and currents as late as the shaft speeds.
+
+    ``new.earlier`` (n_lanes, 2, N_EARLIER, N_LAGS) gets the readings of voltage and current by
+    their age, the last first. NaN means no reading.
+    """
+    for lane in range(len(observation)):
+        aligned[lane] = observation[lane]
+        for subsystem in (PORT, STARBOARD):
+            side = subsystem - PORT
+            lag = np.uint64(old.lag[lane, side])
+            for k in range(N_EARLIER):
+                channel = FIRST_READING + MOTOR_CHANNEL[subsystem] + k
+                readings = new.earlier[lane, side, k]
+                readings[1:] = old.earlier[lane, side, k, :-1]
+                readings[0] = observation[lane, channel]
+                aligned[lane, channel] = readings[lag]
+
+
+@scalar
+def better_lag(lag, misfit):
+    """The lag with the least misfit (N_LAGS,) if that is clearly less than that of `lag`."""
+    best = misfit.argmin()
+    return best if misfit[best] < CLEARLY_LESS * misfit[np.uint64(lag)] else lag
+
+
+@inlined
+def compare_lags(subsystem, old, new, sample, column, water, work):
+    """Fill ``new.lag`` by how well the voltages of several samples predict the shaft speed.
+
+    column (n_lanes,) is the filter of each lane that predicts, with its parameters.
+    """
+    side = subsystem - PORT
+    rpm_channel = MOTOR_CHANNEL[subsystem] + OF_RPM
+    for lane in range(len(column)):
+        c = column[lane]
+        misfit = new.lag_misfit[lane, side]
+        misfit[:] = old.lag_misfit[lane, side]
+        is_read = not (sample.silent[rpm_channel, lane] or sample.resting[rpm_channel, lane])
+        voltages = new.earlier[lane, side, OF_VOLTAGE]
+        if is_read and not np.isnan(voltages).any():
+            shaft = shaft_of(work.parameters, c)
+            measured = sample.reading[rpm_channel, lane]
+            for lag in range(N_LAGS):
+                predicted = RPM * predict_shaft_speed(shaft, c, voltages[lag], water, work)
+                error = min(abs(measured - predicted), LARGEST_MISFIT)
+                misfit[lag] = MEMORY * misfit[lag] + error * error
+        new.lag[lane, side] = better_lag(old.lag[lane, side], misfit)
