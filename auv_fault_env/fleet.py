@@ -414,6 +414,10 @@ class Fleet:
         """The memory as a view, (n_blocks, N_ROWS, LANES); see `layout`."""
         return self.state.memory.reshape(-1, layout.N_ROWS, layout.LANES)
 
+    def row(self, index: int) -> np.ndarray:
+        """A copy of one row of the memory, see `layout`, (n_lanes,)."""
+        return self.table[:, index].reshape(-1)[: self.n_lanes].copy()
+
     @property
     def observations(self) -> np.ndarray:
         """A new array of the present observations (n_lanes, n_channels), float32."""

@@ -69,16 +69,11 @@ class FleetTruth(Mapping):
     def __len__(self) -> int:
         return len(self._readers)
 
-    def _row(self, index: int) -> np.ndarray:
-        """One row of the memory, (n_lanes,)."""
-        row = self._fleet.table[:, index].reshape(-1)
-        return row[: self._fleet.n_lanes].copy()
-
     def _parameters(self) -> dict[str, np.ndarray]:
-        return {name: self._row(layout.PARAMETER + p) for p, name in enumerate(PARAMETERS)}
+        return {name: self._fleet.row(layout.PARAMETER + p) for p, name in enumerate(PARAMETERS)}
 
     def _state(self) -> dict[str, np.ndarray]:
-        return {name: factor * self._row(index) for name, (index, factor) in STATE.items()}
+        return {name: factor * self._fleet.row(index) for name, (index, factor) in STATE.items()}
 
     def _onset(self) -> np.ndarray:
         return first_onset(self._fleet.plan)

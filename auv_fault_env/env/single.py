@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 
 from auv_fault_env.channels import CHANNELS
+from auv_fault_env.env.actions import KINDS, action_space, commands
 from auv_fault_env.env.interface import (
     box,
     known_options,
@@ -16,8 +17,10 @@ from auv_fault_env.env.interface import (
     vehicle_of_argument,
 )
 from auv_fault_env.env.recording import METADATA, Recording, known_render_mode
+from auv_fault_env.env.rewards import RewardWeights, rewards
 from auv_fault_env.env.spec import WithSpec
-from auv_fault_env.fleet import ACTIONS, Fleet, checked_actions
+from auv_fault_env.errors import known_name
+from auv_fault_env.fleet import Fleet, checked_actions
 from auv_fault_env.missions import MissionDistribution, mission_of
 from auv_fault_env.parameters import Vehicle
 from auv_fault_env.schedules import ScheduleDistribution, schedule_of
@@ -38,6 +41,10 @@ class PropulsionEnv(WithSpec, gym.Env):
     ## Action Space
     `Box(3)`, float32, in physical units; values outside are clipped, NaN and infinity are refused.
     The largest speed is the vehicle's `maximum_speed`, here that of `thesis1992`.
+
+    With ``action="residual"`` the space is -1 to 1, and 0 follows the mission: the first element
+    changes the commanded speed from the mission speed, by a quarter of the largest speed at 1; the
+    others are rudder and stern plane in units of their largest.
 
     | Index | Action | Minimum | Maximum | Unit |
     |---|---|---|---|---|
@@ -69,7 +76,9 @@ class PropulsionEnv(WithSpec, gym.Env):
 
     ## Rewards
     ``-(speed - mission_speed)^2 - 0.01 energy`` with the true speed [m/s] and the electrical energy
-    [J] of the sample. It pays for the mission, not for a diagnosis.
+    [J] of the sample. It pays for the mission, not for a diagnosis. The fins are free, so that an
+    agent brakes with them: ``reward_weights={"deflection": 0.1}`` charges rudder^2 + stern_plane^2
+    [rad^2] as well; `speed` and `energy` replace the weights 1.0 and 0.01 of the formula.
 
     ## Starting State
     In motion at the first speed of the mission, or at rest (one sampled mission in five). The first
@@ -96,16 +105,21 @@ class PropulsionEnv(WithSpec, gym.Env):
     arguments = dict(preset="thesis1992", sensor_noise=1.0, disturbance=1.0, healthy_band=1.0)
     gym.make("auv_fault_env/Propulsion-v0", **arguments)
     ```
-    `preset`: a name in `auv_fault_env.PRESETS`, a `Vehicle` or its fields (that of a vehicle file
-    is ``training.field.vehicle_file.read_vehicle(path).vehicle``; the environment cannot read the
-    file itself, as its other parts belong to diagnosers). `sensor_noise`, `disturbance`,
-    `healthy_band`: factors on the default noise, the disturbing acceleration and the healthy band;
-    0 switches off. `realism`: factor on the imperfections of real sensors and surroundings, from 0,
-    the default, to 10; `imperfections`: names of those that act (`auv_fault_env.realism.EFFECTS`),
-    None for all. `truth`: see Information. `schedules`, `missions`: what episodes are drawn from,
-    by default `auv_fault_env.ScheduleSampler()` and `MissionSampler()`: one of these or of another
-    subclass of `ScheduleDistribution` or `MissionDistribution`, or its fields as a dictionary;
-    `set_distributions` changes them from the next episode on.
+    * `preset`: a name in `auv_fault_env.PRESETS`, a `Vehicle` or its fields. That of a vehicle file
+      is ``training.field.vehicle_file.read_vehicle(path).vehicle``; the environment cannot read the
+      file itself, as its other parts belong to diagnosers.
+    * `sensor_noise`, `disturbance`, `healthy_band`: factors on the default noise, the disturbing
+      acceleration and the healthy band; 0 switches off.
+    * `realism`: factor on the imperfections of real sensors and surroundings, from 0, the default,
+      to 10; `imperfections`: names of those that act (`auv_fault_env.realism.EFFECTS`), None for
+      all.
+    * `schedules`, `missions`: what episodes are drawn from, by default
+      `auv_fault_env.ScheduleSampler()` and `MissionSampler()`: one of these or of another subclass
+      of `ScheduleDistribution` or `MissionDistribution`, or its fields as a dictionary;
+      `set_distributions` changes them from the next episode on.
+    * `action`: ``"command"`` or ``"residual"``, see Action Space.
+    * `reward_weights`: some of `speed`, `energy`, `deflection`, see Rewards.
+    * `truth`: ``"label"``, ``"full"`` or False, see Information.
 
     `reset(options={"schedule": ..., "mission": ...})`: the schedule is a sequence of `FaultEvent`
     or of mappings with their fields, or the path of a JSON file; empty means healthy; without it
@@ -142,6 +156,8 @@ class PropulsionEnv(WithSpec, gym.Env):
         schedules: ScheduleDistribution | Mapping | None = None,
         missions: MissionDistribution | Mapping | None = None,
         truth: str | bool = "label",
+        action: str = "command",
+        reward_weights: Mapping[str, float] | None = None,
     ):
         self.render_mode = known_render_mode(render_mode)
         self.fleet = Fleet(
@@ -154,8 +170,10 @@ class PropulsionEnv(WithSpec, gym.Env):
             imperfections=imperfections,
         )
         set_distributions(self.fleet, schedules, missions)
-        self.action_space = box(ACTIONS, self.fleet.vehicle)
+        self.action_space = action_space(action, self.fleet.vehicle)
         self.observation_space = box(tuple(CHANNELS), self.fleet.vehicle)
+        self._action_kind = known_name("action", action, KINDS)
+        self._weights = RewardWeights.of(reward_weights)
         self._truth_level = known_level(truth)
         self._truth = SingleLaneTruth(self.fleet)
         self._observation: np.ndarray | None = None
@@ -191,9 +209,10 @@ class PropulsionEnv(WithSpec, gym.Env):
     def step(self, action):
         """Apply the action for one sample of 0.1 s."""
         need_reset(self._observation is not None)
-        self._observation = self.fleet.advance(checked_actions(action, (3,))[None])[0]
+        actions = checked_actions(action, self.action_space.shape)[None]
+        self._observation = self.fleet.advance(commands(self._action_kind, self.fleet, actions))[0]
         observation, info = self._observation_and_info()
-        return observation, self.fleet.outcomes.item(0), False, False, info
+        return observation, rewards(self._weights, self.fleet).item(), False, False, info
 
     def _observation_and_info(self):
         info = outcome_info(self.fleet.outcomes[:, 0])

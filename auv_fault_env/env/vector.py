@@ -8,6 +8,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from auv_fault_env.channels import CHANNELS
+from auv_fault_env.env.actions import KINDS, action_space, commands
 from auv_fault_env.env.autoreset import AutoresetVectorEnv
 from auv_fault_env.env.interface import (
     box,
@@ -17,7 +18,9 @@ from auv_fault_env.env.interface import (
     vehicle_of_argument,
 )
 from auv_fault_env.env.recording import METADATA, Recording, known_render_mode
-from auv_fault_env.fleet import ACTIONS, Fleet
+from auv_fault_env.env.rewards import RewardWeights, rewards
+from auv_fault_env.errors import known_name
+from auv_fault_env.fleet import Fleet, checked_actions
 from auv_fault_env.missions import Mission, MissionDistribution
 from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME, Vehicle
 from auv_fault_env.schedules import Schedule, ScheduleDistribution
@@ -54,6 +57,8 @@ class PropulsionVectorEnv(AutoresetVectorEnv):
         schedules: ScheduleDistribution | Mapping | None = None,
         missions: MissionDistribution | Mapping | None = None,
         truth: str | bool = "label",
+        action: str = "command",
+        reward_weights: Mapping[str, float] | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
     ):
@@ -70,10 +75,12 @@ class PropulsionVectorEnv(AutoresetVectorEnv):
         set_distributions(self.fleet, schedules, missions)
         super().__init__(self.fleet.n_lanes, max_episode_steps, SAMPLE_TIME, autoreset_mode)
         self.render_mode = known_render_mode(render_mode)
-        self.single_action_space = box(ACTIONS, self.fleet.vehicle)
+        self.single_action_space = action_space(action, self.fleet.vehicle)
         self.single_observation_space = box(tuple(CHANNELS), self.fleet.vehicle)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self._action_kind = known_name("action", action, KINDS)
+        self._weights = RewardWeights.of(reward_weights)
         self._truth_level = known_level(truth)
         self._observations = np.empty(self.observation_space.shape, np.float32)
         n_recorded = {None: 0, "rgb_array": self.num_envs, "human": 1}[render_mode]
@@ -110,10 +117,11 @@ class PropulsionVectorEnv(AutoresetVectorEnv):
             self._recordings[lane].clear()
 
     def _advance(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        self._observations = self.fleet.step(actions)
+        actions = checked_actions(actions, self.action_space.shape)
+        self._observations = self.fleet.advance(commands(self._action_kind, self.fleet, actions))
         terminated = np.zeros(self.num_envs, bool)
         truncated = self.fleet.time * SAMPLE_RATE >= self.max_episode_steps
-        return self.fleet.outcomes[0], terminated, truncated
+        return rewards(self._weights, self.fleet), terminated, truncated
 
     def _observe(self) -> np.ndarray:
         for lane, recording in enumerate(self._recordings):
