@@ -32,6 +32,8 @@ UNITS: dict[str, dict[str, float]] = {
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86_400.0},
 }
 SPELLINGS = {
+    "cm/s": "cms cm/sec",
+    "mm/s": "mms mm/sec",
     "m/s": "mps m/sec ms-1 meter/s metre/s meters/s metres/s meters/sec metres/sec meters/second "
     "metres/second",
     "kn": "kt kts knot knots knop knoten noeuds nœuds nudos nodi 节 ノット",
@@ -47,7 +49,7 @@ SPELLINGS = {
     "mA": "milliamp milliamps milliampere",
     "rpm": "rev/min r/min 1/min u/min min-1 tr/min giri/min g/min omdr/min 转/分",
     "rev/s": "rps r/s rev/sec 1/s hz s-1",
-    "rad/s": "rad/sec rads-1",
+    "rad/s": "rad/sec rads-1 rads",
     "s": "sec secs second seconds sekunden secondes segundos secondi sekunder 秒",
     "ms": "msec millis millisecond milliseconds",
     "us": "usec µs μs microsecond microseconds",  # micro sign; mu
@@ -60,7 +62,7 @@ SPELLINGS = {
 OTHER_UNITS = """
     m cm mm km ft feet foot nmi meter metre meters metres fathom
     °c c degc celsius °f f degf k kelvin pa hpa kpa mpa bar mbar dbar psi atm
-    w kw mw watt watts j kj wh kwh mwh ah mah amphour amphours n nm kg t lb
+    cv dv ca da w kw mw watt watts j kj wh kwh mwh ah mah amphour amphours n nm kg t lb
     kg/m^3 g/l mg/l ug/l µg/l mg/m^3 um µm μm nm nmol/l umol/l µmol/l mmol/l
     % pct percent permille ppm ppb psu ppt ntu fnu fau rfu
     deg/s °/s degs/s deg/sec dps mrad/s s/m ms/cm us/cm µs/cm db ohm ohms kohm
@@ -70,8 +72,11 @@ EXPONENTS = {"²": "2", "⁻¹": "-1", "⁻²": "-2"}
 
 
 def _plain(text: str) -> str:
-    """The text in small letters, without brackets, blanks and marks of powers and products."""
-    text = text.strip(" \t[]()").lower()
+    """The text in small letters, without brackets, blanks and marks of powers and products.
+
+    What a time is counted from does not belong to its unit.
+    """
+    text = text.strip(" \t[]()").lower().partition(" since ")[0]
     for exponent, digits in EXPONENTS.items():
         text = text.replace(exponent, digits)
     return "".join(text.translate(str.maketrans("", "", " ^*·_")).split())

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from training.field.logs.notations import is_stamp
-from training.field.logs.numerals import NARROW_MARKS, UNIT
+from training.field.logs.numerals import NARROW_MARKS, TRUTH, UNIT
 
 # of the cells of a line, by the name in remarks; the last: any number of blanks
 SEPARATORS = {"\t": "tabs", ";": "semicolons", "|": "bars", ",": "commas", " ": "blanks"}
@@ -16,7 +16,7 @@ MISSING = ("", *"- -- --- ? * nan null none nil na n/a n.a. nat missing".split()
 # what spreadsheets write for a value that they do not have
 MISSING += ("#n/a", "#na", "#nv", "#value!", "#wert!", "#div/0!", "#ref!", "#bezug!", "#num!")
 LEAST_OF_NUMBERS = 0.5  # share of numbers of a row of numbers
-VALUE_WORDS = frozenset((*MISSING, "true", "false", "inf", "-inf", "infinity", "-infinity"))
+VALUE_WORDS = frozenset((*MISSING, *TRUTH, "inf", "-inf", "infinity", "-infinity"))
 VALUE = re.compile(
     rf"[+\-\u2212]?(?:\d{{1,3}}(?:[.,{NARROW_MARKS}]\d{{3}})+|\d*)(?:\d[.,]?|[.,]\d+)"
     rf"(?:[eE][+-]?\d+)?\s*(?:{UNIT})?"
@@ -70,9 +70,15 @@ def _weight(row: Sequence[str]) -> float:
 
 
 def share_of_values(row: Sequence[str]) -> float:
-    """Share of the cells that are numbers, time stamps or words for missing; empty cells aside."""
+    """Share of the cells that are numbers, time stamps or words for missing; empty cells aside.
+
+    None is, where true and false stand only beside other words: these describe the columns.
+    """
     filled = list(filter(None, row))
-    return sum(map(_is_value, filled)) / len(filled) if filled else 0.0
+    values = [cell for cell in filled if _is_value(cell)]
+    if len(values) < len(filled) and TRUTH.keys() >= {cell.lower() for cell in values}:
+        return 0.0
+    return len(values) / len(filled) if filled else 0.0
 
 
 def _is_value(cell: str) -> bool:

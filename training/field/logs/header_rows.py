@@ -7,8 +7,10 @@ from typing import NamedTuple
 from training.field.logs.cells import share_of_values
 from training.field.units import is_unit, other_unit
 
-# units that loggers write under the names of columns that have none
-UNIT_WORDS = frozenset("nodim nd none bool enum lat lon datetime timestamp ts rn cc - 1".split())
+# what loggers write in place of a unit, for columns that have none
+UNIT_WORDS = frozenset(
+    "nodim nd none bool enum lat lon datetime timestamp ts utc rn cc - 1".split()
+)
 TYPE = re.compile(
     r"(?:u?int(?:eger)?\d*|u?short|u?long|byte|float\d*|double|single|real\d*|decimal|numeric"
     r"|number|bool(?:ean)?|str(?:ing)?|text|char|object|datetime(?:64)?|[fiu][1248])(?:_t)?",

@@ -1,5 +1,6 @@
 """Tables from Parquet files."""
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -9,12 +10,13 @@ import pyarrow.parquet
 
 from auv_fault_env.errors import refusal
 from training.field.logs.limits import LARGEST_CONTENT, check_content, check_table
-from training.field.logs.table import Table, named_columns, unique_labels
+from training.field.logs.table import Table, named_columns, unique_labels, with_named_time
 from training.field.logs.text_columns import read_columns
 from training.field.logs.text_table import one_line
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 DAY = 86_400.0  # s
+UNNAMED_INDEX = re.compile(r"__index_level_\d+__")  # as pandas writes it
 
 
 def parquet_table(content: bytes, log: str) -> Table:
@@ -37,10 +39,11 @@ def _table(content: bytes, log: str, remarks: list[str]) -> Table:
     groups = map(metadata.row_group, range(metadata.num_row_groups))
     check_content(log, sum(group.total_byte_size for group in groups))
     schema = metadata.schema.to_arrow_schema()
-    labels = unique_labels(schema.names, log, remarks)
+    names = ["" if UNNAMED_INDEX.fullmatch(name) else name for name in schema.names]
+    labels = unique_labels(names, log, remarks)
     columns = {}
     texts = {}
-    units = {}
+    stamps = set()
     for label, column in zip(labels, _arrow_columns(content, schema), strict=True):
         kind = column.type
         text = _as_text(column)
@@ -52,16 +55,19 @@ def _table(content: bytes, log: str, remarks: list[str]) -> Table:
             remarks.append(f"{label}: {kind} is no type of a reading; the column is left out")
             continue
         columns[label] = values
-        if pa.types.is_temporal(kind):
-            units[label] = "s"
+        if pa.types.is_temporal(kind.value_type if pa.types.is_dictionary(kind) else kind):
+            stamps.add(label)
     read = read_columns(texts, separator=",").table
     columns |= read.columns
     in_order = {label: columns[label] for label in labels if label in columns}
-    return read._replace(
-        columns=named_columns(in_order | columns),
+    table = read._replace(
+        columns=in_order | columns,
         remarks=(*remarks, *read.remarks),
-        units={**units, **read.units},
+        units={**dict.fromkeys(stamps, "s"), **read.units},
+        stamps=read.stamps | stamps,
     )
+    table = with_named_time(table)
+    return table._replace(columns=named_columns(table.columns))
 
 
 def _arrow_columns(content: bytes, schema: pa.Schema) -> Iterator[pa.ChunkedArray]:

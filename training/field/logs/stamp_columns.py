@@ -24,7 +24,6 @@ PARTS = {
 CLOCK_PARTS = frozenset(("hour", "minute", "second"))
 DATE_PARTS = frozenset(("year", "month", "day"))
 LARGEST = {"year": 9999, "month": 12, "day": 31, "hour": 24, "minute": 59, "second": 61}
-TIME = "time"
 
 
 def beside_name(label: str) -> str:
@@ -65,7 +64,9 @@ def with_dates(
         place = labels.index(label)
         nearest = min(clocks, key=lambda clock: abs(labels.index(clock) - place))
         clock = stamps[nearest]
-        both = clock._replace(dates=one.dates, is_local=clock.is_local, period=np.inf)
+        is_one_date = all(np.nanmax(days) == np.nanmin(days) for days in one.dates.values())
+        period = clock.period if is_one_date else np.inf  # a date of the start may stay
+        both = clock._replace(dates=one.dates, period=period)
         together |= {label: both, nearest: both}
         pairs.append((label, nearest))
     return together, pairs

@@ -21,7 +21,10 @@ def seconds_of(stamps: Stamps, is_whole: bool = True) -> tuple[np.ndarray, str]:
     """
     if not stamps.dates:
         return unwrapped(stamps.clock, stamps.period), stamps.remark
-    readings = {order: DAY * days + stamps.clock for order, days in stamps.dates.items()}
+    readings = {
+        order: unwrapped(DAY * days + stamps.clock, stamps.period)
+        for order, days in stamps.dates.items()
+    }
     order, remark = _only_order(readings, is_whole)
     if not (stamps.is_local and stamps.has_clock and is_whole):
         return readings[order], "; ".join(filter(None, (stamps.remark, remark)))

@@ -13,13 +13,16 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from training.field.logs.clock import DAY, HOUR
+from training.field.logs.clock import DAY, GAP, HOUR, UNORDERED
 from training.field.logs.notations import DIGITS, MONTHS, NOTATIONS, zone_hours
 
 SHOWN = 60  # cells at either end of a column, by which its notation is found
 LEAST_SHARE = 0.9  # of the cells that a notation has to explain
 # rows with one stamp, above which 10:01 may be hours and minutes as well as minutes and seconds
 MOST_PER_SECOND = 25
+FEWEST_OF_DIGITS = 10  # different numbers that may be hour, minute and second
+LAST_OF_DIGITS = 240_000.0
+TURNS_OF_DIGITS = (1, 41, -2359)  # hundreds, into the next minute, hour and day
 FIRST_YEAR_OF_CENTURY = 70  # of years with two digits
 DAY_FIRST = "day first"
 MONTH_FIRST = "month first"
@@ -254,6 +257,34 @@ def _of_clock(fields: Fields, is_limited: bool) -> Stamps:
         return Stamps(DAY * days + np.where(days < 0, rest, sign * rest))
     is_half_day = not fields.has("half") and bool(((known >= 1) & (known <= 12)).all())
     return Stamps(sign * _time_of_day(fields), period=DAY / 2 if is_half_day else DAY)
+
+
+def clock_of_digits(values: np.ndarray) -> Stamps | None:
+    """The stamps of numbers (n_rows,) that go from 95959.5 to 100000.0; None for other numbers.
+
+    Numbers that grow by less would have come by 95960 to 99999, which no clock shows.
+    """
+    known = values[np.isfinite(values)]
+    if known.size < FEWEST_OF_DIGITS or known.min() < 0 or known.max() >= LAST_OF_DIGITS:
+        return None
+    if (known % 100 >= 61).any() or (known // 100 % 100 >= 60).any():
+        return None
+    steps = np.diff(known)
+    is_growing = np.mean(steps < 0) <= UNORDERED and np.unique(known).size >= FEWEST_OF_DIGITS
+    if not is_growing or not is_turn_of_digits(known[:-1], known[1:]).any():
+        return None
+    minutes = 60.0 * (values // 10_000) + values // 100 % 100
+    return Stamps(60.0 * minutes + values % 100, period=DAY)
+
+
+def is_turn_of_digits(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Whether numbers would go on into the next minute if they were times of the day (n,).
+
+    >>> is_turn_of_digits(np.array([95959.5, 95958.0]), np.array([100000.0, 95959.0]))
+    array([ True, False])
+    """
+    is_end = (before % 100 >= 60 - GAP) & (after % 100 < GAP)
+    return is_end & np.isin(after // 100 - before // 100, TURNS_OF_DIGITS)
 
 
 def _in_two_parts(fields: Fields, hint: str, is_whole: bool) -> Stamps:

@@ -20,7 +20,6 @@ from training.field.logs.numerals import (
     split_number,
 )
 from training.field.logs.stamp_columns import (
-    TIME,
     beside_name,
     is_named_as_time,
     part_labels,
@@ -28,7 +27,8 @@ from training.field.logs.stamp_columns import (
     with_dates,
 )
 from training.field.logs.stamp_seconds import seconds_of
-from training.field.logs.stamps import Stamps, Undecided, read_stamps
+from training.field.logs.stamps import Stamps, Undecided, is_turn_of_digits, read_stamps
+from training.field.logs.table import TIME
 from training.field.logs.text_columns import undecided_stamps
 from training.field.units import spelt
 from training.field.vehicle_file import Column
@@ -38,6 +38,7 @@ PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 UNDECIDED = "a decimal number or thousands?"
 POINT_AMONG_COMMAS = "a decimal point among commas"
 WHOLE = re.compile(r"[+-]?\d+")
+SECONDS_OR_CLOCK = "seconds, or hours, minutes and seconds"
 CLOCK_DIGITS = re.compile(r"[0-2]\d[0-5]\d[0-5]\d(?:\.\d+)?")
 
 
@@ -109,6 +110,7 @@ class StreamClock:
         self._parts = list(part_labels(self._names).values()) if is_of_parts else []
         self._labels: list[str] | None = None  # of the stamps, once a line has shown them
         self._is_of_digits = False
+        self._last_number = np.float64(np.nan)  # of a column of numbers
         self._cells: dict[str, str] | None = None  # of the last line with a time
         self._seconds = 0.0  # of that line
 
@@ -157,14 +159,19 @@ class StreamClock:
         if not is_named_as_time(self._column.name) or spelt(self._hint, "s"):
             return False
         if CLOCK_DIGITS.fullmatch(cell) and not cell.startswith("0"):
-            raise Undecided("seconds, or hours, minutes and seconds")
+            raise Undecided(SECONDS_OR_CLOCK)
         return read_stamps(pa.array([cell]), only_digits=True) is not None
 
     def _number(self, row: Row) -> float | None:
         cell = str(row.get(self._column.name))
         if not PLAIN.fullmatch(cell):
             return None
-        seconds = float(cell) * self._column.scale + self._column.offset
+        number = np.float64(cell)
+        is_named = spelt(self._hint, "s") or self._column.scale != 1.0
+        if not is_named and is_turn_of_digits(self._last_number, number):
+            raise Undecided(SECONDS_OR_CLOCK)
+        self._last_number = number
+        seconds = float(number) * self._column.scale + self._column.offset
         return seconds if math.isfinite(seconds) else None
 
     def _of_stamps(self, cells: dict[str, str]) -> float | None:

@@ -10,6 +10,7 @@ from auv_fault_env.errors import InputError, refusal
 from auv_fault_env.printable import printable
 
 WIDEST = 4096  # columns
+TIME = "time"  # the column that is read from several ones, or from one without a name
 LONGEST_NAME = 200  # characters of a column's name
 
 
@@ -24,7 +25,7 @@ class Table(NamedTuple):
     units: Mapping[str, str] = MappingProxyType({})
     # by column whose values must not be used: why
     refusals: Mapping[str, InputError] = MappingProxyType({})
-    stamps: frozenset[str] = frozenset()  # columns of time stamps as text
+    stamps: frozenset[str] = frozenset()  # columns of time stamps, not of numbers
 
 
 def unique_labels(names: Sequence[str], log: str, remarks: list[str]) -> list[str]:
@@ -46,6 +47,21 @@ def unique_labels(names: Sequence[str], log: str, remarks: list[str]) -> list[st
             taken.add(label)
         labels.append(label)
     return labels
+
+
+def with_named_time(table: Table) -> Table:
+    """The table in which the only column of time stamps without a name is the column `time`."""
+    unnamed = [label for label in table.stamps if label.startswith(" ")]
+    if len(unnamed) != 1 or TIME in table.columns:
+        return table
+    label = unnamed[0]
+    columns = {TIME: table.columns[label], **table.columns}
+    return table._replace(
+        columns=columns,
+        units={**table.units, TIME: "s"},
+        stamps=table.stamps | {TIME},
+        remarks=(*table.remarks, "time: read from the column without a name"),
+    )
 
 
 def named_columns(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -24,7 +24,6 @@ from training.field.logs.numerals import (
     usual_unit,
 )
 from training.field.logs.stamp_columns import (
-    TIME,
     beside_name,
     is_named_as_time,
     part_labels,
@@ -32,8 +31,8 @@ from training.field.logs.stamp_columns import (
     with_dates,
 )
 from training.field.logs.stamp_seconds import seconds_of
-from training.field.logs.stamps import Stamps, Undecided, read_stamps
-from training.field.logs.table import Table
+from training.field.logs.stamps import Stamps, Undecided, clock_of_digits, read_stamps
+from training.field.logs.table import TIME, Table
 from training.field.units import spelt
 
 MOST_LOST = 0.1  # of the cells that hold something, beyond which a column is not used
@@ -115,13 +114,20 @@ def text_column(cells: pa.ChunkedArray, label: str) -> TextColumn:
     values, evidence = plain
     if evidence.comma:
         return TextColumn(None, values, None, None, evidence)
-    if is_named_as_time(label) and spelt(beside_name(label), "s") is None:
-        stamps = read_stamps(text, only_digits=True)
-        if stamps is not None:
-            return TextColumn(None, None, None, None, Evidence(), stamps)
+    stamps = _stamps_of_digits(text, values, label)
+    if stamps is not None:
+        return TextColumn(None, None, None, None, Evidence(), stamps)
     if not evidence.is_open:
         return TextColumn(None, values, None, None, evidence)
     return TextColumn(text, None, text, pa.array([""] * len(text)), evidence)
+
+
+def _stamps_of_digits(text: pa.Array, values: np.ndarray, label: str) -> Stamps | None:
+    """The stamps of plain numbers such as 100023.0, unless the name says that they are seconds."""
+    if spelt(beside_name(label), "s"):
+        return None
+    named = read_stamps(text, only_digits=True) if is_named_as_time(label) else None
+    return named or clock_of_digits(values)
 
 
 def _plain_column(text: pa.Array) -> tuple[np.ndarray, Evidence] | None:

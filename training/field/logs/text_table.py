@@ -11,7 +11,7 @@ from training.field.logs.cells import SEPARATORS
 from training.field.logs.dialect import Dialect, dialect_of
 from training.field.logs.encoding import as_utf8
 from training.field.logs.limits import check_table
-from training.field.logs.table import Table, named_columns, unique_labels
+from training.field.logs.table import Table, named_columns, unique_labels, with_named_time
 from training.field.logs.text_columns import read_columns
 
 BLOCK = 1 << 20  # bytes that are parsed at once
@@ -38,6 +38,7 @@ def text_table(content: bytes, log: str) -> Table:
     table, lost = read_columns(cells, units, dialect.separator)
     if second := _second_header(lost, dialect, labels, log):
         raise second
+    table = with_named_time(table)
     return table._replace(columns=named_columns(table.columns), remarks=(*remarks, *table.remarks))
 
 

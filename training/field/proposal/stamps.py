@@ -14,7 +14,11 @@ from training.field.vehicle_file import Column
 EPOCHS = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}
 # least step between two rows in this unit
 STEPS = {"ns": 5e6, "us": 5e3, "ms": 3.0, "s": 1e-4}
-SPREADSHEET_DAYS = (20_000.0, 80_000.0)  # d since 1900, of the years 1954 to 2119
+# first and last day number of the years 1954 to 2119, by what counts days
+DAYS = {
+    "days since 1900 as spreadsheets do": (20_000.0, 80_000.0),
+    "days since the year 0 as MATLAB does": (713_700.0, 774_000.0),
+}
 YEAR_2001 = 1e9  # s since 1970
 LONGEST_STEP = 10.0  # s, of a log that counts from 1970
 COARSE_CLOCK = 0.3  # share of rows with the stamp of the row before
@@ -52,8 +56,9 @@ def _unit(column: np.ndarray) -> tuple[str, str]:
     for unit, least in EPOCHS.items():
         if size > least and step * UNITS["s"][unit] < LONGEST_STEP:
             return unit, f"counts from 1970 in {unit}, by its size"
-    if SPREADSHEET_DAYS[0] < size < SPREADSHEET_DAYS[1] and step < STEPS["s"]:
-        return "d", f"counts days since 1900 as spreadsheets do, by the step of {step:.3g}"
+    for about, (first, last) in DAYS.items():
+        if first < size < last and step < STEPS["s"]:
+            return "d", f"counts {about}, by the step of {step:.3g}"
     unit = next((unit for unit, least in STEPS.items() if step > least), "s")
     return unit, f"in {unit}, by the step of {step:.3g}"
 

@@ -195,6 +195,20 @@ def test_a_stream_refuses_stamps_that_need_the_whole_column(stamp):
         from_stream(content.encode(), dialect)
 
 
+@pytest.mark.parametrize("hour", [9, 10])
+def test_a_stream_refuses_digits_that_turn_as_a_clock_does(hour):
+    content = "HHMMSS,u,n\n" + "".join(
+        f"{moment:%-H%M%S}.0,0.4,350\n"
+        for moment in (FIRST.replace(hour=hour) + dt.timedelta(seconds=k) for k in range(40))
+    )
+    columns = {channel: Column(name) for channel, name in NAMES.items()}
+    vehicle = VehicleFile(VEHICLE.vehicle, columns, Column("HHMMSS"))
+    clock = StreamClock(vehicle.time, ["HHMMSS", "u", "n"])
+    with pytest.raises(InputError, match="seconds, or hours, minutes and seconds"):
+        for _, row in rows(io.BytesIO(content.encode()), vehicle, io.StringIO()):
+            clock.seconds(row)
+
+
 REFUSED = {
     "UTF-16": ("Time,u,n\n0.0,0.4,350\n".encode("utf-16"), "text in UTF-16"),
     "a preamble": (b"Otter\nTime,u,n\n0.0,0.4,350\n", "the header as first line"),

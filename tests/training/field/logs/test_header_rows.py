@@ -40,6 +40,19 @@ def test_a_glider_separates_by_blanks():
     assert len(table.columns["time"]) == 40
 
 
+def test_rows_of_a_data_base_above_the_names():
+    lines = [
+        "#group,false,false,true,false",
+        "#datatype,string,dateTime:RFC3339,double,double",
+        "#default,_result,,,",
+        ",result,time,speed,current",
+    ]
+    rows = [f",,2024-05-01T10:00:{k:02}Z,0.{k},{k}.5" for k in range(40)]
+    table = text_table("\n".join([*lines, *rows]).encode(), "log.csv")
+    assert list(table.columns) == ["result", "time", "speed", "current"]
+    np.testing.assert_allclose(table.columns["current"], np.arange(40) + 0.5)
+
+
 def test_names_above_which_a_title_stands_are_the_last_words():
     text = "\n".join(["motor,,battery,", NAMES, *ROWS])
     assert list(text_table(text.encode(), "log.csv").columns) == NAMES.split(",")

@@ -68,7 +68,15 @@ def test_a_type_that_holds_numbers(kind):
     table = parquet_table(written({"t": values}), "log.parquet")
     np.testing.assert_allclose(table.columns["t"], expected, rtol=0, atol=1e-9)
     assert dict(table.units) == ({"t": "s"} if kind in TIMES else {})
+    assert table.stamps == ({"t"} if kind in TIMES else set())
     assert table.remarks == ()
+
+
+def test_the_index_of_pandas_without_a_name_is_the_time():
+    content = written({"u": pa.array([1.0] * 3), "__index_level_0__": TIMES["stamps"][0]})
+    table = parquet_table(content, "log.parquet")
+    assert set(table.columns) == {"u", "time"}
+    assert table.stamps >= {"time"}
 
 
 def test_words_in_several_row_groups():

@@ -192,6 +192,49 @@ def test_digits_are_a_date_only_where_the_name_says_so_and_all_are_one():
     assert table_of(["100059.5", "100100.0"], "t [s]").columns["t [s]"][0] == 100059.5
 
 
+@pytest.mark.parametrize("name", ["UTC", "logtime", "HHMMSS", "Zeit"])
+@pytest.mark.parametrize("hour", [0, 9, 10, 23])
+def test_digits_that_turn_as_a_clock_does_are_one_under_any_name(name, hour):
+    stamps = moments(FIRST.replace(hour=hour, second=50), n=40)
+    cells = [f"{float(f'{m:%H%M%S}.{tenths(m)}'):.1f}" for m in stamps]
+    np.testing.assert_allclose(elapsed(cells, name), np.arange(40) / 2)
+
+
+NO_CLOCK = {
+    "seconds": np.arange(90_000, 90_300) / 1.0,
+    "seconds with a gap": np.r_[90_000:90_055, 90_065:90_300] / 1.0,
+    "a command": np.repeat([1455.0, 1500.0, 1455.0, 1500.0], 30),
+    "tens": 10.0 * np.arange(60),
+    "thousands": 1e3 * np.arange(60),
+}
+
+
+@pytest.mark.parametrize("numbers", NO_CLOCK.values(), ids=NO_CLOCK)
+def test_other_numbers_are_no_clock(numbers):
+    table = table_of(numbers.astype(str), "n")
+    np.testing.assert_array_equal(table.columns["n"], numbers)
+
+
+def test_a_clock_goes_on_after_midnight_beside_the_date_of_the_start():
+    stamps = moments(FIRST.replace(hour=23))
+    rows = "\n".join(f"2024-05-01,{m:%H:%M:%S}.{tenths(m)},{k}" for k, m in enumerate(stamps))
+    time = text_table(f"Date,Time,u\n{rows}\n".encode(), "log.csv").columns["Time"]
+    np.testing.assert_allclose(time - time[0], HALF_SECONDS, atol=1e-5)
+
+
+@pytest.mark.parametrize("names", [",u,n", "u,n,"])
+def test_time_stamps_without_a_name_are_the_time(names):
+    place = names.split(",").index("")
+    lines = [[str(k), str(k)] for k in range(6)]
+    for line, moment in zip(lines, moments(), strict=True):
+        line.insert(place, moment.isoformat(" "))
+    rows = "\n".join(",".join(line) for line in lines)
+    table = text_table(f"{names}\n{rows}\n".encode(), "log.csv")
+    np.testing.assert_allclose(table.columns["time"] - table.columns["time"][0], HALF_SECONDS)
+    assert "time" in table.stamps
+    assert "time: read from the column without a name" in table.remarks
+
+
 COLUMNS = {
     "date and clock": ("Date,Time", lambda m: f"{m:%Y-%m-%d},{m:%H:%M:%S}.{tenths(m)}"),
     "clock and date": ("Time,Date", lambda m: f"{m:%H:%M:%S}.{tenths(m)},{m:%d/%m/%Y}"),
