@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 from training.field.logs.table import Table
 from training.field.proposal.evidence import OF_NO_SIDE, SIDED, Match, Refused, match_of
-from training.field.proposal.header import name_of
+from training.field.proposal.header import Name, name_of
 from training.field.proposal.sides import side_marks, side_of
-from training.field.proposal.symbols import letters_of
+from training.field.proposal.symbols import context_of
 
 FURTHER = "a further thruster: a vehicle file has two"
 ALONE = "a further thruster, of which the first ones are not in the log"
@@ -32,18 +32,39 @@ def found_columns(table: Table) -> Found:
     """Match every column of a log with the quantity that it is most certainly."""
     names = {label: name_of(label, table.units.get(label, "")) for label in table.columns}
     marks = side_marks(names)
-    context = letters_of(names)
+    context = context_of(names)
     outcomes = [
-        match_of(label, names[label], marks[label], values, context)
+        match_of(label, names[label], marks[label], values, context, label in table.stamps)
         for label, values in table.columns.items()
     ]
     refused = [one for one in outcomes if isinstance(one, Refused)]
     matches = {one.label: one for one in outcomes if isinstance(one, Match)}
     left_out = {one.label: one.why for one in refused if one.why}
     unknown = tuple(one.label for one in refused if not one.why)
+    _leave_out_unknown_sides(matches, names, left_out)
     best = _best(matches, left_out)
     unread_times = tuple(one.label for one in refused if one.quantity == "time")
     return Found(matches, best, left_out, unknown, unread_times)
+
+
+def _leave_out_unknown_sides(
+    matches: dict[str, Match], names: Mapping[str, Name], left_out: dict[str, str]
+) -> None:
+    """Leave out columns of shafts that differ only in a word without a known meaning: rpm_er."""
+    others: dict[tuple, list[tuple[str, str]]] = {}
+    for match in matches.values():
+        if match.quantity not in SIDED or match.mark is not None:
+            continue
+        stem = names[match.label].stem
+        for place, word in enumerate(stem):
+            if word in match.unknown:
+                key = (match.quantity, stem[:place], stem[place + 1 :])
+                others.setdefault(key, []).append((match.label, word))
+    for alike in others.values():
+        words = " or ".join(repr(word) for _, word in alike)
+        for label, _ in alike if len(alike) > 1 else ():
+            left_out[label] = f"it is of one side, and which of {words} is port is not known"
+            matches.pop(label, None)
 
 
 def _best(matches: Mapping[str, Match], left_out: dict[str, str]) -> dict[str, Match]:

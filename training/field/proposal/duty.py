@@ -61,7 +61,7 @@ def _usual(known: np.ndarray, unit: str | None) -> tuple[list[tuple[float, float
     """Usual pairs of rest and span for commands of this size, the first the most usual."""
     least = known.min()
     most = known.max()
-    if unit in ("%", "pct", "percent"):
+    if unit in ("%", "pct", "percent") and max(-least, most) > 1.0:
         return [(0.0, 100.0)], "percent"
     if are_pulses(known):
         half = 400.0 if least >= 1100 and most <= 1900 else 500.0

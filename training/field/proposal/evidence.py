@@ -1,6 +1,7 @@
 """What a column can be: a quantity with a score, by name, unit and values, or why it is none."""
 
 import math
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from auv_fault_env.parameters import FASTEST
 from training.field.proposal.header import Name
 from training.field.proposal.sides import Mark
-from training.field.proposal.symbols import Letters, quantity_of_symbol
+from training.field.proposal.symbols import SEA, Context, quantity_of_symbol
 from training.field.proposal.words import SIDE_PAIRS
 from training.field.units import UNITS, spelt
 
@@ -64,6 +65,8 @@ UNITS_BY_SIZE = {
 }
 # a shaft that never turns faster is taken to be logged in revolutions per second
 SLOWEST_RPM = 60.0
+MISSING_MARK = re.compile(r"9{2,}(?:\.9+)?|32767|32768|65535|214748364[78]|4294967295")
+FAR = 3.0  # times the largest of the other values
 PULSES = (700.0, 2300.0)  # us, limits of the pulses that command a motor driver
 MIDNIGHT = 0.9 * 86_400.0  # s: a longer step back is that of a clock without a date
 ALSO_SPELT = {("ms", "m/s"): "m/s"}  # speed_ms, where ms alone are milliseconds
@@ -90,7 +93,7 @@ class Refused(NamedTuple):
 
 
 def match_of(
-    label: str, name: Name, mark: Mark, values: np.ndarray, context: Letters
+    label: str, name: Name, mark: Mark, values: np.ndarray, context: Context, is_stamp: bool = False
 ) -> Match | Refused:
     """The column as the quantity that it is most certainly, or why it is none.
 
@@ -104,12 +107,17 @@ def match_of(
         (n_rows,)
     context
         Of the log.
+    is_stamp
+        Whether its cells are time stamps.
     """
-    if not name.stem:
-        return Refused(label, "")
     why = _foreign(name)
     if why:
         return Refused(label, why)
+    if is_stamp and not name.quantities:
+        why = _against_values("time", "s", values)
+        return Refused(label, why) if why else Match(label, "time", mark, "s", ENOUGH, ())
+    if not name.stem:
+        return Refused(label, "")
     quantity, points, why = _quantity(label, name, mark, values, context)
     if not quantity:
         return Refused(label, why)
@@ -141,7 +149,7 @@ def _foreign(name: Name) -> str:
 
 
 def _quantity(
-    label: str, name: Name, mark: Mark, values: np.ndarray, context: Letters
+    label: str, name: Name, mark: Mark, values: np.ndarray, context: Context
 ) -> tuple[str, int, str]:
     """The quantity by name, its points, and why there is none."""
     quantities = set(name.quantities)
@@ -154,6 +162,9 @@ def _quantity(
         return "", 0, "a speed of one side could be that of a shaft"
     if len(quantities) > 1:
         return "", 0, f"it could be {' or '.join(sorted(quantities))}"
+    is_bare = not name.unit and mark is None and not name.roles & {"motor", "supply"}
+    if quantities == {"current"} and is_bare and SEA in context.others:
+        return "", 0, f"beside the other columns it could be {SEA}"
     if not quantities and name.symbol:
         quantity, why = quantity_of_symbol(label, name, mark, context)
         if not quantity:
@@ -239,7 +250,7 @@ def _against_values(quantity: str, unit: str | None, values: np.ndarray) -> str:
     kind = KINDS[quantity]
     if kind and unit_by_size(kind, unit, known) is None:
         named = unit or kind
-        return f"{_size(known):.4g} {named} is beyond every vehicle"
+        return f"{_size(without_missing_mark(known)):.4g} {named} is beyond every vehicle"
     return ""
 
 
@@ -263,13 +274,27 @@ def _size(values: np.ndarray) -> float:
     return float(np.percentile(known, 95)) if known.size else 0.0
 
 
+def without_missing_mark(values: np.ndarray) -> np.ndarray:
+    """The values (n_rows,), NaN where they are a far number of nines, or a far end of integers.
+
+    Such as -9999, which loggers write for a reading that they do not have.
+    """
+    size = np.where(np.isfinite(values), abs(values), 0.0)
+    largest = size.max(initial=0.0)
+    is_mark = size == largest
+    is_number = bool(MISSING_MARK.fullmatch(f"{largest:.10g}"))
+    is_far = 0.0 < FAR * size.max(where=~is_mark, initial=0.0) < largest
+    is_usual = is_number and is_far and is_mark.sum() > 1
+    return np.where(is_mark, np.nan, values) if is_usual else values
+
+
 def unit_by_size(kind: str, unit: str | None, values: np.ndarray) -> str | None:
     """The unit of values (n_rows,): the named one, else that of the channel unless it is too large.
 
     None if the values are beyond every vehicle in each unit. Size alone never makes a value smaller
     that a vehicle can have: 80.9 V stay 80.9 V.
     """
-    size = _size(values)
+    size = _size(without_missing_mark(values))
     units = (unit,) if unit else UNITS_BY_SIZE.get(kind, (kind,))
     fitting = (one for one in units if UNITS[kind][one] * size <= LARGEST[kind])
     found = next(fitting, None)

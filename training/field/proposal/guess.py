@@ -27,6 +27,8 @@ def guess_of(match: Match, columns: Mapping[str, np.ndarray]) -> Guess:
         why = f"by its name, which has no unit; {unit} by the size of its values"
     if match.unknown and not isinstance(match.mark, str):
         why += f"; of it {', '.join(map(repr, match.unknown))} is not known"
+    if "vx" in match.label.lower():
+        why += "; taken along the vehicle, not along a fixed axis"
     if isinstance(match.mark, int):
         why += f"; the side of number {match.mark} is a guess"
     if "erpm" in match.label.lower():

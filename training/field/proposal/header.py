@@ -8,6 +8,7 @@ from functools import cache
 from typing import NamedTuple
 
 from training.field.logs.cells import MISSING
+from training.field.logs.header_rows import UNIT_WORDS
 from training.field.proposal.words import (
     GROUP_WORDS,
     GROUPS,
@@ -35,7 +36,9 @@ LETTER_UNITS = {
     "h": frozenset({"time"}),
     "g": frozenset({"acceleration"}),
 }
-NO_UNIT = (*MISSING, "1")
+NO_UNIT = UNIT_WORDS.union(MISSING) - {"nd"}  # in French, knots
+SCALED = re.compile(r"(?:(?<![^\W_])[x×]|\*)\s?10+(?!\d)|/\s?100+(?!\d)")  # x10, rpm/100
+GARBLED = re.compile(r"\\x[89][0-9a-f]")  # control characters, which no Latin-1 text has
 NEITHER_V_NOR_A = frozenset({"rpm", "duty", "time", "rudder"})
 LETTERS = str.maketrans({"ø": "o", "Ø": "O", "æ": "ae", "Æ": "Ae", "ß": "ss"})
 LINKS = ("", "s", "n", "en", "es", "e")  # between the parts of a compound
@@ -94,7 +97,7 @@ def name_of(label: str, unit: str = "") -> Name:
         text = ""
     text, bracket_unit, bracket_words = _without_brackets(text)
     unit = unit or bracket_unit
-    unit = "" if unit in NO_UNIT else unit
+    unit = "" if unit.lower() in NO_UNIT else unit
     groups = [_words(part) for part in PATH.split(text) if part]
     groups = [words for words in groups if words] or [[]]
     words = [word for group in groups for word in group] + bracket_words
@@ -102,7 +105,12 @@ def name_of(label: str, unit: str = "") -> Name:
         words, unit = _without_unit(words)
     stem = tuple(map(plain, words))
     n_before = _words_before_quantity(groups)
-    return _sorted_words(stem, n_before, unit)
+    name = _sorted_words(stem, n_before, unit)
+    if scaled := SCALED.search(label):
+        name.others[scaled[0]] = "a scaled value"
+    if GARBLED.search(label):
+        name.others[label] = "a thing in an encoding that is not read: convert the log to UTF-8"
+    return name
 
 
 def _without_brackets(text: str) -> tuple[str, str, list[str]]:
@@ -140,7 +148,7 @@ def _words(text: str) -> list[str]:
     """The words of a text: cut at marks and digits, at capitals, and compounds into parts."""
     words: list[str] = []
     for piece in PIECES.findall(text):
-        if piece.isdigit() or _is_known(piece) or is_unit(piece):
+        if piece.isdigit() or _is_known(piece) or is_unit(piece) or other_unit(piece):
             words.append(piece)
         elif piece.isascii():
             for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", piece):
@@ -271,7 +279,9 @@ def _sorted_words(stem: tuple[str, ...], n_before: int, unit: str) -> Name:
             (heads if follows else unknown).append(phrase)
     quantities = frozenset(found & QUANTITIES.keys())
     symbol = symbols[0] if len(symbols) == 1 and not quantities else ""
-    if len(symbols) > 1 and not quantities:
+    if quantities:  # vel_n
+        heads += [symbol for symbol in symbols if quantities.isdisjoint(SYMBOLS[symbol])]
+    elif len(symbols) > 1:
         unknown += symbols
     roles = frozenset(found & ROLES.keys())
     words = (*unknown, *heads)

@@ -11,6 +11,7 @@ from auv_fault_env.parameters import SAMPLE_RATE, SIDES, Vehicle
 from training.field.logs.plausible import largest_magnitudes
 from training.field.logs.table import Table
 from training.field.proposal.columns import Found, found_columns
+from training.field.proposal.evidence import without_missing_mark
 from training.field.proposal.guess import Guess, guess_of
 from training.field.proposal.motors import Motors, guesses_of_motors
 from training.field.proposal.stamps import sample_rate, time_of
@@ -148,7 +149,7 @@ def _with_maxima(
         if channel not in channels or not key:
             continue
         column = channels[channel]
-        values = column.scale * columns[column.name] + column.offset
+        values = column.scale * without_missing_mark(columns[column.name]) + column.offset
         if column.times:
             values = values * columns[column.times]
         known = abs(values[np.isfinite(values)])
@@ -182,7 +183,7 @@ def _missing(
 ) -> Iterable[tuple[str, str]]:
     if time is None:
         step = f"{1 / SAMPLE_RATE:g} s"
-        yield "time", f"no column whose numbers grow; rows are taken to be {step} apart"
+        yield "time", f"no column is a time by its name; rows are taken to be {step} apart"
     for channel, spec in CHANNELS.items():
         if channel not in guesses and (shafts == 2 or not channel.startswith(SIDES[1])):
             yield channel, f"no column; {spec.about} [{spec.unit}]"

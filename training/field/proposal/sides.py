@@ -14,7 +14,8 @@ def side_marks(names: Mapping[str, Name]) -> dict[str, Mark]:
     """The mark of every column, by label.
 
     Short marks such as p and s count where the same name with the other mark is in the log. Of
-    several numbers in a name the one counts that differs between names that are otherwise equal.
+    several numbers in a name the one counts that differs between names that are otherwise equal. A
+    name is number 0 where the same one with a 1 is in the log, as in "RPM" and "RPM.1".
     """
     stems = {name.stem for name in names.values()}
     n_alike = Counter(
@@ -33,7 +34,8 @@ def _mark(name: Name, stems: set[tuple[str, ...]], n_alike: Counter) -> Mark:
                 return side
     places = [place for place, word in enumerate(name.stem) if word.isdigit()]
     if not places:
-        return None
+        is_first = (*name.stem, "1") in stems and (*name.stem, "2") not in stems
+        return 0 if is_first else None
     return int(name.stem[max(places, key=lambda place: n_alike[_without(name.stem, place)])])
 
 

@@ -12,18 +12,22 @@ from training.field.units import spelt
 U_OR_V = re.compile(r"(?<![^\W\d_])[uUvV](?![^\W\d_])|[uUvV]")
 MEASURED_SPEED = frozenset({"water", "ground", "surge"})
 SPEED_ROLES = MEASURED_SPEED | {"command", "mission"}
+SEA = "the sea's current"  # of `words.OTHERS`
+DIRECTION = frozenset("direction richtung direccion direzione direcao retning".split())
 TURNS = frozenset("rwpq")  # letters of sway, heave and turning beside u and v
 
 
-class Letters(NamedTuple):
-    """What the names of a whole log say about its columns of one letter."""
+class Context(NamedTuple):
+    """What the names of a whole log say about a name that could be several things."""
 
     letters: frozenset[str]  # names of one letter
     quantities: frozenset[str]  # that words or other symbols name
+    others: frozenset[str]  # what other words name, of `words.OTHERS`
+    stems: frozenset[tuple[str, ...]]
 
 
-def letters_of(names: Mapping[str, Name]) -> Letters:
-    """The context of a log's symbols."""
+def context_of(names: Mapping[str, Name]) -> Context:
+    """The context of a log's names."""
     quantities: set[str] = set()
     for name in names.values():
         if not name.others and not name.roles & {"supply", "command", "mission"}:
@@ -36,7 +40,17 @@ def letters_of(names: Mapping[str, Name]) -> Letters:
         if name.symbol == "i":
             quantities.add("current")
     letters = frozenset(label.strip() for label in names if len(label.strip()) == 1)
-    return Letters(letters, frozenset(quantities))
+    others = {other for name in names.values() for other in name.others.values()}
+    if any(map(_is_of_sea, names.values())):
+        others.add(SEA)
+    stems = frozenset(name.stem for name in names.values())
+    return Context(letters, frozenset(quantities), frozenset(others), stems)
+
+
+def _is_of_sea(name: Name) -> bool:
+    """Whether the name is that of a current's direction or speed, in any language."""
+    has_direction = not DIRECTION.isdisjoint(name.stem)
+    return "current" in name.quantities and (has_direction or "speed" in name.quantities)
 
 
 def _is_of_motor(name: Name) -> bool:
@@ -44,7 +58,7 @@ def _is_of_motor(name: Name) -> bool:
     return is_numbered or bool(name.roles & {"motor", "port", "starboard"})
 
 
-def quantity_of_symbol(label: str, name: Name, mark: Mark, context: Letters) -> tuple[str, str]:
+def quantity_of_symbol(label: str, name: Name, mark: Mark, context: Context) -> tuple[str, str]:
     """The quantity of a symbol, and why there is none."""
     alone, of_part = SYMBOLS[name.symbol]
     is_part = mark is not None or bool(name.roles & {"motor", "supply"})
@@ -52,11 +66,21 @@ def quantity_of_symbol(label: str, name: Name, mark: Mark, context: Letters) -> 
         return _of_u_or_v(label, name, mark, is_part, context)
     if label.strip() == "A":
         return "", "it could be a current in A or an acceleration"
+    if name.symbol == "vx" and _is_in_fixed_frame(name.stem, context.stems):
+        return "", "beside x and y, or u and v, it is along a fixed axis, not along the vehicle"
     return (of_part if is_part else alone) or "", ""
 
 
+def _is_in_fixed_frame(stem: tuple[str, ...], stems: frozenset[tuple[str, ...]]) -> bool:
+    """Whether the log has the place beside vx, or the velocity along the vehicle besides."""
+    group = stem[: stem.index("vx")]
+    has_place = {(*group, "x"), (*group, "y")} <= stems
+    has_body = {(*group, "u"), (*group, "v")} <= stems
+    return has_place or has_body
+
+
 def _of_u_or_v(
-    label: str, name: Name, mark: Mark, is_part: bool, context: Letters
+    label: str, name: Name, mark: Mark, is_part: bool, context: Context
 ) -> tuple[str, str]:
     """u and v are a speed or a voltage: by unit, side and the other columns."""
     letter = U_OR_V.search(without_accents(label))[0]

@@ -8,9 +8,10 @@ the form in which names are compared; phrases are in quotation marks.
 
 # quantities that a channel, the time or the supply has
 QUANTITIES = {
-    "time": """time timestamp timestamps stamp clock epoch utc datetime elapsed unixtime timer
-        | zeit zeitstempel uhrzeit datum | temps heure horodatage | tiempo hora | tempo ora
-        orario | tempo | tid klokkeslett tidspunkt tidsstempel | 时间 時間 时间戳 | 時刻 日時""",
+    "time": """time ts timestamp timestamps stamp clock epoch utc datetime elapsed unixtime timer
+        itow "gps tow" hhmmss "of week" "of day" | zeit zeitstempel uhrzeit datum | temps heure
+        horodatage | tiempo hora fecha "fecha y hora" | tempo ora orario | tempo | tid
+        klokkeslett tidspunkt tidsstempel | 时间 時間 时间戳 | 時刻 日時""",
     "speed": """speed velocity velo vel spd | geschwindigkeit fahrt | vitesse | velocidad |
         velocita | velocidade | fart hastighet | 速度 航速 | 船速 速力""",
     "acceleration": """acceleration accel acc udot | beschleunigung | aceleracion |
@@ -67,8 +68,9 @@ ROLES = {
         ekf nav odom unix posix since start begin boat ship vessel auv rov usv asv robot body
         sensor data value values reading measured measurement meas actual act raw filtered
         filt est estimate estimated mean average avg of the in no nr draw feedback fb
-        telemetry status output out channel ch hat fin angle de du la le | medida medido real
-        del vehiculo | misura misurato di | medido do da | malt faktisk av farkost | 值 实际
+        telemetry status output out channel ch hat fin angle | ist istwert gemessen messwert |
+        mesure mesuree reel reelle de du la le | medida medido real del vehiculo | effettivo
+        effettiva misura misurato di | medido do da | malt faktisk av farkost | 值 实际
         测量 角度 | 角 実測 値""",
 }
 # words of columns that are none of the channels, by what they are
@@ -77,17 +79,19 @@ OTHERS = {
     "wind": "wind air | luft | vent | viento | vento | vind | 风速 风 | 風速 風",
     "the sea's current": """"sea current" tidal sea ocean "water current" "ocean current"
         "current dir" "current speed" "current direction" "current heading" "current velocity"
-        "water vx" "water vy" "water u" "water v" adcp drift tide | stromung | "courant marin"
-        | "corriente marina" | "corrente marina" | havstrom | 海流 潮流 水流 流速""",
+        "surface current" "bottom current" "water vx" "water vy" "water u" "water v" adcp drift
+        tide | stromung | "courant marin" | "corriente marina" | "corrente marina" | havstrom |
+        海流 潮流 水流 流速""",
     "sway, heave or turning": """sway heave yaw pitch roll gyro angular angvelo lateral
-        vertical z y vy vz ay az angrate turnrate rate | gieren rollen nicken | lacet tangage
-        roulis | guinada cabeceo balanceo | imbardata beccheggio rollio | 航向 横摇 纵摇 |
-        方位""",
+        vertical climb sink descent ascent cross transverse leeway z y vy vz ay az angrate
+        turnrate rate | gieren rollen nicken | lacet tangage roulis | guinada cabeceo balanceo |
+        imbardata beccheggio rollio | 航向 横摇 纵摇 | 方位""",
     "a direction or place": """heading hdg course cog psi phi theta depth altitude alt height
         range distance dist position pos latitude longitude lat lon lng north east ned enu
-        easting northing direction dir bearing | kurs tiefe hohe entfernung | cap profondeur |
-        rumbo profundidad | rotta profondita | rumo profundidade | dybde | 深度 经度 纬度 高度
-        | 深さ""",
+        easting northing direction dir bearing "vel n" "vel e" "vel d" "velocity n" "velocity e"
+        "velocity d" | richtung kurs tiefe hohe entfernung | cap profondeur | rumbo direccion
+        profundidad | rotta direzione profondita | rumo direcao profundidade | retning dybde |
+        深度 经度 纬度 高度 | 深さ""",
     "a limit": """limit limits lim max maximum min minimum threshold thresh trip cutoff rated
         nominal | grenze grenzwert | limite | limite | grense | 限制 极限 | 制限""",
     "a setting": """zero "zero point" neutral trim bias calib calibration gain scale kp ki kd
@@ -164,6 +168,10 @@ SIDE_PAIRS = (
     ("l", "r"),
     ("lt", "rt"),
     ("bb", "sb"),
+    ("bb", "tb"),
+    ("bd", "td"),
+    ("br", "er"),
+    ("sx", "dx"),
     ("lh", "rh"),
     ("a", "b"),
 )

@@ -5,7 +5,7 @@ from tests.training.field.proposal.missions import SPEED, TIME
 from training.field.proposal.evidence import Refused, match_of
 from training.field.proposal.header import name_of
 from training.field.proposal.sides import side_marks
-from training.field.proposal.symbols import letters_of
+from training.field.proposal.symbols import context_of
 
 # names that logs have, and what they are: quantity, mark of the side, unit
 NAMES = {
@@ -66,6 +66,9 @@ NAMES = {
     "Vitesse de rotation hélice": ("rpm", None, None),
     "Tensión": ("voltage", None, None),
     "左电机电流(mA)": ("current", "port", "mA"),
+    "n_ist": ("rpm", None, None),
+    "shaft_speed_rads": ("rpm", None, "rad/s"),
+    "speed_cms": ("speed", None, "cm/s"),
 }
 # names of other quantities, and a word of the reason; an empty one where nothing is known
 OTHERS = {
@@ -111,6 +114,17 @@ OTHERS = {
     "bilge_pump_current": "another device",
     "fan/rpm": "another device",
     "port_fwd_rpm": "bow or stern",
+    "motor voltage x10": "scaled",
+    "shaft rpm /100": "scaled",
+    "motor_current_dA": "no unit of current",
+    "motor voltage [cV]": "no unit of voltage",
+    "vitesse fond (nd)": "no unit of speed",
+    "vel_n": "direction or place",
+    "speed_n": "",
+    "n_speed": "",
+    "climb_speed": "turning",
+    "cross speed": "turning",
+    "\\x83\\x82[\\x83^1 current [A]": "encoding",
 }
 
 
@@ -119,7 +133,7 @@ def outcome(label, values=None):
     name = names[label]
     values = TIME if values is None and "time" in name.quantities else values
     values = SPEED if values is None else values
-    return match_of(label, name, side_marks(names)[label], values, letters_of(names))
+    return match_of(label, name, side_marks(names)[label], values, context_of(names))
 
 
 @pytest.mark.parametrize("label", NAMES)
@@ -169,7 +183,7 @@ LETTERS = {
 def test_symbols_by_the_other_columns(header):
     labels = header.split()
     names = {label: name_of(label) for label in labels}
-    context = letters_of(names)
+    context = context_of(names)
     found = {}
     for label in labels:
         mark = side_marks(names)[label]
@@ -185,6 +199,11 @@ TIMES = {
     "Timestamp_ms": "ms",
     "time_us": "us",
     "Uhrzeit": None,
+    "Fecha y hora": None,
+    "iTOW": None,
+    "HHMMSS": None,
+    "GPS_SecondsOfWeek": "s",
+    "time (seconds since 1970-01-01 00:00:00)": "s",
     "时间戳": None,
     "Time [h]": "h",
 }
@@ -195,6 +214,39 @@ def test_names_of_the_time(label):
     found = outcome(label, TIME)
     assert found.quantity == "time"
     assert found.unit == (None if label == "t" else TIMES[label])
+
+
+# logs, and what their first column is beside the others
+BESIDE = {
+    "current, current_dir, speed": None,
+    "courant, direction du courant, vitesse": None,
+    "corriente, velocidad de la corriente, rpm": None,
+    "motor current, current_dir, speed": "current",
+    "current [A], current_dir, speed": "current",
+    "current, depth, speed": "current",
+    "vx, vy, u, v, w": None,
+    "vx, vy, x, y, z": None,
+    "odom/vx, odom/x, odom/y": None,
+    "twist/vx, pose/x, pose/y": "speed",
+    "vx, vy, vz": "speed",
+}
+
+
+@pytest.mark.parametrize("header", BESIDE)
+def test_what_a_column_is_beside_others(header):
+    names = {label: name_of(label) for label in header.split(", ")}
+    label = next(iter(names))
+    found = match_of(label, names[label], None, SPEED, context_of(names))
+    assert (None if isinstance(found, Refused) else found.quantity) == BESIDE[header]
+    assert not isinstance(found, Refused) or found.why
+
+
+@pytest.mark.parametrize("label", ["Zulu", "recorded_at", "kl.", "Fix"])
+def test_time_stamps_are_a_time_under_any_name(label):
+    names = {label: name_of(label, "s")}
+    for is_stamp in (True, False):
+        found = match_of(label, names[label], None, TIME, context_of(names), is_stamp)
+        assert isinstance(found, Refused) != is_stamp
 
 
 VALUES = {

@@ -41,6 +41,11 @@ def test_rest_and_full_of_a_command(values, rest, full):
     np.testing.assert_allclose(duty, [0.0, 1.0], atol=1e-9)
 
 
+def test_a_command_of_at_most_one_percent_is_a_fraction():
+    found = channels(**{"throttle [%]": LEGS, "vbat": SIGNALS["supply"], "rpm": SIGNALS["rpm"]})
+    assert found["port_voltage"].scale == 1.0
+
+
 def test_command_astern_shows_its_rest():
     speed = 0.4 * np.sin(TIME / 5)
     table = Table({"time": TIME, "u": speed, "pwm": 1500 + 1000 * speed}, ())
@@ -112,6 +117,10 @@ SIDES = {
     "the last two of many": ("esc[5].rpm", "esc[6].rpm"),
     "thrusters": ("T1_rpm", "T2_rpm"),
     "German": ("Drehzahl BB", "Drehzahl StB"),
+    "French": ("regime_bd", "regime_td"),
+    "Spanish": ("rpm_br", "rpm_er"),
+    "Italian": ("giri sx", "giri dx"),
+    "of pandas": ("RPM", "RPM.1"),
 }
 
 
@@ -122,6 +131,12 @@ def test_sides(port, starboard):
     assert vehicle.shafts == 2
     assert vehicle.columns["port_rpm"].name == port
     assert vehicle.columns["starboard_rpm"].name == starboard
+
+
+def test_shafts_whose_sides_are_not_known_are_left_out():
+    found = proposal(rpm_foo=SIGNALS["rpm"], rpm_new=SIGNALS["rpm 2"], rpm_old=SIGNALS["rpm"])
+    assert not {"port_rpm", "starboard_rpm"} & set(found.vehicle.columns)
+    assert any("which of 'foo' or 'new' or 'old' is port" in line for line in found.left_out)
 
 
 def test_a_shaft_has_one_number_in_all_quantities():

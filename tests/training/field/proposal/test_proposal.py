@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from auv_fault_env import CHANNELS
+from auv_fault_env.parameters import Vehicle
 from training.field.logs.table import Table
 from training.field.proposal.proposal import propose
 from training.field.vehicle_file import Column, read_vehicle, write_vehicle
@@ -82,6 +83,8 @@ TIMES = {
     "once a second": (10 * TIME, 1.0, 1.0),
     "once a second in milliseconds": (1e4 * TIME, 1e-3, 1.0),
     "hundred times a second": (TIME / 10, 1.0, 100.0),
+    "days since 1900": (45_413.4 + TIME / 86_400, 86_400.0, pytest.approx(10.0, abs=0.1)),
+    "days since the year 0": (739_373.4 + TIME / 86_400, 86_400.0, pytest.approx(10.0, abs=0.1)),
     "coarse clock": (np.floor(TIME), 1.0, pytest.approx(10.3, abs=0.1)),
     "with gaps and repetitions": (np.where(np.arange(300) % 50 == 3, TIME - 0.1, TIME), 1.0, 10.0),
 }
@@ -132,6 +135,16 @@ def test_unit_by_size(name, values, scale):
     columns = {"t": TIME, "acceleration": SPEED - 0.4, name: values}
     found = propose(Table(columns, ()), "otter").vehicle.columns.values()
     assert Column(name, pytest.approx(scale)) in found
+
+
+@pytest.mark.parametrize("mark", [99.99, -9999.0, 32767.0, -999.9])
+def test_a_number_for_missing_makes_no_other_unit(mark):
+    columns = {"t": TIME, "speed": SPEED.copy(), "motor_current": RPM / 100}
+    for values in (columns["speed"], columns["motor_current"]):
+        values[::7] = mark
+    vehicle = propose(Table(columns, ()), "otter").vehicle
+    assert [column.scale for column in vehicle.columns.values()] == [1.0, 1.0]
+    assert vehicle.vehicle == Vehicle("otter", shafts=1)
 
 
 def test_signs_follow_the_speed():
