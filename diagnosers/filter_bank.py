@@ -20,7 +20,7 @@ from diagnosers.bank.sensors import N_READINGS, new_sample
 from diagnosers.kalman import START_SPEED_STD
 from diagnosers.robust import algebra, surge
 from diagnosers.robust.algebra import SEVERITY
-from diagnosers.robust.alignment import LARGEST_LAG, N_EARLIER, N_LAGS, START_MISFIT
+from diagnosers.robust.alignment import LARGEST_LATENCY, N_EARLIER, N_LATENCIES, START_MISFIT
 from diagnosers.robust.hypotheses import HypothesisTable, hypothesis_table
 from diagnosers.robust.kernel import BankState, step_lanes
 from diagnosers.robust.motor import START_VOLTAGE_STD, VOLTS
@@ -195,9 +195,9 @@ class FilterBank(Bank):
             walk=np.tile(self._initial_walk(), (n_lanes, 1)),
             noise_ratio=np.ones((n_lanes, N_READINGS)),
             innovation=unread.copy(),
-            earlier=np.full((n_lanes, 2, N_EARLIER, N_LAGS), np.nan),
-            lag=np.zeros((n_lanes, 2), np.int64),
-            lag_misfit=np.tile([0.0, *[START_MISFIT] * LARGEST_LAG], (n_lanes, 2, 1)),
+            earlier=np.full((n_lanes, 2, N_EARLIER, N_LATENCIES), np.nan),
+            latency=np.zeros((n_lanes, 2), np.int64),
+            misfit=np.tile([0.0, *[START_MISFIT] * LARGEST_LATENCY], (n_lanes, 2, 1)),
             age=np.zeros(n_lanes),
         )
 

@@ -13,13 +13,13 @@ from diagnosers.bank.kernel import MOTOR_CHANNEL
 from diagnosers.bank.motor import OF_RPM, OF_VOLTAGE, predict_shaft_speed, shaft_of
 from diagnosers.bank.sensors import FIRST_READING
 
-LARGEST_LAG = 2  # samples
-N_LAGS = LARGEST_LAG + 1
+LARGEST_LATENCY = 4  # samples
+N_LATENCIES = LARGEST_LATENCY + 1
 N_EARLIER = 2  # voltage and current
 MEMORY = 0.995  # share of a misfit that is left after a sample: 20 s
 LARGEST_MISFIT = 30.0  # rpm, of one sample
 CLEARLY_LESS = 0.6  # share of a misfit
-# rpm^2, of lags other than 0 before the first reading: 20 samples of 5 rpm
+# rpm^2, of latencies other than 0 before the first reading: 20 samples of 5 rpm
 START_MISFIT = 500.0
 
 
@@ -27,32 +27,32 @@ START_MISFIT = 500.0
 def align(observation, old, new, aligned):
     """Fill ``aligned``, the observation with voltages and currents as late as the shaft speeds.
 
-    ``new.earlier`` (n_lanes, 2, N_EARLIER, N_LAGS) gets the readings of voltage and current by
+    ``new.earlier`` (n_lanes, 2, N_EARLIER, N_LATENCIES) gets the readings of voltage and current by
     their age, the last first. NaN means no reading.
     """
     for lane in range(len(observation)):
         aligned[lane] = observation[lane]
         for subsystem in (PORT, STARBOARD):
             side = subsystem - PORT
-            lag = np.uint64(old.lag[lane, side])
+            latency = np.uint64(old.latency[lane, side])
             for k in range(N_EARLIER):
                 channel = FIRST_READING + MOTOR_CHANNEL[subsystem] + k
                 readings = new.earlier[lane, side, k]
                 readings[1:] = old.earlier[lane, side, k, :-1]
                 readings[0] = observation[lane, channel]
-                aligned[lane, channel] = readings[lag]
+                aligned[lane, channel] = readings[latency]
 
 
 @scalar
-def better_lag(lag, misfit):
-    """The lag with the least misfit (N_LAGS,) if that is clearly less than that of `lag`."""
+def better_latency(latency, misfit):
+    """The latency whose misfit (N_LATENCIES,) is clearly less than that of `latency`, or this."""
     best = misfit.argmin()
-    return best if misfit[best] < CLEARLY_LESS * misfit[np.uint64(lag)] else lag
+    return best if misfit[best] < CLEARLY_LESS * misfit[np.uint64(latency)] else latency
 
 
 @inlined
-def compare_lags(subsystem, old, new, sample, column, water, work):
-    """Fill ``new.lag`` by how well the voltages of several samples predict the shaft speed.
+def compare_latencies(subsystem, old, new, sample, column, water, work):
+    """Fill ``new.latency`` by how well the voltages of several samples predict the shaft speed.
 
     column (n_lanes,) is the filter of each lane that predicts, with its parameters.
     """
@@ -60,15 +60,15 @@ def compare_lags(subsystem, old, new, sample, column, water, work):
     rpm_channel = MOTOR_CHANNEL[subsystem] + OF_RPM
     for lane in range(len(column)):
         c = column[lane]
-        misfit = new.lag_misfit[lane, side]
-        misfit[:] = old.lag_misfit[lane, side]
+        misfit = new.misfit[lane, side]
+        misfit[:] = old.misfit[lane, side]
         is_read = not (sample.silent[rpm_channel, lane] or sample.resting[rpm_channel, lane])
         voltages = new.earlier[lane, side, OF_VOLTAGE]
         if is_read and not np.isnan(voltages).any():
             shaft = shaft_of(work.parameters, c)
             measured = sample.reading[rpm_channel, lane]
-            for lag in range(N_LAGS):
-                predicted = RPM * predict_shaft_speed(shaft, c, voltages[lag], water, work)
+            for latency in range(N_LATENCIES):
+                predicted = RPM * predict_shaft_speed(shaft, c, voltages[latency], water, work)
                 error = min(abs(measured - predicted), LARGEST_MISFIT)
-                misfit[lag] = MEMORY * misfit[lag] + error * error
-        new.lag[lane, side] = better_lag(old.lag[lane, side], misfit)
+                misfit[latency] = MEMORY * misfit[latency] + error * error
+        new.latency[lane, side] = better_latency(old.latency[lane, side], misfit)

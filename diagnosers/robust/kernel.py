@@ -27,7 +27,7 @@ from diagnosers.bank.sensors import NOISE_STD, keep_readings
 from diagnosers.bank.surge import DEVIATIONS
 from diagnosers.kalman import START_SPEED_STD
 from diagnosers.robust import algebra, motor, surge
-from diagnosers.robust.alignment import align, compare_lags
+from diagnosers.robust.alignment import align, compare_latencies
 from diagnosers.robust.sensors import fill_sample
 
 # below these a counter may read exactly zero: rpm of a shaft, m/s of a paddle wheel
@@ -59,10 +59,10 @@ class BankState(NamedTuple):
     # (n_lanes, N_READINGS), variance of the noise by that of a healthy sensor, at least 1
     noise_ratio: np.ndarray
     innovation: np.ndarray  # (n_lanes, N_READINGS), the last, standardised; NaN if there was none
-    # (n_lanes, 2, N_EARLIER, N_LAGS), readings of voltage and current by side, the last first
+    # (n_lanes, 2, N_EARLIER, N_LATENCIES), readings of voltage and current by side, the last first
     earlier: np.ndarray
-    lag: np.ndarray  # (n_lanes, 2), samples by which a shaft speed is read late
-    lag_misfit: np.ndarray  # (n_lanes, 2, N_LAGS), forgetting sums of squares, by lag [rpm^2]
+    latency: np.ndarray  # (n_lanes, 2), samples by which a shaft speed is read late
+    misfit: np.ndarray  # (n_lanes, 2, N_LATENCIES), forgetting sums of squares, by latency [rpm^2]
     age: np.ndarray  # (n_lanes,), samples so far
 
 
@@ -226,7 +226,7 @@ def update_motor(subsystem, old, new, sample, table, constants, work):
         work,
     )
     normal = work.normal_column
-    compare_lags(subsystem, old, new, sample, normal, constants.bank.water, work)
+    compare_latencies(subsystem, old, new, sample, normal, constants.bank.water, work)
     adapt_noise(subsystem, channel, N_MOTOR_READINGS, old, new, table, constants, work)
     clip_deviations(columns, MOTOR_DEVIATIONS, work)
     update_severity(subsystem, new, table, work)
@@ -287,8 +287,8 @@ def lanes_of(state, lanes):
         state.noise_ratio[lanes],
         state.innovation[lanes],
         state.earlier[lanes],
-        state.lag[lanes],
-        state.lag_misfit[lanes],
+        state.latency[lanes],
+        state.misfit[lanes],
         state.age[lanes],
     )
 

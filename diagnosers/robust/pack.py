@@ -33,7 +33,7 @@ OWN_SINGLE_ROWS = (
 )
 CHANGES = ("spread", "water")  # of the states, when a hypothesis begins and while it lasts
 PROBABILITIES = ("switch_probability", "return_probability")  # (n_lanes, n_hypotheses)
-OF_LANES = ("aligned", "normal_column")  # see `alignment.align` and `alignment.compare_lags`
+OF_LANES = ("aligned", "normal_column")  # see `alignment.align` and `alignment.compare_latencies`
 Work = namedtuple(
     "Work",
     (*N_ROWS, *OWN_SINGLE_ROWS, *EFFECTS, *CHANGES, *PROBABILITIES, *OF_LANES, "states"),
