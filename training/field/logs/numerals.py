@@ -125,7 +125,7 @@ def decimal_mark(own: Evidence, table: Evidence, separator: str) -> str | None:
     if own.point or own.comma:
         return POINT if own.point >= own.comma else COMMA
     if not own.grouped:
-        return COMMA if table.comma > table.point else POINT
+        return POINT
     if own.grouped_by_point and own.grouped_by_comma:
         return None
     mark = POINT if own.grouped_by_point else COMMA

@@ -22,6 +22,7 @@ LEAST_SHARE = 0.9  # of the cells that a notation has to explain
 MOST_PER_SECOND = 25
 FEWEST_OF_DIGITS = 10  # different numbers that may be hour, minute and second
 LAST_OF_DIGITS = 240_000.0
+LAST_SECOND = 61.0  # of a minute, with a leap second
 TURNS_OF_DIGITS = (1, 41, -2359)  # hundreds, into the next minute, hour and day
 FIRST_YEAR_OF_CENTURY = 70  # of years with two digits
 DAY_FIRST = "day first"
@@ -267,7 +268,7 @@ def clock_of_digits(values: np.ndarray) -> Stamps | None:
     known = values[np.isfinite(values)]
     if known.size < FEWEST_OF_DIGITS or known.min() < 0 or known.max() >= LAST_OF_DIGITS:
         return None
-    if (known % 100 >= 61).any() or (known // 100 % 100 >= 60).any():
+    if (known % 100 >= LAST_SECOND).any() or (known // 100 % 100 >= 60).any():
         return None
     steps = np.diff(known)
     is_growing = np.mean(steps < 0) <= UNORDERED and np.unique(known).size >= FEWEST_OF_DIGITS
@@ -280,10 +281,11 @@ def clock_of_digits(values: np.ndarray) -> Stamps | None:
 def is_turn_of_digits(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """Whether numbers would go on into the next minute if they were times of the day (n,).
 
-    >>> is_turn_of_digits(np.array([95959.5, 95958.0]), np.array([100000.0, 95959.0]))
+    >>> is_turn_of_digits(np.array([95959.5, 95999.5]), np.array([100000.0, 96000.0]))
     array([ True, False])
     """
-    is_end = (before % 100 >= 60 - GAP) & (after % 100 < GAP)
+    second = before % 100
+    is_end = (second >= 60 - GAP) & (second < LAST_SECOND) & (after % 100 < GAP)
     return is_end & np.isin(after // 100 - before // 100, TURNS_OF_DIGITS)
 
 

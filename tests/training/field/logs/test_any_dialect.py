@@ -27,7 +27,7 @@ def tenths(moment):
 
 # notations of a moment; those of the second table need more than a line to be decided
 STAMPS = {
-    "seconds": lambda m: f"{(m - FIRST).total_seconds():.1f}",
+    "seconds": lambda m: f"{90 + (m - FIRST).total_seconds():.1f}",
     "milliseconds": lambda m: f"{(m - FIRST) / dt.timedelta(milliseconds=1):.0f}",
     "ISO": lambda m: f"{m:%Y-%m-%d %H:%M:%S}.{tenths(m)}",
     "ISO in a zone": lambda m: f"{m:%Y-%m-%dT%H:%M:%S}.{tenths(m)}+02:00",
@@ -207,6 +207,13 @@ def test_a_stream_refuses_digits_that_turn_as_a_clock_does(hour):
     with pytest.raises(InputError, match="seconds, or hours, minutes and seconds"):
         for _, row in rows(io.BytesIO(content.encode()), vehicle, io.StringIO()):
             clock.seconds(row)
+
+
+def test_a_stream_of_seconds_goes_on_after_a_hundred():
+    clock = StreamClock(Column("Time"), ["Time", "u"])
+    stamps = np.arange(95.0, 205.0, 0.5)
+    read = [clock.seconds({"Time": f"{stamp:.1f}", "u": "0.4"}) for stamp in stamps]
+    np.testing.assert_array_equal(read, stamps)
 
 
 REFUSED = {
