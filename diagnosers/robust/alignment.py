@@ -13,7 +13,7 @@ from diagnosers.bank.kernel import MOTOR_CHANNEL
 from diagnosers.bank.motor import OF_RPM, OF_VOLTAGE, predict_shaft_speed, shaft_of
 from diagnosers.bank.sensors import FIRST_READING
 
-LARGEST_LATENCY = 4  # samples
+LARGEST_LATENCY = 2  # samples, twice that of healthy counters
 N_LATENCIES = LARGEST_LATENCY + 1
 N_EARLIER = 2  # voltage and current
 MEMORY = 0.995  # share of a misfit that is left after a sample: 20 s
