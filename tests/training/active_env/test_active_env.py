@@ -174,8 +174,9 @@ def test_rewards_sum_to_the_difference_of_log_probability_minus_the_cost(schedul
     total, cost = (sum(row[1] for row in run) for run in (dear, free))
     cost -= total
     assert len(dear) == len(free) > 4 and cost > 0.05
-    # declared before the repair; between its bursts too the fault is the truth
-    true = 0 if len(dear) == 13 else classes().index(schedule[0]["fault"])
+    # a decision a second; between its bursts too the fault is the truth, after the repair it is not
+    is_faulty = schedule and len(dear) - 1 < schedule[0].get("end", np.inf)
+    true = classes().index(schedule[0]["fault"]) if is_faulty else 0
     start, end = (
         max(log_probabilities(dear[k][0])[index], FLOOR) for k, index in ((0, 0), (-1, true))
     )
