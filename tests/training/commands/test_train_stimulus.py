@@ -191,7 +191,9 @@ def test_training_and_validation_have_seeds_of_their_own(monkeypatch):
         monkeypatch.setattr(
             fleet,
             "reset",
-            lambda seeds=None, reset=reset, **rest: used.append(seeds) or reset(seeds, **rest),
+            lambda seeds=None, *rest, reset=reset, **named: (
+                used.append(seeds) or reset(seeds, *rest, **named)
+            ),
         )
     trainer.epoch(0)
     trainer.epoch(1)
