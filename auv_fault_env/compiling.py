@@ -1,7 +1,8 @@
 """Decorators that compile, and a disk cache that notices edits in every compiled file.
 
 The cache folder is named by a digest of the kernel's file and of every file of its project that it
-imports, because numba itself notices edits of the kernel's own file alone.
+imports, because numba itself notices edits of the kernel's own file alone. The path of the files is
+not in the name, so that all clones and installations of a user share what one has compiled.
 
 A kernel that calls another kernel uses one of two copies of it: in the process that compiles both
 the one compiled by itself, in later processes the one compiled with the caller. The copies may fuse
@@ -21,10 +22,11 @@ from functools import cache
 from pathlib import Path
 
 from numba import config, njit, types
-from numba.core.caching import FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
 from numba.extending import intrinsic
 
 OPTIONS = dict(error_model="numpy", fastmath={"contract"}, nogil=True)
+OWN_PACKAGES = frozenset({"auv_fault_env", "diagnosers", "training"})
 
 # `inlined` for loops that belong to a kernel, `scalar` for arithmetic of single numbers
 inlined = scalar = njit(forceinline=True, **OPTIONS)
@@ -42,14 +44,15 @@ def fused(typing, factor, other_factor, summand):
 
 @cache
 def imported(file: Path) -> frozenset[Path]:
-    """The files that a file imports from its project, the folder of its outermost package."""
-    project = file.parent
-    while (project / "__init__.py").is_file():
-        project = project.parent
+    """The files that a file imports from its project: its outermost package and ours beside it."""
+    package = file
+    while (package.parent / "__init__.py").is_file():
+        package = package.parent
+    project = package.parent
+    followed = {project / name for name in OWN_PACKAGES | {package.name}}
     tree = ast.parse(file.read_bytes(), file)
-    return frozenset(
-        path for node in ast.walk(tree) for path in _targets(node, file.parent, project)
-    )
+    targets = {path for node in ast.walk(tree) for path in _targets(node, file.parent, project)}
+    return frozenset(path for path in targets if followed & {path, *path.parents})
 
 
 def _targets(node: ast.AST, folder: Path, project: Path) -> Iterator[Path]:
@@ -92,11 +95,11 @@ def digest(file: Path) -> str:
 def cache_folder(name: str) -> Path:
     """A folder for compiled code.
 
-    In the first that can be written of NUMBA_CACHE_DIR, this package, the user's cache, a temporary
+    In the first that can be written of NUMBA_CACHE_DIR, the user's cache, this package, a temporary
     folder.
     """
     bases = [config.CACHE_DIR] if config.CACHE_DIR else []
-    bases += [Path(__file__).parent / "__pycache__", "~/.cache/auv_fault_env"]
+    bases += ["~/.cache/auv_fault_env", Path(__file__).parent / "__pycache__"]
     for base in bases:
         # RuntimeError where there is no home directory
         with contextlib.suppress(OSError, RuntimeError):
@@ -118,8 +121,25 @@ def n_threads() -> int:
     return min(cores, int(limit)) if limit.isdigit() and int(limit) else cores
 
 
-class MendedCache(FunctionCache):
+class LocatorByName(UserProvidedCacheLocator):
+    """Places the code of a file in a folder with the file's name, wherever the file is."""
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file):
+        """The folder within numba's cache folder, which here has the digest as its name."""
+        return Path(py_file).stem
+
+
+class SharedCacheImpl(CompileResultCacheImpl):
+    """Compiled code whose place does not depend on the path of its source."""
+
+    _locator_classes = [LocatorByName]
+
+
+class SharedCache(FunctionCache):
     """A cache on disk whose damaged files are replaced; a disk that is full is not an error."""
+
+    _impl_class = SharedCacheImpl
 
     def load_overload(self, signature, target_context):
         """The compiled code; None where there is none that can be read."""
@@ -145,7 +165,7 @@ def kernel(function):
     try:
         dispatcher = njit(**OPTIONS)(function)
         # as its method enable_caching does
-        dispatcher._cache = MendedCache(function)
+        dispatcher._cache = SharedCache(function)
         return dispatcher
     finally:
         config.CACHE_DIR = cache_before

@@ -53,9 +53,16 @@ def term(i):
 
 
 def run(folder):
-    """What a kernel of each package gives in a fresh process that imports them from `folder`."""
+    """What a kernel of each package gives in a fresh process that imports them from `folder`.
+
+    The home directory is the folder above, so that the user's cache is there.
+    """
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
-    environment |= {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment |= {
+        "HOME": str(folder.parent),
+        "PYTHONPATH": str(folder),
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
     command = [sys.executable, "-W", "ignore", "-c", SCRIPT]
     printed = subprocess.run(
         command, cwd=folder, env=environment, check=True, capture_output=True, text=True
@@ -64,7 +71,7 @@ def run(folder):
 
 
 def cached(folder):
-    return {path.relative_to(folder) for path in folder.rglob("*.nb[ci]")}
+    return set((folder.parent / ".cache").rglob("*.nb[ci]"))
 
 
 def edit(path, old, new):
@@ -79,11 +86,13 @@ def edit(path, old, new):
 @pytest.fixture
 def project(tmp_path):
     """This package, and `MINE` beside it."""
-    shutil.copytree(PACKAGE, tmp_path / PACKAGE.name, ignore=shutil.ignore_patterns("__pycache__"))
-    (tmp_path / "mine").mkdir()
+    folder = tmp_path / "project"
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(PACKAGE, folder / PACKAGE.name, ignore=ignored)
+    (folder / "mine").mkdir()
     for name, text in MINE.items():
-        (tmp_path / "mine" / f"{name}.py").write_text(text, encoding="utf-8")
-    return tmp_path
+        (folder / "mine" / f"{name}.py").write_text(text, encoding="utf-8")
+    return folder
 
 
 @pytest.mark.slow
@@ -112,6 +121,28 @@ def test_cache_of_another_package_notices_edits_in_its_own_files_alone(project):
     edit(project / "mine" / "sizes.py", "FACTOR = 2.0", "FACTOR = 3.0")
     assert run(project) == [physics, "12.0"]
     assert all("loop" in path.name for path in cached(project) - files)
+
+
+@pytest.mark.slow
+def test_a_clone_uses_what_another_has_compiled(project):
+    first = run(project)
+    files = cached(project)
+    clone = project.with_name("clone")
+    shutil.copytree(project, clone)
+    for path in clone.rglob("*.py"):
+        os.utime(path)
+    times = {path: path.stat().st_mtime_ns for path in files}
+    assert run(clone) == first
+    assert {path: path.stat().st_mtime_ns for path in cached(clone)} == times
+
+
+def test_packages_of_others_in_the_same_folder_are_not_in_the_digest(tmp_path):
+    for name in ("mine", "theirs", "auv_fault_env"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text("import auv_fault_env, theirs, mine.loop\n")
+    loop = tmp_path / "mine" / "loop.py"
+    loop.write_text("import auv_fault_env, theirs\n")
+    assert compiling.imported(loop) == {tmp_path / "auv_fault_env" / "__init__.py"}
 
 
 @pytest.mark.parametrize("suffix", ["nbi", "nbc"])
