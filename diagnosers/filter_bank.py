@@ -20,7 +20,7 @@ from diagnosers.bank.sensors import N_READINGS, new_sample
 from diagnosers.kalman import START_SPEED_STD
 from diagnosers.robust import algebra, surge
 from diagnosers.robust.algebra import SEVERITY
-from diagnosers.robust.alignment import LARGEST_LATENCY, N_EARLIER, N_LATENCIES, START_MISFIT
+from diagnosers.robust.alignment import N_EARLIER, N_LATENCIES, START_MISFIT
 from diagnosers.robust.hypotheses import HypothesisTable, hypothesis_table
 from diagnosers.robust.kernel import BankState, step_lanes
 from diagnosers.robust.motor import START_VOLTAGE_STD, VOLTS
@@ -54,6 +54,7 @@ class FilterBankConstants(NamedTuple):
     tails: algebra.Tails
     lateness: float  # samples, of the rpm readings
     temperature: float  # see `FilterBank`
+    class_temperature: float
     paddle_memory: float  # share of the paddle wheel's error that is left after a sample
     paddle_variance: float  # m^2/s^2, of that error
     walk_limits: np.ndarray  # (3, 3), of `BankState.walk`: share, least and largest value
@@ -69,14 +70,15 @@ class FilterBank(Bank):
     sample decides; the true voltage, the zero offset of the current, the error of the accelerometer
     by offset and attitude, and the slow error of the paddle wheel are states; how fast voltage and
     attitude change is estimated, and the noise of every sensor where it exceeds that of a healthy
-    one; a shaft speed that is read late is compared with the voltage and current of its time; the
-    rounding of readings is seen in their differences; readings at rest are no evidence; a healthy
-    vehicle's deviations change slowly; the water's current may change; a fault may end; evidence is
-    forgotten within a minute; and a subsystem may change in a way that no fault of the catalogue
-    does, the class `unknown`. Current and shaft speed imply a voltage that is not read.
+    one; a shaft speed that is read late is compared with the voltage and current of its time, and
+    one that is too late for a healthy counter is `unknown`; the rounding of readings is seen in
+    their differences; readings at rest are no evidence; a healthy vehicle's deviations change
+    slowly; the water's current may change; a fault may end; evidence is forgotten within a minute;
+    and a subsystem may change in a way that no fault of the catalogue does, the class `unknown`.
+    Current and shaft speed imply a voltage that is not read.
 
     When it misleads: it takes longer than `GaussianBank` where readings are ideal; faults below a
-    severity of 0.2 count as healthy; it has no faults of the sensors' timing and no double faults.
+    severity of 0.2 count as healthy; it has no double faults.
     A lasting change that is no fault of the catalogue may count as healthy after a minute or two,
     when the normal filter has come close to it and its misfit at the onset is forgotten.
     Without a reading of the shaft speed, a healthy motor that starts again after it has stood looks
@@ -89,10 +91,12 @@ class FilterBank(Bank):
     memory
         Time in which deviations of a healthy vehicle change [s].
     temperature
-        Of the belief: the odds of a fault, and those of each fault to the others, are raised to the
-        power of 1 / temperature, because the likelihoods of successive samples, taken for
-        independent, make them too sure. Calibrated on episodes of a minute of which most have a
-        fault, as is the hazard; where faults are rare, the probability of `normal` is too low.
+        Of the belief: the odds of a fault are raised to the power of 1 / temperature, because the
+        likelihoods of successive samples, taken for independent, make them too sure. Calibrated on
+        episodes of a minute of which most have a fault, as is the hazard; where faults are rare,
+        the probability of `normal` is too low.
+    class_temperature
+        The same of the odds of each fault to the others: which fault it is, is less sure.
     """
 
     name = "filter_bank"
@@ -101,13 +105,15 @@ class FilterBank(Bank):
     walk_std: float = 0.03
     repair: float = 1e-8
     memory: float = 600.0
-    temperature: float = 2.5
+    temperature: float = 2.0
+    class_temperature: float = 3.0
 
     def __post_init__(self):
         super().__post_init__()
         finite_in_range("repair", self.repair, 1e-12, 0.5)
         finite_in_range("memory", self.memory, SAMPLE_TIME, 1e6)
         finite_in_range("temperature", self.temperature, 0.1, 100.0)
+        finite_in_range("class_temperature", self.class_temperature, 0.1, 100.0)
 
     @cached_property
     def constants(self) -> FilterBankConstants:
@@ -121,6 +127,7 @@ class FilterBank(Bank):
             tails=tails_of(FREEDOM),
             lateness=LATENESS,
             temperature=self.temperature,
+            class_temperature=self.class_temperature,
             paddle_memory=math.exp(-SAMPLE_TIME / wheel_time),
             paddle_variance=wheel**2,
             walk_limits=self._walk_limits(),
@@ -197,7 +204,7 @@ class FilterBank(Bank):
             innovation=unread.copy(),
             earlier=np.full((n_lanes, 2, N_EARLIER, N_LATENCIES), np.nan),
             latency=np.zeros((n_lanes, 2), np.int64),
-            misfit=np.tile([0.0, *[START_MISFIT] * LARGEST_LATENCY], (n_lanes, 2, 1)),
+            misfit=np.tile([0.0, *[START_MISFIT] * (N_LATENCIES - 1)], (n_lanes, 2, 1)),
             age=np.zeros(n_lanes),
         )
 

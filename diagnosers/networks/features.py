@@ -113,6 +113,7 @@ class Features:
             hazard=HAZARD,
             faults=tuple(CATALOGUE),
             temperature=1.0,
+            class_temperature=1.0,
         )
         self.n_features = len(feature_names(classes))
         self.mean_shares = tuple(SAMPLE_TIME / time for time in MEAN_TIMES)

@@ -1,7 +1,8 @@
 """Readings of a motor of one time: the shaft speed may be read some samples late.
 
 A late shaft speed is compared with the voltage and current of its own time. How late it is follows
-from the voltages of several samples: that of its time predicts it best.
+from the voltages of several samples: that of its time predicts it best. One that is later than any
+healthy counter's is the class `unknown`: its motor's readings are no evidence for anything else.
 """
 
 import numpy as np
@@ -14,11 +15,12 @@ from diagnosers.bank.motor import OF_RPM, OF_VOLTAGE, predict_shaft_speed, shaft
 from diagnosers.bank.sensors import FIRST_READING
 
 LARGEST_LATENCY = 2  # samples, twice that of healthy counters
-N_LATENCIES = LARGEST_LATENCY + 1
+N_LATENCIES = 6  # that are compared, from none
 N_EARLIER = 2  # voltage and current
 MEMORY = 0.995  # share of a misfit that is left after a sample: 20 s
 LARGEST_MISFIT = 30.0  # rpm, of one sample
 CLEARLY_LESS = 0.6  # share of a misfit
+LATE_EVIDENCE = 2.0  # of a sample, for a change of the motor that no fault makes
 # rpm^2, of latencies other than 0 before the first reading: 20 samples of 5 rpm
 START_MISFIT = 500.0
 
@@ -34,7 +36,7 @@ def align(observation, old, new, aligned):
         aligned[lane] = observation[lane]
         for subsystem in (PORT, STARBOARD):
             side = subsystem - PORT
-            latency = np.uint64(old.latency[lane, side])
+            latency = np.uint64(min(old.latency[lane, side], LARGEST_LATENCY))
             for k in range(N_EARLIER):
                 channel = FIRST_READING + MOTOR_CHANNEL[subsystem] + k
                 readings = new.earlier[lane, side, k]
@@ -72,3 +74,15 @@ def compare_latencies(subsystem, old, new, sample, column, water, work):
                 error = min(abs(measured - predicted), LARGEST_MISFIT)
                 misfit[latency] = MEMORY * misfit[latency] + error * error
         new.latency[lane, side] = better_latency(old.latency[lane, side], misfit)
+
+
+@inlined
+def judge_latencies(columns, subsystem, new, table, work):
+    """Replace the evidence of a motor whose shaft speed is later than that of healthy counters."""
+    n_lanes = np.uint64(new.age.size)
+    first, last = columns
+    for lane in range(n_lanes):
+        if new.latency[lane, subsystem - PORT] > LARGEST_LATENCY:
+            for c in range(first + lane, last, n_lanes):
+                is_unknown = table.spread[c // n_lanes] > 0.0
+                work.evidence[c] = LATE_EVIDENCE if is_unknown else 0.0

@@ -27,7 +27,7 @@ from diagnosers.bank.sensors import NOISE_STD, keep_readings
 from diagnosers.bank.surge import DEVIATIONS
 from diagnosers.kalman import START_SPEED_STD
 from diagnosers.robust import algebra, motor, surge
-from diagnosers.robust.alignment import align, compare_latencies
+from diagnosers.robust.alignment import align, compare_latencies, judge_latencies
 from diagnosers.robust.sensors import fill_sample
 
 # below these a counter may read exactly zero: rpm of a shaft, m/s of a paddle wheel
@@ -210,7 +210,8 @@ def update_motor(subsystem, old, new, sample, table, constants, work):
             if old.age[lane] == 0.0 and not sample.silent[SPEED_CHANNEL, lane]:
                 work.surge_speed[c] = sample.reading[SPEED_CHANNEL, lane]
     for lane in range(n_lanes):
-        work.normal_column[lane] = first * n_lanes + lane
+        best = np.uint64(table.filter[subsystem, old.log_posterior[lane].argmax()])
+        work.best_column[lane] = best * n_lanes + lane
     column_of_walk = WALK_OF_VOLTAGE[subsystem]
     motor.update(columns, sample, channel, old.walk[:, column_of_walk], constants, work)
     adapt_walk(
@@ -225,8 +226,9 @@ def update_motor(subsystem, old, new, sample, table, constants, work):
         constants,
         work,
     )
-    normal = work.normal_column
-    compare_latencies(subsystem, old, new, sample, normal, constants.bank.water, work)
+    water = constants.bank.water
+    compare_latencies(subsystem, old, new, sample, work.best_column, water, work)
+    judge_latencies(columns, subsystem, new, table, work)
     adapt_noise(subsystem, channel, N_MOTOR_READINGS, old, new, table, constants, work)
     clip_deviations(columns, MOTOR_DEVIATIONS, work)
     update_severity(subsystem, new, table, work)
@@ -357,21 +359,21 @@ def begin_sample(observation, old, new, sample, table, constants, work):
 
 
 @inlined
-def temper(log_probability, temperature):
+def temper(log_probability, temperature, class_temperature):
     """Bring the odds of a fault, and of each fault to the others, closer to 1; 1 changes nothing.
 
-    Each is raised to the power of 1 / temperature, so that neither the likeliest class changes nor
-    whether a fault is likelier than none.
+    Each is raised to the power of 1 / temperature, that of a fault or that of its class, so that
+    neither the likeliest fault changes nor whether a fault is likelier than none.
     """
     log_fault = -np.inf
     log_faults = -np.inf
     for k in range(1, log_probability.size):
         log_fault = log_sum(log_fault, log_probability[k])
-        log_faults = log_sum(log_faults, log_probability[k] / temperature)
+        log_faults = log_sum(log_faults, log_probability[k] / class_temperature)
     log_odds = (log_fault - log_probability[0]) / temperature
     log_probability[0] = -log_sum(0.0, log_odds)
     for k in range(1, log_probability.size):
-        log_share = log_probability[k] / temperature - log_faults
+        log_share = log_probability[k] / class_temperature - log_faults
         log_probability[k] = log_share + log_odds + log_probability[0]
 
 
@@ -396,4 +398,8 @@ def step_lanes(first, last, old, new, observation, table, constants, belief, wor
             if after.age[lane] <= SETTLING_SAMPLES:
                 work.evidence[lane::n_lanes] = 0.0
             update_belief(lane, begin + lane, after, table, belief, work)
-            temper(belief.log_probability[begin + lane], constants.temperature)
+            temper(
+                belief.log_probability[begin + lane],
+                constants.temperature,
+                constants.class_temperature,
+            )

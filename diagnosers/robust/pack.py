@@ -33,7 +33,7 @@ OWN_SINGLE_ROWS = (
 )
 CHANGES = ("spread", "water")  # of the states, when a hypothesis begins and while it lasts
 PROBABILITIES = ("switch_probability", "return_probability")  # (n_lanes, n_hypotheses)
-OF_LANES = ("aligned", "normal_column")  # see `alignment.align` and `alignment.compare_latencies`
+OF_LANES = ("aligned", "best_column")  # see `alignment.align` and `alignment.compare_latencies`
 Work = namedtuple(
     "Work",
     (*N_ROWS, *OWN_SINGLE_ROWS, *EFFECTS, *CHANGES, *PROBABILITIES, *OF_LANES, "states"),
@@ -54,6 +54,6 @@ def new_workspace(table: HypothesisTable, n_lanes: int) -> Work:
         **{name: np.repeat(getattr(table, name), n_lanes) for name in CHANGES},
         **{name: np.zeros(shape) for name in PROBABILITIES},
         aligned=np.zeros((n_lanes, len(CHANNELS))),
-        normal_column=np.zeros(n_lanes, np.uint64),
+        best_column=np.zeros(n_lanes, np.uint64),
         states=tuple(range(N_STATES)),
     )

@@ -128,6 +128,14 @@ def test_a_late_shaft_speed_is_compared_with_the_voltage_of_its_time():
     assert (np.array(log_normal) > math.log(0.5)).mean() > 0.99
 
 
+def test_a_counter_that_is_later_than_any_healthy_one_is_unknown():
+    legs = [(15.0 * k, 0.15 + 0.2 * (k % 2)) for k in range(5)]
+    event = FaultEvent("late_counter:port", 20.0, 1.0)
+    belief = log_probability(rolled(6, 60, legs, event))
+    assert (belief[:200, :, 0] > math.log(0.5)).all()
+    assert (belief[-1].argmax(axis=1) == CLASSES.index("unknown")).all()
+
+
 def test_one_outlier_decides_nothing():
     observations = observations_of(2, 20)
     belief = log_probability(observations)
@@ -214,17 +222,17 @@ def test_a_counter_that_reads_zero_under_a_driving_voltage_is_found():
     assert (log_probability(observations)[-1, :, 0] < math.log(0.1)).all()
 
 
-def test_the_temperature_is_the_root_of_the_odds():
+def test_the_temperatures_are_roots_of_the_odds_of_a_fault_and_of_its_class():
     observations = observations_of(2, 20, FaultEvent("increased_drag", 5.0, 0.5))
-    as_computed = log_probability(observations, temperature=1.0)
-    tempered = log_probability(observations, temperature=2.0)
+    as_computed = log_probability(observations, temperature=1.0, class_temperature=1.0)
+    tempered = log_probability(observations, temperature=2.0, class_temperature=3.0)
 
     def log_odds(belief):
         return np.logaddexp.reduce(belief[:, :, 1:], axis=-1) - belief[:, :, 0]
 
     np.testing.assert_allclose(log_odds(tempered), log_odds(as_computed) / 2.0, atol=1e-6)
     np.testing.assert_allclose(
-        np.diff(tempered[:, :, 1:]), np.diff(as_computed[:, :, 1:]) / 2.0, atol=1e-9
+        np.diff(tempered[:, :, 1:]), np.diff(as_computed[:, :, 1:]) / 3.0, atol=1e-9
     )
     np.testing.assert_allclose(np.exp(tempered).sum(axis=-1), 1.0)
 
@@ -256,5 +264,6 @@ def test_settings_are_checked():
         FilterBank(repair=0.9)
     with pytest.raises(InputError, match="memory"):
         FilterBank(memory=0.0)
-    with pytest.raises(InputError, match="temperature"):
-        FilterBank(temperature=0.0)
+    for name in ("temperature", "class_temperature"):
+        with pytest.raises(InputError, match=name):
+            FilterBank(**{name: 0.0})
