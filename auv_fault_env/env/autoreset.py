@@ -49,8 +49,8 @@ class AutoresetVectorEnv(WithSpec, gym.vector.VectorEnv):
         self.num_envs = num_envs
         self.max_episode_steps = whole_number("max_episode_steps", max_episode_steps)
         mode = getattr(autoreset_mode, "value", autoreset_mode)
-        self._mode = MODES[known_name("autoreset_mode", mode, MODES)]
-        self.metadata = self.metadata | {"autoreset_mode": self._mode}
+        self.autoreset_mode = MODES[known_name("autoreset_mode", mode, MODES)]
+        self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
         self._end = self.max_episode_steps * sample_time
         self._done: np.ndarray | None = None
 
@@ -101,17 +101,17 @@ class AutoresetVectorEnv(WithSpec, gym.vector.VectorEnv):
     def step(self, actions):
         """Take the actions (num_envs, n); lanes that end are reset as the mode says."""
         need_reset(self._done is not None)
-        if self._mode is AutoresetMode.DISABLED and self._done.any():
+        if self.autoreset_mode is AutoresetMode.DISABLED and self._done.any():
             self._refuse_ended()
         reward, terminated, truncated = self._advance(actions)
-        if self._mode is AutoresetMode.NEXT_STEP and self._done.any():
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP and self._done.any():
             for result in (reward, terminated, truncated):
                 result[self._done] = 0
             self._start(np.flatnonzero(self._done))
         self._done = terminated | truncated
         observation = self._observe()
         info = masked(self._information(), np.ones(self.num_envs, bool))
-        if self._mode is AutoresetMode.SAME_STEP and self._done.any():
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._done.any():
             final = self._final(observation)
             self._start(np.flatnonzero(self._done))
             observation = self._observe()

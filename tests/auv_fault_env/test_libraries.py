@@ -6,7 +6,7 @@ import time
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.vector import SyncVectorEnv
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import DictInfoToList
 
 import auv_fault_env
@@ -58,6 +58,15 @@ def test_information_is_flat_and_numeric(level):
     *_, info = env.step(np.zeros(3, np.float32))
     assert first.keys() == info.keys()
     assert all(np.issubdtype(value.dtype, np.number) for value in info.values())
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_a_vector_tells_how_it_resets(form, mode):
+    # TorchRL reads the attribute, Gymnasium's wrappers the metadata
+    made = {"autoreset_mode": mode}
+    env = many(form, **(made if form == "vector_entry_point" else {"vector_kwargs": made}))
+    assert env.unwrapped.autoreset_mode is env.metadata["autoreset_mode"] is mode
 
 
 def seconds(env, actions):
