@@ -28,7 +28,7 @@ def _pygame():
             import pygame
     except ImportError as error:
         raise gym.error.DependencyNotInstalled(
-            'pygame: got no such package; rendering needs it; pip install "auv-fault[render]"'
+            'rendering needs pygame: pip install "auv-fault[render]"'
         ) from error
     return pygame
 

@@ -6,6 +6,29 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, UseAppendAction, arg
 
+from training.allowed import listed, number, whole
+from training.known_names import (
+    COMPETITORS,
+    DIAGNOSERS,
+    DIAGNOSERS_OF_LOGS,
+    EXPORTABLE,
+    MISSIONS,
+    PRESETS,
+    STIMULI,
+    SUITES,
+    TRAINABLE,
+)
+
+MOST_HOURS = 1000.0  # of healthy operation, for which `training.benchmark.plan` has seeds
+LAST_OFFSET = 90_000_000  # the parts of the validation suite are 100 million seeds apart
+LAST_BOOTSTRAP_SEED = 10_000_000  # from it the seeds of the bounds' lanes are counted
+LARGEST_BUDGET = 1.0  # m/s, the largest speed command
+
+Seed = Annotated[int, whole(0, 2**62)]
+Hours = Annotated[float, number(0.05, MOST_HOURS)]
+Factor = Annotated[float, number(0.0, 10.0)]
+Count = Annotated[int, whole(1, 10**9)]
+
 
 @dataclass(frozen=True)
 class Reproduce:
@@ -13,11 +36,11 @@ class Reproduce:
 
     output: Path = Path("runs/reproduce")
     """Folder of the report; an earlier report there is replaced."""
-    seed: int = 0
+    seed: Seed = 0
     """First seed of the noisy runs, and of the networks."""
-    seeds: int = 20
+    seeds: Annotated[int, whole(2, 10_000)] = 20
     """Number of noisy runs of each test."""
-    networks: int = 10
+    networks: Annotated[int, whole(2, 100)] = 10
     """Number of networks of each kind."""
 
 
@@ -27,23 +50,23 @@ class Simulate:
 
     output: Path = Path("runs/simulate")
     """Folder of the files; an earlier run there is replaced."""
-    vehicles: int = 8
+    vehicles: Count = 8
     """Number of vehicles, one episode each."""
-    duration: float = 60.0
+    duration: Annotated[float, number(0.1, 1e5)] = 60.0
     """Length of an episode [s]."""
-    seed: int = 0
+    seed: Seed = 0
     """Seed of the first vehicle; vehicle k has seed + k."""
     schedule: Path | None = None
     """JSON file with the fault schedule of every vehicle, [] for none; sampled if not set."""
-    mission: str | None = None
-    """thesis, acceleration, cruise or a constant speed in m/s; sampled if not set."""
-    preset: str = "thesis1992"
-    """Vehicle: thesis1992, npsnet1995, remus100 or torpedo_1hz."""
-    sensor_noise: float = 1.0
+    mission: Annotated[str | None, listed(*MISSIONS, "SPEED")] = None
+    """Mission of every vehicle, or its constant speed [m/s]; sampled if not set."""
+    preset: Annotated[str, listed(*PRESETS)] = "thesis1992"
+    """Vehicle, with constants from publications."""
+    sensor_noise: Factor = 1.0
     """Factor on the readings' noise, 0 for none."""
-    disturbance: float = 1.0
+    disturbance: Factor = 1.0
     """Factor on the disturbing acceleration, 0 for none."""
-    healthy_band: float = 1.0
+    healthy_band: Factor = 1.0
     """Factor on the healthy band, 0 for none."""
     formats: tuple[Literal["csv", "parquet", "minari"], ...] = ("csv", "parquet")
     """Files to write; minari is a data set for `minari.load_dataset` (extra `formats`)."""
@@ -53,13 +76,13 @@ class Simulate:
 class Train:
     """Train a diagnoser; a run that was broken off goes on with the same command."""
 
-    name: Annotated[Positional[str], arg(metavar="NAME")]
-    """Diagnoser to train: raw_network, kalman_network, integrated or residuals."""
+    name: Annotated[Positional[str], listed(*TRAINABLE)]
+    """Diagnoser to train."""
     output: Path | None = None
-    """Folder of weights, card and report, default runs/train-NAME."""
-    seed: int = 0
+    """Folder of weights, card and report, default runs/train-DIAGNOSER."""
+    seed: Seed = 0
     """Seed; it gives the same weights with the same number of threads (OMP_NUM_THREADS)."""
-    epochs: int | None = None
+    epochs: Annotated[int | None, whole(1)] = None
     """Most epochs to train, to shorten a run; the trainer's own number if not given."""
     install: bool = False
     """Copy weights and card into the package; works on a finished run too."""
@@ -73,13 +96,13 @@ class TrainStimulus:
 
     output: Path | None = None
     """Folder of policy, card and report, runs/train-stimulus-DIAGNOSER-SEED if not given."""
-    seed: int = 0
+    seed: Seed = 0
     """Seed of all that is random."""
-    budget: float = 0.1
+    budget: Annotated[float, number(0.001, LARGEST_BUDGET)] = 0.1
     """Greatest root mean square of the speed offsets [m/s]; it learns smaller budgets as well."""
-    diagnoser: str = "filter_bank"
-    """Diagnoser whose beliefs it sees: filter_bank or integrated."""
-    steps: int = 650_000
+    diagnoser: Annotated[str, listed(*COMPETITORS)] = "filter_bank"
+    """Diagnoser whose beliefs it sees."""
+    steps: Count = 650_000
     """Decisions to train on, one second each, rounded up to whole epochs."""
     install: bool = False
     """Copy policy and card into the package; works on a finished run too."""
@@ -93,13 +116,13 @@ class Validate:
 
     output: Path = Path("runs/validate")
     """Folder of the report and the trials; an earlier validation there is replaced."""
-    diagnosers: tuple[str, ...] = ()
+    diagnosers: Annotated[tuple[str, ...], listed(*DIAGNOSERS, several=True)] = ()
     """Diagnosers to score; all of the registry if none is named."""
-    seed: int = 0
+    seed: Annotated[int, whole(0, LAST_OFFSET)] = 0
     """Offset within the validation seeds, and seed of the bootstrap intervals."""
-    lanes: int = 1000
+    lanes: Annotated[int, whole(2, 1_000_000)] = 1000
     """Number of faulty vehicles, one episode each under every stimulus."""
-    hours: float = 20.0
+    hours: Hours = 20.0
     """Healthy operation to set the thresholds, and as much again to count false alarms [h]."""
 
 
@@ -107,30 +130,29 @@ class Validate:
 class Benchmark:
     """Score the diagnosers on a frozen suite; the same command continues a stopped run."""
 
-    suite: str = "standard"
-    """thesis, ideal, standard, ood_{sensors,noise,disturbance,vehicle,severity,compound,mission},
-    unknown_faults, long, or FILE.json."""
+    suite: Annotated[str, listed(*SUITES, "FILE.json")] = "standard"
+    """Suite of faulty episodes and healthy operation (docs/suites.md)."""
     output: Path | None = None
     """Folder of report and trials, default runs/benchmark-SUITE; an earlier report is replaced."""
-    diagnosers: tuple[str, ...] = ()
+    diagnosers: Annotated[tuple[str, ...], listed(*DIAGNOSERS, several=True)] = ()
     """Diagnosers to score; all of the registry if none is named."""
     diagnoser: UseAppendAction[tuple[str, ...]] = ()
     """A diagnoser from elsewhere, module:Class or FILE.py:Class; repeatable. This runs its code."""
-    stimuli: tuple[str, ...] = ("cruise", "thesis")
+    stimuli: Annotated[tuple[str, ...], listed(*STIMULI, several=True)] = ("cruise", "thesis")
     """Stimuli to run them under."""
-    budget: float = 0.0762
+    budget: Annotated[float, number(0.0, LARGEST_BUDGET)] = 0.0762
     """Greatest root mean square of the speed offsets [m/s]; by default the thesis' 0.25 ft/s."""
-    hours: float = 300.0
+    hours: Hours = 300.0
     """Healthy operation on which each diagnoser's thresholds are set, shared by the stimuli [h]."""
-    counting_hours: float = 200.0
+    counting_hours: Hours = 200.0
     """Other healthy operation on which its false alarms are counted, shared by the stimuli [h]."""
-    lanes: int | None = None
+    lanes: Annotated[int | None, whole(1, 10**9)] = None
     """Run about so many of the suite's faulty episodes, without bounds; all if not set."""
-    workers: int | None = None
+    workers: Annotated[int | None, whole(1, 10_000)] = None
     """Processes at work; one per core if not given. The results are the same for any number."""
     backend: Literal["loky", "threading", "ray"] = "loky"
     """Processes or threads, or a Ray cluster (extra `distributed`, address in RAY_ADDRESS)."""
-    seed: int = 0
+    seed: Annotated[int, whole(0, LAST_BOOTSTRAP_SEED)] = 0
     """Seed of the bootstrap intervals; the episodes have theirs from the suite."""
 
 
@@ -138,11 +160,11 @@ class Benchmark:
 class Export:
     """Write a trained network as ONNX, and beside it an episode to try it on."""
 
-    name: Annotated[Positional[str], arg(metavar="NAME")]
-    """raw_network, kalman_network, parallel, integrated, a policy, or a safetensors file."""
+    name: Annotated[Positional[str], listed(*EXPORTABLE, "POLICY", "FILE.safetensors")]
+    """Network to write, a policy of the package as stimulus-filter_bank-0, or a file of weights."""
     output: Path | None = None
     """File to write, default runs/NAME.onnx; the episode is the .npz beside it."""
-    seed: int = 0
+    seed: Seed = 0
     """Seed of the episode."""
 
 
@@ -166,10 +188,9 @@ class Diagnose:
     """Vehicle file (TOML), best the one that calibrate wrote."""
     logs: Annotated[Positional[tuple[Path, ...]], arg(metavar="LOGS")] = ()
     """Logs: text, Parquet, bags, logs of autopilots (docs/logs.md)."""
-    diagnoser: str | None = None
-    """By default that of the vehicle file, which calibrate chooses. filter_bank; residuals after
-    calibration; with all channels at 10 Hz also integrated, cusum, rules, limits,
-    kalman_network."""
+    diagnoser: Annotated[str | None, listed(*DIAGNOSERS_OF_LOGS)] = None
+    """By default that of the vehicle file, which calibrate chooses. residuals needs a calibration,
+    all others but filter_bank every channel at 10 Hz."""
     follow: bool = False
     """Read CSV with a header or JSON objects from standard input; answer each line in JSON."""
     healthy: tuple[Path, ...] = ()
@@ -186,7 +207,7 @@ class Haizhe:
     """Folder of the data set (doi.org/10.17632/7rp2pmr6mx.1): train/CLASS/*.csv, test/."""
     output: Path = Path("runs/haizhe")
     """Folder of the report; an earlier report there is replaced."""
-    seed: int = 0
+    seed: Annotated[int, whole(0, 2**31)] = 0
     """Seed of folds, classifiers and bootstrap intervals."""
 
 
@@ -200,7 +221,7 @@ class EssoOsaka:
     """Files of runs that are predicted and enter no fit, of FOLDER or from elsewhere."""
     output: Path = Path("runs/esso-osaka")
     """Folder of the report; an earlier report there is replaced."""
-    seed: int = 0
+    seed: Seed = 0
     """Seed of the bootstrap intervals."""
 
 
@@ -220,9 +241,9 @@ class Vehicle:
 class Watch:
     """Serve a live page on this machine: run a vehicle, break it, and see what is diagnosed."""
 
-    port: int = 8080
+    port: Annotated[int, whole(0, 65535)] = 8080
     """Port of the page, on 127.0.0.1 only; 0 takes any that is free."""
-    seed: int = 0
+    seed: Seed = 0
     """Seed of the vehicle of every visitor, and of the random faults."""
 
 

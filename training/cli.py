@@ -5,14 +5,20 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import tyro
 
+from training.allowed import check
 from training.arguments import COMMANDS
 from training.terminal import Terminal, terminal
 
 BAD_INPUT = 2  # exit code
+DESCRIPTION = """Propulsion-fault diagnosis for autonomous underwater vehicles.
+
+auv-fault COMMAND --help explains a command, auv-fault --version prints the version."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -36,7 +42,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parse_and_run(arguments: Sequence[str] | None, output: Terminal, errors: Terminal) -> int:
-    command = tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="auv-fault", args=arguments)
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    if arguments == ["--version"]:
+        print(f"auv-fault {_version()}")
+        return 0
+    if not arguments:
+        with suppress(SystemExit):
+            _parse(["--help"])
+        return BAD_INPUT
+    command = _parse(arguments)
     output.escapes = True
     errors.escapes = True
     name = next(name for name, kind in COMMANDS.items() if isinstance(command, kind))
@@ -48,6 +62,20 @@ def _parse_and_run(arguments: Sequence[str] | None, output: Terminal, errors: Te
         reason = str(stop) or "nothing was left behind"
         print(f"auv-fault {name}: stopped; {reason}", file=sys.stderr)
         return 130
+
+
+def _parse(arguments: list[str]) -> Any:
+    """The arguments of the command; `SystemExit` after help or an error."""
+    return tyro.extras.subcommand_cli_from_dict(
+        COMMANDS, prog="auv-fault", description=DESCRIPTION, args=arguments
+    )
+
+
+def _version() -> str:
+    try:
+        return version("auv-fault")
+    except PackageNotFoundError:
+        return "of a checkout that is not installed"
 
 
 def _end(number: int, frame: Any) -> None:
@@ -63,6 +91,7 @@ def _run(name: str, command: Any) -> int:
     from auv_fault_env.errors import InputError
 
     try:
+        check(command)
         module = importlib.import_module(f"training.commands.{name.replace('-', '_')}")
         return module.main(command) or 0
     except InputError as error:

@@ -1,12 +1,15 @@
 import subprocess
 import sys
 import time
+from importlib.metadata import version
 
 import pytest
 
+from training import cli
 from training.arguments import COMMANDS
 
 PROBE = "import sys; {}; print(' '.join(sorted({{name.split('.')[0] for name in sys.modules}})))"
+NAMES_BY_POSITION = {("train", "name"): "raw_network", ("export", "name"): "raw_network"}
 HELP = """
 import contextlib, training.cli
 with contextlib.suppress(SystemExit):
@@ -55,7 +58,29 @@ def test_every_command_explains_every_argument(name):
     )
     for field in COMMANDS[name].__dataclass_fields__:
         # an option, or by position
-        assert "--" + field.replace("_", "-") in run.stdout or field.upper() in run.stdout
+        positional = NAMES_BY_POSITION.get((name, field), field.upper())
+        assert "--" + field.replace("_", "-") in run.stdout or positional in run.stdout
+
+
+def test_without_a_command_the_help_is_shown_and_the_code_is_that_of_bad_input(capsys):
+    assert cli.main([]) == 2
+    without = capsys.readouterr()
+    assert without.err == ""
+    assert cli.main(["--help"]) == 0
+    assert capsys.readouterr().out == without.out
+    assert all(name in without.out for name in COMMANDS)
+    assert "--version" in without.out
+
+
+def test_the_version(capsys):
+    assert cli.main(["--version"]) == 0
+    assert capsys.readouterr().out == f"auv-fault {version('auv-fault')}\n"
+
+
+def test_the_version_of_a_checkout_that_is_not_installed(capsys, monkeypatch):
+    monkeypatch.setattr(cli, "version", lambda name: version("no-such-package"))
+    assert cli.main(["--version"]) == 0
+    assert capsys.readouterr().out == "auv-fault of a checkout that is not installed\n"
 
 
 def test_bad_input_is_one_line_without_a_traceback(tmp_path):

@@ -20,7 +20,6 @@ from training.benchmark.trials import (
 from training.stimuli import Stimulus
 
 SEED_BLOCK = 100_000  # seeds of healthy lanes that each stimulus has for itself
-MOST_HOURS = 1000.0  # of healthy operation, for which a block of seeds is enough
 # samples of all lanes of a trial, which it holds in memory: 9 bytes each, and copies
 MOST_SAMPLES = 4_000_000
 FEWEST_LANES = 16  # of a trial that could have more: below, a sample costs mostly the call

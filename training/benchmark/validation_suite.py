@@ -17,7 +17,6 @@ FIRST_SEED = {
     "threshold": 200_000_000,
     "counting": 300_000_000,
 }
-LAST_OFFSET = 90_000_000  # the parts are 100 million seeds apart
 
 
 def validation_suite(n_lanes: int, offset: int) -> Suite:

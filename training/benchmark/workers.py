@@ -14,6 +14,7 @@ from auv_fault_env.faults import CATALOGUE, Fault
 from training.benchmark import trial_store
 from training.benchmark.failures import note_failure, one_line
 from training.benchmark.trials import FaultyOutcome, Trial, run_trial
+from training.extras import import_from_extra
 from training.metrics.records import HealthyOutcome
 
 RAY = "ray"
@@ -24,12 +25,7 @@ def check_backend(backend: str) -> None:
     """Register the backend `ray` with joblib; refuse it if it is not installed."""
     if backend != RAY:
         return
-    try:
-        from ray.util.joblib import register_ray
-    except ImportError:
-        remedy = "pip install 'auv-fault[distributed]'"
-        raise refusal("backend", backend, "an installed one", remedy) from None
-    register_ray()
+    import_from_extra("ray.util.joblib", "distributed", "`--backend ray`").register_ray()
 
 
 def with_catalogue(

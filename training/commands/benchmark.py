@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 
 from tqdm import tqdm
 
-from auv_fault_env.errors import finite_in_range, known_name, refusal, whole_number
+from auv_fault_env.errors import known_name, refusal
 from diagnosers import NAMES, make
 from diagnosers.third_party import load_third_parties
 from training.arguments import Benchmark
 from training.benchmark import timing, trial_store
 from training.benchmark.failures import note_failure, one_line
 from training.benchmark.page import page
-from training.benchmark.plan import MOST_HOURS, BenchmarkPlan
+from training.benchmark.plan import BenchmarkPlan
 from training.benchmark.results import (
     PreparedEntrant,
     bounds_by_stimulus,
@@ -40,7 +40,6 @@ from training.stimuli import STIMULI
 from training.stimuli.closed_loop import ClosedLoop
 
 TRIALS = "trials"
-LAST_SEED = 10_000_000  # of bootstraps, and from which the seeds of the bounds' lanes are counted
 ALL_CORES = -1  # as joblib has it
 TIMED = 950_000_000  # first test seed of the episodes that the timing runs on
 
@@ -77,7 +76,7 @@ def main(arguments: Benchmark) -> None:
     plan = _plan(arguments)
     third_parties = load_third_parties(arguments.diagnoser)
     entrants = named_entrants(arguments.diagnosers or NAMES, third_parties)
-    workers = ALL_CORES if arguments.workers is None else whole_number("workers", arguments.workers)
+    workers = ALL_CORES if arguments.workers is None else arguments.workers
     check_backend(arguments.backend)
     run = Run(
         name="benchmark",
@@ -144,12 +143,8 @@ def _plan(arguments: Benchmark) -> BenchmarkPlan:
     if not stimuli:
         raise refusal("stimuli", arguments.stimuli, f"some of {', '.join(STIMULI)}", "name one")
     hours = {THRESHOLD: arguments.hours, COUNTING: arguments.counting_hours}
-    for part, value in hours.items():
-        finite_in_range(f"hours of the part {part}", value, 0.05, MOST_HOURS)
-    finite_in_range("seed", arguments.seed, 0, LAST_SEED)
     n_listed = len(suite.episodes)
-    n_lanes = whole_number("lanes", n_listed if arguments.lanes is None else arguments.lanes)
-    every = max(1, round(n_listed / n_lanes))
+    every = max(1, round(n_listed / (arguments.lanes or n_listed)))
     plan = BenchmarkPlan(suite, load(STANDARD).conditions, stimuli, hours, every)
     plan.check_seeds()
     return plan

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from auv_fault_env.errors import finite_in_range, refusal
+from auv_fault_env.errors import refusal
 from training.arguments import Export
 from training.formats.onnx_export import (
     WEIGHTS,
@@ -23,14 +23,13 @@ from training.formats.onnx_export import (
 
 def main(arguments: Export) -> None:
     """Write the ONNX file, and the episode as .npz of the same name."""
-    seed = int(finite_in_range("seed", arguments.seed, 0, 2**62))
     name = Path(arguments.name).name.removesuffix(WEIGHTS)
     output = arguments.output or Path("runs") / f"{name}.onnx"
     if output.suffix != ".onnx":
         raise refusal("output", str(output), "a file that ends in .onnx", "add the ending")
     graph = graph_of(arguments.name)
     model = to_onnx(graph)
-    episode = graph.episode(seed)
+    episode = graph.episode(arguments.seed)
     archive = io.BytesIO()
     np.savez_compressed(archive, **episode, **evaluate(graph, episode))
     write_whole(output, model)

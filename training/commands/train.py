@@ -18,7 +18,7 @@ from typing import Any
 
 from safetensors import SafetensorError
 
-from auv_fault_env.errors import finite_in_range, refusal, whole_number
+from auv_fault_env.errors import refusal
 from diagnosers import Recursive, storage
 from training.arguments import Train
 from training.learning.checkpoint import (
@@ -47,9 +47,8 @@ SETTINGS = ("name", "seed", "epochs")  # all arguments that the weights depend o
 
 def main(arguments: Train) -> None:
     """Train, or continue an interrupted training; a finished one stays as it is."""
-    finite_in_range("seed", arguments.seed, 0, 2**62)
     trainer = make_trainer(arguments.name, arguments.seed)
-    if arguments.epochs is not None and whole_number("epochs", arguments.epochs) > trainer.epochs:
+    if arguments.epochs is not None and arguments.epochs > trainer.epochs:
         raise refusal(
             "epochs",
             arguments.epochs,

@@ -12,8 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from auv_fault_env.channels import MAXIMUM_COMMAND
-from auv_fault_env.errors import finite_in_range, known_name, whole_number
+from auv_fault_env.errors import known_name
 from diagnosers.registry import ranked
 from training.arguments import TrainStimulus
 from training.commands.train import explain_interruption, run_training
@@ -38,12 +37,9 @@ def main(arguments: TrainStimulus) -> None:
 
 
 def make_trainer(arguments: TrainStimulus) -> StimulusTrainer:
-    """The trainer of these arguments, which are checked."""
-    seed = int(finite_in_range("seed", arguments.seed, 0, 2**62))
-    budget = finite_in_range("budget", arguments.budget, 0.001, MAXIMUM_COMMAND)
+    """The trainer of these arguments; an unknown diagnoser is refused."""
     diagnoser = known_name("diagnoser", arguments.diagnoser, ranked())
-    steps = whole_number("steps", arguments.steps)
-    return StimulusTrainer(seed, budget, diagnoser, steps)
+    return StimulusTrainer(arguments.seed, arguments.budget, diagnoser, arguments.steps)
 
 
 def _run(

@@ -27,6 +27,7 @@ from training.arguments import Simulate
 from training.extras import import_from_extra
 
 FORMAT = "minari"
+USER = f"`--formats {FORMAT}`"
 DATASET = "propulsion-faults-v0"
 ENVIRONMENT = "auv_fault_env/Propulsion-v0"
 LONGEST = 13_000.0  # s: Minari reads an episode in one piece of at most 131072 rows
@@ -37,7 +38,7 @@ DESCRIPTION = (
 
 def new_storage(folder: Path, arguments: Simulate) -> Any:
     """An empty `minari.dataset.minari_storage.MinariStorage` in ``folder/minari``, in Parquet."""
-    minari = import_from_extra("minari.dataset.minari_storage", "formats")
+    minari = import_from_extra("minari.dataset.minari_storage", "formats", USER)
     finite_in_range("duration of Minari's episodes", arguments.duration, 1 / SAMPLE_RATE, LONGEST)
     path = folder / FORMAT / DATASET / "data"
     path.parent.mkdir(parents=True)
@@ -74,7 +75,7 @@ def episodes(
     `columns` are channels and truth, (n_steps + 1, n_lanes) each, the first sample at the start;
     `mission` is None if each lane has sampled its own.
     """
-    buffer = import_from_extra("minari.data_collector.episode_buffer", "formats").EpisodeBuffer
+    buffer = import_from_extra("minari.data_collector.episode_buffer", "formats", USER)
     observations = np.stack([columns[name] for name in CHANNELS], axis=-1)
     actions = np.stack([columns[name] for name in ACTIONS], axis=-1)
     infos = dict(columns)
@@ -83,7 +84,7 @@ def episodes(
     common_options = {} if mission is None else {"mission": asdict(mission)}
     is_last = np.arange(1, len(observations)) == len(observations) - 1
     for lane, (seed, schedule) in enumerate(zip(seeds, schedules, strict=True)):
-        yield buffer(
+        yield buffer.EpisodeBuffer(
             seed=int(seed),
             options={"schedule": json.loads(to_json(schedule))} | common_options,
             observations=observations[:, lane],

@@ -40,8 +40,8 @@ def graph_of(name: str) -> Graph:
 
 def to_onnx(graph: Graph) -> bytes:
     """The ONNX model with its metadata, for any number of lanes."""
-    onnx = import_from_extra("onnx", "formats")
-    import_from_extra("onnxscript", "formats")
+    onnx = import_from_extra("onnx", "formats", "`export`")
+    import_from_extra("onnxscript", "formats", "`export`")
     widths = n_columns(graph)
     inputs = tuple(torch.zeros(2, width) for width in widths.values())
     # all inputs have the same number of lanes, which the first one names

@@ -1,9 +1,10 @@
 import numpy as np
 
 from auv_fault_env.faults import CATALOGUE, classes
-from training.benchmark.plan import MOST_HOURS, SEED_BLOCK
+from training.arguments import LAST_OFFSET, MOST_HOURS
+from training.benchmark.plan import SEED_BLOCK
 from training.benchmark.suites import load
-from training.benchmark.validation_suite import FIRST_SEED, LAST_OFFSET, validation_suite
+from training.benchmark.validation_suite import FIRST_SEED, validation_suite
 from training.seeds import purpose_of
 from training.stimuli import STIMULI
 

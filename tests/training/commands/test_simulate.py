@@ -124,7 +124,7 @@ def test_healthy_vehicles_have_no_onset(tmp_path):
         (["--vehicles", "0"], ["vehicles", "0", "from 1"]),
         (["--duration", "-1"], ["duration", "-1", "0.1"]),
         (["--duration", "nan"], ["duration", "nan"]),
-        (["--sensor-noise", "-1"], ["sensor_noise", "-1"]),
+        (["--sensor-noise", "-1"], ["sensor-noise", "-1"]),
         (["--mission", "thesys"], ["mission", "'thesys'", "did you mean 'thesis'"]),
         (["--mission", "7"], ["mission speed", "7"]),
         (["--schedule", "nowhere.json"], ["schedule file", "nowhere.json"]),

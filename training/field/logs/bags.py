@@ -81,8 +81,8 @@ def read_bag(path: Path) -> Table:
 
 
 def _read_rows(path: Path) -> BagRows:
-    highlevel = import_from_extra("rosbags.highlevel", "logs")
-    typesys = import_from_extra("rosbags.typesys", "logs")
+    highlevel = import_from_extra("rosbags.highlevel", "logs", "reading bags")
+    typesys = import_from_extra("rosbags.typesys", "logs", "reading bags")
     # for old bags, which do not hold their types
     types = typesys.get_typestore(typesys.Stores.LATEST)
     rows = BagRows()

@@ -64,7 +64,7 @@ def dataflash_table(path: Path) -> Table:
 
 def _reader() -> type:
     """The library's reader with its index in Python: the fast one prints past `sys.stderr`."""
-    library = import_from_extra("pymavlink.DFReader", "logs")
+    library = import_from_extra("pymavlink.DFReader", "logs", "reading DataFlash logs")
     slow_index = {"init_arrays_fast": library.DFReader_binary.init_arrays}
     return type("Reader", (library.DFReader_binary,), slow_index)
 

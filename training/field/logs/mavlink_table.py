@@ -112,7 +112,7 @@ def _numbers(message: Any) -> Iterator[tuple[str, float]]:
 
 @cache
 def _dialect() -> Any:
-    return import_from_extra("pymavlink.dialects.v20.ardupilotmega", "logs")
+    return import_from_extra("pymavlink.dialects.v20.ardupilotmega", "logs", "reading MAVLink")
 
 
 @cache

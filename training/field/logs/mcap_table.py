@@ -67,7 +67,7 @@ def mcap_table(path: Path) -> Table:
 
 def _profile(path: Path) -> str:
     """The profile that the file names; that of ROS 2 where it cannot be read."""
-    reader = import_from_extra("mcap.reader", "logs")
+    reader = import_from_extra("mcap.reader", "logs", "reading MCAP")
     try:
         with path.open("rb") as file:
             return reader.make_reader(file).get_header().profile
@@ -77,8 +77,8 @@ def _profile(path: Path) -> str:
 
 def _messages(path: Path, log: str) -> Iterator[tuple[Any, Any]]:
     """Every message with its channel; refused before a chunk is unpacked that fills the memory."""
-    stream = import_from_extra("mcap.stream_reader", "logs")
-    records = import_from_extra("mcap.records", "logs")
+    stream = import_from_extra("mcap.stream_reader", "logs", "reading MCAP")
+    records = import_from_extra("mcap.records", "logs", "reading MCAP")
     channels = {}
     with path.open("rb") as file:
         limit = limits.LARGEST_CONTENT

@@ -60,7 +60,7 @@ def ulog_table(content: bytes, log: str) -> Table:
 
 
 def _read(content: bytes, log: str) -> Any:
-    core = import_from_extra("pyulog.core", "logs")
+    core = import_from_extra("pyulog.core", "logs", "reading ULog")
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # the library prints its warnings
             head = core.ULog(Content(content), parse_header_only=True)
