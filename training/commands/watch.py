@@ -2,26 +2,33 @@
 
 import socket
 
-from auv_fault_env.errors import finite_in_range, refusal
+from auv_fault_env.errors import refusal
 from training.arguments import Watch
 from training.extras import import_from_extra
 
 HOST = "127.0.0.1"  # the page is for this machine alone
+MOST_PAGES = 50  # about 1 MiB each
+RECONNECT_TIMEOUT = 60.0  # s until a page that has left ends: a busy machine is not a lost one
 
 
 def main(arguments: Watch) -> None:
     """Serve the page until Ctrl+C."""
-    nicegui = import_from_extra("nicegui", "live")
+    nicegui = import_from_extra("nicegui", "live", "`watch`")
     port = free_port(arguments.port)
-    finite_in_range("seed", arguments.seed, 0, 2**62)
+    from training.live.guard import keep_to_own_address, log_in_lines
     from training.live.page import Page
     from training.live.session import Session
 
     Session(arguments.seed).step()  # compiles before the first visitor comes
+    log_in_lines()
+    keep_to_own_address(HOST, port)
     nicegui.app.on_startup(lambda: print(f"http://{HOST}:{port}/ until Ctrl+C", flush=True))
 
     def root() -> None:
-        Page(arguments.seed)
+        if len(nicegui.Client.instances) > MOST_PAGES:
+            nicegui.ui.label(f"{MOST_PAGES} pages are open: close one, and reload a minute later.")
+        else:
+            Page(arguments.seed)
 
     nicegui.ui.run(
         root,
@@ -31,14 +38,13 @@ def main(arguments: Watch) -> None:
         show=False,
         reload=False,
         show_welcome_message=False,
-        # s until the page would start again: a busy machine is not a lost one
-        reconnect_timeout=60.0,
+        reconnect_timeout=RECONNECT_TIMEOUT,
+        log_config=None,  # as other loggers
     )
 
 
 def free_port(port: int) -> int:
     """The port, or any free one for 0; a taken one is refused."""
-    finite_in_range("port", port, 0, 65535)
     with socket.socket() as probe:
         # as the server will do, for a port whose last server has just ended
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -15,6 +15,7 @@ from training.stimuli import STIMULI
 
 UPDATE_INTERVAL = 0.4  # s, long enough for a browser without a graphics card
 PACES = {1: "1×", 4: "4×", 10: "10×"}  # times real time
+FIRST_PACE = 1
 RAMPS = {0.0: "abrupt", 10.0: "over 10 s", 30.0: "over 30 s"}
 CONTROLS_GRID = "grid gap-2 content-start md:grid-cols-3 lg:grid-cols-1"
 CHARTS_GRID = "grid gap-2 content-start grid-cols-1 md:grid-cols-2 lg:grid-cols-3"
@@ -41,6 +42,7 @@ class Page:
     def __init__(self, seed: int):
         self.session = Session(seed)
         self.is_running = False
+        self._is_choosing = False
         ui.context.client.content.classes("p-2")
         with ui.dialog().props("persistent") as self.wait:
             ui.spinner(size="xl", color="white")
@@ -63,7 +65,7 @@ class Page:
                 self.start = _button("start", self._start_or_pause)
                 _button("reset", self._and_update(self.session.reset)).props("outline")
             with ui.row().classes("gap-2 items-center"):
-                self.pace = ui.toggle(PACES, value=1).props("dense no-caps").mark("pace")
+                self.pace = ui.toggle(PACES, value=FIRST_PACE).props("dense no-caps").mark("pace")
                 self.progress = ui.label().mark("progress")
             first = self.session.mission_speed
             speed = _slider("mission speed [m/s]", SLOWEST, MAXIMUM_COMMAND, first).mark("speed")
@@ -113,11 +115,15 @@ class Page:
         self.start.set_text("pause" if self.is_running else "start")
 
     def _and_update(self, action: Callable[[], None]) -> Callable[[], None]:
-        """The action, followed by an update of the page."""
+        """The action, followed by an update of the page; none while a choice is under way.
+
+        The dialog of the choice blocks the page, but a forged message comes through.
+        """
 
         def act() -> None:
-            action()
-            self.update()
+            if not self._is_choosing:
+                action()
+                self.update()
 
         return act
 
@@ -126,19 +132,25 @@ class Page:
 
     async def _choose(self, choose: Callable[[str], None], name: str) -> None:
         """Choose in a thread, because that may load a network or compute a wave."""
+        if self._is_choosing:
+            return
+        self._is_choosing = True
         self.wait.open()
         try:
             await run.io_bound(choose, name)
         except InputError as error:
             ui.notify(str(error), type="negative")
-        self.wait.close()
-        self.diagnoser.value = self.session.diagnoser.name
-        self.stimulus.value = self.session.stimulus.name
+        finally:
+            self.wait.close()
+            self.diagnoser.value = self.session.diagnoser.name
+            self.stimulus.value = self.session.stimulus.name
+            self._is_choosing = False
         self.update()
 
     def _run(self) -> None:
-        if self.is_running and not self.wait.value:
-            for _ in range(round(UPDATE_INTERVAL * SAMPLE_RATE) * self.pace.value):
+        if self.is_running and not self._is_choosing:
+            pace = self.pace.value or FIRST_PACE
+            for _ in range(round(UPDATE_INTERVAL * SAMPLE_RATE) * pace):
                 self.session.step()
             self.update()
 
