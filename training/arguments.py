@@ -14,6 +14,7 @@ from training.known_names import (
     EXPORTABLE,
     MISSIONS,
     PRESETS,
+    SPLITS,
     STIMULI,
     SUITES,
     TRAINABLE,
@@ -46,7 +47,7 @@ class Reproduce:
 
 @dataclass(frozen=True)
 class Simulate:
-    """Simulate vehicles with faults and write every sample to CSV, Parquet or a Minari data set."""
+    """Simulate vehicles with faults and write every sample to Parquet, CSV or a Minari data set."""
 
     output: Path = Path("runs/simulate")
     """Folder of the files; an earlier run there is replaced."""
@@ -55,11 +56,17 @@ class Simulate:
     duration: Annotated[float, number(0.1, 1e5)] = 60.0
     """Length of an episode [s]."""
     seed: Seed = 0
-    """Seed of the first vehicle; vehicle k has seed + k."""
+    """Seed of the first vehicle, within the split if there is one; the next have the next seeds."""
+    split: Annotated[str | None, listed(*SPLITS)] = None
+    """Part of a data set, whose seeds no other part has."""
     schedule: Path | None = None
     """JSON file with the fault schedule of every vehicle, [] for none; sampled if not set."""
+    schedules: str | None = None
+    """Distribution that schedules are sampled from: JSON file of its fields, or module:Class."""
     mission: Annotated[str | None, listed(*MISSIONS, "SPEED")] = None
     """Mission of every vehicle, or its constant speed [m/s]; sampled if not set."""
+    missions: str | None = None
+    """Distribution that missions are sampled from: JSON file of its fields, or module:Class."""
     preset: Annotated[str, listed(*PRESETS)] = "thesis1992"
     """Vehicle, with constants from publications."""
     sensor_noise: Factor = 1.0
@@ -68,7 +75,9 @@ class Simulate:
     """Factor on the disturbing acceleration, 0 for none."""
     healthy_band: Factor = 1.0
     """Factor on the healthy band, 0 for none."""
-    formats: tuple[Literal["csv", "parquet", "minari"], ...] = ("csv", "parquet")
+    realism: Factor = 0.0
+    """Factor on the imperfections of real sensors and surroundings, 1 for what is usual."""
+    formats: tuple[Literal["parquet", "csv", "minari"], ...] = ("parquet",)
     """Files to write; minari is a data set for `minari.load_dataset` (extra `formats`)."""
 
 

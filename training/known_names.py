@@ -4,6 +4,7 @@ The registries decide: commands look names up there, and a test compares.
 """
 
 PRESETS = ("thesis1992", "npsnet1995", "remus100", "torpedo_1hz")
+SPLITS = ("train", "calibration", "validation", "test")
 COMPETITORS = (
     "limits",
     "cusum",

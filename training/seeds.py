@@ -4,6 +4,8 @@ from auv_fault_env.errors import finite_in_range, known_name, refusal
 
 SPAN = 10**9  # seeds of a purpose; up to there they belong to examples and to the user
 PURPOSES = ("training", "calibration", "validation", "test")
+# the purposes by the names of the parts of a data set
+SPLITS = {"train": "training"} | {purpose: purpose for purpose in PURPOSES[1:]}
 
 
 def seeds(purpose: str, count: int, first: int = 0) -> range:

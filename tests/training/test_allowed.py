@@ -18,6 +18,7 @@ from training.benchmark import suites
 from training.field.diagnosis.diagnosis import THRESHOLDS
 from training.formats.onnx import GRAPHS
 from training.learning.trainer import TRAINERS
+from training.seeds import SPLITS
 from training.stimuli import STIMULI
 
 NUMBERS = {int, float, int | None, float | None}
@@ -96,6 +97,7 @@ def test_what_is_not_set_is_not_checked():
 
 def test_the_names_of_the_help_are_those_of_the_registries():
     assert list(known_names.PRESETS) == list(PRESETS)
+    assert list(known_names.SPLITS) == list(SPLITS)
     assert list(known_names.DIAGNOSERS) == list(NAMES)
     assert list(known_names.COMPETITORS) == ranked()
     assert list(known_names.DIAGNOSERS_OF_LOGS) == list(THRESHOLDS)

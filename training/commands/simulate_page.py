@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from auv_fault_env.schedules import Schedule
+from training.formats.columns import COLUMNS, DICTIONARY, dictionary_rows
 from training.report.lines import line_without_band
 from training.report.sections import figure_section, table_section
 
@@ -20,15 +21,14 @@ PANELS = {
 
 def report(
     command: str,
-    names: Sequence[str],
     schedules: Mapping[int, Schedule],
-    seed: int,
+    seeds: Sequence[int],
     first_vehicle: Mapping[str, np.ndarray],
 ) -> dict[str, Any]:
     """The report as plain data.
 
-    `names` are the columns of the tables, `schedules` by number of the vehicle, `seed` that of the
-    first vehicle, and `first_vehicle` its time and channels, (n_samples,) each.
+    `schedules` and `seeds` are by number of the vehicle, `first_vehicle` has the time and the
+    channels of the first, (n_samples,) each.
     """
     intro = (
         f"{len(schedules)} vehicles, one row per vehicle and sample of 0.1 s, in the order of the "
@@ -37,15 +37,17 @@ def report(
     )
     rows = []
     for vehicle, schedule in list(schedules.items())[:N_SHOWN]:
-        rows.append([str(vehicle), str(seed + vehicle), schedule_text(schedule)])
+        rows.append([str(vehicle), str(seeds[vehicle]), schedule_text(schedule)])
     faults = f"The first {len(rows)} vehicles; every schedule is in schedules.json."
+    columns = f"As in {DICTIONARY}; the files of Parquet have the same as metadata of the fields."
     return {
         "title": "Simulated episodes",
         "command": command,
-        "intro": [intro, f"Columns: {', '.join(names)}."],
+        "intro": [intro],
         "sections": [
             first_vehicle_section(schedules[0], first_vehicle),
             table_section("Faults", ["vehicle", "seed", "faults"], rows, faults),
+            table_section("Columns", COLUMNS, list(dictionary_rows()), columns),
         ],
     }
 

@@ -36,13 +36,19 @@ DESCRIPTION = (
 )
 
 
-def new_storage(folder: Path, arguments: Simulate) -> Any:
-    """An empty `minari.dataset.minari_storage.MinariStorage` in ``folder/minari``, in Parquet."""
+def new_storage(
+    folder: Path, arguments: Simulate, distributions: Mapping[str, dict[str, Any]]
+) -> Any:
+    """An empty `minari.dataset.minari_storage.MinariStorage` in ``folder/minari``, in Parquet.
+
+    `distributions` are those of schedules and missions as the environment takes them.
+    """
     minari = import_from_extra("minari.dataset.minari_storage", "formats", USER)
     finite_in_range("duration of Minari's episodes", arguments.duration, 1 / SAMPLE_RATE, LONGEST)
     path = folder / FORMAT / DATASET / "data"
     path.parent.mkdir(parents=True)
-    storage = minari.MinariStorage.new(path, env_spec=environment(arguments), data_format="parquet")
+    env_spec = environment(arguments, distributions)
+    storage = minari.MinariStorage.new(path, env_spec=env_spec, data_format="parquet")
     about = {
         "dataset_id": DATASET,
         "minari_version": version("minari"),
@@ -54,12 +60,14 @@ def new_storage(folder: Path, arguments: Simulate) -> Any:
     return storage
 
 
-def environment(arguments: Simulate) -> gym.envs.registration.EnvSpec:
+def environment(
+    arguments: Simulate, distributions: Mapping[str, dict[str, Any]]
+) -> gym.envs.registration.EnvSpec:
     """The environment that makes these episodes."""
     spec = copy.deepcopy(gym.spec(ENVIRONMENT))
     spec.max_episode_steps = round(arguments.duration * SAMPLE_RATE)
-    names = ("preset", "sensor_noise", "disturbance", "healthy_band")
-    spec.kwargs = {name: getattr(arguments, name) for name in names}
+    names = ("preset", "sensor_noise", "disturbance", "healthy_band", "realism")
+    spec.kwargs = {name: getattr(arguments, name) for name in names} | distributions
     spec.kwargs["truth"] = "full"
     return spec
 
