@@ -432,10 +432,18 @@ class Fleet:
 
 def checked_actions(actions, shape: tuple[int, ...]) -> np.ndarray:
     """The actions as contiguous float64 if they are finite and of that shape, else a refusal."""
+    # NumPy would drop the imaginary part, and count the seconds of a date
+    if getattr(getattr(actions, "dtype", None), "kind", "") in ("c", "m", "M"):
+        raise refusal("action", actions, f"real numbers of shape {shape}", GIVE_ACTIONS)
     try:
         actions = np.ascontiguousarray(actions, np.float64)
-    except (TypeError, ValueError):
-        raise refusal("action", actions, f"numbers of shape {shape}", GIVE_ACTIONS) from None
+    except OverflowError:
+        allowed = f"finite numbers of shape {shape}"
+        raise refusal("action", "a number beyond 1.8e308", allowed, "check the policy") from None
+    # whatever an object raises that is to be numbers
+    except Exception as error:
+        got = actions if isinstance(error, TypeError | ValueError) else error
+        raise refusal("action", got, f"numbers of shape {shape}", GIVE_ACTIONS) from None
     if actions.shape != shape:
         raise refusal("shape of the action", actions.shape, shape, GIVE_ACTIONS)
     if actions.ndim == 1:

@@ -23,6 +23,7 @@ from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.layout import EpisodePlan, SeverityProfile
 from auv_fault_env.noise import STREAMS, episode_keys, uniforms
 from auv_fault_env.parameters import Vehicle
+from auv_fault_env.text_files import text_of
 from auv_fault_env.unmodelled import plant_fault, plant_faults
 
 LONGEST = 1e12  # s
@@ -122,13 +123,7 @@ def from_json(text: str, origin: str = "schedule") -> Schedule:
 
 def load_schedule(path: str | Path) -> Schedule:
     """The schedule of a JSON file."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
-        remedy = f"check the path ({reason})"
-        raise refusal("schedule file", str(path), "a readable JSON file", remedy) from None
-    return from_json(text, str(path))
+    return from_json(text_of(path, "schedule file", "a readable JSON file"), str(path))
 
 
 class Events(NamedTuple):

@@ -1,5 +1,6 @@
 """The command line ``auv-fault``: each of `COMMANDS` is run by ``main`` of its module."""
 
+import functools
 import importlib
 import os
 import signal
@@ -13,32 +14,16 @@ import tyro
 
 from training.allowed import check
 from training.arguments import COMMANDS
-from training.terminal import Terminal, terminal
+from training.terminal import BAD_INPUT, Terminal, run_guarded
 
-BAD_INPUT = 2  # exit code
 DESCRIPTION = """Propulsion-fault diagnosis for autonomous underwater vehicles.
 
 auv-fault COMMAND --help explains a command, auv-fault --version prints the version."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code; 2 and one line of error on bad input.
-
-    Output that is lost because its reader has closed the pipe changes nothing; output that cannot
-    be written for another reason is an error of code 2, unless the code is higher.
-    """
-    with terminal() as (output, errors):
-        try:
-            code = _parse_and_run(arguments, output, errors)
-        except SystemExit as end:  # of the parser, which has printed help or an error
-            code = end.code
-        reason = output.reason_of_loss()
-        if reason and code != BAD_INPUT:
-            remedy = "send it elsewhere; the files of a report are whole"
-            print(f"auv-fault: standard output is lost: {reason}; {remedy}", file=errors)
-            code = max(code, BAD_INPUT)
-        errors.flush()
-    return code
+    """Run one command and return its exit code; 2 and one line of error on bad input."""
+    return run_guarded("auv-fault", functools.partial(_parse_and_run, arguments))
 
 
 def _parse_and_run(arguments: Sequence[str] | None, output: Terminal, errors: Terminal) -> int:

@@ -5,10 +5,21 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
-from io import TextIOWrapper
+from io import StringIO, TextIOWrapper
 from typing import Any, TextIO
 
 from auv_fault_env.printable import printable
+
+BAD_INPUT = 2  # exit code
+LAST_STANDARD_STREAM = 2  # descriptor of standard error
+
+
+class Closed(StringIO):
+    """The stream of a descriptor that was closed before the process began."""
+
+    def write(self, text: str) -> int:
+        """Raise `OSError`."""
+        raise OSError(errno.EBADF, "it is closed")
 
 
 class Terminal:
@@ -62,17 +73,53 @@ class Terminal:
 def terminal() -> Iterator[tuple[Terminal, Terminal]]:
     """Standard output and standard error as `Terminal` each, until the context ends.
 
-    Characters that the encoding of standard output lacks are replaced. A stream that the process
-    was started without discards all.
+    Characters that the encoding of standard output lacks are replaced.
     """
-    with open(os.devnull, "w", encoding="utf-8") as nowhere:
-        output = Terminal(sys.stdout or nowhere, kept="\n\t")
-        # bars of progress return to the start of their line
-        errors = Terminal(sys.stderr or nowhere, kept="\n\t\r")
-        if isinstance(output.stream, TextIOWrapper):
-            output.stream.reconfigure(errors="replace")
-        with redirect_stdout(output), redirect_stderr(errors):
-            yield output, errors
+    _open_standard_descriptors()
+    output = Terminal(sys.stdout or Closed(), kept="\n\t")
+    # bars of progress return to the start of their line
+    errors = Terminal(sys.stderr or Closed(), kept="\n\t\r")
+    if isinstance(output.stream, TextIOWrapper):
+        output.stream.reconfigure(errors="replace")
+    with redirect_stdout(output), redirect_stderr(errors):
+        yield output, errors
+
+
+def run_guarded(program: str, command: Callable[[Terminal, Terminal], int]) -> int:
+    """The exit code of a command that prints to `terminal`.
+
+    Output that is lost because its reader has closed the pipe changes nothing; output that cannot
+    be written for another reason is an error of code 2, unless the code is higher.
+
+    Parameters
+    ----------
+    program
+        Name before the line of error.
+    command
+        Takes standard output and standard error, and returns or exits with its code.
+    """
+    with terminal() as (output, errors):
+        try:
+            code = command(output, errors)
+        except SystemExit as end:  # of the parser, which has printed help or an error
+            code = end.code
+        reason = output.reason_of_loss()
+        if reason and code != BAD_INPUT:
+            remedy = "send it elsewhere; the files of a report are whole"
+            print(f"{program}: standard output is lost: {reason}; {remedy}", file=errors)
+            code = max(code, BAD_INPUT)
+        errors.flush()
+    return code
+
+
+def _open_standard_descriptors() -> None:
+    """Open the null device in place of standard streams that are closed.
+
+    Else the next file takes the number, and receives what libraries print.
+    """
+    while (descriptor := os.open(os.devnull, os.O_RDWR)) <= LAST_STANDARD_STREAM:
+        os.set_inheritable(descriptor, True)
+    os.close(descriptor)
 
 
 def without_guard(stream: TextIO | Terminal) -> TextIO:

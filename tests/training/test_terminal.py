@@ -85,12 +85,37 @@ def test_a_full_device_is_one_line_and_the_files_are_whole(tmp_path, help):
     assert help or is_whole(tmp_path)
 
 
-def test_a_closed_standard_output(tmp_path):
-    script = f'exec "{sys.executable}" -m training.cli vehicle init log.csv --output v.toml >&-'
+@pytest.mark.parametrize(
+    ("closed", "code", "words"),
+    [
+        (">&-", 2, b"auv-fault: standard output is lost: it is closed; "),
+        ("<&-", 0, b""),
+        ("2>&-", 0, b""),
+        (">&- 2>&- <&-", 2, b""),
+    ],
+)
+def test_a_closed_standard_stream(tmp_path, closed, code, words):
+    command = f'"{sys.executable}" -m training.cli vehicle init log.csv --output v.toml'
     (tmp_path / "log.csv").write_text(LOG)
-    done = subprocess.run(["sh", "-c", script], cwd=tmp_path, stderr=subprocess.PIPE)
-    assert (done.returncode, done.stderr) == (0, b"")
+    script = f"exec {command} {closed}"
+    done = subprocess.run(["sh", "-c", script], cwd=tmp_path, capture_output=True)
+    assert done.returncode == code, done.stderr
+    assert done.stderr.startswith(words) and done.stderr.count(b"\n") == bool(words)
     assert is_whole(tmp_path, "v.toml")
+
+
+def test_no_file_takes_the_number_of_a_closed_stream(tmp_path):
+    code = (
+        "import os; from training.terminal import terminal\n"
+        "with terminal():\n"
+        "    file = open('data', 'wb')\n"
+        "    os.write(1, b'of a library'); os.write(2, b'of a library')\n"
+        "    assert file.fileno() > 2\n"
+    )
+    script = f'exec "{sys.executable}" -c "$CODE" <&- >&- 2>&-'
+    environment = os.environ | {"CODE": code}
+    done = subprocess.run(["sh", "-c", script], cwd=tmp_path, env=environment)
+    assert done.returncode == 0 and (tmp_path / "data").read_bytes() == b""
 
 
 def test_a_stream_after_an_error_discards(monkeypatch):

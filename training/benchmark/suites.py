@@ -29,6 +29,7 @@ from auv_fault_env.missions import Mission, MissionSampler
 from auv_fault_env.noise import STREAMS, episode_keys, uniforms
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.schedules import Schedule, ScheduleSampler, schedule_of, to_json
+from auv_fault_env.text_files import text_of
 from training.benchmark.whole_missions import WholeMissionSampler
 from training.metrics.records import HORIZON
 from training.rollouts import square_waves
@@ -267,12 +268,7 @@ def load(suite: str) -> Suite:
 
 def read(path: Path) -> str:
     """The text of a suite's file."""
-    try:
-        return path.read_bytes().decode()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
-        remedy = f"check the path ({reason})"
-        raise refusal("suite", str(path), "a readable file of a suite", remedy) from None
+    return text_of(path, "suite", "a readable file of a suite")
 
 
 def parse(text: str, origin: Path) -> Suite:
@@ -299,7 +295,7 @@ def parse(text: str, origin: Path) -> Suite:
         )
     except InputError as error:
         raise InputError(f"suite {origin}: {error}") from None
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, RecursionError, TypeError, ValueError) as error:
         shown = f"{type(error).__name__}: {error}"
         allowed = "a file like those in training/benchmark/suites"
         raise refusal(f"suite {origin}", shown, allowed, "correct that place") from None

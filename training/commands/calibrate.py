@@ -1,5 +1,6 @@
 """``auv-fault calibrate``: a vehicle file fitted to healthy logs."""
 
+import os
 import shlex
 import sys
 from collections.abc import Sequence
@@ -52,7 +53,7 @@ def main(arguments: Calibrate) -> None:
 def calibrate(arguments: Calibrate) -> tuple[Calibration, FitQuality, dict[str, Any]]:
     """The calibration, how well it knows the vehicle, and all results as plain data."""
     vehicle = read_vehicle(arguments.vehicle)
-    if len({path.resolve() for path in arguments.logs}) < len(arguments.logs):
+    if len(set(map(os.path.realpath, arguments.logs))) < len(arguments.logs):
         names = [str(path) for path in arguments.logs]
         raise refusal("logs", names, "each log once", "leave the repetitions out")
     with tqdm(arguments.logs, "reading", unit="log", leave=False, file=sys.stderr) as paths:

@@ -16,6 +16,7 @@ from auv_fault_env.schedules import (
     ScheduleSampler,
     load_schedule,
 )
+from auv_fault_env.text_files import text_of
 from training import seeds
 from training.arguments import Simulate
 
@@ -122,14 +123,15 @@ def _distribution(
 
 def _json_object(option: str, path: Path) -> dict[str, Any]:
     form = "a JSON file of the fields of a distribution, or module:Class"
+    text = text_of(path, option, form)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(text)
     except json.JSONDecodeError as error:
         place = f"{option} {path}, line {error.lineno} column {error.colno}"
         raise refusal(place, error.msg, form, "correct that place") from None
-    except (OSError, RecursionError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
-        raise refusal(option, str(path), form, f"check the path ({reason})") from None
+    # ValueError for a number of thousands of digits
+    except (RecursionError, ValueError) as error:
+        raise refusal(f"{option} {path}", str(error), form, "write plain fields") from None
     if not isinstance(content, dict):
         remedy = f"write an object, or give --{option[:-1]} what all vehicles share"
         raise refusal(f"{option} {path}", content, form, remedy)

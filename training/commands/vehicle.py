@@ -1,5 +1,7 @@
 """``auv-fault vehicle init LOG``: proposes a vehicle file from a log."""
 
+import os
+
 from auv_fault_env.errors import refusal
 from auv_fault_env.printable import printable
 from training.arguments import Vehicle
@@ -12,7 +14,7 @@ from training.field.vehicle_file import write_text
 
 def main(arguments: Vehicle) -> None:
     """Write the proposal; print every column with what it was taken for, and why."""
-    if arguments.output.exists():
+    if os.path.lexists(arguments.output):
         raise refusal("output", str(arguments.output), "a new file", "choose another --output")
     table = read_table(arguments.log)
     proposal = propose(table, printable(arguments.log.name.split(".")[0]))

@@ -4,6 +4,7 @@ import json
 import os
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -12,6 +13,7 @@ from typing import Any, NamedTuple
 from auv_fault_env.channels import CHANNELS, READINGS
 from auv_fault_env.errors import finite_in_range, known_name, refusal
 from auv_fault_env.parameters import HULL, PRESETS, SHAFT, Vehicle, vehicle_of
+from auv_fault_env.text_files import text_of
 from diagnosers.relations.model import RelationModel
 from diagnosers.relations.table import KEYS, as_table, from_table
 from diagnosers.residuals import Residuals
@@ -188,13 +190,11 @@ def read_vehicle(path: Path) -> VehicleFile:
 
 
 def _content(path: Path) -> dict[str, Any]:
+    text = text_of(path, "vehicle file", "a readable TOML file")
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        remedy = f"check the path ({error.strerror or error})"
-    except UnicodeDecodeError:
-        remedy = "save it as UTF-8"
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        return tomllib.loads(text)
+    # ValueError also for a number of thousands of digits
+    except (ValueError, RecursionError) as error:
         remedy = f"correct it: {error}"
     raise refusal("vehicle file", str(path), "a readable TOML file", remedy) from None
 
@@ -246,7 +246,8 @@ def write_text(path: Path, text: str) -> None:
         aside.write_text(text, encoding="utf-8")
         aside.replace(path)
     except OSError as error:
-        aside.unlink(missing_ok=True)
+        with suppress(OSError):
+            aside.unlink()
         allowed = f"a place that can be written ({error.strerror or error})"
         raise refusal("vehicle file", str(path), allowed, "choose another place") from None
 

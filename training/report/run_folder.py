@@ -16,10 +16,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from auv_fault_env.errors import refusal
+from auv_fault_env.text_files import text_of
 
 PACKAGES = (
     "auv-fault gymnasium joblib matplotlib numba numpy pyarrow safetensors scipy torch".split()
 )
+DEEPEST = 500  # folders above an output: they are made by recursion
 MANIFEST = "manifest.json"
 # what comes before the name in the commands that write run folders
 SUBCOMMAND = "auv-fault "
@@ -113,6 +115,9 @@ def checked_output(output: Path, command: str, files_to_keep: Sequence[str] = ()
     except (OSError, RuntimeError, ValueError) as error:
         allowed = f"a place that can be written ({getattr(error, 'strerror', None) or error})"
         raise refusal("output", str(output), allowed, "choose another --output") from None
+    if len(resolved.parents) > DEEPEST:
+        allowed = f"a place within {DEEPEST} folders"
+        raise refusal("output", str(output), allowed, "choose another --output")
     manifest = read_manifest(resolved)
     if is_occupied and (manifest is None or manifest["command"] != command):
         found = f"a run of {manifest['command']}" if manifest else "other files"
@@ -124,8 +129,8 @@ def checked_output(output: Path, command: str, files_to_keep: Sequence[str] = ()
 def read_manifest(path: Path) -> dict[str, Any] | None:
     """The manifest of the run at `path`; None if there is no run."""
     try:
-        manifest = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        manifest = json.loads(text_of(path / MANIFEST, "manifest", "that of a run"))
+    except (ValueError, RecursionError):
         return None
     if not isinstance(manifest, dict):
         return None

@@ -1,5 +1,6 @@
 """What all studies share: the command line, and the run folder with results and page."""
 
+import functools
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
@@ -11,6 +12,7 @@ import tyro
 from auv_fault_env.errors import InputError
 from training.report.page import print_tables, write_report
 from training.report.run_folder import STUDY, run_folder, write_json
+from training.terminal import BAD_INPUT, Terminal, run_guarded
 
 Report = Mapping[str, Any]
 
@@ -27,15 +29,25 @@ def command_line(main: Callable[..., None]) -> NoReturn:
         Takes one dataclass of options, or plain options, or nothing.
     """
     program = STUDY + Path(sys.argv[0]).stem
-    try:
-        tyro.cli(main, prog=program, config=(tyro.conf.OmitArgPrefixes,))
-    except InputError as error:
-        print(f"{program}: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print(f"{program}: stopped", file=sys.stderr)
-        sys.exit(130)
-    sys.exit(0)
+
+    def command(output: Terminal, errors: Terminal) -> int:
+        @functools.wraps(main)
+        def study(*arguments: Any, **options: Any) -> None:
+            output.escapes = True
+            errors.escapes = True
+            main(*arguments, **options)
+
+        try:
+            tyro.cli(study, prog=program, config=(tyro.conf.OmitArgPrefixes,))
+        except InputError as error:
+            print(f"{program}: {error}", file=sys.stderr)
+            return BAD_INPUT
+        except KeyboardInterrupt:
+            print(f"{program}: stopped", file=sys.stderr)
+            return 130
+        return 0
+
+    sys.exit(run_guarded(program, command))
 
 
 def run_study(

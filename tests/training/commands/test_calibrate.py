@@ -131,6 +131,12 @@ def test_a_log_given_twice_is_refused(paths, tmp_path, capfd):
     assert code == 2 and "each log once" in capfd.readouterr().err and not folder.exists()
 
 
+def test_a_log_that_is_a_link_to_itself_is_refused(paths, tmp_path, capfd):
+    (tmp_path / "loop.csv").symlink_to("loop.csv")
+    code, folder = run(tmp_path, paths[0], tmp_path / "loop.csv")
+    assert code == 2 and "symbolic links" in capfd.readouterr().err and not folder.exists()
+
+
 def test_likely_mistakes_are_warnings_lines_and_a_section(paths, tmp_path, capfd):
     vehicle = replace(VEHICLE, columns=VEHICLE.columns | {"port_rpm": Column("port_rpm", 1 / 60)})
     write_vehicle(tmp_path / "vehicle.toml", vehicle)

@@ -1,3 +1,4 @@
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,6 +50,16 @@ def test_foreign_folder_is_refused_and_untouched(tmp_path):
         with run_folder(tmp_path, "test", Arguments()):
             raise AssertionError("must not start")
     assert (tmp_path / "thesis.doc").read_text() == "precious"
+
+
+@pytest.mark.parametrize("name", [300 * "n", 600 * "f/", "loop", "loop/run", "pipe/run"])
+def test_a_place_that_cannot_be_is_refused_in_one_line(tmp_path, name):
+    (tmp_path / "loop").symlink_to("loop")
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="choose another --output"):
+        with run_folder(tmp_path / name, "test", Arguments()):
+            raise AssertionError("must not start")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["loop", "pipe"]
 
 
 def test_unwritable_place_is_refused_and_nothing_is_left(tmp_path):

@@ -1,6 +1,9 @@
 """The frame of a study: results, page and printed tables; exit codes and messages."""
 
 import json
+import os
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,6 +48,40 @@ def refuse():
 
 def interrupt():
     raise KeyboardInterrupt
+
+
+STUDY = """
+from training.studies.run import command_line
+
+def main(name: str = "–→\\x1b"):
+    print(name, flush=True)
+
+command_line(main)
+"""
+
+
+def run(**options):
+    environment = os.environ | {"PYTHONIOENCODING": "latin-1"}
+    command = [sys.executable, "-c", STUDY]
+    return subprocess.run(command, env=environment, stderr=subprocess.PIPE, **options)
+
+
+def test_what_the_terminal_lacks_or_obeys_is_replaced():
+    done = run(stdout=subprocess.PIPE)
+    assert (done.returncode, done.stdout, done.stderr) == (0, b"??\\x1b\n", b"")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_full_device_is_one_line_and_a_reader_that_has_gone_is_none():
+    with open("/dev/full", "wb") as full:
+        done = run(stdout=full)
+    assert done.returncode == 2 and done.stderr.count(b"\n") == 1
+    assert b"standard output is lost: No space left on device" in done.stderr
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = run(stdout=writing)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (0, b"")
 
 
 @pytest.mark.parametrize(
