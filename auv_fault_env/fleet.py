@@ -3,21 +3,29 @@
 import itertools
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from auv_fault_env import episodes, lanes, layout, sensors
-from auv_fault_env.channels import CHANNELS, COMMANDS
+from auv_fault_env.channels import CHANNELS, COMMANDS, READINGS
 from auv_fault_env.compiling import n_threads
-from auv_fault_env.errors import finite_in_range, one_per_lane, refusal, whole_number
+from auv_fault_env.errors import (
+    finite_in_range,
+    known_name,
+    one_per_lane,
+    refusal,
+    whole_number,
+)
 from auv_fault_env.faults import Fault, classes, matrices
 from auv_fault_env.missions import Mission, MissionDistribution, MissionSampler, legs_of, mission_of
 from auv_fault_env.noise import STREAMS, episode_keys, uniforms
 from auv_fault_env.parameters import (
+    HULL,
     PARAMETERS,
     SAMPLE_RATE,
+    SHAFT,
     SIDES,
     Vehicle,
     channels_of,
@@ -71,6 +79,9 @@ class Fleet:
         Names of the imperfections that act, of `realism.EFFECTS`; None for all.
     more_faults
         Faults in rows after those of `plant_faults`, which only `Events` can name.
+    band, noise
+        Where not the default: relative half-width of the healthy band by parameter of `Vehicle`;
+        standard deviation by reading [its unit]. The factors above multiply them.
 
     Attributes
     ----------
@@ -105,6 +116,8 @@ class Fleet:
         realism: float = 0.0,
         imperfections: Sequence[str] | None = None,
         more_faults: Sequence[Fault] = (),
+        band: Mapping[str, float] | None = None,
+        noise: Mapping[str, float] | None = None,
     ):
         self.n_lanes = whole_number("number of lanes", n_lanes)
         self.vehicle = vehicle_of(preset)
@@ -121,10 +134,9 @@ class Fleet:
         self._block_ranges = _block_ranges(n_blocks, parallel)
         self._threads: ThreadPoolExecutor | None = None
         self._process = 0
-        parameters = nominal(self.vehicle, sensor_noise)
+        parameters = nominal(self.vehicle, sensor_noise) | _noise_of(noise or {}, sensor_noise)
         self._nominal = np.array(list(parameters.values()))
-        bands = np.array([spec.band for spec in PARAMETERS.values()])
-        self._band = healthy_band * bands
+        self._band = healthy_band * _bands(band or {})
         self._shift, self._latency = healthy_spread(realism, effects)
         self._realism = kernel_values(realism, effects, full_scale_factors(self.vehicle))
         self._always_real = realism > 0.0 and bool(effects)
@@ -478,6 +490,27 @@ def _widened(columns: np.ndarray, blank: np.ndarray) -> np.ndarray:
     """The columns, followed by those of `blank` that they lack."""
     missing = blank[:, columns.shape[1] :]
     return np.concatenate([columns, missing], axis=1) if missing.size else columns
+
+
+def _noise_of(noise: Mapping[str, float], factor: float) -> dict[str, float]:
+    """Parameters of the noise by name, from standard deviations by reading, times a factor."""
+    for reading, std in noise.items():
+        channel = CHANNELS[known_name("reading", reading, READINGS)]
+        finite_in_range(f"noise of {reading}", std, 0.0, channel.high - channel.low)
+    return {f"{reading}_noise": factor * std for reading, std in noise.items()}
+
+
+def _bands(band: Mapping[str, float]) -> np.ndarray:
+    """Relative half-width of the healthy band of every parameter, (n_parameters,)."""
+    for name, width in band.items():
+        known_name("parameter", name, (*HULL, *SHAFT))
+        finite_in_range(f"healthy band of {name}", width, 0.0, 1.0)
+    sides = tuple(f"{side}_" for side in SIDES)
+    bands = []
+    for name, spec in PARAMETERS.items():
+        of_vehicle = name.partition("_")[2] if name.startswith(sides) else name
+        bands.append(band.get(of_vehicle, spec.band))
+    return np.array(bands)
 
 
 def _events_and_legs(

@@ -69,6 +69,8 @@ class Simulate:
     """Distribution that missions are sampled from: JSON file of its fields, or module:Class."""
     preset: Annotated[str, listed(*PRESETS)] = "thesis1992"
     """Vehicle, with constants from publications."""
+    vehicle: Path | None = None
+    """Vehicle file (TOML) instead of a preset: its constants, healthy band and noise."""
     sensor_noise: Factor = 1.0
     """Factor on the readings' noise, 0 for none."""
     disturbance: Factor = 1.0

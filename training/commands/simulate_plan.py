@@ -19,6 +19,8 @@ from auv_fault_env.schedules import (
 from auv_fault_env.text_files import text_of
 from training import seeds
 from training.arguments import Simulate
+from training.field.vehicle_file import VehicleFile, read_vehicle
+from training.formats.minari import FORMAT as MINARI
 
 
 class Plan(NamedTuple):
@@ -79,7 +81,12 @@ def _seeds(arguments: Simulate) -> range:
 
 
 def _settings(arguments: Simulate) -> dict[str, Any]:
+    own = {}
     vehicle = vehicle_of(arguments.preset)
+    if arguments.vehicle is not None:
+        file = _vehicle_file(arguments)
+        vehicle = file.vehicle
+        own = {"band": file.band, "noise": file.noise}
     schedules = None
     missions = None
     if arguments.schedules is not None:
@@ -97,7 +104,18 @@ def _settings(arguments: Simulate) -> dict[str, Any]:
         "realism": arguments.realism,
         "schedules": schedules,
         "missions": missions,
+        **own,
     }
+
+
+def _vehicle_file(arguments: Simulate) -> VehicleFile:
+    if arguments.preset != Simulate.preset:
+        allowed = "no --preset beside --vehicle, whose file names one"
+        raise refusal("preset", arguments.preset, allowed, "leave one of them out")
+    if MINARI in arguments.formats:
+        allowed = "csv and parquet with --vehicle, as no environment has its healthy band"
+        raise refusal("formats", MINARI, allowed, "leave it out")
+    return read_vehicle(arguments.vehicle)
 
 
 def _distribution(

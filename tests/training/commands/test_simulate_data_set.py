@@ -2,7 +2,7 @@
 
 import csv
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pyarrow as pa
@@ -20,10 +20,12 @@ from auv_fault_env import (
     ScheduleSampler,
 )
 from auv_fault_env.missions import follow_mission
+from auv_fault_env.parameters import PRESETS
 from auv_fault_env.schedules import first_onset
 from auv_fault_env.unmodelled import plant_fault
 from training import cli, seeds
 from training.commands import simulate
+from training.field.vehicle_file import Column, VehicleFile, write_vehicle
 
 LARGEST = 350e6 / (10_000 * 600)  # bytes per sample, of 10,000 vehicles over 60 s
 EVENTFUL = {"healthy": 0.0, "compound": 1.0, "intermittent": 0.5, "repaired": 0.5, "onset": [1, 3]}
@@ -240,6 +242,41 @@ def test_a_class_of_ones_own_is_taken_by_its_name(tmp_path, monkeypatch):
     assert set(read(folder)["mission_speed"].to_pylist()) == {0.25}
 
 
+def vehicle_file(tmp_path):
+    """A heavy vehicle with one exact parameter, one that varies widely, and a noisy sensor."""
+    path = tmp_path / "vehicle.toml"
+    vehicle = VehicleFile(
+        replace(PRESETS["thesis1992"], alpha=-0.2),
+        {"speed": Column("speed")},
+        band={"alpha": 0.0, "gamma": 0.5},
+        noise={"speed": 0.3, "acceleration": 0.0},
+    )
+    write_vehicle(path, vehicle)
+    return str(path)
+
+
+def test_vehicles_of_a_file_have_its_constants_band_and_noise(tmp_path):
+    options = "--vehicle", vehicle_file(tmp_path), "--schedule", json_file(tmp_path, [])
+    folder = simulated(tmp_path / "run", "--vehicles", "30", *options)
+    columns = {name: read(folder)[name].to_numpy() for name in read(folder).column_names}
+    assert set(columns["truth_alpha"]) == {np.float32(-0.2)}
+    gamma = np.unique(columns["truth_gamma"] / PRESETS["thesis1992"].gamma)
+    assert len(gamma) == 30 and 0.5 <= gamma.min() < 0.7 and 1.3 < gamma.max() <= 1.5
+    error = {name: columns[name] - columns[f"truth_{name}"] for name in ("speed", "acceleration")}
+    assert 0.27 < error["speed"].std() < 0.33
+    assert np.abs(error["acceleration"]).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    "more", [("--preset", "remus100"), ("--formats", "minari")], ids=["preset", "minari"]
+)
+def test_what_does_not_go_with_a_vehicle_file_is_refused(tmp_path, capfd, more):
+    options = "--output", str(tmp_path / "run"), "--vehicle", vehicle_file(tmp_path)
+    assert cli.main(["simulate", *options, *more]) == 2
+    message = capfd.readouterr().err
+    assert message.count("\n") == 1 and "--vehicle" in message and more[1] in message
+
+
 @pytest.mark.parametrize(
     ("arguments", "content", "words"),
     [
@@ -259,6 +296,7 @@ def test_a_class_of_ones_own_is_taken_by_its_name(tmp_path, monkeypatch):
         (["--mission", "0.4", "--missions", "b.json"], None, ["beside --mission"]),
         (["--split", "test", "--seed", str(10**9)], None, ["seed", "1000000000"]),
         (["--split", "tset"], None, ["split", "did you mean 'test'"]),
+        (["--vehicle", "nowhere.toml"], None, ["vehicle file", "'nowhere.toml'"]),
         (["--realism", "-1"], None, ["realism", "-1"]),
     ],
 )
