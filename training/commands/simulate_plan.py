@@ -1,6 +1,7 @@
 """What `auv-fault simulate` is asked for, checked: vehicles, seeds, faults and missions."""
 
 import json
+import os
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -125,7 +126,7 @@ def _distribution(
 
     `of_vehicle` is what its `check` compares with.
     """
-    is_class = ":" in text and not Path(text).is_file()
+    is_class = ":" in text and not os.path.isfile(text)
     plain = {TYPE: text} if is_class else _json_object(option, Path(text))
     try:
         distribution = base.of(plain, usual)
