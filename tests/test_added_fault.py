@@ -101,7 +101,7 @@ print(json.dumps({
     "offsets": offsets,
     "single": first.shape,
     "many": many.shape,
-    "declared": info["declared"],
+    "declared": classes()[info["declared_class"]],
     "labels": list(plant_info["truth"]["label"]),
 }))
 """

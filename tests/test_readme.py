@@ -17,7 +17,7 @@ DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs
 TEXTS = {path.name: path.read_text(encoding="utf-8") for path in DOCUMENTS}
 EXAMPLES = [
     (code, output)
-    for name in ("README.md", "extending.md")
+    for name in ("README.md", "environments.md", "extending.md")
     for code, output in re.findall(
         r"```python\n(.*?)```(?:\n\n```text\n(.*?)```)?", TEXTS[name], re.DOTALL
     )

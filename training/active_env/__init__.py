@@ -6,11 +6,19 @@ name ``training.active_env:auv_fault_env/ActiveDiagnosis-v0``, for `gym.make` an
 
 import gymnasium as gym
 
+from training.active_env.rewards import Decision, log_probability_gain
 from training.active_env.single import ActiveDiagnosisEnv
 from training.active_env.vector import MAX_DECISIONS, ActiveDiagnosisVectorEnv
 from training.stimuli.policy_inputs import BOUNDS
 
-__all__ = ["FEATURES", "NAME", "ActiveDiagnosisEnv", "ActiveDiagnosisVectorEnv"]
+__all__ = [
+    "FEATURES",
+    "NAME",
+    "ActiveDiagnosisEnv",
+    "ActiveDiagnosisVectorEnv",
+    "Decision",
+    "log_probability_gain",
+]
 NAME = "auv_fault_env/ActiveDiagnosis-v0"
 FEATURES = tuple(BOUNDS)  # of an observation, with the catalogue of the package
 

@@ -1,50 +1,58 @@
 """The active environment for one vehicle."""
 
-from typing import Any, ClassVar
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import gymnasium as gym
-import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
 
-from diagnosers import Recursive
-from training.active_env.vector import (
-    MAX_DECISIONS,
-    ActiveDiagnosisVectorEnv,
-    lane_info,
-)
+from auv_fault_env.env.interface import known_options, need_reset
+from auv_fault_env.env.spec import WithSpec
+from auv_fault_env.missions import MissionDistribution
+from auv_fault_env.parameters import Vehicle
+from auv_fault_env.schedules import ScheduleDistribution
+from diagnosers import Belief
+from training.active_env.rewards import Reward
+from training.active_env.spec import with_plain_arguments
+from training.active_env.vector import ActiveDiagnosisVectorEnv, checked_offset, lane_info
 from training.metrics.declaration import DECLARATION_PROBABILITY
-from training.stimuli.base import BUDGET, LARGEST_OFFSET
+
+NO_LIMIT = 2**31  # decisions: the time limit is that of the registration
 
 
-class ActiveDiagnosisEnv(gym.Env):
-    """The NPS AUV II with a diagnoser in the loop; an agent departs from the mission speed.
+class ActiveDiagnosisEnv(WithSpec, gym.Env):
+    """A vehicle with a diagnoser in the loop; an agent departs from the mission speed.
 
     ## Description
     Every second the agent chooses the offset of the commanded speed from the mission speed for that
     second, ten samples of 0.1 s; the diagnoser is updated after each. The vehicle is that of
-    `auv_fault_env/Propulsion-v0` with its noise, disturbance and healthy band. The seed of an
-    episode determines its faults (none in three of ten; onset 5 to 40 s) and its mission (half keep
-    one speed of 0.2 to 0.5 m/s, half change it leg by leg).
+    `auv_fault_env/Propulsion-v0`, the NPS AUV II by default, with its noise, disturbance and
+    healthy band. The seed of an episode determines its faults (none in three of ten; onset 5 to
+    40 s) and its mission (half keep one speed of 0.2 to 0.5 of the vehicle's largest speed, half
+    change it leg by leg).
 
     ## Action Space
     `Box(1)`, float32, -1 to 1: the speed offset in units of `amplitude`. Values outside are
-    clipped, NaN and infinity are refused. The command stays within 0 to 1 m/s.
+    clipped, NaN and infinity are refused. The command stays within 0 and the vehicle's largest
+    speed, 1 m/s on the NPS AUV II.
 
     ## Observation Space
     `Box(30)`, float32, named by `FEATURES`, bounded by `training.stimuli.policy_inputs.BOUNDS`.
     A class that joins the catalogue before adds one `log_odds:CLASS`, before that of `unknown`. A
-    policy of a training with fewer classes takes its features by name.
+    policy of a training with fewer classes takes its features by name. Speeds are relative to the
+    vehicle's largest speed.
 
     | Names | Meaning |
     |---|---|
     | `log_odds:CLASS` | asinh of the log odds of each class, within +-20 |
     | `severity` | mean severity of the most probable fault |
     | `alpha`, `alpha_std`, `beta`, `beta_std` | estimated drag and thrust over nominal |
-    | `mission_speed` | [m/s] |
-    | `speed_error` | measured speed minus mission speed [m/s] |
+    | `mission_speed` | relative |
+    | `speed_error` | measured speed minus mission speed, relative |
     | `last_offset` | the last action, 0 at the start |
     | `time` | log(1 + time since the start [s]) |
-    | `left` | log(1 + time [s]) for which the allowance covers an offset of 0.25 m/s |
+    | `left` | log(1 + time [s]) for which the allowance covers a relative offset of 0.25 |
 
     ## Rewards
     ``l(after) - l(before) - cost_weight * (mean squared deviation of the true speed from the
@@ -52,69 +60,150 @@ class ActiveDiagnosisEnv(gym.Env):
     true *at time t*: `normal` before the onset and after a repair, else the class of the worst
     fault (an intermittent one also between its bursts). So the rewards of an episode sum to
     l(end) - l(start) minus the cost. The second in which the truth changes pays about -9, whatever
-    the agent does: for a learner that is noise, but no bias.
+    the agent does: for a learner that is noise, but no bias. The argument `reward` replaces it.
 
     ## Starting State
-    As `auv_fault_env/Propulsion-v0`; the diagnoser has had the first sample.
+    As `auv_fault_env/Propulsion-v0`; the diagnoser has had the first sample. `reset` without a seed
+    starts the next episode of the last seed, so that environments with one seed have the same
+    episodes; without any seed before it draws one, which `np_random_seed` names.
 
     ## Episode End
     Terminated at the end of the second in which a fault is declared: one class with a probability
-    of at least `declare` for 1 s, be it the right one or not. Truncated by the registration after
-    120 decisions (120 s).
+    of at least `declare` for 1 s, be it the right one or not. A step after that is refused with
+    `gymnasium.error.ResetNeeded`. Truncated by the registration after 120 decisions (120 s).
 
     ## Information
-    `cost`: mean squared offset of the commands of the second [m^2/s^2]; its mean over an episode
-    compares with the squared budget. `mission_speed` [m/s], `energy` [J of the second], `declared`
-    (class, `normal` for none), and `truth` as in `auv_fault_env/Propulsion-v0` (with the `label`
-    `normal` between the bursts of an intermittent fault).
+    Numpy numbers and arrays; classes in the order of `auv_fault_env.classes()`:
+
+    * `belief`: the probability of each class, (n_classes,); `severity_mean`, `severity_std`: of
+      each class if that is the fault, (n_classes,).
+    * `declared_class`: the index of the declared class, 0 for none.
+    * `cost`: mean squared offset of the commands of the second [m^2/s^2]; its mean over an episode
+      compares with the squared budget.
+    * `mission_speed` [m/s], `energy` [J of the second].
+    * of the truth as much as the argument `truth` says, as in `auv_fault_env/Propulsion-v0`: there
+      an intermittent fault is not true between its bursts.
 
     ## Arguments
-    `diagnoser`: a name of `diagnosers.NAMES` or a `Recursive`. `amplitude`: offset [m/s] of the
-    action 1. `budget`: root mean square of the offsets over 65 s [m/s], which `left` counts down;
-    the environment does not enforce it. `cost_weight` [s^2/m^2]. `declare`: probability, 0.5 or
-    more. `horizon`: decisions by which every fault of a given schedule must have begun; raise it
-    along with another `max_episode_steps`.
+    * `diagnoser`: a name of `diagnosers.NAMES`, made for the vehicle; a mapping of such a `name`
+      and of settings; ``"module:Class"`` or ``"file.py:Class"``; a `diagnosers.Diagnoser`; or a
+      class or function that makes one. It is not told the truth, be it the `oracle`.
+    * `amplitude`: offset [m/s] of the action 1, by default a quarter of the vehicle's largest
+      speed.
+    * `budget`: root mean square of the offsets over 65 s [m/s], which `left` counts down, by
+      default 0.0762 of the largest speed; the environment does not enforce it.
+    * `cost_weight` [s^2/m^2], by default 10 over the square of the largest speed [m/s].
+    * `declare`: probability, 0.5 or more.
+    * `reward`: a function of a `training.active_env.Decision` that returns the reward of each lane,
+      or its place ``"module:function"``. `training.active_env.log_probability_gain` is the reward
+      without the cost.
+    * `preset`, `sensor_noise`, `disturbance`, `healthy_band`, `realism`, `imperfections`,
+      `schedules`, `missions`, `truth` as in `auv_fault_env/Propulsion-v0`; those that are sampled
+      by default are `training.active_env.vector.SCHEDULES` and `ActiveMissions()`.
 
-    `reset(options={"schedule": ..., "mission": ...})` as in `auv_fault_env/Propulsion-v0`.
+    `env.spec.to_json()` has them all, but for a diagnoser or reward that no name, setting or place
+    describes. `reset(options={"schedule": ..., "mission": ...})` as in
+    `auv_fault_env/Propulsion-v0`.
 
     >>> import gymnasium as gym
+    >>> from auv_fault_env import classes
     >>> env = gym.make("training.active_env:auv_fault_env/ActiveDiagnosis-v0")
     >>> fault = {"fault": "propeller_loss:port", "onset": 2.0, "severity": 1.0}
     >>> observation, info = env.reset(seed=1, options={"schedule": [fault], "mission": "cruise"})
     >>> terminated = False
     >>> while not terminated:
     ...     observation, reward, terminated, truncated, info = env.step([1.0])
-    >>> print(info["declared"], round(info["cost"], 4))
+    >>> print(classes()[info["declared_class"]], round(info["cost"], 4))
     propeller_loss:port 0.0625
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+    metadata = {"render_modes": []}
 
     def __init__(
         self,
-        diagnoser: str | Recursive = "filter_bank",
-        amplitude: float = LARGEST_OFFSET,
-        budget: float = BUDGET,
-        cost_weight: float = 10.0,
+        diagnoser: Any = "filter_bank",
+        amplitude: float | None = None,
+        budget: float | None = None,
+        cost_weight: float | None = None,
         declare: float = DECLARATION_PROBABILITY,
-        horizon: int = MAX_DECISIONS,
+        preset: str | Vehicle | Mapping = "thesis1992",
+        sensor_noise: float = 1.0,
+        disturbance: float = 1.0,
+        healthy_band: float = 1.0,
+        realism: float = 0.0,
+        imperfections: Sequence[str] | None = None,
+        schedules: ScheduleDistribution | Mapping | None = None,
+        missions: MissionDistribution | Mapping | None = None,
+        truth: str | bool = "label",
+        reward: Reward | str | None = None,
     ):
-        settings = (diagnoser, amplitude, budget, cost_weight, declare)
-        self.lane = ActiveDiagnosisVectorEnv(1, horizon, *settings, AutoresetMode.NEXT_STEP)
+        self.lane = ActiveDiagnosisVectorEnv(
+            1,
+            NO_LIMIT,
+            diagnoser,
+            amplitude,
+            budget,
+            cost_weight,
+            declare,
+            AutoresetMode.DISABLED,
+            preset=preset,
+            sensor_noise=sensor_noise,
+            disturbance=disturbance,
+            healthy_band=healthy_band,
+            realism=realism,
+            imperfections=imperfections,
+            schedules=schedules,
+            missions=missions,
+            truth=truth,
+            reward=reward,
+        )
+        self.classes = self.lane.classes
         self.action_space = self.lane.single_action_space
         self.observation_space = self.lane.single_observation_space
+        self._has_started = False
+        self._has_ended = False
+
+    def set_distributions(
+        self,
+        schedules: ScheduleDistribution | Mapping | None = None,
+        missions: MissionDistribution | Mapping | None = None,
+    ) -> None:
+        """Draw the next episodes from these, for a curriculum; None keeps the present one.
+
+        The present episode goes on, and `spec` stays that of the environment as it was made.
+        """
+        self.lane.set_distributions(schedules, missions)
+
+    @property
+    def belief(self) -> Belief:
+        """The present belief, (1, n_classes), with classes in the order of `classes`."""
+        return self.lane.belief
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        """Start an episode: of the given seed, or the next one of the last seed."""
+        """Start the first episode of the seed; without a seed the next episode of the last one."""
+        options = known_options(options, ("schedule", "mission"))
         super().reset(seed=seed)
+        is_first_episode = seed is not None or not self._has_started
+        seed = self.np_random_seed if is_first_episode else None
         observation, info = self.lane.reset(seed=seed, options=options)
+        self._has_started = True
+        self._has_ended = False
         return observation[0], lane_info(info, 0)
 
     def step(self, action):
         """Hold the action for one second."""
-        observation, *results, info = self.lane.step(np.asarray(action)[None])
-        reward, terminated, truncated = (result.item() for result in results)
-        return observation[0], reward, terminated, truncated, lane_info(info, 0)
+        need_reset(self._has_started)
+        if self._has_ended:
+            message = "step: got an ended episode; allowed is a step before the end; call reset()"
+            raise gym.error.ResetNeeded(message)
+        action = checked_offset(action, self.action_space.shape)
+        observation, reward, terminated, truncated, info = self.lane.step(action[None])
+        self._has_ended = terminated.item()
+        results = (reward.item(), self._has_ended, truncated.item())
+        return observation[0], *results, lane_info(info, 0)
+
+    def _true_spec(self, spec: EnvSpec) -> EnvSpec:
+        return with_plain_arguments(super()._true_spec(spec))
 
     def close(self):
         """End the threads of the fleet."""

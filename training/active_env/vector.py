@@ -1,36 +1,48 @@
 """The active environment for many vehicles: one fleet, and one diagnoser over all lanes."""
 
-from collections.abc import Sequence
-from typing import Any, ClassVar
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from auv_fault_env.channels import MAXIMUM_COMMAND
-from auv_fault_env.env import PropulsionVectorEnv
-from auv_fault_env.errors import finite_in_range, known_name, refusal, whole_number
+from auv_fault_env.env.autoreset import AutoresetVectorEnv
+from auv_fault_env.env.interface import set_distributions, vehicle_of_argument
+from auv_fault_env.errors import finite_in_range, refusal
 from auv_fault_env.faults import classes
-from auv_fault_env.missions import MissionSampler
+from auv_fault_env.fleet import Fleet
+from auv_fault_env.missions import Mission, MissionDistribution, MissionSampler
 from auv_fault_env.noise import STREAMS, uniforms
-from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
-from auv_fault_env.schedules import Events, ScheduleSampler
-from auv_fault_env.truth import FleetTruth
-from diagnosers import Recursive, make
-from training.active_env.lane_monitor import LaneMonitor
+from auv_fault_env.parameters import SAMPLE_TIME, Vehicle
+from auv_fault_env.schedules import Schedule, ScheduleDistribution, ScheduleSampler
+from auv_fault_env.truth import fleet_truth, known_level
+from diagnosers import Belief
+from training.active_env.beliefs import beliefs_of
+from training.active_env.diagnoser_argument import lane_diagnosers
+from training.active_env.parameter_estimates import ParameterEstimates
+from training.active_env.rewards import (
+    Decision,
+    Reward,
+    checked_reward,
+    known_reward,
+    log_probability_gain,
+)
+from training.active_env.spec import with_plain_arguments
+from training.active_env.true_classes import DECISION, TrueClasses
 from training.metrics.declaration import DECLARATION_PROBABILITY
-from training.rollouts import label_and_severity
 from training.stimuli.base import BUDGET, EPISODE_TIME, LARGEST_OFFSET, MISSION_SPEED
 from training.stimuli.declaration import UNDECLARED, Declaration
-from training.stimuli.policy_inputs import FLOOR, feature_bounds, policy_features
+from training.stimuli.policy_inputs import feature_bounds, policy_features
 
-DECISION = round(SAMPLE_RATE)  # samples of a decision, one second
 DECISION_TIME = DECISION * SAMPLE_TIME  # s
 MAX_DECISIONS = 120  # of an episode
 SCHEDULES = ScheduleSampler(healthy=0.3, onset=(5.0, 40.0))
 CONSTANT_SPEEDS = (0.2, 0.5)  # least and most, of the vehicle's largest command
-AUTORESET_MODES = {mode.value: mode for mode in (AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP)}
+COST_WEIGHT = 10.0  # s^2/m^2
 
 
 class ActiveMissions(MissionSampler):
@@ -49,214 +61,241 @@ class ActiveMissions(MissionSampler):
         return legs, np.where(is_constant, speed, start_speed)
 
 
-class ActiveDiagnosisVectorEnv(gym.vector.VectorEnv):
+class ActiveDiagnosisVectorEnv(AutoresetVectorEnv):
     """`ActiveDiagnosisEnv` for many vehicles at once; what is not said here is as there.
 
     Lane k of ``reset(seed=s)`` is the single environment with seed s + k, and its next episodes are
-    the same, too. A lane that ends starts its next episode within the same step
-    (`AutoresetMode.SAME_STEP`): its observation and information are those of the start;
+    the same, too. A lane that ends starts its next episode within the same step, unless
+    `autoreset_mode` says otherwise: its observation and information are those of the start;
     ``info["final_obs"]`` and ``info["final_info"]`` hold those of the end, on the lanes that
-    ``info["_final_info"]`` marks. With ``autoreset_mode="NextStep"`` it starts on the next step,
-    which ignores its action. The entries of `info` are arrays (num_envs,); `truth` is a mapping of
-    arrays, valid until the next step.
+    ``info["_final_info"]`` marks. See `AutoresetVectorEnv` for the modes and the options of a
+    reset. `max_episode_steps` truncates, and no fault of a given schedule may begin later.
+    `parallel` is that of `Fleet`.
 
-    `reset(options=...)` takes `schedule` and `mission` for all lanes, or `schedules` and `missions`
-    with one per lane.
+    Values in `info` are arrays, lanes first, or dictionaries of them, each with its mask ``_name``
+    as in Gymnasium.
+
+    A `Recursive` diagnoser takes all lanes at once. Of any other there is one for each lane, which
+    takes longer.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
-        "render_modes": [],
-        "autoreset_mode": AutoresetMode.SAME_STEP,
-    }
+    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}
 
     def __init__(
         self,
         num_envs: int = 1,
         max_episode_steps: int = MAX_DECISIONS,
-        diagnoser: str | Recursive = "filter_bank",
-        amplitude: float = LARGEST_OFFSET,
-        budget: float = BUDGET,
-        cost_weight: float = 10.0,
+        diagnoser: Any = "filter_bank",
+        amplitude: float | None = None,
+        budget: float | None = None,
+        cost_weight: float | None = None,
         declare: float = DECLARATION_PROBABILITY,
         autoreset_mode: str | AutoresetMode = AutoresetMode.SAME_STEP,
+        preset: str | Vehicle | Mapping = "thesis1992",
+        sensor_noise: float = 1.0,
+        disturbance: float = 1.0,
+        healthy_band: float = 1.0,
+        parallel: bool | None = None,
+        realism: float = 0.0,
+        imperfections: Sequence[str] | None = None,
+        schedules: ScheduleDistribution | Mapping | None = None,
+        missions: MissionDistribution | Mapping | None = None,
+        truth: str | bool = "label",
+        reward: Reward | str | None = None,
     ):
-        self.max_episode_steps = whole_number("max_episode_steps", max_episode_steps)
-        self.propulsion = PropulsionVectorEnv(num_envs, self.max_episode_steps * DECISION)
-        self.num_envs = self.propulsion.num_envs
-        self.fleet = self.propulsion.fleet
-        self.fleet.schedules = SCHEDULES
-        self.fleet.missions = ActiveMissions()
-        self.amplitude = finite_in_range("amplitude", amplitude, 0.01, MAXIMUM_COMMAND)
-        self.budget = finite_in_range("budget", budget, 0.001, MAXIMUM_COMMAND)
-        self.cost_weight = finite_in_range("cost_weight", cost_weight, 0.0, 1e6)
-        mode = getattr(autoreset_mode, "value", autoreset_mode)
-        mode = AUTORESET_MODES[known_name("autoreset_mode", mode, AUTORESET_MODES)]
-        self.metadata = self.metadata | {"autoreset_mode": mode}
+        self.fleet = Fleet(
+            num_envs,
+            vehicle_of_argument(preset),
+            sensor_noise,
+            disturbance,
+            healthy_band,
+            parallel,
+            SCHEDULES,
+            ActiveMissions(),
+            realism,
+            imperfections,
+        )
+        set_distributions(self.fleet, schedules, missions)
+        super().__init__(self.fleet.n_lanes, max_episode_steps, DECISION_TIME, autoreset_mode)
+        vehicle = self.fleet.vehicle
+        self._scale = vehicle.maximum_speed / MAXIMUM_COMMAND
+        self.amplitude = self._speed("amplitude", amplitude, LARGEST_OFFSET)
+        self.budget = self._speed("budget", budget, BUDGET)
+        self._reward = known_reward(reward)
+        self.cost_weight = self._known_cost_weight(cost_weight)
+        self._truth_level = known_level(truth)
+        diagnosers = lane_diagnosers(diagnoser, vehicle, self.num_envs)
+        self._beliefs = beliefs_of(diagnosers)
+        self._estimates = ParameterEstimates(vehicle)
+        self.classes = classes()
         self.single_action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
-        diagnoser = make(diagnoser) if isinstance(diagnoser, str) else diagnoser
-        self._monitor = LaneMonitor(diagnoser)
-        self.classes = diagnoser.classes
         low, high = feature_bounds(len(self.classes))
         self.single_observation_space = gym.spaces.Box(low, high, dtype=np.float32)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self._catalogue_classes = classes()
         self._declaration = Declaration(self.num_envs, declare)
-        self._lanes = np.arange(self.num_envs)
-        self._readings: np.ndarray | None = None
-        # index of the class that is true after each decision
-        self._true_class = np.zeros((self.max_episode_steps + 1, self.num_envs), np.int64)
+        self._true_classes = TrueClasses(self.fleet, min(self.max_episode_steps, MAX_DECISIONS))
+        self._readings = np.zeros(0, np.float32)
         self._n_decisions = np.zeros(self.num_envs, np.int64)
-        self._done = np.zeros(self.num_envs, bool)
         self._last_action = np.zeros(self.num_envs)
         self._total_cost = np.zeros(self.num_envs)
+        # of the last decision
+        self._cost = np.zeros(self.num_envs)
+        self._energy = np.zeros(self.num_envs)
+        self._deviation = np.zeros(self.num_envs)
 
-    def reset(
+    def _speed(self, name: str, value: float | None, usual: float) -> float:
+        """A speed [m/s] up to that of the vehicle; by default as for the usual vehicle."""
+        if value is None:
+            return usual * self._scale
+        return finite_in_range(name, value, 0.001, self.fleet.vehicle.maximum_speed)
+
+    def _known_cost_weight(self, weight: float | None) -> float:
+        if weight is None:
+            return COST_WEIGHT / self._scale**2
+        if self._reward is not None:
+            remedy = "charge for the deviation in the reward"
+            raise refusal("cost_weight", weight, "None beside a reward of your own", remedy)
+        return finite_in_range("cost_weight", weight, 0.0, 1e6)
+
+    def set_distributions(
         self,
-        *,
-        seed: int | Sequence[int | None] | None = None,
-        options: dict | None = None,
-    ):
-        """Start an episode on every lane."""
+        schedules: ScheduleDistribution | Mapping | None = None,
+        missions: MissionDistribution | Mapping | None = None,
+    ) -> None:
+        """Draw the next episodes from these, for a curriculum; None keeps the present one.
+
+        The present episode goes on, and `spec` stays that of the environment as it was made.
+        """
+        set_distributions(self.fleet, schedules, missions)
+
+    @property
+    def belief(self) -> Belief:
+        """The present belief, (n_lanes, n_classes), with classes in the order of `classes`."""
+        return self._beliefs.belief
+
+    def _start(
+        self,
+        lanes: np.ndarray,
+        seeds: list[int] | None = None,
+        schedules: list[Schedule] | None = None,
+        missions: list[Mission] | None = None,
+    ) -> None:
         self._check_catalogue()
-        super().reset(seed=seed if isinstance(seed, int) else None)
-        self._readings, _ = self.propulsion.reset(seed=seed, options=options)
-        self._begin_episodes(self._lanes)
-        self._done[:] = False
-        cost, energy = np.zeros((2, self.num_envs))
-        return self._features(), self._info(cost, energy)
+        is_some = len(lanes) < self.num_envs
+        self._readings = self.fleet.reset(
+            seeds,
+            lanes if is_some else None,
+            schedules,
+            missions,
+            self.fleet.observations if is_some else None,
+        )
+        readings = self._readings.astype(np.float64)
+        self._beliefs.reset(lanes, readings)
+        self._estimates.reset(lanes, readings)
+        self._declaration.reset(lanes)
+        self._true_classes.begin(lanes)
+        of_episode = (self._n_decisions, self._last_action, self._total_cost)
+        for values in (*of_episode, self._cost, self._energy, self._deviation):
+            values[lanes] = 0
 
     def _check_catalogue(self):
         """Refuse a catalogue with other classes: the space of the observations cannot change."""
-        if self._catalogue_classes != classes():
+        if self.classes != classes():
             got = "other classes than when the environment was made"
-            allowed = f"the same {len(self._catalogue_classes)}"
+            allowed = f"the same {len(self.classes)}"
             raise refusal("catalogue", got, allowed, "make the environment anew")
 
-    def step(self, actions):
-        """Hold the actions (num_envs, 1) for a second; ended lanes start their next episode."""
-        if self._readings is None:
-            raise gym.error.ResetNeeded(
-                "step: got no reset before; allowed is a step after a reset; call reset()"
-            )
-        self._last_action = _checked(actions, (self.num_envs, 1))[:, 0]
-        score_before = self._score()
-        cost, energy, deviation = self._run_decision()
+    def _advance(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Hold the actions (num_envs, 1) for a second."""
+        self._last_action = checked_offset(actions, (self.num_envs, 1))[:, 0]
+        belief_before = self.belief
+        true_class_before = self._true_classes.after(self._n_decisions)
+        self._run_decision()
         self._n_decisions += 1
-        self._total_cost += cost
-        reward = self._score() - score_before - self.cost_weight * deviation
+        self._total_cost += self._cost
+        decision = Decision(
+            action=self._last_action.copy(),
+            time=self._n_decisions * DECISION_TIME,
+            belief_before=belief_before,
+            belief=self.belief,
+            true_class_before=true_class_before,
+            true_class=self._true_classes.after(self._n_decisions),
+            declared_class=self._declaration.declared.copy(),
+            cost=self._cost.copy(),
+            deviation=self._deviation.copy(),
+            energy=self._energy.copy(),
+        )
         terminated = self._declaration.declared != UNDECLARED
         truncated = self._n_decisions >= self.max_episode_steps
-        mode = self.metadata["autoreset_mode"]
-        if mode is AutoresetMode.NEXT_STEP:
-            for result in (reward, cost, energy, terminated, truncated):
-                result[self._done] = 0
-            self._restart(self._done)
-        self._done = terminated | truncated
-        observation = self._features()
-        info = self._info(cost, energy)
-        if self._done.any() and mode is AutoresetMode.SAME_STEP:
-            observation, info = self._after_restart(observation, info)
-        return observation, reward, terminated, truncated, info
+        return self._rewards(decision), terminated, truncated
 
-    def _run_decision(self) -> np.ndarray:
-        """Run a second: mean squared offset, energy [J], mean squared deviation, (3, n_lanes)."""
-        sums = np.zeros((3, self.num_envs))
+    def _rewards(self, decision: Decision) -> np.ndarray:
+        if self._reward is None:
+            return log_probability_gain(decision) - self.cost_weight * decision.deviation
+        return checked_reward(self._reward(decision), self.num_envs)
+
+    def _run_decision(self) -> None:
+        """Run a second: mean squared offset, energy [J] and mean squared deviation of it."""
+        for values in (self._cost, self._energy, self._deviation):
+            values[:] = 0.0
         command = np.zeros((self.num_envs, 3))
         for _ in range(DECISION):
             mission_speed = self._readings[:, MISSION_SPEED].astype(np.float64)
             speed_command = mission_speed + self.amplitude * self._last_action
-            command[:, 0] = np.clip(speed_command, 0.0, MAXIMUM_COMMAND)
+            largest = self.fleet.vehicle.maximum_speed
+            command[:, 0] = np.clip(speed_command, 0.0, largest)
             self._readings = self.fleet.advance(command)
-            self._monitor.update(self._readings)
-            self._declaration.update(self._monitor.belief.log_probability)
+            readings = self._readings.astype(np.float64)
+            self._beliefs.update(readings)
+            self._estimates.update(readings)
+            self._declaration.update(self.belief.log_probability)
             _, energy, deviation, _ = self.fleet.outcomes
-            squared_offset = np.square(command[:, 0] - mission_speed)
-            sums += squared_offset / DECISION, energy, deviation / DECISION
-        return sums
+            self._cost += np.square(command[:, 0] - mission_speed) / DECISION
+            self._energy += energy
+            self._deviation += deviation / DECISION
 
-    def _score(self) -> np.ndarray:
-        """Log probability of the true class, at least `FLOOR`, (n_lanes,)."""
-        decision = self._n_decisions.clip(max=self.max_episode_steps)
-        true_class = self._true_class[decision, self._lanes]
-        log_probability = self._monitor.belief.log_probability[self._lanes, true_class]
-        return np.maximum(log_probability, FLOOR)
-
-    def _begin_episodes(self, lanes: np.ndarray):
-        """Begin the episodes of these lanes, whose first readings are there."""
-        self._monitor.reset(lanes, self._readings)
-        self._declaration.reset(lanes)
-        plan = self.fleet.plan
-        events = Events(plan.fault[lanes], plan.profile[lanes])
-        label, _ = label_and_severity(events, self.max_episode_steps * DECISION + 1)
-        self._true_class[:, lanes] = label[::DECISION]
-        for counter in (self._n_decisions, self._last_action, self._total_cost):
-            counter[lanes] = 0
-
-    def _restart(self, ended: np.ndarray):
-        """Start the next episode of the lanes that a mask (n_lanes,) marks."""
-        lanes = np.flatnonzero(ended)
-        if lanes.size:
-            self.fleet.reset(lanes=lanes, observations=self._readings)
-            self._begin_episodes(lanes)
-
-    def _after_restart(
-        self, observation: np.ndarray, info: dict[str, Any]
-    ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Restart the ended lanes: their new observation and information, with the final ones."""
-        ended = self._done.copy()
-        final_observation = np.full(self.num_envs, None)
-        for lane in np.flatnonzero(ended):
-            final_observation[lane] = observation[lane]
-        masks = {f"_{name}": ended for name in info}
-        final_info = info | {"truth": dict(info["truth"])} | masks
-        self._restart(ended)
-        cost, energy = (np.where(ended, 0.0, info[name]) for name in ("cost", "energy"))
-        info = self._info(cost, energy)
-        info |= {"final_obs": final_observation, "_final_obs": ended}
-        info |= {"final_info": final_info, "_final_info": ended}
-        return self._features(), info
-
-    def _features(self) -> np.ndarray:
+    def _observe(self) -> np.ndarray:
+        """The features, speeds relative to the vehicle's largest speed."""
         allowance = self.budget**2 * EPISODE_TIME - self._total_cost * DECISION_TIME
-        left = np.maximum(allowance, 0.0)
-        time = self._n_decisions * DECISION_TIME
-        monitor = self._monitor
         return policy_features(
-            monitor.belief,
-            monitor.estimate,
-            self._readings,
+            self.belief,
+            self._estimates.estimate,
+            self._readings / np.float32(self._scale),
             self._last_action,
-            time,
-            left,
+            self._n_decisions * DECISION_TIME,
+            np.maximum(allowance, 0.0) / self._scale**2,
         )
 
-    def _info(self, cost: np.ndarray, energy: np.ndarray) -> dict[str, Any]:
-        """Information of the last second."""
+    def _information(self) -> dict[str, Any]:
         return {
             "mission_speed": self._readings[:, MISSION_SPEED].astype(np.float64),
-            "energy": energy,
-            "cost": cost,
-            "declared": np.array(self.classes)[self._declaration.declared],
-            "truth": FleetTruth(self.fleet),
-        }
+            "energy": self._energy.copy(),
+            "cost": self._cost.copy(),
+            "declared_class": self._declaration.declared.copy(),
+            "belief": np.exp(self.belief.log_probability),
+            "severity_mean": self.belief.severity_mean.copy(),
+            "severity_std": self.belief.severity_std.copy(),
+        } | fleet_truth(self.fleet, self._truth_level)
+
+    def _true_spec(self, spec: EnvSpec) -> EnvSpec:
+        return with_plain_arguments(super()._true_spec(spec))
 
     def close_extras(self, **kwargs):
         """End the threads of the fleet."""
-        self.propulsion.close()
+        self.fleet.close()
 
 
 def lane_info(info: dict[str, Any], lane: int) -> dict[str, Any]:
-    """One lane of a vector environment's information as plain numbers and words."""
-    plain = {}
-    for name, entry in info.items():
-        if name.startswith(("_", "final_")):
-            continue
-        plain[name] = lane_info(entry, lane) if hasattr(entry, "keys") else entry[lane].item()
-    return plain
+    """One lane of a vector environment's information."""
+    return {
+        name: lane_info(entry, lane) if isinstance(entry, dict) else entry[lane]
+        for name, entry in info.items()
+        if not name.startswith("_")
+    }
 
 
-def _checked(actions, shape: tuple[int, ...]) -> np.ndarray:
+def checked_offset(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
     """A float64 copy of the actions, clipped to [-1, 1]; refused if not finite or of this shape."""
     try:
         actions = np.array(actions, np.float64)

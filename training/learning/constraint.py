@@ -5,9 +5,10 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
-from auv_fault_env.faults import NORMAL
-from training.active_env.sb3 import ActiveVecEnv
-from training.learning.outcomes import HEALTHY_SHARE, Outcomes, true_labels
+from auv_fault_env.schedules import first_onset
+from training.learning.outcomes import HEALTHY_SHARE, Outcomes, true_classes
+from training.metrics import NORMAL
+from training.sb3 import FleetVecEnv
 from training.stimuli.base import EPISODE_TIME
 from training.stimuli.policy_inputs import allowance_of, compressed_allowance
 
@@ -41,7 +42,7 @@ class ConstrainedVecEnv(VecEnvWrapper):
     `outcomes` are those of the episodes since the last reset.
     """
 
-    def __init__(self, venv: ActiveVecEnv, least_share: float = 1.0):
+    def __init__(self, venv: FleetVecEnv, least_share: float = 1.0):
         super().__init__(venv)
         self.price = INITIAL_PRICE
         self.amplitude = venv.env.amplitude
@@ -59,13 +60,16 @@ class ConstrainedVecEnv(VecEnvWrapper):
 
     def reset(self) -> np.ndarray:
         """Start an episode on every lane."""
-        self.outcomes = Outcomes(self.num_envs)
         self._healthy_budgets = []
         self._squared_budget = self._random_squared_budgets(self.num_envs)
         self._allowance = EPISODE_TIME * self._squared_budget
         observation = self.venv.reset()
-        self._label = true_labels(self.venv.reset_infos)
+        self.outcomes = Outcomes(self._onsets())
+        self._true_class = true_classes(self.venv.reset_infos)
         return self._with_allowance(observation)
+
+    def _onsets(self) -> np.ndarray:
+        return first_onset(self.venv.env.fleet.plan)
 
     def _random_squared_budgets(self, n: int) -> np.ndarray:
         share = self._random.uniform(self._least_share, 1.0, n)
@@ -80,8 +84,8 @@ class ConstrainedVecEnv(VecEnvWrapper):
     def step_wait(self) -> VecEnvStepReturn:
         """The environment's step, with the rewards less the priced costs."""
         observation, reward, done, infos = self.venv.step_wait()
-        cost, label = self.outcomes.update(infos, done)
-        is_healthy = label == NORMAL
+        cost, true_class = self.outcomes.update(infos, done, self._onsets())
+        is_healthy = true_class == NORMAL
         healthy_budget = np.where(is_healthy, self._squared_budget, np.nan)
         self._healthy_budgets.append(healthy_budget)
         self._allowance = np.maximum(self._allowance - cost, 0.0)
@@ -91,14 +95,14 @@ class ConstrainedVecEnv(VecEnvWrapper):
             last[ALLOWANCE] = compressed_allowance(self._allowance[lane])
         self._squared_budget[done] = self._random_squared_budgets(len(ended))
         self._allowance[done] = EPISODE_TIME * self._squared_budget[done]
-        declared = [info["declared"] for info in infos]
-        is_right = (label == declared) & ~is_healthy
-        is_unchanged = label == self._label
+        declared_class = [info["declared_class"] for info in infos]
+        is_right = (true_class == declared_class) & ~is_healthy
+        is_unchanged = true_class == self._true_class
         priced_cost = self.price * np.nan_to_num(cost / healthy_budget)
         reward = np.where(is_unchanged, reward, 0.0) + DECLARATION_REWARD * is_right
         reward = (reward - priced_cost).astype(np.float32)
-        label[done] = true_labels([self.venv.reset_infos[lane] for lane in ended])
-        self._label = label
+        true_class[done] = true_classes([self.venv.reset_infos[lane] for lane in ended])
+        self._true_class = true_class
         return self._with_allowance(observation), reward, done, infos
 
     def _with_allowance(self, observation: np.ndarray) -> np.ndarray:

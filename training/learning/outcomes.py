@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from auv_fault_env.faults import NORMAL
+from training.metrics import NORMAL
 from training.metrics.records import HORIZON
 
 # Of the budget: root mean square of the offsets of a healthy vehicle. It is half of the aim beside
@@ -26,9 +26,9 @@ class Outcome(NamedTuple):
     delay: float  # s, from onset to the right declaration, else `CENSORED`
 
 
-def true_labels(infos: Sequence[dict[str, Any]]) -> np.ndarray:
-    """The class that is true on each lane, (n_lanes,)."""
-    return np.array([info["truth"]["label"] for info in infos], object)
+def true_classes(infos: Sequence[dict[str, Any]]) -> np.ndarray:
+    """The index of the class that is true on each lane, (n_lanes,)."""
+    return np.array([info["true_class"] for info in infos])
 
 
 class Outcomes:
@@ -36,21 +36,31 @@ class Outcomes:
 
     The right class is the last fault that was true, so that an intermittent fault may be declared
     between its bursts.
+
+    Parameters
+    ----------
+    onset
+        Of the first fault of each lane [s], infinite without one, (n_lanes,).
     """
 
-    def __init__(self, n_lanes: int):
+    def __init__(self, onset: np.ndarray):
         self.ended: list[Outcome] = []
-        self._decisions = np.zeros(n_lanes, np.int64)
-        self._cost = np.zeros(n_lanes)
-        self._last_fault = np.full(n_lanes, NORMAL, object)
+        self._onset = onset
+        self._decisions = np.zeros(onset.size, np.int64)
+        self._cost = np.zeros(onset.size)
+        self._last_fault = np.full(onset.size, NORMAL)
 
     def update(
-        self, infos: Sequence[dict[str, Any]], done: np.ndarray
+        self, infos: Sequence[dict[str, Any]], done: np.ndarray, onset: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Take the information of a step of `ActiveVecEnv`; its costs and labels, (n_lanes,)."""
+        """Take the information of a step of the environment as a `VecEnv`.
+
+        The onsets (n_lanes,) are those of the present episodes, after the resets. Returns costs and
+        true classes, (n_lanes,).
+        """
         cost = np.array([info["cost"] for info in infos])
-        label = true_labels(infos)
-        self._last_fault = np.where(label != NORMAL, label, self._last_fault)
+        true_class = true_classes(infos)
+        self._last_fault = np.where(true_class != NORMAL, true_class, self._last_fault)
         self._decisions += 1
         self._cost += cost
         for lane in np.flatnonzero(done).tolist():
@@ -58,12 +68,14 @@ class Outcomes:
         self._decisions[done] = 0
         self._cost[done] = 0.0
         self._last_fault[done] = NORMAL
-        return cost, label
+        self._onset = onset
+        return cost, true_class
 
     def _outcome(self, lane: int, info: dict[str, Any]) -> Outcome:
-        onset = info["truth"]["onset"]
-        is_declared = info["declared"] != NORMAL
-        is_right = is_declared and info["declared"] == self._last_fault[lane]
+        onset = float(self._onset[lane])
+        declared_class = int(info["declared_class"])
+        is_declared = declared_class != NORMAL
+        is_right = is_declared and declared_class == int(self._last_fault[lane])
         delay = float(self._decisions[lane]) - onset
         return Outcome(
             lane=lane,

@@ -9,7 +9,6 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.logger import Logger
 
 from diagnosers.filter_bank import FilterBank
-from training.active_env.sb3 import ActiveVecEnv
 from training.active_env.vector import (
     MAX_DECISIONS,
     SCHEDULES,
@@ -22,6 +21,7 @@ from training.learning.imitation import demonstrate, imitate
 from training.learning.outcomes import figures
 from training.learning.reproducible import one_thread, seeded_generators
 from training.metrics.records import HORIZON
+from training.sb3 import FleetVecEnv
 from training.seeds import SPAN, seeds
 from training.stimuli.light_bank import light_bank, plant_prior
 from training.stimuli.policy import LearnedPolicy
@@ -92,10 +92,15 @@ class StimulusTrainer:
         self, n_lanes: int, max_decisions: int, least_share: float
     ) -> ConstrainedVecEnv:
         diagnoser = light_bank() if self.diagnoser == FilterBank.name else self.diagnoser
-        settings = {"diagnoser": diagnoser, "budget": self.budget, "cost_weight": 0.0}
-        env = ActiveDiagnosisVectorEnv(n_lanes, max_decisions, **settings)
-        env.fleet.schedules = replace(SCHEDULES, prior=plant_prior())
-        return ConstrainedVecEnv(ActiveVecEnv(env), least_share)
+        env = ActiveDiagnosisVectorEnv(
+            n_lanes,
+            max_decisions,
+            diagnoser=diagnoser,
+            budget=self.budget,
+            cost_weight=0.0,
+            schedules=replace(SCHEDULES, prior=plant_prior()),
+        )
+        return ConstrainedVecEnv(FleetVecEnv(env), least_share)
 
     @property
     def decisions(self) -> int:

@@ -186,7 +186,7 @@ def test_training_and_validation_have_seeds_of_their_own(monkeypatch):
     trainer = StimulusTrainer(0)
     used = []
     for env in (trainer.env, trainer.validation_env):
-        fleet = env.venv.env.propulsion.fleet
+        fleet = env.venv.env.fleet
         reset = fleet.reset
         monkeypatch.setattr(
             fleet,

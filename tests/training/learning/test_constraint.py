@@ -5,7 +5,6 @@ import pytest
 
 from auv_fault_env import classes
 from diagnosers import Belief, Recursive
-from training.active_env.sb3 import ActiveVecEnv
 from training.active_env.vector import ActiveDiagnosisVectorEnv
 from training.learning.constraint import (
     ALLOWANCE,
@@ -14,6 +13,7 @@ from training.learning.constraint import (
     ConstrainedVecEnv,
 )
 from training.learning.outcomes import HEALTHY_SHARE
+from training.sb3 import FleetVecEnv
 from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET
 
 BUDGET = 0.1
@@ -28,14 +28,14 @@ class Certain(Recursive):
         return ()
 
     def step(self, state, observation):
-        sure = np.full((len(observation), len(classes())), -5.0)
-        sure[:, classes().index("propeller_loss:port")] = -0.01
+        sure = np.full((len(observation), len(classes())), -40.0)
+        sure[:, classes().index("propeller_loss:port")] = 0.0
         return state, Belief(sure, np.zeros_like(sure), np.zeros_like(sure))
 
 
 def constrained(schedule=(), least=1.0, budget=BUDGET, n_lanes=3, diagnoser="null"):
     plant = ActiveDiagnosisVectorEnv(n_lanes, 5, diagnoser, AMPLITUDE, budget, 0.0)
-    env = ConstrainedVecEnv(ActiveVecEnv(plant), least)
+    env = ConstrainedVecEnv(FleetVecEnv(plant), least)
     env.seed(1)
     env.set_options({"schedule": list(schedule), "mission": 0.4})
     return env, env.reset()

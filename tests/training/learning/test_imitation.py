@@ -6,12 +6,12 @@ import torch
 
 from auv_fault_env import classes
 from diagnosers import Belief
-from training.active_env.sb3 import ActiveVecEnv
 from training.active_env.vector import ActiveDiagnosisVectorEnv
 from training.learning.constraint import ConstrainedVecEnv
 from training.learning.imitation import demonstrate, imitate
 from training.learning.reproducible import seeded_generators
 from training.learning.stimulus import StimulusTrainer
+from training.sb3 import FleetVecEnv
 from training.stimuli import STIMULI
 from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET
 from training.stimuli.light_bank import light_bank
@@ -72,7 +72,7 @@ def test_the_stimulus_follows_the_odds():
 
 
 def test_returns_are_discounted_sums_of_the_rewards_that_follow():
-    env = ConstrainedVecEnv(ActiveVecEnv(ActiveDiagnosisVectorEnv(3, 4, "random", cost_weight=0.0)))
+    env = ConstrainedVecEnv(FleetVecEnv(ActiveDiagnosisVectorEnv(3, 4, "random", cost_weight=0.0)))
     env.seed(1)
     demonstration = demonstrate(env, 10, 0.5)
     returns = demonstration.returns.reshape(10, 3)
@@ -89,7 +89,7 @@ def test_returns_are_discounted_sums_of_the_rewards_that_follow():
 def test_actor_and_critic_learn_the_actions_and_their_returns():
     trainer = StimulusTrainer(0)
     env = ConstrainedVecEnv(
-        ActiveVecEnv(ActiveDiagnosisVectorEnv(64, diagnoser=light_bank(), cost_weight=0.0))
+        FleetVecEnv(ActiveDiagnosisVectorEnv(64, diagnoser=light_bank(), cost_weight=0.0))
     )
     env.seed(1)
     demonstration = demonstrate(env, 60, 0.9)

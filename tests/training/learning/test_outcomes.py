@@ -6,55 +6,56 @@ import pytest
 from training.learning.outcomes import CENSORED, HEALTHY_SHARE, Outcome, Outcomes, figures
 
 INF = float("inf")
-PORT = "propeller_loss:port"
-SPEED = "sensor:speed"
+NORMAL = 0
+PORT = 4
+SPEED = 11
 
 
-def info(label="normal", declared="normal", onset=INF, cost=0.0):
-    return {"cost": cost, "declared": declared, "truth": {"label": label, "onset": onset}}
+def info(true=NORMAL, declared=NORMAL, cost=0.0):
+    return {"cost": cost, "declared_class": declared, "true_class": true}
 
 
-def followed(*seconds):
-    """Outcomes of second lane that ends with the last of these."""
-    outcomes = Outcomes(1)
+def followed(onset, *seconds):
+    """Outcomes of a lane that ends with the last of these seconds."""
+    outcomes = Outcomes(np.array([onset]))
     for k, second in enumerate(seconds, start=1):
-        outcomes.update([second], np.array([k == len(seconds)]))
+        is_last = k == len(seconds)
+        outcomes.update([second], np.array([is_last]), np.array([INF if is_last else onset]))
     return outcomes.ended
 
 
 def test_right_declaration_counts_from_onset():
-    first = info(onset=1.5, cost=0.01)
-    second = info(PORT, onset=1.5, cost=0.02)
-    last = info(PORT, PORT, onset=1.5, cost=0.03)
-    assert followed(first, second, last) == [Outcome(0, 3, pytest.approx(0.06), True, True, 1.5)]
+    seconds = info(cost=0.01), info(PORT, cost=0.02), info(PORT, PORT, cost=0.03)
+    assert followed(1.5, *seconds) == [Outcome(0, 3, pytest.approx(0.06), True, True, 1.5)]
 
 
 def test_a_burst_may_be_over_when_it_is_declared():
-    assert followed(info(PORT, onset=0.0), info("normal", PORT, onset=0.0))[0].delay == 2.0
+    assert followed(0.0, info(PORT), info(NORMAL, PORT))[0].delay == 2.0
 
 
 @pytest.mark.parametrize(
-    ("last", "faulty"),
+    ("onset", "last", "faulty"),
     [
-        (info(PORT, SPEED, onset=0.5), True),
-        (info(PORT, onset=0.5), True),
-        (info("normal", PORT, onset=30.0), True),
-        (info("normal", PORT), False),
+        (0.5, info(PORT, SPEED), True),
+        (0.5, info(PORT), True),
+        (30.0, info(NORMAL, PORT), True),
+        (INF, info(NORMAL, PORT), False),
     ],
     ids=["wrong", "none", "before onset", "healthy"],
 )
-def test_any_other_end_is_censored(last, faulty):
-    (outcome,) = followed(last)
+def test_any_other_end_is_censored(onset, last, faulty):
+    (outcome,) = followed(onset, last)
     assert outcome.delay == CENSORED == 30.0
     assert outcome.faulty is faulty
 
 
 def test_lanes_begin_anew_by_themselves():
-    outcomes = Outcomes(2)
-    first = [info(PORT, PORT, onset=0.0, cost=0.1), info(cost=0.2)]
-    cost, label = outcomes.update(first, np.array([True, False]))
-    assert cost.tolist() == [0.1, 0.2] and label.tolist() == [PORT, "normal"]
-    outcomes.update([info(cost=0.4), info(cost=0.3)], np.array([True, True]))
+    outcomes = Outcomes(np.array([0.0, INF]))
+    healthy = np.array([INF, INF])
+    first = [info(PORT, PORT, cost=0.1), info(cost=0.2)]
+    cost, true_class = outcomes.update(first, np.array([True, False]), healthy)
+    assert cost.tolist() == [0.1, 0.2] and true_class.tolist() == [PORT, NORMAL]
+    outcomes.update([info(cost=0.4), info(cost=0.3)], np.array([True, True]), healthy)
     ended = outcomes.ended
     assert [(outcome.lane, outcome.decisions, outcome.faulty) for outcome in ended] == [
         (0, 1, True),

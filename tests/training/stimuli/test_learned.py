@@ -10,9 +10,9 @@ from auv_fault_env.channels import INDEX
 from auv_fault_env.errors import InputError
 from diagnosers import Belief, make, storage
 from training.active_env import FEATURES as ENV_FEATURES
-from training.active_env.sb3 import ActiveVecEnv
 from training.active_env.vector import ActiveDiagnosisVectorEnv
 from training.learning.constraint import ConstrainedVecEnv
+from training.sb3 import FleetVecEnv
 from training.stimuli import STIMULI
 from training.stimuli.learned import Learned, LearnedHeld
 from training.stimuli.light_bank import light_bank
@@ -49,7 +49,7 @@ def policy(tmp_path, monkeypatch):
 
 def test_it_acts_as_the_policy_does_in_its_environment(policy):
     env = ConstrainedVecEnv(
-        ActiveVecEnv(ActiveDiagnosisVectorEnv(3, diagnoser=light_bank(), budget=0.1))
+        FleetVecEnv(ActiveDiagnosisVectorEnv(3, diagnoser=light_bank(), budget=0.1))
     )
     env.venv._seeds = list(SEEDS)
     env.venv._options = [
