@@ -345,16 +345,18 @@ def test_the_belief_is_in_the_information_with_masks_and_final_values():
         assert info["_belief"].tolist() == [True] * N
         np.testing.assert_allclose(info["belief"].sum(axis=1), 1.0)
         before = info
-        *_, info = env.step(np.zeros((N, 1)))
-        if "final_info" in info:
+        _, _, terminated, truncated, info = env.step(np.zeros((N, 1)))
+        if terminated.any():
             break
-    ended = info["_final_info"]
     final = info["final_info"]
-    assert ended.any() and (final["_belief"] == ended).all()
-    lost = classes().index("propeller_loss:port")
-    assert (final["belief"][ended, lost] > 0.9).all() and (info["belief"][ended, lost] < 0.1).all()
-    assert (final["declared_class"][ended] == lost).all()
-    assert (info["declared_class"][ended] == 0).all()
+    assert (final["_belief"] == info["_final_info"]).all()
+    assert (info["_final_info"] == terminated | truncated).all()
+    ended = terminated
+    assert ended.any()
+    declared = final["declared_class"][ended]
+    assert (declared > 0).all() and (final["belief"][ended, declared] > 0.9).all()
+    assert (info["belief"][ended, declared] < 0.1).all()
+    assert (info["declared_class"] == 0).all()
     assert before["belief"] is not info["belief"]
 
 
@@ -397,3 +399,16 @@ def test_an_episode_of_one_vehicle_is_as_long_as_its_user_wants():
     env.reset(seed=1, options={"schedule": [fault], "mission": "cruise"})
     rewards = [env.step([0.0])[1] for _ in range(151)]
     assert np.flatnonzero(rewards).tolist() == [149]
+
+
+@pytest.mark.parametrize("truth", ["label", False])
+def test_information_becomes_tensors(truth):
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("array_api_compat")
+    from gymnasium.wrappers.vector import NumpyToTorch
+
+    env = NumpyToTorch(many(diagnoser="null", truth=truth, autoreset_mode="NextStep"))
+    env.reset(seed=1)
+    for _ in range(LIMIT + 2):
+        *_, info = env.step(torch.zeros((N, 1)))
+    assert {type(value) for value in info.values()} == {torch.Tensor}
