@@ -12,6 +12,7 @@ An installed package that declares an entry point in its pyproject.toml; it then
 
 A file that imports its neighbours needs their folder in PYTHONPATH. A benchmark that runs again
 reuses the trials of an unchanged file: choose another --output after a change in what it imports.
+It runs them in processes of their own (`training.benchmark.third_parties`).
 The class takes no arguments. One with a method `set_truth` receives the truth as the oracle does,
 and is not ranked. It is a `Diagnoser`, or has the interface of the DX competitions::
 
@@ -36,96 +37,124 @@ and is not ranked. It is a `Diagnoser`, or has the interface of the DX competiti
 
 import hashlib
 import importlib.util
+import os
+import re
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
-from auv_fault_env.errors import refusal
+from auv_fault_env.errors import InputError, refusal
 from diagnosers.diagnoser import Diagnoser
-from diagnosers.registry import NAMES
 from diagnosers.sample_adapter import SampleAdapter
 
 ENTRY_POINT_GROUP = "auv_fault.diagnosers"
-LONGEST_NAME = 60  # characters, for the name becomes part of file names
 TARGET_FORM = "module:Class or path/to/file.py:Class"
+
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.+-]{0,59}")
+NAME_FORM = "up to 60 letters (A to Z), digits, spaces, and characters of _.+-, no such first"
+
+
+class ForeignCodeError(InputError):
+    """What the code of a third party does instead of giving a diagnoser."""
 
 
 @dataclass(frozen=True)
 class ThirdParty:
-    """The place of a diagnoser's class, as `TARGET_FORM`; called, it makes one."""
+    """The place of a diagnoser's class, as `TARGET_FORM`; called, it makes one.
+
+    The path of a file is taken as absolute, so that it is the same in another process. Raises
+    `InputError` where there is no class at the target, and `ForeignCodeError` where its code fails.
+    """
 
     target: str
+
+    def __post_init__(self):
+        place, _, name = self.target.rpartition(":")
+        if place.endswith(".py"):
+            object.__setattr__(self, "target", f"{os.path.abspath(place)}:{name}")
 
     def __call__(self) -> Diagnoser:
         """A diagnoser ready for `reset`; one of the DX competitions in a `SampleAdapter`."""
         diagnoser_class = self.diagnoser_class
-        thing = f"diagnoser {self.target}"
         try:
             made = diagnoser_class()
         except Exception as error:  # foreign code again
-            allowed = "a class to call without arguments"
-            raise refusal(thing, error, allowed, "correct it") from error
+            raise self._failure(error, "a class to call without arguments") from error
         if isinstance(made, Diagnoser):
             return made
         if callable(getattr(made, "Input", None)):
             return SampleAdapter(diagnoser_class)
-        allowed = "an object with classes, reset and update, or with Input"
-        raise refusal(thing, made, allowed, "see diagnosers.third_party")
+        raise self._failure(made, "an object with classes, reset and update, or with Input")
 
     @property
     def diagnoser_class(self) -> type:
         """The class; its module is imported, which runs it."""
         place, _, name = self.target.rpartition(":")
         thing = f"diagnoser {self.target}"
+        self._check_place(place)
         try:
-            diagnoser_class = getattr(_module(place), name, None)
+            module = _module(place)
         except (Exception, SystemExit) as error:  # importing runs foreign code
-            allowed = f"what can be imported, {TARGET_FORM}"
-            raise refusal(thing, error, allowed, "correct it") from error
+            is_absent = isinstance(error, ModuleNotFoundError) and error.name is not None
+            if is_absent and f"{place}.".startswith(f"{error.name}."):
+                allowed = f"what can be imported, {TARGET_FORM}"
+                raise refusal(thing, error, allowed, "check the name of the module") from error
+            raise self._failure(error, f"what can be imported, {TARGET_FORM}") from error
+        diagnoser_class = getattr(module, name, None)
         if not isinstance(diagnoser_class, type):
             allowed = f"a class, {TARGET_FORM}"
             raise refusal(thing, diagnoser_class, allowed, "check the name of the class")
         return diagnoser_class
 
     @property
+    def name(self) -> str:
+        """The attribute `name` of the class, else the name of the class."""
+        diagnoser_class = self.diagnoser_class
+        name = getattr(diagnoser_class, "name", None)
+        name = name if isinstance(name, str) and name else diagnoser_class.__name__
+        return self.checked_name(name)
+
+    def checked_name(self, name: str) -> str:
+        """The name, if files, figures and terminals can hold it."""
+        if not NAME.fullmatch(name):
+            thing = f"name of {self.target}"
+            remedy = "set the attribute `name` of the class"
+            raise ForeignCodeError(str(refusal(thing, name, NAME_FORM, remedy)))
+        return name
+
+    @property
     def source(self) -> Path:
         """The file with the class, without what it imports."""
         return Path(sys.modules[self.diagnoser_class.__module__].__file__)
 
+    def _check_place(self, place: str) -> None:
+        """Refuse a target that names neither a module nor a file that exists."""
+        is_there = _is_file(Path(place)) if place.endswith(".py") else place[:1] not in ("", ".")
+        if not is_there:
+            allowed = f"what can be imported, {TARGET_FORM}"
+            raise refusal("diagnoser", self.target, allowed, "check the path")
 
-def load_third_parties(targets: Sequence[str]) -> dict[str, ThirdParty]:
-    """Third parties by name: those at the targets, and those that installed packages declare.
+    def _failure(self, got: Any, allowed: str) -> ForeignCodeError:
+        remedy = "correct it, see diagnosers.third_party"
+        return ForeignCodeError(str(refusal(f"diagnoser {self.target}", got, allowed, remedy)))
 
-    The name is the attribute `name` of the class, else that of the class itself; of a package, that
-    of the entry point, which is not imported here. Raises `InputError` where a target is no class,
-    and for a name that is taken or too long.
-    """
-    parties = [ThirdParty(_absolute(target)) for target in targets]
-    named = [(_name_of(party.diagnoser_class), party) for party in parties]
+
+def installed_third_parties() -> list[tuple[str, ThirdParty]]:
+    """Names and places of the diagnosers that installed packages declare; nothing is imported."""
     points = entry_points(group=ENTRY_POINT_GROUP)
-    named += [(point.name, ThirdParty(point.value)) for point in points]
-    by_name: dict[str, ThirdParty] = {}
-    for name, party in named:
-        thing = f"name of {party.target}"
-        if len(name) > LONGEST_NAME:
-            raise refusal(thing, name, f"up to {LONGEST_NAME} characters", "shorten it")
-        if name in NAMES or by_name.setdefault(name, party) != party:
-            raise refusal(thing, name, "one that no other diagnoser has", "rename it")
-    return by_name
+    return [(point.name, ThirdParty(point.value)) for point in points]
 
 
-def _name_of(diagnoser_class: type) -> str:
-    name = getattr(diagnoser_class, "name", None)
-    return name if isinstance(name, str) and name else diagnoser_class.__name__
-
-
-def _absolute(target: str) -> str:
-    """The target with the absolute path of its file, which is the same in another process."""
-    place, _, name = target.rpartition(":")
-    return f"{Path(place).resolve()}:{name}" if place.endswith(".py") else target
+def _is_file(path: Path) -> bool:
+    """Whether there is a regular file, also for a path that no file can have."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def _module(place: str) -> ModuleType:

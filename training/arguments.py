@@ -148,7 +148,10 @@ class Benchmark:
     diagnosers: Annotated[tuple[str, ...], listed(*DIAGNOSERS, several=True)] = ()
     """Diagnosers to score; all of the registry if none is named."""
     diagnoser: UseAppendAction[tuple[str, ...]] = ()
-    """A diagnoser from elsewhere, module:Class or FILE.py:Class; repeatable. This runs its code."""
+    """A diagnoser from elsewhere, module:Class or FILE.py:Class; repeatable. This runs its code, in
+    processes of its own; what it prints is not shown."""
+    time_limit: Annotated[float, number(1.0, 1e6)] = 900.0
+    """Most time that a diagnoser from elsewhere may take at once, for a trial say [s]."""
     stimuli: Annotated[tuple[str, ...], listed(*STIMULI, several=True)] = ("cruise", "thesis")
     """Stimuli to run them under."""
     budget: Annotated[float, number(0.0, LARGEST_BUDGET)] = 0.0762

@@ -14,7 +14,7 @@ from auv_fault_env.faults import classes
 from diagnosers import check_diagnoser
 from diagnosers.diagnoser import Diagnoser
 from diagnosers.sample_adapter import LEAST_PROBABILITY, SampleAdapter
-from diagnosers.third_party import ThirdParty, load_third_parties
+from diagnosers.third_party import ForeignCodeError, ThirdParty, installed_third_parties
 
 OURS = """
 from diagnosers.references import Null
@@ -72,8 +72,8 @@ def test_a_class_joins_by_module_and_by_file(place, monkeypatch):
     path = written(place, "mine_of_a_test", OURS)
     monkeypatch.chdir(place)
     for target in ("mine_of_a_test:Mine", f"{path}:Mine", "mine_of_a_test.py:Mine"):
-        (party,) = load_third_parties([target]).values()
-        assert list(load_third_parties([target])) == ["mine"]
+        party = ThirdParty(target)
+        assert party.name == "mine"
         assert type(party()).__name__ == "Mine"
         assert party.source == path
         believe(party())
@@ -82,7 +82,7 @@ def test_a_class_joins_by_module_and_by_file(place, monkeypatch):
 def test_a_party_means_the_same_in_another_process_and_folder(place, monkeypatch):
     written(place, "mine_of_a_test", OURS)
     monkeypatch.chdir(place)
-    party = load_third_parties(["mine_of_a_test.py:Mine"])["mine"]
+    party = ThirdParty("mine_of_a_test.py:Mine")
     monkeypatch.chdir("/")
     assert isinstance(pickle.loads(pickle.dumps(party))(), Diagnoser)
 
@@ -96,7 +96,7 @@ def test_an_installed_package_joins_by_its_entry_point(place):
         "[auv_fault.diagnosers]\nas_they_say = mine_of_a_test:Mine\nbroken = nowhere_at_all:Mine\n"
     )
     (info / "entry_points.txt").write_text(points)
-    parties = load_third_parties([])
+    parties = dict(installed_third_parties())
     assert list(parties) == ["as_they_say", "broken"]
     believe(parties["as_they_say"]())
     with pytest.raises(InputError, match="nowhere_at_all"):
@@ -107,48 +107,51 @@ def test_an_installed_package_joins_by_its_entry_point(place):
 def test_what_is_broken_is_refused_in_one_line(place, name):
     text, word = BROKEN[name]
     with pytest.raises(InputError) as refused:
-        load_third_parties([f"{written(place, name, text)}:Mine"])["Mine"]()
+        ThirdParty(f"{written(place, name, text)}:Mine")()
     assert word in str(refused.value) and f"{name}.py:Mine" in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize(
-    "target", ["nowhere_at_all:Mine", "/nowhere/mine.py:Mine", "nothing", ":", "mine.py"]
+    "target",
+    [
+        "nowhere_at_all:Mine",
+        "/nowhere/mine.py:Mine",
+        "nothing",
+        ":",
+        "mine.py",
+        ".mine:Mine",
+        f"{300 * 'm'}.py:Mine",
+        "m\0.py:Mine",
+    ],
 )
 def test_what_is_not_there_is_refused_in_one_line(target):
-    with pytest.raises(InputError, match="what can be imported, module:Class or path/to/file"):
-        load_third_parties([target])
+    with pytest.raises(InputError, match="what can be imported, module:Class or path/to/file") as e:
+        ThirdParty(target)()
+    assert not isinstance(e.value, ForeignCodeError)
 
 
-def test_a_name_that_is_taken_is_refused(place):
-    path = written(
-        place,
-        "mine_of_a_test",
-        OURS + "class Limits(Mine):\n    name = 'limits'\nclass Other(Mine): ...",
-    )
-    with pytest.raises(InputError, match=r"name of .*Limits: got 'limits'; .*rename it"):
-        load_third_parties([f"{path}:Limits"])
-    with pytest.raises(InputError, match=r"name of .*Other: got 'mine'"):
-        load_third_parties([f"{path}:Mine", f"{path}:Other"])
-    assert list(load_third_parties([f"{path}:Mine", f"{path}:Mine"])) == ["mine"]
+@pytest.mark.parametrize(
+    "name",
+    ["61 * 'x'", "'\\ud800'", "'\\U0001f600'", "'\\x1b[2J'", "'$\\\\frac'", "'../mine'", "'a\\nb'"],
+)
+def test_a_name_is_text_that_files_and_figures_can_have(place, name):
+    path = written(place, "mine_of_a_test", OURS + f"class Other(Mine):\n    name = {name}")
+    with pytest.raises(ForeignCodeError, match="up to 60 letters") as refused:
+        _ = ThirdParty(f"{path}:Other").name
+    assert str(refused.value).isprintable()
 
 
-def test_a_name_is_text_that_a_file_can_have(place):
-    text = (
-        OURS
-        + "class Other(Mine):\n    name = property(lambda self: 3)\n"
-        + "class Long(Mine):\n    name = 61 * 'x'"
-    )
+def test_a_name_that_is_no_text_is_that_of_the_class(place):
+    text = OURS + "class Other(Mine):\n    name = property(lambda self: 3)\n"
     path = written(place, "mine_of_a_test", text)
-    assert list(load_third_parties([f"{path}:Other"])) == ["Other"]
-    with pytest.raises(InputError, match="up to 60 characters; shorten it"):
-        load_third_parties([f"{path}:Long"])
+    assert ThirdParty(f"{path}:Other").name == "Other"
 
 
 def test_a_system_of_one_sample_becomes_a_diagnoser_of_lanes(place):
     pytest.importorskip("pandas")
     path = written(place, "theirs_of_a_test", THEIRS)
-    party = load_third_parties([f"{path}:Theirs"])["Theirs"]
+    party = ThirdParty(f"{path}:Theirs")
     check_diagnoser(party())
     diagnoser = party()
     assert isinstance(diagnoser, SampleAdapter)

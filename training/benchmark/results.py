@@ -4,7 +4,7 @@ import csv
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from joblib import Parallel, delayed
 from tqdm import tqdm
@@ -15,6 +15,7 @@ from training.benchmark import trial_store
 from training.benchmark.bounds import bounds_of
 from training.benchmark.failures import note_failure, one_line
 from training.benchmark.plan import BenchmarkPlan
+from training.benchmark.preparation import PreparedEntrant
 from training.benchmark.scores import (
     METRICS,
     RATE_METRICS,
@@ -30,7 +31,6 @@ from training.benchmark.trials import (
     FAULTY,
     PARTS,
     THRESHOLD,
-    Entrant,
     LaneTruth,
     Trial,
     lane_truth,
@@ -68,16 +68,6 @@ RESULTS: dict[str, str] = {
     "scores": "by stimulus and diagnoser the metrics below",
     "bounds": "by stimulus the bounds of `training.benchmark.bounds`; of the suite ideal only",
 }
-
-
-class PreparedEntrant(NamedTuple):
-    """A diagnoser that can be run."""
-
-    entrant: Entrant
-    fingerprint: str  # what its beliefs depend on
-    weights: str | None  # digest of its weights, if it has any
-    compute: dict[str, float]  # what an update costs, and how many numbers its weights have
-    knows_truth: bool  # receives the truth about the vehicles, and so does not compete
 
 
 def header(

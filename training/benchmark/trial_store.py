@@ -97,8 +97,13 @@ def write(path: Path, outcome: FaultyOutcome | HealthyOutcome) -> None:
 
 def read(paths: Sequence[Path], part: str) -> Any:
     """The outcomes of some trials of a part as one, lanes in the order of the paths."""
-    kind = FaultyOutcome if part == FAULTY else HealthyOutcome
+    kind = outcome_kind(part)
     return concatenate_lanes([_read(path, kind) for path in paths])
+
+
+def outcome_kind(part: str) -> type[FaultyOutcome] | type[HealthyOutcome]:
+    """What the trials of a part have as outcome."""
+    return FaultyOutcome if part == FAULTY else HealthyOutcome
 
 
 def _read(path: Path, kind: type) -> Any:

@@ -6,6 +6,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
@@ -13,7 +14,9 @@ from auv_fault_env.errors import refusal
 from auv_fault_env.faults import CATALOGUE, Fault
 from training.benchmark import trial_store
 from training.benchmark.failures import note_failure, one_line
-from training.benchmark.trials import FaultyOutcome, Trial, run_trial
+from training.benchmark.own_process import call_in_own_process
+from training.benchmark.third_parties import OwnProcess
+from training.benchmark.trials import Entrant, FaultyOutcome, Trial, run_trial
 from training.extras import import_from_extra
 from training.metrics.records import HealthyOutcome
 
@@ -42,10 +45,28 @@ def with_catalogue(
     return function(*arguments)
 
 
+def call_for(entrant: Entrant, function: Callable[..., Any], *arguments: Any) -> Any:
+    """The result of the function, in a process of its own if the entrant is foreign.
+
+    The function runs code of the entrant. It returns plain data as JSON has it, or arrays by name.
+    """
+    maker = entrant.make
+    if not isinstance(maker, OwnProcess):
+        return function(*arguments)
+    job = (with_catalogue, dict(CATALOGUE), function, *arguments)
+    return call_in_own_process(*job, limit=maker.time_limit)
+
+
+def outcome_arrays(trial: Trial) -> dict[str, np.ndarray]:
+    """The outcome of a trial as arrays by name."""
+    return run_trial(trial)._asdict()
+
+
 def attempt(path: Path, trial: Trial) -> tuple[Path, str, FaultyOutcome | HealthyOutcome | str]:
     """Path, diagnoser, and the outcome or the reason why there is none."""
     try:
-        return path, trial.entrant.name, run_trial(trial)
+        arrays = call_for(trial.entrant, outcome_arrays, trial)
+        return path, trial.entrant.name, trial_store.outcome_kind(trial.part)(**arrays)
     # whatever fails in one diagnoser, the others are scored
     except (Exception, SystemExit) as error:
         return path, trial.entrant.name, one_line(error)
@@ -54,8 +75,8 @@ def attempt(path: Path, trial: Trial) -> tuple[Path, str, FaultyOutcome | Health
 def run_missing(trials: Mapping[Path, Trial], workers: int, backend: str) -> dict[str, str]:
     """Run the trials that have no outcome yet and write it; returns why diagnosers failed, by name.
 
-    No more trials of a diagnoser begin after it has failed. One that ends its whole process, or
-    takes all memory, ends the run.
+    No more trials of a diagnoser begin after it has failed. One of the package that ends its whole
+    process, or takes all memory, ends the run.
     """
     failures: dict[str, str] = {}
     faults = dict(CATALOGUE)
@@ -91,6 +112,5 @@ def _outcomes(jobs: Iterator[Any], workers: int, backend: str) -> Iterator[Any]:
     try:
         yield from parallel(jobs)
     except BrokenProcessPool:
-        allowed = "enough memory, sound diagnosers"
-        remedy = "take fewer --workers, or leave out the diagnoser at fault; what is done is kept"
-        raise refusal("workers", "a process that has died", allowed, remedy) from None
+        remedy = "take fewer --workers; what is done is kept"
+        raise refusal("workers", "a process that has died", "enough memory", remedy) from None

@@ -10,6 +10,7 @@ from auv_fault_env.parameters import SAMPLE_TIME
 from training import metrics
 from training.benchmark.assessment import Assessment
 from training.benchmark.trials import FaultyOutcome, LaneTruth, Trial, simulate_trial
+from training.benchmark.workers import call_for
 from training.metrics import NORMAL
 from training.metrics.plain import DIGITS, finite, rounded
 from training.metrics.records import HORIZON, PERSISTENCE
@@ -36,7 +37,7 @@ def worst_episodes(
     """
     lanes = np.argsort(-assessment.isolation.time, kind="stable")[:N_WORST]
     worst_trial = trial._replace(episodes=tuple(trial.episodes[lane] for lane in lanes))
-    observations = simulate_trial(worst_trial).observations
+    observations = call_for(trial.entrant, observed, worst_trial)["observations"]
     columns = [INDEX[name] for name in SHOWN]
     readings = observations[::STRIDE, :, columns]
     alarm = metrics.alarms(faulty.log_normal[:, lanes], assessment.threshold, PERSISTENCE)
@@ -44,6 +45,11 @@ def worst_episodes(
         _episode(lane, trial, faulty, assessment, truth, alarm[:, k], readings[:, k])
         for k, lane in enumerate(lanes)
     ]
+
+
+def observed(trial: Trial) -> dict[str, np.ndarray]:
+    """The observations of a trial (n_samples, n_lanes, n_channels)."""
+    return {"observations": simulate_trial(trial).observations}
 
 
 def _episode(

@@ -2,29 +2,20 @@
 
 import functools
 import shlex
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tqdm import tqdm
-
 from auv_fault_env.errors import known_name, refusal
 from diagnosers import NAMES, make
-from diagnosers.third_party import load_third_parties
 from training.arguments import Benchmark
-from training.benchmark import timing, trial_store
-from training.benchmark.failures import note_failure, one_line
+from training.benchmark import trial_store
 from training.benchmark.page import page
 from training.benchmark.plan import BenchmarkPlan
-from training.benchmark.results import (
-    PreparedEntrant,
-    bounds_by_stimulus,
-    header,
-    scored,
-    write_csv,
-)
+from training.benchmark.preparation import prepare
+from training.benchmark.results import bounds_by_stimulus, header, scored, write_csv
 from training.benchmark.suites import IDEAL, STANDARD, load
+from training.benchmark.third_parties import load_third_parties
 from training.benchmark.trials import COUNTING, THRESHOLD, Entrant
 from training.benchmark.workers import check_backend, run_missing
 from training.report.page import print_tables, write_report
@@ -35,13 +26,11 @@ from training.report.run_folder import (
     run_folder,
     write_json,
 )
-from training.seeds import seeds
 from training.stimuli import STIMULI
 from training.stimuli.closed_loop import ClosedLoop
 
 TRIALS = "trials"
 ALL_CORES = -1  # as joblib has it
-TIMED = 950_000_000  # first test seed of the episodes that the timing runs on
 
 
 class Run(NamedTuple):
@@ -55,6 +44,8 @@ class Run(NamedTuple):
         Entries of the manifest by which a run is known whose trials can be taken over.
     seed
         Of the bootstrap.
+    failures
+        Why diagnosers are left out that are no entrants, by name.
     workers, backend
         As joblib has them.
     """
@@ -66,6 +57,7 @@ class Run(NamedTuple):
     suite_identity: Mapping[str, str]
     plan: BenchmarkPlan
     entrants: Mapping[str, Entrant]
+    failures: Mapping[str, str]
     seed: int
     workers: int
     backend: str
@@ -74,7 +66,7 @@ class Run(NamedTuple):
 def main(arguments: Benchmark) -> None:
     """Run what has not been run yet, score it, and write report, figures and results."""
     plan = _plan(arguments)
-    third_parties = load_third_parties(arguments.diagnoser)
+    third_parties, failures = load_third_parties(arguments.diagnoser, arguments.time_limit)
     entrants = named_entrants(arguments.diagnosers or NAMES, third_parties)
     workers = ALL_CORES if arguments.workers is None else arguments.workers
     check_backend(arguments.backend)
@@ -86,6 +78,7 @@ def main(arguments: Benchmark) -> None:
         suite_identity={"suite": plan.suite.name, "hash": plan.suite.hash},
         plan=plan,
         entrants=entrants,
+        failures=failures,
         seed=arguments.seed,
         workers=workers,
         backend=arguments.backend,
@@ -117,6 +110,7 @@ def _results(run: Run, folder: Path) -> dict[str, Any]:
     """All results, from trials that are run if they are not in the folder."""
     plan = run.plan
     prepared, failures = prepare(run.entrants)
+    failures = {**run.failures, **failures}
     paths = {}
     for trial in plan.trials([entry.entrant for entry in prepared.values()]):
         fingerprint = prepared[trial.entrant.name].fingerprint
@@ -174,32 +168,6 @@ def trials_folder(run: Run) -> Path:
     folder = output / TRIALS
     folder.mkdir(exist_ok=True)
     return folder
-
-
-def prepare(
-    entrants: Mapping[str, Entrant],
-) -> tuple[dict[str, PreparedEntrant], dict[str, str]]:
-    """The diagnosers that can be created and timed, and why others cannot."""
-    prepared: dict[str, PreparedEntrant] = {}
-    failures: dict[str, str] = {}
-    first_seed = seeds("test", 1, TIMED)[0]
-    for name, entrant in tqdm(entrants.items(), desc="timing", unit="diagnoser", file=sys.stderr):
-        try:
-            diagnoser = entrant.make()
-            tensors = diagnoser.tensors() if hasattr(diagnoser, "tensors") else {}
-            compute = timing.compute_cost(diagnoser, first_seed)
-            compute["numbers"] = sum(tensor.size for tensor in tensors.values())
-            prepared[name] = PreparedEntrant(
-                entrant=entrant,
-                fingerprint=trial_store.fingerprint(entrant, diagnoser),
-                weights=trial_store.weights_digest(diagnoser),
-                compute=compute,
-                knows_truth=hasattr(diagnoser, "set_truth"),
-            )
-        # whatever fails in one diagnoser, the others are scored
-        except (Exception, SystemExit) as error:
-            note_failure(failures, name, one_line(error))
-    return prepared, failures
 
 
 def command(arguments: Benchmark) -> str:

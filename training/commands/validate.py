@@ -22,6 +22,7 @@ def main(arguments: Validate) -> None:
         suite_identity={"suite": suite.name},
         plan=BenchmarkPlan(suite, suite.conditions, [Cruise(), Thesis()], hours),
         entrants=entrants,
+        failures={},
         seed=arguments.seed,
         workers=ALL_CORES,
         backend="loky",

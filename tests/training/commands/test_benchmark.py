@@ -11,12 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from joblib import delayed
 
+from auv_fault_env.errors import InputError
 from auv_fault_env.faults import classes
 from diagnosers import REGISTRY, Belief, Entry, Recursive
 from training import cli
 from training.arguments import Benchmark, Simulate
-from training.benchmark import page_figures, timing
+from training.benchmark import page_figures, timing, workers
 from training.benchmark.results import RESULTS
 from training.benchmark.suites import load
 from training.commands import benchmark
@@ -365,28 +367,66 @@ def test_one_that_is_told_the_truth_is_not_ranked(mine, monkeypatch):
     assert results_of(mine)["references"] == ["limits"]
 
 
-def test_a_process_that_dies_ends_the_run_in_one_line(mine, capfd):
-    dying = mine.parent / "dying.py"
-    dying.write_text(
-        "import os\nfrom diagnosers.references import Null\n"
-        "class Dying(Null):\n    name = 'dying'\n    def initial(self, n):\n"
-        f"        if os.getpid() != {os.getpid()}: os._exit(3)\n"
-        "        return super().initial(n)\n",
-        encoding="utf-8",
-    )
-    more = [
-        "--diagnoser",
-        f"{dying}:Dying",
-        "--diagnosers",
-        "null",
-        "--stimuli",
-        "cruise",
-        "--workers",
-        "2",
-    ]
-    assert cli.main(command(mine, *more)) == 2
-    last = capfd.readouterr().err.replace("\r", "\n").strip().split("\n")[-1]
-    assert last.startswith("auv-fault benchmark: workers: got 'a process that has died'")
+def test_a_process_that_dies_ends_the_run_in_one_line():
+    with pytest.raises(InputError, match="workers: got 'a process that has died'"):
+        list(workers._outcomes(iter([delayed(os._exit)(3)]), 2, "loky"))
+
+
+CULPRITS = """
+import os, sys
+import numpy as np
+from diagnosers.references import Null
+
+class Spoils(Null):
+    "Answers, and spoils all that it can reach."
+    name = "spoils"
+    def initial(self, n):
+        import diagnosers.references, auv_fault_env.faults
+        os.chdir("/")
+        diagnosers.references.Null.step = None
+        auv_fault_env.faults.CATALOGUE.popitem()
+        print(10_000_000 * "x")
+        return super().initial(n)
+    def step(self, state, observation, step=Null.step):
+        return step(self, state, observation)
+
+class Interrupts(Null):
+    name = "interrupts"
+    def step(self, state, observation):
+        if len(observation) == 6:
+            raise KeyboardInterrupt("m\\ud800\\x1b[2J")
+        return super().step(state, observation)
+
+class Emoji(Null):
+    name = "\\U0001f600"
+"""
+
+
+def test_third_parties_cost_nothing_but_their_own_rows(mine, capfd):
+    folder = mine.parent
+    (folder / "culprits.py").write_text(CULPRITS)
+    (folder / "leaves.py").write_text("import os\nos._exit(3)")
+    others = ["--diagnosers", "random", "--stimuli", "cruise", "--workers", "2"]
+    targets = [f"{folder}/culprits.py:{name}" for name in ("Spoils", "Interrupts", "Emoji")]
+    targets.append(f"{folder}/leaves.py:Leaves")
+    culprits = [word for target in targets for word in ("--diagnoser", target)]
+    assert cli.main(command(mine, *others, *culprits)) == 0
+    results = results_of(mine)
+    shown = capfd.readouterr()
+    assert cli.main(command(mine, *others, output="alone")) == 0
+    alone = results_of(mine, "alone")
+    assert results["scores"]["cruise"]["random"] == alone["scores"]["cruise"]["random"]
+    assert results["thresholds"]["random"] == alone["thresholds"]["random"]
+    assert outcomes(mine, "alone").items() <= outcomes(mine).items()
+    assert results["third_parties"].keys() <= {"spoils"}
+    failures = results["failures"]
+    assert failures.keys() - {"spoils"} == {"interrupts", *targets[2:]}
+    assert failures["interrupts"] == "KeyboardInterrupt: m\\ud800\\x1b[2J"
+    assert failures[targets[3]] == "ended its process with exit code 3"
+    assert "up to 60 letters" in failures[targets[2]]
+    for name, reason in failures.items():
+        assert shown.err.count(f"{name} is left out: {reason}") == 1
+    assert "xxxx" not in shown.out + shown.err
 
 
 def test_a_full_disk_ends_the_run_in_one_line(mine, capfd, monkeypatch):
@@ -497,6 +537,8 @@ def test_fewer_lanes_are_a_fair_sample_and_the_results_say_so(mine):
         (["--counting-hours", "0"], ["hours", "0"]),
         (["--lanes", "0"], ["lanes", "0"]),
         (["--workers", "0"], ["workers", "0"]),
+        (["--time-limit", "0"], ["time-limit", "0", "from 1 to 1000000"]),
+        (["--time-limit", "nan"], ["time-limit", "nan"]),
         (["--seed", "-1"], ["seed", "-1"]),
     ],
     ids=lambda value: " ".join(value) if value[0].startswith("--") else "",
