@@ -23,7 +23,11 @@ NEEDED = {
     "reading MAVLink": ("pymavlink", "logs", mavlink_table._dialect.__wrapped__),
     "reading MCAP": ("mcap", "logs", lambda: mcap_table._profile(Path("log"))),
     "reading ULog": ("pyulog", "logs", lambda: ulog_table._read(b"", "log")),
-    "`--formats minari`": ("minari", "formats", lambda: minari.new_storage(Path("run"), None)),
+    "`--formats minari`": (
+        "minari",
+        "formats",
+        lambda: minari.new_storage(Path("run"), None, None),
+    ),
     "`export`": ("onnx", "formats", lambda: onnx_export.to_onnx(None)),
 }
 

@@ -11,7 +11,8 @@ import re
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,11 @@ from diagnosers import Diagnoser
 from training.benchmark import trials
 from training.benchmark.trials import FAULTY, Entrant, FaultyOutcome, Trial
 from training.metrics.records import HealthyOutcome, concatenate_lanes
+from training.report.run_folder import held
 
 NOT_IN_FILE_NAMES = re.compile(r"\W+")
+ENDING = ".npz"
+ASIDE = "."  # begins the name of a trial that is being written
 READ_ERRORS = (
     OSError,
     EOFError,
@@ -75,13 +79,27 @@ def path_of(folder: Path, trial: Trial, fingerprint_of_diagnoser: str) -> Path:
     )
     key = hashlib.sha256(repr(made_from).encode()).hexdigest()[:20]
     name = NOT_IN_FILE_NAMES.sub("_", trial.entrant.name)
-    return folder / f"{name}-{trial.stimulus.name}-{trial.part}-{key}.npz"
+    return folder / f"{name}-{trial.stimulus.name}-{trial.part}-{key}{ENDING}"
+
+
+@contextmanager
+def held_folder(folder: Path) -> Iterator[None]:
+    """Hold the folder of a run's trials, and remove first what a killed run has half written.
+
+    Where another process holds the folder, or folders cannot be held, nothing is removed.
+    """
+    with ExitStack() as stack:
+        with suppress(OSError):
+            stack.enter_context(held(folder))
+            for half_written in folder.glob(f"{ASIDE}*{ENDING}"):
+                half_written.unlink()
+        yield
 
 
 def write(path: Path, outcome: FaultyOutcome | HealthyOutcome) -> None:
     """Write an outcome to a hidden file and rename it, so that every trial is whole."""
     try:
-        handle, temporary = tempfile.mkstemp(prefix=".", suffix=".npz", dir=path.parent)
+        handle, temporary = tempfile.mkstemp(prefix=ASIDE, suffix=ENDING, dir=path.parent)
         try:
             with os.fdopen(handle, "wb") as file:
                 np.savez_compressed(file, **outcome._asdict())

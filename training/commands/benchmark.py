@@ -90,7 +90,8 @@ def run_benchmark(run: Run) -> None:
     """Run what has not been run yet, score it, and write report, figures and results."""
     folder = trials_folder(run)
     try:
-        results = _results(run, folder)
+        with trial_store.held_folder(folder):
+            results = _results(run, folder)
         report = page(results)
         notes = run.suite_identity
         with run_folder(run.output, run.name, run.arguments, notes, [TRIALS]) as new_folder:

@@ -42,7 +42,7 @@ def main(arguments: Export) -> None:
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file so that it is complete at any time, the old or the new one."""
-    aside = path.with_name(f".{path.name}-{os.getpid()}")
+    aside = path.with_name(f".{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:

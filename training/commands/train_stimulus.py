@@ -3,7 +3,8 @@
 It runs and continues as ``auv-fault train``: checkpoint and TensorBoard log are in
 ``OUTPUT-unfinished`` until the end, and after an interruption the same command continues after the
 last complete epoch and ends with the same policy, bit for bit, on one machine. `--steps` is rounded
-up to whole epochs.
+up to whole epochs. A checkpoint names the digest of the diagnoser's weights: with others it is
+refused.
 """
 
 import shutil
@@ -13,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from auv_fault_env.errors import known_name
-from diagnosers.registry import ranked
+from diagnosers.registry import make, ranked
 from training.arguments import TrainStimulus
+from training.benchmark.trial_store import weights_digest
 from training.commands.train import explain_interruption, run_training
 from training.learning.checkpoint import LOG, Progress
 from training.learning.loop import train
@@ -51,6 +53,7 @@ def _run(
 ) -> None:
     with explain_interruption(output, arguments.restart):
         settings = {setting: getattr(arguments, setting) for setting in SETTINGS}
+        settings["weights"] = weights_digest(make(arguments.diagnoser))
         progress = train(trainer, settings, unfinished)
         policy, figures = trainer.finish()
         training_card = card(arguments, trainer, progress, figures)

@@ -1,7 +1,6 @@
 """The vehicle file (TOML, docs/vehicle.md): the columns of a vehicle's logs, and the vehicle."""
 
 import json
-import os
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -241,7 +240,7 @@ def write_vehicle(
 def write_text(path: Path, text: str) -> None:
     """Write the text of a vehicle file; one that exists is replaced."""
     path = Path(path)
-    aside = path.with_name(f".{path.name}-{os.getpid()}")
+    aside = path.with_name(f".{path.name}")
     try:
         aside.write_text(text, encoding="utf-8")
         aside.replace(path)

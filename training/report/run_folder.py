@@ -87,7 +87,7 @@ def run_folder(
         run.folder.append(folder)
         with ExitStack() as stack:
             with suppress(OSError):
-                stack.enter_context(_held(folder))
+                stack.enter_context(held(folder))
             yield folder
             write_manifest(folder, name, arguments, notes, program)
             folder.chmod(0o755)
@@ -209,7 +209,7 @@ def _settle_killed_runs(output: Path, files_to_keep: Sequence[str]) -> None:
     for left in output.parent.glob(f"{glob.escape(_prefix(output))}*"):
         # of a replacement that has begun one or both folders exist
         folder = left.with_name(left.name.removesuffix(EARLIER))
-        with suppress(OSError), _held(folder if folder.exists() else left):
+        with suppress(OSError), held(folder if folder.exists() else left):
             _settle(folder, output, files_to_keep)
 
 
@@ -222,7 +222,7 @@ def _earlier(folder: Path) -> Path:
 
 
 @contextmanager
-def _held(folder: Path) -> Iterator[None]:
+def held(folder: Path) -> Iterator[None]:
     """Hold a folder until the context or the process ends; `OSError` if another process holds it.
 
     Also `OSError` where folders cannot be held: on Windows, and on some file systems.
