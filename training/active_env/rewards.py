@@ -65,7 +65,7 @@ def checked_reward(values: Any, n_lanes: int) -> np.ndarray:
     remedy = "return one for each lane"
     try:
         numbers = np.array(values, np.float64)
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         raise refusal("result of the reward", values, allowed, remedy) from None
     if numbers.shape != (n_lanes,):
         raise refusal("shape of the reward", numbers.shape, allowed, remedy)

@@ -299,7 +299,7 @@ def checked_offset(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
     """A float64 copy of the actions, clipped to [-1, 1]; refused if not finite or of this shape."""
     try:
         actions = np.array(actions, np.float64)
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         allowed = f"numbers of shape {shape}"
         raise refusal("action", actions, allowed, "give the speed offset") from None
     if actions.shape != shape:

@@ -364,7 +364,10 @@ def test_bad_settings_are_refused(settings, message):
         ActiveDiagnosisVectorEnv(**settings)
 
 
-@pytest.mark.parametrize("action", [[0.0], [[0.0], [0.0], [0.0]], [[float("nan")], [0.0]], "fast"])
+@pytest.mark.parametrize(
+    "action",
+    [[0.0], [[0.0], [0.0], [0.0]], [[float("nan")], [0.0]], [[10**400], [0.0]], "fast"],
+)
 def test_bad_actions_are_refused(action):
     env = ActiveDiagnosisVectorEnv(2, diagnoser="null")
     env.reset(seed=0)
