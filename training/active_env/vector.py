@@ -297,14 +297,17 @@ def lane_info(info: dict[str, Any], lane: int) -> dict[str, Any]:
 
 def checked_offset(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
     """A float64 copy of the actions, clipped to [-1, 1]; refused if not finite or of this shape."""
+    allowed = f"finite real numbers of shape {shape}"
+    remedy = "give the speed offset, one per lane"
+    if getattr(getattr(actions, "dtype", None), "kind", "") in ("c", "m", "M"):
+        raise refusal("action", actions, allowed, remedy)
     try:
         actions = np.array(actions, np.float64)
-    except (OverflowError, TypeError, ValueError):
-        allowed = f"numbers of shape {shape}"
-        raise refusal("action", actions, allowed, "give the speed offset") from None
+    except Exception as error:  # whatever an object raises that is to be numbers
+        got = actions if isinstance(error, TypeError | ValueError) else error
+        raise refusal("action", got, allowed, remedy) from None
     if actions.shape != shape:
-        remedy = "give the speed offset, one per lane"
-        raise refusal("shape of the action", actions.shape, shape, remedy)
+        raise refusal("shape of the action", actions.shape, f"{shape}", remedy)
     if not np.isfinite(actions).all():
-        raise refusal("action", actions.tolist(), "finite numbers", "check the policy")
+        raise refusal("action", actions.tolist(), allowed, "check the policy")
     return np.clip(actions, -1.0, 1.0)

@@ -366,7 +366,10 @@ def test_bad_settings_are_refused(settings, message):
 
 @pytest.mark.parametrize(
     "action",
-    [[0.0], [[0.0], [0.0], [0.0]], [[float("nan")], [0.0]], [[10**400], [0.0]], "fast"],
+    [
+        *([0.0], [[0.0], [0.0], [0.0]], [[float("nan")], [0.0]], "fast"),
+        *([[10**400], [0.0]], np.ones((2, 1), complex), np.zeros((2, 1), "M8[s]")),
+    ],
 )
 def test_bad_actions_are_refused(action):
     env = ActiveDiagnosisVectorEnv(2, diagnoser="null")
