@@ -1,12 +1,13 @@
 """The thesis' second recommendation (VI.B): one network on readings and filter estimates."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from auv_fault_env.parameters import Vehicle
+from auv_fault_env.parameters import Vehicle, vehicle_of
 from diagnosers import storage
 from diagnosers.diagnoser import Belief, Recursive, two_shaft_vehicle
 from diagnosers.networks.class_list import (
@@ -53,7 +54,8 @@ class Integrated(Recursive):
     changes the filters and residuals, not what the network makes of them.
 
     Without `trained_classes` the classes are those that the weights name, else those of the shipped
-    weights.
+    weights, which are of a vehicle with two shafts. `bank` has settings of the filter bank among
+    the features, of weights that were trained on the vehicle of a vehicle file (see `Features`).
     """
 
     name = "integrated"
@@ -64,14 +66,17 @@ class Integrated(Recursive):
         vehicle: str | Vehicle = "thesis1992",
         weights: storage.Weights = PACKAGED,
         trained_classes: Sequence[str] | None = None,
+        bank: Mapping[str, Any] = MappingProxyType({}),
     ):
-        self.vehicle = two_shaft_vehicle(vehicle)
+        is_shipped = weights == PACKAGED
+        self.vehicle = two_shaft_vehicle(vehicle) if is_shipped else vehicle_of(vehicle)
+        self.bank = dict(bank)
         if trained_classes is None:
             trained_classes = storage.settings_of(weights).get("trained_classes", SHIPPED_CLASSES)
         self.trained_classes = check_class_list(trained_classes, self.classes)
         self._tensors = storage.load_tensors(weights, architecture(self.trained_classes))
         self._network = NumpyNetwork(self._tensors)
-        self._features = Features(self.vehicle, self.trained_classes)
+        self._features = Features(self.vehicle, self.trained_classes, self.bank)
         self._trained_columns = [self.classes.index(name) for name in self.trained_classes]
         self._is_fault = np.array([is_fault(name) for name in self.trained_classes])
         # a fault that joins the catalogue later stands before `unknown` in the bank's belief
@@ -108,8 +113,9 @@ class Integrated(Recursive):
         return {name: tensor.copy() for name, tensor in self._tensors.items()}
 
     def settings(self) -> dict[str, Any]:
-        """The nominal vehicle and the classes of the training."""
-        return {
+        """The nominal vehicle and the classes of the training, and settings of the bank."""
+        settings = {
             "vehicle": asdict(self.vehicle),
             "trained_classes": list(self.trained_classes),
         }
+        return settings | ({"bank": self.bank} if self.bank else {})

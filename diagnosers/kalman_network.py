@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from auv_fault_env.faults import classes
+from auv_fault_env.faults import CATALOGUE, classes
 from auv_fault_env.faults import labels as tables
-from auv_fault_env.parameters import Vehicle
+from auv_fault_env.parameters import Vehicle, vehicle_of
 from diagnosers.diagnoser import (
     Belief,
     Recursive,
@@ -24,6 +24,7 @@ from diagnosers.kalman import Estimate, ParameterFilter
 from diagnosers.networks import modes
 from diagnosers.networks.fault_map import MODES_5_2, normalise, severity
 from diagnosers.networks.feed_forward import FeedForward, tensor_shapes
+from diagnosers.shafts import with_equal_readings, with_equal_shafts
 from diagnosers.storage import WEIGHTS, Shapes, Weights, load_tensors
 
 PACKAGED = WEIGHTS / "kalman_network.safetensors"
@@ -39,6 +40,12 @@ CALIBRATION: Shapes = {
 def labels() -> dict[str, str | None]:
     """The mode of every class in Table 5.2, None where it has none."""
     return {name: mode if mode in MODES_5_2 else None for name, (_, mode) in tables().items()}
+
+
+def shares_of(vehicle: Vehicle) -> np.ndarray:
+    """The share of every class in each mode on a vehicle, (n_modes, n_known)."""
+    faults = [fault for fault in CATALOGUE.values() if not fault.is_possible(vehicle)]
+    return modes.class_shares(labels(), MODES_5_2, {fault.diagnosis for fault in faults})
 
 
 def points(estimate: Estimate) -> np.ndarray:
@@ -61,19 +68,21 @@ class KalmanNetwork(Recursive):
     like drag or thrust; and on what stays in the window of normal operation: a damaged propeller,
     at most 25 % of the thrust, is detected late or never, and isolated as a lost one.
 
-    `vehicle` is the nominal vehicle of the filter, or a preset's name.
+    `vehicle` is the nominal vehicle of the filter, or a preset's name; with the shipped weights it
+    has two shafts.
     """
 
     name = "kalman_network"
 
     def __init__(self, vehicle: str | Vehicle = "thesis1992", weights: Weights = PACKAGED):
-        self.vehicle = two_shaft_vehicle(vehicle)
-        self.filter = ParameterFilter(self.vehicle)
+        is_shipped = weights == PACKAGED
+        self.vehicle = two_shaft_vehicle(vehicle) if is_shipped else vehicle_of(vehicle)
+        self.filter = ParameterFilter(with_equal_shafts(self.vehicle))
         self.learnt = load_tensors(weights, ARCHITECTURE | CALIBRATION)
         self.network = FeedForward({name: self.learnt[name] for name in ARCHITECTURE})
         self.classes = classes()
         self.labels = labels()
-        self.shares = modes.class_shares(self.labels, MODES_5_2)
+        self.shares = shares_of(self.vehicle)
         prior_mean, prior_std = modes.PRIOR_SEVERITY
         table = np.vstack([self.learnt["severity"], (prior_mean, 0.0, prior_std)])
         known_modes = [self.labels[name] for name in self.known_classes]
@@ -86,6 +95,7 @@ class KalmanNetwork(Recursive):
 
     def step(self, state: Estimate, observation: np.ndarray) -> tuple[Estimate, Belief]:
         """The filter's next state, and the belief at the point of the map where it stands."""
+        observation = with_equal_readings(observation, self.vehicle)
         state = self.filter.update(state, observation)
         sums = self.network.evaluate(points(state))
         log_modes = modes.log_softmax(self.learnt["slope"] * sums + self.learnt["offset"])

@@ -91,6 +91,8 @@ class Train:
     """Diagnoser to train."""
     output: Path | None = None
     """Folder of weights, card and report, default runs/train-DIAGNOSER."""
+    vehicle: Path | None = None
+    """Vehicle file (TOML): trains a network on that vehicle, for `diagnose --weights`."""
     seed: Seed = 0
     """Seed; it gives the same weights with the same number of threads (OMP_NUM_THREADS)."""
     epochs: Annotated[int | None, whole(1)] = None
@@ -204,7 +206,9 @@ class Diagnose:
     """Logs: text, Parquet, bags, logs of autopilots (docs/logs.md)."""
     diagnoser: Annotated[str | None, listed(*DIAGNOSERS_OF_LOGS)] = None
     """By default that of the vehicle file, which calibrate chooses. residuals needs a calibration,
-    all others but filter_bank every channel at 10 Hz."""
+    raw_network --weights, all others but filter_bank every channel at 10 Hz or --weights."""
+    weights: Path | None = None
+    """Weights of the diagnoser (safetensors) from `auv-fault train --vehicle` on this file."""
     follow: bool = False
     """Read CSV with a header or JSON objects from standard input; answer each line in JSON."""
     healthy: tuple[Path, ...] = ()

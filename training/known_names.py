@@ -25,6 +25,7 @@ DIAGNOSERS_OF_LOGS = (
     "rules",
     "limits",
     "kalman_network",
+    "raw_network",
     "residuals",
 )
 TRAINABLE = ("raw_network", "kalman_network", "integrated", "residuals")

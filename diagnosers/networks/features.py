@@ -4,21 +4,24 @@ Every signal comes with running means over several times, so that the network ne
 first-order filter does: a step shows in the short mean first, a healthy offset stays in the long.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import sqrt
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from auv_fault_env.channels import CHANNELS, COMMANDS, INDEX, READINGS
 from auv_fault_env.compiling import kernel, scalar
+from auv_fault_env.errors import known_name
 from auv_fault_env.faults import CATALOGUE, UNKNOWN
-from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle
+from auv_fault_env.parameters import SAMPLE_TIME, SIDES, Vehicle, full_scale_factors
 from auv_fault_env.physics import RPM, clipped
 from diagnosers import kalman, motor_filter
 from diagnosers.diagnoser import Belief
 from diagnosers.filter_bank import FilterBank
 from diagnosers.networks.class_list import SHIPPED_CLASSES
+from diagnosers.shafts import with_equal_readings, with_equal_shafts
 from diagnosers.symptoms.residuals import RESIDUALS, residuals
 
 MEAN_TIMES = (1.0, 4.0, 15.0)  # s, time constants of the running means
@@ -26,7 +29,7 @@ SQUARE_TIME = 2.0  # s, of the running mean square
 # s, in which the filters settle; the age of a vehicle beyond that is no feature
 SETTLING_TIME = 5.0
 OUTLIER = 30.0  # standard deviations, to which signals are clipped
-# of the channels, for numbers near 1
+# of the channels, for numbers near 1 on `thesis1992`
 SCALE = (0.3, 0.3, 0.3, 0.3, 0.3, 0.03, 3.0, 0.4, 400.0, 3.0, 0.4, 400.0)
 SIGNALS = (
     *(*RESIDUALS, "speed_innovation", "acceleration_innovation"),
@@ -41,13 +44,13 @@ N_ESTIMATES = len(ESTIMATES)
 N_COMMANDS = len(COMMANDS)
 N_READINGS = len(READINGS)
 N_MEANS = len(MEAN_TIMES)
-NOISE = tuple(CHANNELS[name].noise for name in READINGS)
-SPEED_NOISE = CHANNELS["speed"].noise
 SPEED = INDEX["speed"]
 COMMAND, RUDDER, STERN_PLANE = map(COMMANDS.index, ("speed_command", "rudder", "stern_plane"))
 # of the bank: one grade isolates nearly as well as three do, in half the time
 GRADES = ((0.2, 1.0),)
 HAZARD = 1e-4  # probability per sample that a fault begins, of the bank
+# of the bank, for the vehicle of a vehicle file
+BANK_SETTINGS = ("band", "noise", "faults")
 EVIDENCE = 5.0  # nats, scale of the bank's log odds
 
 
@@ -99,22 +102,44 @@ class FeatureState(NamedTuple):
 class Features:
     """The recursion from observations to features: state in, next state out.
 
-    `classes` are those of the network's training; `feature_names` names the features. The filter
-    bank has every fault of the catalogue as it is when this object is made.
+    `classes` are those of the network's training; `feature_names` names the features. `bank` has
+    settings of the filter bank (`BANK_SETTINGS`) where not the default; by default it has every
+    fault of the catalogue as it is when this object is made.
     """
 
-    def __init__(self, vehicle: Vehicle, classes: Sequence[str] = SHIPPED_CLASSES):
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        classes: Sequence[str] = SHIPPED_CLASSES,
+        bank: Mapping[str, Any] = MappingProxyType({}),
+    ):
         self.vehicle = vehicle
-        of_hull = (kalman.SurgeFilter(vehicle), kalman.ParameterFilter(vehicle))
-        self.filters = (*of_hull, motor_filter.MotorFilter(vehicle))
+        self._of_filters = with_equal_shafts(vehicle)
+        of_hull = (
+            kalman.SurgeFilter(self._of_filters),
+            kalman.ParameterFilter(self._of_filters),
+        )
+        self.filters = (*of_hull, motor_filter.MotorFilter(self._of_filters))
+        for name in bank:
+            known_name("setting of the filter bank", name, BANK_SETTINGS)
+        settings = {"faults": tuple(CATALOGUE)} | dict(bank)
         self.bank = FilterBank(
             vehicle,
             GRADES,
             hazard=HAZARD,
-            faults=tuple(CATALOGUE),
             temperature=1.0,
             class_temperature=1.0,
+            **settings,
         )
+        factors = full_scale_factors(vehicle)
+        self._scale = np.array(
+            [
+                size * factors[channel.unit]
+                for size, channel in zip(SCALE, CHANNELS.values(), strict=True)
+            ]
+        )
+        noise = {name: CHANNELS[name].noise for name in READINGS} | dict(self.bank.noise)
+        self._noise = np.array([noise[name] for name in READINGS])
         self.n_features = len(feature_names(classes))
         self.mean_shares = tuple(SAMPLE_TIME / time for time in MEAN_TIMES)
         # a fault that joins the catalogue later stands before `unknown`, which remains the last
@@ -145,6 +170,7 @@ class Features:
         bank, belief = self.bank.step(state.bank, observation)
         is_missing = np.isnan(observation)
         observation = self._without_gaps(state.running.observation, observation)
+        observation = with_equal_readings(observation, self.vehicle)
         filters = zip(self.filters, state[:3], strict=True)
         estimates = [each.update(last, observation) for each, last in filters]
         is_later = state.running.age[:, None] > 0
@@ -152,7 +178,8 @@ class Features:
         signals = self._signals(previous, observation, *estimates)
         deviations = _deviations(*estimates)
         surge_mean = estimates[0].mean
-        disturbance = surge_mean[:, 4] / self.vehicle.disturbance_std
+        usual = max(self.vehicle.disturbance_std, kalman.DISTURBANCE_FLOOR)
+        disturbance = surge_mean[:, 4] / usual
         surge_values = np.stack([disturbance, observation[:, SPEED] - surge_mean[:, 0]], 1)
         running = RunningValues(observation, *(part.copy() for part in state.running[1:]))
         features = np.empty((len(observation), self.n_features), np.float32)
@@ -164,6 +191,8 @@ class Features:
             *deviations,
             surge_values,
             self.mean_shares,
+            self._scale,
+            self._noise,
             features,
         )
         features[:, -2 * len(self._fault_columns) :] = self._bank_features(belief)
@@ -182,7 +211,7 @@ class Features:
 
     def _signals(self, previous, observation, surge, parameters, motors) -> np.ndarray:
         """Residuals and innovations in standard deviations, (n_lanes, n_signals)."""
-        physical = residuals(previous, observation, self.vehicle)
+        physical = residuals(previous, observation, self._of_filters)
         signals = [physical.values / physical.std]
         for estimate in (surge, parameters, motors):
             innovation = estimate.innovation / np.sqrt(estimate.innovation_variance)
@@ -235,7 +264,7 @@ def _fold_signals(signals, means, squares, age, mean_shares, features, at):
 
 
 @scalar
-def _fold_readings(previous, row, is_missing, shares, age, features, at):
+def _fold_readings(previous, row, is_missing, shares, age, noise, features, at):
     """Steps of the readings in standard deviations, and how often they repeat or read zero."""
     for k in range(N_READINGS):
         reading = row[N_COMMANDS + k]
@@ -245,7 +274,7 @@ def _fold_readings(previous, row, is_missing, shares, age, features, at):
         zero = 1.0 if reading == 0.0 and has_arrived else 0.0
         shares[k, 0] += SAMPLE_TIME / MEAN_TIMES[1] * (repeated - shares[k, 0])
         shares[k, 1] += SAMPLE_TIME / MEAN_TIMES[1] * (zero - shares[k, 1])
-        features[at] = _compressed((reading - last) / (sqrt(2.0) * NOISE[k]))
+        features[at] = _compressed((reading - last) / (sqrt(2.0) * noise[k]))
         features[at + 1] = repeated
         features[at + 2] = zero
         features[at + 3] = sqrt(shares[k, 0])
@@ -269,7 +298,17 @@ def _fold_estimates(estimates, stds, slow, age, share, features, at):
 
 @kernel
 def _fold(
-    previous, running, is_missing, signals, estimates, stds, surge_values, mean_shares, features
+    previous,
+    running,
+    is_missing,
+    signals,
+    estimates,
+    stds,
+    surge_values,
+    mean_shares,
+    scale,
+    noise,
+    features,
 ):
     """Fold one sample into the running values of every lane and write its features."""
     observation, means, squares, shares, slow, age = running
@@ -277,15 +316,16 @@ def _fold(
         row = observation[lane]
         out = features[lane]
         old = age[lane]
-        for c in range(len(SCALE)):
-            out[c] = _compressed(row[c] / SCALE[c])
-        at = len(SCALE)
+        for c in range(len(scale)):
+            out[c] = _compressed(row[c] / scale[c])
+        at = len(scale)
         out[at] = 5.0 * (row[COMMAND] - row[SPEED])
         out[at + 1] = 10.0 * (row[RUDDER] * row[RUDDER] + row[STERN_PLANE] * row[STERN_PLANE])
         at = _fold_signals(signals[lane], means[lane], squares[lane], old, mean_shares, out, at + 2)
-        at = _fold_readings(previous[lane], row, is_missing[lane], shares[lane], old, out, at)
+        gaps = is_missing[lane]
+        at = _fold_readings(previous[lane], row, gaps, shares[lane], old, noise, out, at)
         at = _fold_estimates(estimates[lane], stds[lane], slow[lane], old, mean_shares[-1], out, at)
         out[at] = _compressed(surge_values[lane, 0])
-        out[at + 1] = _compressed(2.0 * surge_values[lane, 1] / SPEED_NOISE)
+        out[at + 1] = _compressed(2.0 * surge_values[lane, 1] / noise[0])
         out[at + 2] = max(0.0, 1.0 - SAMPLE_TIME / SETTLING_TIME * old)
         age[lane] += 1

@@ -102,4 +102,5 @@ def comments(calibration: Calibration, quality: FitQuality) -> dict[str, str]:
         else:
             notes[f"parameters.{name}"] = f"{parameter.low:.5g} to {parameter.high:.5g}"
     fitted = {key: f"fitted, 95 % interval {interval}" for key, interval in notes.items()}
-    return fitted | {"vehicle.diagnoser": quality.line}
+    reached = {f"parameters.{key}": "reached in the healthy logs" for key in calibration.reached}
+    return fitted | reached | {"vehicle.diagnoser": quality.line}

@@ -52,7 +52,8 @@ def main(arguments: Diagnose) -> int:
     vehicle = read_vehicle(arguments.vehicle)
     why = "as `--diagnoser` says" if arguments.diagnoser else "as the vehicle file says"
     arguments = replace(arguments, diagnoser=arguments.diagnoser or vehicle.diagnoser)
-    diagnoser_for(arguments.diagnoser, vehicle, {})
+    weights = arguments.weights
+    diagnoser_for(arguments.diagnoser, vehicle, {}, weights)
     if not arguments.follow and not arguments.logs:
         remedy = "name one, or add --follow to read standard input"
         raise refusal("logs", [], "at least one log", remedy)
@@ -63,12 +64,12 @@ def main(arguments: Diagnose) -> int:
         changes = described(vehicle.relations.smallest_changes())
         output = sys.stderr if arguments.follow else sys.stdout
         print(f"residuals finds lasting changes from: {changes}", file=output)
-    threshold = threshold_of(healthy_logs, arguments.diagnoser, vehicle)
+    threshold = threshold_of(healthy_logs, arguments.diagnoser, vehicle, weights)
     if arguments.follow:
-        return EXIT_CODES[follow_input(vehicle, arguments.diagnoser, threshold)]
+        return EXIT_CODES[follow_input(vehicle, arguments.diagnoser, threshold, weights)]
     limits = load_limits(healthy_logs, vehicle)
     setting = Setting(
-        command_of(arguments), arguments.diagnoser, why, threshold, vehicle, bool(limits)
+        command_of(arguments), arguments.diagnoser, why, threshold, vehicle, bool(limits), weights
     )
     with run_folder(arguments.output, "diagnose", arguments) as folder:
         verdicts = write_verdicts(folder, arguments.logs, setting, limits)
@@ -76,14 +77,16 @@ def main(arguments: Diagnose) -> int:
     return max(EXIT_CODES[verdict.verdict] for verdict in verdicts)
 
 
-def follow_input(vehicle: VehicleFile, name: str, threshold: float) -> str:
+def follow_input(
+    vehicle: VehicleFile, name: str, threshold: float, weights: Path | None = None
+) -> str:
     """Answer standard input line by line on standard output; the verdict at the end."""
     if sys.stdin is None:
         raise refusal("standard input", None, "a stream of lines", "pipe the logger into it")
     # a lost reader ends the command, and is not waited out
     sink = without_guard(sys.stdout)
     try:
-        alarmed = follow(sys.stdin.buffer, sink, vehicle, name, threshold, sys.stderr)
+        alarmed = follow(sys.stdin.buffer, sink, vehicle, name, threshold, sys.stderr, weights)
         close_quietly(sink)
     except OSError as error:
         allowed = "standard input and output that work"
@@ -91,14 +94,16 @@ def follow_input(vehicle: VehicleFile, name: str, threshold: float) -> str:
     return FAULT if alarmed else HEALTHY
 
 
-def threshold_of(healthy_logs: Sequence[Log], name: str, vehicle: VehicleFile) -> float:
+def threshold_of(
+    healthy_logs: Sequence[Log], name: str, vehicle: VehicleFile, weights: Path | None = None
+) -> float:
     """Threshold of log p(normal): the benchmark's, or the lowest value on the healthy logs.
 
     `InputError` for a log that would lower it below `LEAST_THRESHOLD`.
     """
     threshold = THRESHOLDS[name]
     for log in healthy_logs:
-        log_normal = beliefs(log, name, vehicle).log_probability[:, :1]
+        log_normal = beliefs(log, name, vehicle, weights).log_probability[:, :1]
         for segment in log.segments:
             lasting = running_maximum(log_normal[segment], persistence(vehicle))[:, 0]
             lowest = float(lasting.min())
@@ -154,6 +159,8 @@ def command_of(arguments: Diagnose) -> str:
         arguments.diagnoser,
         *arguments.logs,
     ]
+    if arguments.weights:
+        options += ["--weights", arguments.weights]
     if arguments.healthy:
         options += ["--healthy", *arguments.healthy]
     return printable(shlex.join(map(str, ("auv-fault", "diagnose", *options))))
@@ -173,7 +180,7 @@ def diagnosed(paths: Sequence[Path], setting: Setting, limits: Limits) -> Iterat
 def diagnosed_log(path: str, log: Log, setting: Setting, limits: Limits) -> DiagnosedLog:
     """The verdict on a log, with the cause of each alarm and the indicators in the last one."""
     vehicle = setting.vehicle
-    belief = beliefs(log, setting.diagnoser, vehicle)
+    belief = beliefs(log, setting.diagnoser, vehicle, setting.weights)
     is_improbable = is_alarmed(log, belief, setting.threshold, persistence(vehicle))
     alarmed = is_improbable | is_overloaded(log, vehicle, limits)
     found = verdict(path, log, belief, alarmed, vehicle)

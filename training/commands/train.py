@@ -8,12 +8,14 @@ up in another order.
 """
 
 import os
+import shlex
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from safetensors import SafetensorError
@@ -21,6 +23,8 @@ from safetensors import SafetensorError
 from auv_fault_env.errors import refusal
 from diagnosers import Recursive, storage
 from training.arguments import Train
+from training.field.logged import logged_vehicle
+from training.field.vehicle_file import read_vehicle
 from training.learning.checkpoint import (
     FILE,
     LOG,
@@ -32,6 +36,7 @@ from training.learning.checkpoint import (
 from training.learning.loop import train
 from training.learning.page import page
 from training.learning.trainer import Trainer, make_trainer
+from training.logged_vehicle import LoggedVehicle
 from training.report.page import write_report
 from training.report.run_folder import (
     SUBCOMMAND,
@@ -43,11 +48,23 @@ from training.report.run_folder import (
 )
 
 SETTINGS = ("name", "seed", "epochs")  # all arguments that the weights depend on
+VEHICLE = "vehicle"  # the note on it, in manifest, card and weights
+OF_VEHICLE = (
+    "; simulated is the vehicle of the file, with its channels, sample rate, band and noise, "
+    "mirrored if its logs have both sides, and with random missions up to its maximum_speed in "
+    "place of the thesis' stimulus"
+)
 
 
 def main(arguments: Train) -> None:
     """Train, or continue an interrupted training; a finished one stays as it is."""
-    trainer = make_trainer(arguments.name, arguments.seed)
+    vehicle = None
+    if arguments.vehicle is not None:
+        vehicle = logged_vehicle(read_vehicle(arguments.vehicle))
+        if arguments.install:
+            allowed = "no installation with --vehicle: the package has weights for any vehicle"
+            raise refusal("install", True, allowed, "leave out --install or --vehicle")
+    trainer = make_trainer(arguments.name, arguments.seed, vehicle)
     if arguments.epochs is not None and arguments.epochs > trainer.epochs:
         raise refusal(
             "epochs",
@@ -60,8 +77,16 @@ def main(arguments: Train) -> None:
         arguments,
         SETTINGS,
         arguments.name,
-        partial(_run, arguments, trainer),
+        partial(_run, arguments, trainer, vehicle),
+        note_of(vehicle),
     )
+
+
+def note_of(vehicle: LoggedVehicle | None) -> dict[str, Any]:
+    """The note on the vehicle of a training, for manifest, card and weights; empty without one."""
+    if vehicle is None:
+        return {}
+    return {VEHICLE: {"name": vehicle.vehicle.name, "digest": vehicle.digest}}
 
 
 def run_training(
@@ -70,10 +95,12 @@ def run_training(
     settings: Sequence[str],
     name: str,
     run: Callable[[Path, Path], None],
+    notes: Mapping[str, Any] = MappingProxyType({}),
 ) -> None:
     """Train or continue, unless the output is finished; install the weights if that is asked for.
 
-    `name` is that of the weights; `run` trains in the second folder and writes the first.
+    `name` is that of the weights; `run` trains in the second folder and writes the first. In the
+    notes of the manifest two trainings must agree, too.
     """
     place = arguments.output or Path("runs") / f"train-{name}"
     output = checked_output(place, SUBCOMMAND + command)
@@ -81,7 +108,7 @@ def run_training(
     if arguments.restart:
         discard(unfinished)
     must_train = arguments.restart or (unfinished / FILE).exists()
-    if must_train or not is_finished(output, arguments, settings):
+    if must_train or not is_finished(output, arguments, settings, notes):
         run(output, unfinished)
         print(f"report: {output / 'index.html'}")
     else:
@@ -91,17 +118,25 @@ def run_training(
         install(output, name)
 
 
-def is_finished(output: Path, arguments: Any, settings: Sequence[str]) -> bool:
+def is_finished(
+    output: Path,
+    arguments: Any,
+    settings: Sequence[str],
+    notes: Mapping[str, Any] = MappingProxyType({}),
+) -> bool:
     """Whether the output is that of this training; another training is refused, for its hours.
 
-    `settings` are the arguments in which two trainings must agree.
+    `settings` are the arguments in which two trainings must agree, and notes those of the manifest.
     """
     manifest = read_manifest(output)
     if manifest is None:
         return False
     remedy = "choose another --output, or add --restart to replace it"
     wanted = {setting: getattr(arguments, setting) for setting in settings}
-    check_origin(f"training in {output}", manifest.get("arguments"), wanted, remedy)
+    thing = f"training in {output}"
+    check_origin(thing, manifest.get("arguments"), wanted, remedy)
+    found = {VEHICLE: manifest.get(VEHICLE)}
+    check_origin(thing, found, {VEHICLE: notes.get(VEHICLE)}, remedy)
     return True
 
 
@@ -120,17 +155,24 @@ def explain_interruption(output: Path, restart: bool) -> Iterator[None]:
         raise refusal("output", str(output), allowed, remedy) from None
 
 
-def _run(arguments: Train, trainer: Trainer, output: Path, unfinished: Path) -> None:
+def _run(
+    arguments: Train,
+    trainer: Trainer,
+    vehicle: LoggedVehicle | None,
+    output: Path,
+    unfinished: Path,
+) -> None:
     with explain_interruption(output, arguments.restart):
-        settings = {"name": arguments.name, "seed": arguments.seed}
+        note = note_of(vehicle)
+        settings = {"name": arguments.name, "seed": arguments.seed, **note}
         progress = train(trainer, settings, unfinished, arguments.epochs)
         start = time.perf_counter()
         diagnoser, figures = trainer.finish()
         seconds = time.perf_counter() - start
         seconds += sum(epoch["seconds"] for epoch in progress.history)
-        with run_folder(output, "train", arguments) as folder:
+        with run_folder(output, "train", arguments, note) as folder:
             shutil.copytree(unfinished / LOG, folder / LOG)
-            training_card = card(arguments, trainer.data, progress, figures, seconds)
+            training_card = card(arguments, trainer.data, progress, figures, seconds) | note
             write_run(folder, diagnoser, training_card)
 
 
@@ -142,10 +184,15 @@ def card(
     seconds: float,
 ) -> dict[str, Any]:
     """The card of the weights as plain data: command, seed, data, versions, effort and figures."""
-    shortened = "" if arguments.epochs is None else f" --epochs {arguments.epochs}"
+    options = ["--seed", str(arguments.seed)]
+    if arguments.vehicle is not None:
+        options += ["--vehicle", str(arguments.vehicle)]
+        data += OF_VEHICLE
+    if arguments.epochs is not None:
+        options += ["--epochs", str(arguments.epochs)]
     return {
         "diagnoser": arguments.name,
-        "command": f"auv-fault train {arguments.name} --seed {arguments.seed}{shortened}",
+        "command": shlex.join(("auv-fault", "train", arguments.name, *options)),
         "seed": arguments.seed,
         "data": data,
         **provenance(),
@@ -161,7 +208,11 @@ def card(
 def write_run(folder: Path, diagnoser: Recursive, training_card: dict[str, Any]) -> None:
     """Write weights, card and report."""
     name = training_card["diagnoser"]
-    diagnoser.save(folder / f"{name}.safetensors")
+    weights = folder / f"{name}.safetensors"
+    diagnoser.save(weights)
+    if VEHICLE in training_card:
+        tensors, header = storage.read(weights)
+        storage.write(weights, tensors, header | {VEHICLE: training_card[VEHICLE]})
     write_json(folder / f"{name}.json", training_card)
     results = page(training_card)
     write_json(folder / "results.json", results)

@@ -19,6 +19,13 @@ from diagnosers.residuals import Residuals
 from training.field.units import UNITS, factor
 
 QUANTITIES = {spec.name: spec.metadata for spec in fields(Vehicle) if spec.metadata}
+# the constant of the vehicle that full scales grow with, by unit
+MAXIMA = {
+    "m/s": "maximum_speed",
+    "V": "maximum_voltage",
+    "A": "maximum_current",
+    "rpm": "maximum_rpm",
+}
 BAND: Mapping[str, float] = MappingProxyType(
     {name: QUANTITIES[name]["band"] for name in (*HULL, *SHAFT)}
 )

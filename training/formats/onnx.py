@@ -35,6 +35,7 @@ from diagnosers.networks.smoothing import (
 )
 from diagnosers.parallel import Parallel
 from diagnosers.raw_network import COLUMNS, PORT, SCALE, SPEED, STARBOARD, RawNetwork
+from diagnosers.shafts import with_equal_readings
 from training.active_env.vector import ActiveDiagnosisVectorEnv
 from training.rollouts import manoeuvres, roll_out
 from training.stimuli.policy import LAYERS, LearnedPolicy
@@ -160,6 +161,7 @@ class KalmanGraph(DiagnoserGraph):
         columns = [parameter_filter.states.index(name) for name in self.inputs["estimate"]]
         means = []
         for observation in observations:
+            observation = with_equal_readings(observation, self.source.vehicle)
             estimate = parameter_filter.update(estimate, observation)
             means.append(estimate.mean[:, columns].astype(np.float32))
         return {"estimate": np.stack(means)}
@@ -238,7 +240,8 @@ class IntegratedGraph(DiagnoserGraph):
 
     def feed(self, observations: np.ndarray) -> dict[str, np.ndarray]:
         """The features."""
-        recursion = Features(self.source.vehicle, self.source.trained_classes)
+        source = self.source
+        recursion = Features(source.vehicle, source.trained_classes, source.bank)
         state = recursion.initial(observations.shape[1])
         rows = []
         for observation in observations.astype(np.float64):

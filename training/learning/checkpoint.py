@@ -79,7 +79,7 @@ def read(folder: Path, origin: Mapping[str, Any]) -> Progress:
     """The progress in the file; one of another origin (arguments, code) is refused."""
     try:
         tensors, header = storage.read(folder / FILE)
-        found_origin = header["origin"]
+        found_origin = dict(header["origin"])
         history = json.loads(header["history"])
         tensors = {name: tensors[name].reshape(shape) for name, shape in header["shapes"]}
     except (InputError, KeyError, TypeError, ValueError):
@@ -87,7 +87,9 @@ def read(folder: Path, origin: Mapping[str, Any]) -> Progress:
         remedy = "add --restart to train anew"
         raise refusal("checkpoint", str(folder / FILE), allowed, remedy) from None
     remedy = "add --restart to train anew, or choose another --output"
-    check_origin(f"checkpoint in {folder}", found_origin, origin, remedy)
+    # what only the checkpoint has, such as its vehicle, differs too
+    wanted = dict.fromkeys(found_origin) | dict(origin)
+    check_origin(f"checkpoint in {folder}", found_origin, wanted, remedy)
     return Progress(history, _with_prefix(tensors, "current/"), _with_prefix(tensors, "best/"))
 
 

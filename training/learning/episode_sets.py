@@ -1,6 +1,5 @@
 """Episodes for the integrated network: simulated ahead, as features, in batches and mirrored."""
 
-import re
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -12,10 +11,12 @@ import numpy as np
 import torch
 
 from auv_fault_env.faults import classes
-from auv_fault_env.parameters import PRESETS
 from auv_fault_env.schedules import ScheduleSampler
+from diagnosers.diagnoser import fill_missing
+from diagnosers.integrated import Integrated
 from diagnosers.networks.features import Features, feature_names
 from training.learning.episodes import training_episodes
+from training.logged_vehicle import THESIS, LoggedVehicle, other_side
 
 SCHEDULES = ScheduleSampler(compound=0.05, intermittent=0.05)
 LANES = 512  # episodes of a set
@@ -24,7 +25,6 @@ SIMULATORS = 2  # threads; the filter bank among the features takes more time th
 SIMULATED_AHEAD = 4  # sets
 BATCH = 32  # episodes
 REPLAY_STRIDE = 6
-OTHER_SIDE = {"port": "starboard", "starboard": "port"}
 
 
 class EpisodeSet(NamedTuple):
@@ -35,7 +35,9 @@ class EpisodeSet(NamedTuple):
     severity: torch.Tensor
 
 
-def simulated_sets(purpose: str, firsts: Iterable[int]) -> Iterator[EpisodeSet]:
+def simulated_sets(
+    purpose: str, firsts: Iterable[int], vehicle: LoggedVehicle = THESIS
+) -> Iterator[EpisodeSet]:
     """The sets that begin at these seeds of a purpose, a few simulated ahead of their use."""
     pool = ThreadPoolExecutor(SIMULATORS)
     remaining = iter(firsts)
@@ -43,7 +45,7 @@ def simulated_sets(purpose: str, firsts: Iterable[int]) -> Iterator[EpisodeSet]:
 
     def submit(n_sets: int) -> None:
         for first in islice(remaining, n_sets):
-            submitted.append(pool.submit(simulate_set, purpose, first))
+            submitted.append(pool.submit(simulate_set, purpose, first, vehicle))
 
     try:
         submit(SIMULATED_AHEAD)
@@ -55,22 +57,24 @@ def simulated_sets(purpose: str, firsts: Iterable[int]) -> Iterator[EpisodeSet]:
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-def simulate_set(purpose: str, first: int) -> EpisodeSet:
+def simulate_set(purpose: str, first: int, vehicle: LoggedVehicle = THESIS) -> EpisodeSet:
     """`LANES` episodes from the first-th seed of a purpose on."""
-    rollouts = training_episodes(purpose, LANES, first, SCHEDULES, UNKNOWN_SHARE)
+    rollouts = training_episodes(purpose, LANES, first, SCHEDULES, UNKNOWN_SHARE, vehicle)
     parts = [(rollout.observations, rollout.label, rollout.severity) for rollout in rollouts]
     observations, *truth = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
-    return EpisodeSet(*map(torch.from_numpy, (features_of(observations), *truth)))
+    return EpisodeSet(*map(torch.from_numpy, (features_of(observations, vehicle), *truth)))
 
 
-def features_of(observations: np.ndarray) -> np.ndarray:
+def features_of(observations: np.ndarray, vehicle: LoggedVehicle = THESIS) -> np.ndarray:
     """Features (n_samples, n_lanes, n_features) float32 of (n_samples, n_lanes, n_channels)."""
-    extractor = Features(PRESETS["thesis1992"], classes())
+    extractor = Features(vehicle.vehicle, classes(), vehicle.bank)
     n_samples, n_lanes, _ = observations.shape
     state = extractor.initial(n_lanes)
     features = np.empty((n_samples, n_lanes, extractor.n_features), np.float32)
-    for k, observation in enumerate(observations.astype(np.float64)):
-        state, features[k], _ = extractor.step(state, observation)
+    last = np.zeros(observations.shape[1:])
+    for k in range(n_samples):
+        last = fill_missing(observations[k], last, Integrated.filled_channels)
+        state, features[k], _ = extractor.step(state, last)
     return features
 
 
@@ -102,8 +106,4 @@ def mirrored(episodes: EpisodeSet) -> EpisodeSet:
 @cache
 def mirror_order(names: tuple[str, ...]) -> torch.Tensor:
     """For each name the index of the name with port and starboard exchanged."""
-
-    def mirror(name: str) -> str:
-        return re.sub("starboard|port", lambda side: OTHER_SIDE[side[0]], name)
-
-    return torch.tensor([names.index(mirror(name)) for name in names])
+    return torch.tensor([names.index(other_side(name)) for name in names])

@@ -1,7 +1,7 @@
 """Trains the integrated network (VI.B): a recurrent network on readings, residuals and filters."""
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import chain, islice
 from math import cos, pi
 from typing import Any
@@ -19,6 +19,7 @@ from training.learning.episode_sets import (
 from training.learning.episodes import KINDS
 from training.learning.learner import Learner
 from training.learning.reproducible import one_thread
+from training.logged_vehicle import THESIS, LoggedVehicle
 from training.seeds import SPAN
 
 NETWORKS = 3  # of successive seeds, on the same episodes
@@ -46,9 +47,10 @@ class IntegratedTrainer:
         f"their own; the best of {NETWORKS} networks on the same episodes"
     )
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, vehicle: LoggedVehicle = THESIS) -> None:
         self.seed = seed
-        self.learners = [Learner(seed + k) for k in range(NETWORKS)]
+        self.vehicle = vehicle
+        self.learners = [Learner(seed + k, vehicle.is_symmetric) for k in range(NETWORKS)]
         self.validation: list[EpisodeSet] = []
         self.replay: deque[EpisodeSet] = deque(maxlen=REPLAY_EPOCHS * SETS)
         self.next_epoch = -1
@@ -79,9 +81,13 @@ class IntegratedTrainer:
         if number != self.next_epoch:
             epochs = range(number, self.epochs)
             firsts = chain.from_iterable(self._first_seeds(epoch) for epoch in epochs)
-            self.sets = simulated_sets("training", firsts)
+            self.sets = self._simulated("training", firsts)
         self.next_epoch = number + 1
         return islice(self.sets, SETS)
+
+    def _simulated(self, purpose: str, firsts: Iterable[int]) -> Iterator[EpisodeSet]:
+        """The sets that begin at these seeds, of the vehicle."""
+        return simulated_sets(purpose, firsts, self.vehicle)
 
     def _first_seeds(self, number: int) -> list[int]:
         """First seeds of the sets of an epoch."""
@@ -91,7 +97,7 @@ class IntegratedTrainer:
     def _refill_replay(self, number: int) -> None:
         """Simulate again what an interrupted training had in its replay before this epoch."""
         for earlier in range(max(0, number - REPLAY_EPOCHS), number):
-            sets = simulated_sets("training", self._first_seeds(earlier))
+            sets = self._simulated("training", self._first_seeds(earlier))
             self.replay.extend(replay_samples(episodes, k) for k, episodes in enumerate(sets))
 
     def validate(self) -> dict[str, float]:
@@ -106,7 +112,7 @@ class IntegratedTrainer:
     def _validation_losses(self) -> list[tuple[float, float]]:
         """Losses of class and severity of each network."""
         if not self.validation:
-            self.validation = list(simulated_sets("validation", validation_seeds()))
+            self.validation = list(self._simulated("validation", validation_seeds()))
         with one_thread():
             return [learner.validate(self.validation) for learner in self.learners]
 
@@ -129,7 +135,7 @@ class IntegratedTrainer:
         """The best network calibrated, and for all of them the losses on the calibration seeds."""
         validation = self._validation_losses()
         best = validation.index(min(validation))
-        sets = list(simulated_sets("calibration", validation_seeds()))
+        sets = list(self._simulated("calibration", validation_seeds()))
         with one_thread():
             calibrated = [learner.calibrate(sets) for learner in self.learners]
         losses = [figures["calibration_loss"] for figures in calibrated]
@@ -140,7 +146,9 @@ class IntegratedTrainer:
             "spread_of_calibration_losses": max(losses) - min(losses),
         }
         weights = self.learners[best].network.tensors()
-        return Integrated(weights=weights, trained_classes=classes()), calibrated[best] | seeds
+        vehicle = self.vehicle
+        diagnoser = Integrated(vehicle.vehicle, weights, classes(), vehicle.bank)
+        return diagnoser, calibrated[best] | seeds
 
 
 def validation_seeds() -> list[int]:

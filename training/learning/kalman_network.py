@@ -7,6 +7,7 @@ import torch
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 
+from auv_fault_env.parameters import Vehicle
 from diagnosers.kalman import ParameterFilter
 from diagnosers.kalman_network import (
     ARCHITECTURE,
@@ -14,11 +15,14 @@ from diagnosers.kalman_network import (
     labels,
     outputs,
     points,
+    shares_of,
 )
 from diagnosers.networks.fault_map import MODES_5_2, fault_map, grid, severity
 from diagnosers.networks.feed_forward import FeedForward, random_tensors
-from diagnosers.networks.modes import class_shares, log_softmax
-from training.learning.episodes import KINDS, training_episodes
+from diagnosers.networks.modes import log_softmax
+from diagnosers.shafts import with_equal_readings, with_equal_shafts
+from training.learning.episodes import KINDS, training_episodes, without_gaps
+from training.logged_vehicle import THESIS, LoggedVehicle
 
 POINTS = 41  # along an axis of the map
 VALIDATION_POINTS = 60  # in common with the others only the corners
@@ -45,7 +49,8 @@ class KalmanNetworkTrainer:
         f"60 s, {KINDS}; default faults, band and noise"
     )
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, vehicle: LoggedVehicle = THESIS) -> None:
+        self.vehicle = vehicle
         self.network = FeedForward(initial_tensors(seed))
 
     def epoch(self, number: int) -> dict[str, float]:
@@ -85,8 +90,8 @@ class KalmanNetworkTrainer:
 
     def finish(self) -> tuple[KalmanNetwork, dict[str, Any]]:
         """The calibrated diagnoser, and the figures of its calibration."""
-        sums, label, true_severity = _calibration_samples(self.network)
-        slope, offset, loss = calibrate(sums, label)
+        sums, label, true_severity = _calibration_samples(self.network, self.vehicle)
+        slope, offset, loss = calibrate(sums, label, self.vehicle.vehicle)
         height = severity(outputs(sums))
         lines = severity_lines(height, label, true_severity)
         calibration = {"slope": slope, "offset": offset, "severity": lines}
@@ -96,7 +101,7 @@ class KalmanNetworkTrainer:
             "calibration_loss": loss,
             "share_of_map_right": share_right(self.network),
         }
-        return KalmanNetwork(weights=tensors), figures
+        return KalmanNetwork(self.vehicle.vehicle, tensors), figures
 
 
 def initial_tensors(seed: int) -> dict[str, np.ndarray]:
@@ -125,14 +130,15 @@ def share_right(network: FeedForward) -> float:
 
 
 def _calibration_samples(
-    network: FeedForward,
+    network: FeedForward, vehicle: LoggedVehicle
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Sums of the output nodes (n, n_modes), true class and severity (n,) of episodes."""
     samples = []
-    parameters = ParameterFilter()
-    for rollout in training_episodes("calibration", LANES):
+    parameters = ParameterFilter(with_equal_shafts(vehicle.vehicle))
+    for rollout in training_episodes("calibration", LANES, vehicle=vehicle):
         estimate = parameters.initial(rollout.observations.shape[1])
-        for k, observation in enumerate(rollout.observations):
+        for k, observation in enumerate(without_gaps(rollout.observations)):
+            observation = with_equal_readings(observation, vehicle.vehicle)
             estimate = parameters.update(estimate, observation)
             if k % STRIDE == 0:
                 sums = network.evaluate(points(estimate))
@@ -140,13 +146,15 @@ def _calibration_samples(
     return tuple(map(np.concatenate, zip(*samples, strict=True)))
 
 
-def calibrate(sums: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def calibrate(
+    sums: np.ndarray, label: np.ndarray, vehicle: Vehicle = THESIS.vehicle
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Slopes and offsets (n_modes,) with the largest likelihood, and the loss.
 
     Of the sums of the output nodes (n, n_modes) and the true classes (n,).
     """
     with np.errstate(divide="ignore"):
-        log_share = np.log(class_shares(labels(), MODES_5_2)).T[label]
+        log_share = np.log(shares_of(vehicle)).T[label]
     n_samples, n_modes = sums.shape
 
     def loss_and_gradient(parameters: np.ndarray) -> tuple[float, np.ndarray]:

@@ -30,12 +30,13 @@ class Learner:
 
     The encoder learns in many small steps from random samples of many episodes: samples of few
     episodes are too much alike, and it would learn them by heart. The memory learns from whole
-    episodes behind the encoder. Every second batch is mirrored, port and starboard exchanged.
-    `normal` and `unknown` have no severity.
+    episodes behind the encoder. Every second batch is mirrored, port and starboard exchanged, if
+    the vehicle is symmetric. `normal` and `unknown` have no severity.
     """
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, is_symmetric: bool = True) -> None:
         self.seed = seed
+        self.is_symmetric = is_symmetric
         with torch.random.fork_rng():
             torch.manual_seed(seed)
             self.training = AdamTraining(Network(classes=classes()))
@@ -48,7 +49,7 @@ class Learner:
         losses = []
         for k in range(ENCODER_STEPS):
             samples = random_samples(replay, random)
-            if k % 2:
+            if k % 2 and self.is_symmetric:
                 samples = mirrored(samples)
             _, opinion = self.network.encode(samples.features)
             losses.append(self._step(opinion, samples, ENCODER_RATE * fall))
@@ -60,7 +61,7 @@ class Learner:
         """Steps of the memory, each on a batch of whole episodes; their losses."""
         losses = []
         for k, batch in enumerate(batches(episodes, random)):
-            if k % 2:
+            if k % 2 and self.is_symmetric:
                 batch = mirrored(batch)
             losses.append(self._step(self.outputs(batch), batch, MEMORY_RATE * fall))
         return losses

@@ -99,7 +99,7 @@ def healthy_missions(purpose: str, first: int = 0) -> Iterator[np.ndarray]:
     """Readings (n_samples, n_channels) of healthy vehicles of the band, with realism."""
     lanes = seeds(purpose, LANES, first)
     n_samples = round(DURATION * SAMPLE_RATE)
-    course = course_with_rests(lanes, n_samples, LEGS)
+    course = course_with_rests(lanes, n_samples=n_samples, sampler=LEGS)
     fleet = Fleet(LANES, realism=1.0)
     healthy = [()] * LANES
     rollout = roll_out(fleet, lanes, n_samples, course.actions, healthy, course.missions)

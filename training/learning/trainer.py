@@ -5,8 +5,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from auv_fault_env.errors import known_name
+from auv_fault_env.errors import known_name, refusal
 from diagnosers import Recursive
+from training.logged_vehicle import LoggedVehicle
 
 
 class Trainer(Protocol):
@@ -22,7 +23,10 @@ class Trainer(Protocol):
     data: str  # for the card: the data for training, validation and calibration
 
     def __init__(self, seed: int) -> None:
-        """Initial weights from the seed (0 or larger) alone; fast, without simulations."""
+        """Initial weights from the seed (0 or larger) alone; fast, without simulations.
+
+        The trainer of a network also takes the `LoggedVehicle` to simulate.
+        """
         ...
 
     def epoch(self, number: int) -> dict[str, float]:
@@ -58,9 +62,20 @@ TRAINERS: dict[str, str] = {
     "integrated": "training.learning.integrated:IntegratedTrainer",
     "residuals": "training.learning.residuals:ResidualsTrainer",
 }
+NETWORKS = ("integrated", "raw_network", "kalman_network")
 
 
-def make_trainer(name: str, seed: int) -> Trainer:
-    """A new trainer by the name of its diagnoser; a name without a trainer is refused."""
+def make_trainer(name: str, seed: int, vehicle: LoggedVehicle | None = None) -> Trainer:
+    """A new trainer by the name of its diagnoser, of a vehicle or of the thesis' one.
+
+    A name without a trainer is refused, with a vehicle that of fitted relations, too.
+    """
     target = TRAINERS[known_name("diagnoser to train", name, TRAINERS)]
-    return pkgutil.resolve_name(target)(seed)
+    trainer = pkgutil.resolve_name(target)
+    if vehicle is None:
+        return trainer(seed)
+    if name not in NETWORKS:
+        allowed = f"a network with --vehicle: {', '.join(NETWORKS)}"
+        remedy = "its relations are fitted by auv-fault calibrate"
+        raise refusal("diagnoser to train", name, allowed, remedy)
+    return trainer(seed, vehicle)

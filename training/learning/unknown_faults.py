@@ -7,7 +7,7 @@ those of a fault in `UNMODELLED`, on which diagnosers are tested.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from auv_fault_env.layout import SeverityProfile
 from auv_fault_env.parameters import SHAFT, SIDES
 from auv_fault_env.schedules import Events
 from auv_fault_env.unmodelled import UNMODELLED, UnmodelledFault, plant_faults
+from training.logged_vehicle import THESIS, LoggedVehicle
 
 # sizes stand out from the healthy band; estimates of this project
 LEAST_FACTOR = 1.25  # of a changed parameter, or its inverse
@@ -38,7 +39,10 @@ OF_SIGNALS = (
 
 
 def with_unknown_faults(
-    events: Events, share: float, random: np.random.Generator
+    events: Events,
+    share: float,
+    random: np.random.Generator,
+    vehicle: LoggedVehicle = THESIS,
 ) -> tuple[Events, list[Fault]]:
     """The events, a share of the faulty lanes with one unknown fault in place of theirs.
 
@@ -47,7 +51,7 @@ def with_unknown_faults(
     """
     is_faulty = events.fault[:, 0] >= 0
     replaced = np.flatnonzero(is_faulty & (random.uniform(size=len(is_faulty)) < share))
-    faults = [random_fault(random) for _ in replaced]
+    faults = [random_fault(random, vehicle) for _ in replaced]
     fault = events.fault.copy()
     fault[replaced] = -1
     fault[replaced, 0] = len(plant_faults()) + np.arange(len(replaced))
@@ -57,22 +61,29 @@ def with_unknown_faults(
     return Events(fault, profile), faults
 
 
-def random_fault(random: np.random.Generator) -> Fault:
-    """A fault of no class; at severity 1 it stands out."""
-    kinds = (_of_shaft, _of_vehicle, _of_signal)
-    kind = random.integers(len(kinds) + 1)
-    return _pair(random) if kind == len(kinds) else _new(kinds[kind], random)
+def random_fault(random: np.random.Generator, vehicle: LoggedVehicle = THESIS) -> Fault:
+    """A fault of no class, of what the vehicle's logs show; at severity 1 it stands out."""
+    kinds = [_of_shaft, _of_vehicle]
+    if shown(OF_SIGNALS, vehicle):
+        kinds.append(_of_signal)
+    has_pairs = vehicle.vehicle.sides == SIDES
+    kind = random.integers(len(kinds) + has_pairs)
+    return _pair(random) if kind == len(kinds) else _new(kinds[kind], random, vehicle)
 
 
-def _new(draw: Callable[[np.random.Generator], list[str]], random: np.random.Generator) -> Fault:
+def _new(
+    draw: Callable[[np.random.Generator, LoggedVehicle], list[str]],
+    random: np.random.Generator,
+    vehicle: LoggedVehicle,
+) -> Fault:
     """A fault of parameters that neither a class nor a test has."""
-    names = draw(random)
+    names = draw(random, vehicle)
     while _is_class_or_test(frozenset(names)):
-        names = draw(random)
+        names = draw(random, vehicle)
     scale = {}
     offset = {}
     for name in names:
-        change = _offset(name, random)
+        change = _offset(name, random, vehicle)
         if change is None:
             exponent = random.uniform(math.log(LEAST_FACTOR), math.log(LARGEST_FACTOR))
             scale[name] = math.exp(random.choice([-1.0, 1.0]) * exponent)
@@ -81,7 +92,7 @@ def _new(draw: Callable[[np.random.Generator], list[str]], random: np.random.Gen
     return UnmodelledFault("random", "vehicle", scale, offset)
 
 
-def _offset(name: str, random: np.random.Generator) -> float | None:
+def _offset(name: str, random: np.random.Generator, vehicle: LoggedVehicle) -> float | None:
     """By how much a parameter shifts; None if it is multiplied."""
     if name.endswith("viscous_friction"):
         return random.uniform(*VISCOUS_FRICTION)
@@ -90,24 +101,30 @@ def _offset(name: str, random: np.random.Generator) -> float | None:
         size = random.uniform(*BIAS_SHARE) * BIAS[CHANNELS[channel].unit]
         return random.choice([-1.0, 1.0]) * size
     if kind == "ripple":
-        return random.uniform(*RIPPLE) * CHANNELS[channel].noise
+        return random.uniform(*RIPPLE) * vehicle.noise.get(channel, CHANNELS[channel].noise)
     if kind == "latency":
         return float(random.integers(*DELAY, endpoint=True))
     return None
 
 
-def _of_shaft(random: np.random.Generator) -> list[str]:
-    side = random.choice(SIDES)
+def _of_shaft(random: np.random.Generator, vehicle: LoggedVehicle) -> list[str]:
+    side = random.choice(vehicle.vehicle.sides)
     names = [f"{side}_{name}" for name in SHAFT]
     return random.choice(names, random.integers(2, 4), replace=False).tolist()
 
 
-def _of_vehicle(random: np.random.Generator) -> list[str]:
-    return random.choice(OF_VEHICLE, random.integers(2, 4), replace=False).tolist()
+def _of_vehicle(random: np.random.Generator, vehicle: LoggedVehicle) -> list[str]:
+    names = shown(OF_VEHICLE, vehicle)
+    return random.choice(names, random.integers(2, 4), replace=False).tolist()
 
 
-def _of_signal(random: np.random.Generator) -> list[str]:
-    return [str(random.choice(OF_SIGNALS))]
+def _of_signal(random: np.random.Generator, vehicle: LoggedVehicle) -> list[str]:
+    return [str(random.choice(shown(OF_SIGNALS, vehicle)))]
+
+
+def shown(names: Sequence[str], vehicle: LoggedVehicle) -> list[str]:
+    """The parameters whose faults the vehicle's logs show."""
+    return [name for name in names if not name.startswith(vehicle.hidden)]
 
 
 def _is_class_or_test(names: frozenset[str]) -> bool:

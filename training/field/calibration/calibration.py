@@ -17,7 +17,7 @@ from training.field.calibration.motor_noise import motor_noise
 from training.field.calibration.robust_fit import NO_FIT, Fit, Values
 from training.field.calibration.samples import Samples, noise_levels, samples_of
 from training.field.logs.log import Log
-from training.field.vehicle_file import NOISE, QUANTITIES, VehicleFile
+from training.field.vehicle_file import MAXIMA, NOISE, QUANTITIES, VehicleFile
 
 NAMES = (
     *reversed(surge_fit.PARAMETERS),
@@ -26,6 +26,8 @@ NAMES = (
 )
 # parameters of the file that one parameter of the fit multiplies
 FILE_PARAMETERS = {"propeller_torque": ("c1", "c2")}
+MOST = 99.9  # percentile of a channel that counts as its largest value
+BEYOND = 1.05  # of the vehicle's maximum: noise alone goes a little beyond
 
 
 class ParameterFit(NamedTuple):
@@ -52,6 +54,13 @@ class Calibration:
     before: VehicleFile  # as it was
     motor: ModelFit
     surge: ModelFit
+
+    @property
+    def reached(self) -> tuple[str, ...]:
+        """The maxima of the vehicle that are those of the logs, by name."""
+        now = self.vehicle.vehicle
+        before = self.before.vehicle
+        return tuple(key for key in MAXIMA.values() if getattr(now, key) != getattr(before, key))
 
     def model_fit(self, name: str) -> ModelFit:
         """The fit that a parameter belongs to."""
@@ -108,7 +117,29 @@ def calibrate_samples(samples: Samples, vehicle: VehicleFile) -> Calibration:
     better_noise = noise | _motor_noise(samples, nominal, noise, motor)
     if better_noise != noise:
         motor = motor_fit.motor_fit(samples, nominal, better_noise)
-    return _with_surge(samples, vehicle, better_noise, motor)
+    calibration = _with_surge(samples, vehicle, better_noise, motor)
+    reached = replace(calibration.vehicle.vehicle, **larger_maxima(samples, nominal))
+    return replace(calibration, vehicle=replace(calibration.vehicle, vehicle=reached))
+
+
+def larger_maxima(samples: Samples, vehicle: Vehicle) -> dict[str, float]:
+    """The largest speed, voltage, current and shaft speed where the logs go beyond the vehicle's.
+
+    Of the speed it is the commanded one, or that which is read if none is logged.
+    """
+    has_command = samples.has("speed_command")
+    largest: dict[str, float] = {}
+    for channel, spec in CHANNELS.items():
+        is_reading_beside_command = channel == "speed" and has_command
+        if spec.unit in MAXIMA and samples.has(channel) and not is_reading_beside_command:
+            key = MAXIMA[spec.unit]
+            reached = float(np.nanpercentile(np.abs(samples.channel(channel)), MOST))
+            largest[key] = max(reached, largest.get(key, 0.0))
+    return {
+        key: min(float(f"{reached:.3g}"), QUANTITIES[key]["high"])
+        for key, reached in largest.items()
+        if reached > BEYOND * getattr(vehicle, key)
+    }
 
 
 def refitted(samples: Samples, calibration: Calibration) -> Calibration:

@@ -4,29 +4,32 @@ import inspect
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
-from auv_fault_env.channels import CHANNELS, READINGS
+from auv_fault_env.channels import READINGS
 from auv_fault_env.errors import known_name, refusal
-from auv_fault_env.faults import CATALOGUE, UNKNOWN, Fault, classes
+from auv_fault_env.faults import CATALOGUE, UNKNOWN, classes
 from auv_fault_env.parameters import SAMPLE_RATE, SIDES
-from diagnosers import Belief, Diagnoser, make
-from diagnosers.kalman import NOISE_FLOOR
+from diagnosers import Belief, Diagnoser, load, make, storage
 from diagnosers.registry import class_of
 from diagnosers.residuals import Residuals
 from training.benchmark.thresholds import ONE_PER_HOUR
 from training.field.diagnosis.causes import Cause
 from training.field.diagnosis.estimates import excess_loads
+from training.field.logged import logged_vehicle
 from training.field.logs.log import Log
 from training.field.logs.resolution import COARSE, ROUNDING, resolutions
-from training.field.vehicle_file import VEHICLE_DIAGNOSERS, VehicleFile
+from training.field.vehicle_file import DIAGNOSERS, VEHICLE_DIAGNOSERS, VehicleFile
+from training.logged_vehicle import changes_parameter
 from training.metrics import alarms
 from training.metrics.records import PERSISTENCE
 
+# the last only with weights of its own
 THRESHOLDS: dict[str, float] = {
-    **{name: ONE_PER_HOUR[name] for name in VEHICLE_DIAGNOSERS},
+    **{name: ONE_PER_HOUR[name] for name in (*VEHICLE_DIAGNOSERS, "raw_network")},
     Residuals.name: math.log(0.5),  # at the limits of the vehicle's own relations
 }
 HEALTHY = "healthy"
@@ -65,29 +68,33 @@ class Verdict:
         return self.alarms[0][0] if self.alarms else None
 
 
-def diagnoser_for(name: str, vehicle: VehicleFile, resolution: Mapping[str, float]) -> Diagnoser:
+def diagnoser_for(
+    name: str,
+    vehicle: VehicleFile,
+    resolution: Mapping[str, float],
+    weights: Path | None = None,
+) -> Diagnoser:
     """The diagnoser with this vehicle's parameters; resolution by reading, in the channel's unit.
 
-    Only the filter bank accepts missing channels and logs slower than 10 Hz. The other diagnosers
-    would take the missing readings for a broken sensor, and are refused. `residuals` needs the
-    relations that calibration writes.
+    With a file of weights it is the network that was trained on this vehicle. Without, only the
+    filter bank accepts missing channels and logs slower than 10 Hz. The other diagnosers would take
+    the missing readings for a broken sensor, and are refused. `residuals` needs the relations that
+    calibration writes.
     """
+    if weights is not None:
+        return trained_network(name, vehicle, weights)
     if name == Residuals.name:
         return residuals_for(vehicle)
-    settings = inspect.signature(class_of(known_name("diagnoser", name, THRESHOLDS))).parameters
+    settings = inspect.signature(class_of(known_name("diagnoser", name, DIAGNOSERS))).parameters
     absent = tuple(channel for channel in READINGS if channel not in vehicle.columns)
     if "faults" not in settings and (absent or vehicle.sample_rate < LEAST_RATE):
         lacking = ", ".join(absent) or f"a rate of {SAMPLE_RATE:g} Hz"
         allowed = f"filter_bank for a vehicle without {lacking}"
         raise refusal("diagnoser", name, allowed, "leave --diagnoser out")
-    sides = logged_sides(vehicle)
-    absent_sides = [side for side in SIDES if side not in sides]
-    # a voltage computed from a command and the supply is no sensor that fails
-    computed = [channel for channel, column in vehicle.columns.items() if column.times]
-    unobservable = [f"{prefix}_" for prefix in (*absent, *absent_sides, *computed)]
+    logged = logged_vehicle(vehicle)
     noise = {}
-    for reading, std in vehicle.noise.items():
-        sensor_std = max(std, NOISE_FLOOR * CHANNELS[reading].noise)
+    unobservable = list(logged.hidden)
+    for reading, sensor_std in logged.noise.items():
         step = resolution.get(reading, 0.0)
         noise[reading] = max(sensor_std, ROUNDING * step)
         if step > COARSE * sensor_std:
@@ -96,13 +103,28 @@ def diagnoser_for(name: str, vehicle: VehicleFile, resolution: Mapping[str, floa
     faults = [fault for fault in CATALOGUE.values() if not changes_parameter(fault, prefixes)]
     choices = dict(
         vehicle=vehicle.vehicle,
-        band=dict(vehicle.band),
+        band=logged.band,
         noise=noise,
         resolution=dict(resolution),
-        shafts=len(sides),
+        shafts=logged.vehicle.shafts,
         faults=tuple(fault.name for fault in faults),
     )
     return make(name, **{key: choice for key, choice in choices.items() if key in settings})
+
+
+def trained_network(name: str, vehicle: VehicleFile, weights: Path) -> Diagnoser:
+    """The network of `auv-fault train --vehicle`; of another diagnoser or vehicle it is refused."""
+    network = load(weights)
+    if network.name != name:
+        remedy = f"add --diagnoser {network.name}, or take other weights"
+        raise refusal(f"weights of {weights}", network.name, f"those of {name}", remedy)
+    trained_on = storage.read(weights)[1].get("vehicle")
+    digest = logged_vehicle(vehicle).digest
+    if not isinstance(trained_on, dict) or trained_on.get("digest") != digest:
+        allowed = f"this vehicle file, digest {digest}"
+        remedy = f"train on it: auv-fault train {name} --vehicle FILE"
+        raise refusal(f"vehicle of {weights}", trained_on, allowed, remedy)
+    return network
 
 
 def residuals_for(vehicle: VehicleFile) -> Residuals:
@@ -114,30 +136,14 @@ def residuals_for(vehicle: VehicleFile) -> Residuals:
     return Residuals(vehicle.relations)
 
 
-def logged_sides(vehicle: VehicleFile) -> tuple[str, ...]:
-    """Sides with a voltage or a shaft speed; starboard without either turns as port."""
-    sides = tuple(
-        side for side in SIDES if {f"{side}_voltage", f"{side}_rpm"} & vehicle.columns.keys()
-    )
-    if SIDES[0] not in sides:
-        allowed = "port_voltage or port_rpm among them"
-        raise refusal("channels", list(vehicle.columns), allowed, "name the column of either")
-    return sides
-
-
-def changes_parameter(fault: Fault, prefixes: tuple[str, ...]) -> bool:
-    """Whether a fault changes a parameter with one of these prefixes."""
-    return any(name.startswith(prefixes) for name in (*fault.scale, *fault.offset))
-
-
 def persistence(vehicle: VehicleFile) -> int:
     """Samples of 0.1 s for which p(normal) must stay low: three readings of the vehicle."""
     return PERSISTENCE * max(1, round(SAMPLE_RATE / vehicle.sample_rate))
 
 
-def beliefs(log: Log, name: str, vehicle: VehicleFile) -> Belief:
+def beliefs(log: Log, name: str, vehicle: VehicleFile, weights: Path | None = None) -> Belief:
     """Beliefs of a diagnoser, started anew with every segment, (n_samples, n_classes) float32."""
-    diagnoser = diagnoser_for(name, vehicle, resolutions(log, vehicle))
+    diagnoser = diagnoser_for(name, vehicle, resolutions(log, vehicle), weights)
     shape = len(log.time), len(diagnoser.classes)
     along = Belief(*(np.zeros(shape, np.float32) for _ in Belief._fields))
     with tqdm(total=shape[0], desc=log.name, unit="sample", unit_scale=True, leave=False) as bar:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from diagnosers.relations.names import name_of
@@ -29,6 +30,7 @@ class Setting(NamedTuple):
     threshold: float  # of log p(normal)
     vehicle: VehicleFile
     has_load_limits: bool = False
+    weights: Path | None = None  # file of the diagnoser's own ones
 
 
 def page(
@@ -82,6 +84,8 @@ def meaning_of_alarm(setting: Setting) -> str:
         )
     usual = THRESHOLDS[setting.diagnoser]
     origin = "at which simulated healthy vehicles raise one false alarm per hour"
+    if setting.weights is not None:
+        origin += " with the weights of the package"
     if setting.threshold < usual:
         origin = f"the lowest on the healthy logs (without them it is {math.exp(usual):.2g})"
     loads = ""

@@ -11,6 +11,7 @@ import re
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
 import numpy as np
@@ -35,12 +36,12 @@ from training.field.logs.cells import (
 from training.field.logs.clock import GAP
 from training.field.logs.encoding import encoding_of
 from training.field.logs.header_rows import is_byte_row, is_unit_row
-from training.field.logs.log import observations_of
 from training.field.logs.plausible import IMPOSSIBLE, largest_magnitudes
 from training.field.logs.resolution import printed_resolution
 from training.field.logs.stream_cells import PLAIN, Row, StreamClock, StreamNumbers
 from training.field.logs.table import unique_labels
 from training.field.vehicle_file import Column, VehicleFile
+from training.logged_vehicle import observations_of
 
 SOURCE = "standard input"
 TRUTH = {"true": 1.0, "false": 0.0}
@@ -57,6 +58,7 @@ def follow(
     name: str,
     threshold: float,
     errors: TextIO = sys.stderr,
+    weights: Path | None = None,
 ) -> bool:
     """Answer every line of the source with a line on the sink, until either ends.
 
@@ -67,16 +69,17 @@ def follow(
     predicted; after more than 5 s the diagnoser starts anew.
 
     The source is CSV below a header, or JSON objects, with columns as in the vehicle file; `name`
-    is the diagnoser's, and the threshold that of log p(normal). `errors` receives a remark on each
-    line or cell that cannot be read. Returns whether there was an alarm. `InputError` if the header
-    lacks a column, or if no line can be read.
+    is the diagnoser's, `weights` the file of its own ones, and the threshold that of log p(normal).
+    `errors` receives a remark on each line or cell that cannot be read. Returns whether there was
+    an alarm. `InputError` if the header lacks a column, or if no line can be read.
     """
     stream = None
     with suppress(BrokenPipeError, KeyboardInterrupt):
         for line_number, row in rows(source, vehicle, errors):
             try:
                 if stream is None:
-                    diagnoser = diagnoser_for(name, vehicle, printed_resolutions(row, vehicle))
+                    resolution = printed_resolutions(row, vehicle)
+                    diagnoser = diagnoser_for(name, vehicle, resolution, weights)
                     stream = Stream(vehicle, diagnoser, threshold)
                 answer = stream.answer(row)
             except BadLine as error:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.channels import CHANNELS, COMMANDS, INDEX
+from auv_fault_env.channels import CHANNELS, COMMANDS
 from auv_fault_env.errors import known_name, refusal
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.printable import printable
@@ -17,6 +17,7 @@ from training.field.logs.plausible import plausible_values
 from training.field.logs.table import Table
 from training.field.units import UNITS, spelt
 from training.field.vehicle_file import Column, VehicleFile, unit_of
+from training.logged_vehicle import observations_of
 
 SHORTEST = 10.0  # s: a shorter segment is left out
 LONGEST = 5_000_000  # samples, 139 h
@@ -65,25 +66,6 @@ def read_log(path: Path, vehicle: VehicleFile) -> Log:
     observation = np.concatenate([grid for _, grid in grids])
     segments = _consecutive_slices([len(grid) for _, grid in grids])
     return Log(name, time - time[0], observation, segments, tuple(remarks))
-
-
-def observations_of(values: Mapping[str, np.ndarray]) -> np.ndarray:
-    """All channels, (n_rows, n_channels), from the values by channel (n_rows,); NaN without values.
-
-    Mission speed and speed command stand for each other where one is not logged; a fin that is not
-    logged is amidships.
-    """
-    n_rows = len(next(iter(values.values())))
-    observations = np.full((n_rows, len(CHANNELS)), np.nan)
-    columns = {"rudder": np.zeros(n_rows), "stern_plane": np.zeros(n_rows)}
-    if "speed_command" in values:
-        columns["mission_speed"] = values["speed_command"]
-    if "mission_speed" in values:
-        columns["speed_command"] = values["mission_speed"]
-    columns |= values
-    for channel, column in columns.items():
-        observations[:, INDEX[channel]] = column
-    return observations
 
 
 def _scaled_column(table: Table, thing: str, column: Column) -> np.ndarray:

@@ -15,15 +15,8 @@ from training.field.proposal.evidence import without_missing_mark
 from training.field.proposal.guess import Guess, guess_of
 from training.field.proposal.motors import Motors, guesses_of_motors
 from training.field.proposal.stamps import sample_rate, time_of
-from training.field.vehicle_file import QUANTITIES, Column, VehicleFile
+from training.field.vehicle_file import MAXIMA, QUANTITIES, Column, VehicleFile
 
-# the constant of the vehicle that full scales grow with, by unit
-MAXIMA = {
-    "m/s": "maximum_speed",
-    "V": "maximum_voltage",
-    "A": "maximum_current",
-    "rpm": "maximum_rpm",
-}
 COMMENTS = {
     "vehicle.preset": "a guess to start with: calibrate fits the constants to healthy logs",
     "vehicle.hotel_load": "not in a log: the power of all but propulsion",

@@ -3,11 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auv_fault_env.channels import INDEX
 from auv_fault_env.parameters import PRESETS
 from training.field.calibration.calibration import (
     NAMES,
     calibrate,
     calibrate_samples,
+    larger_maxima,
     refitted,
     side_differences,
 )
@@ -17,6 +19,7 @@ from training.field.calibration.samples import samples_of
 from training.field.vehicle_file import BAND, VehicleFile
 from training.studies.calibration import SAMPLED, CalibrationStudy, study
 
+from ..fleet_logs import VEHICLE, episode, log_of
 from ..healthy_missions import FILE, OFF, PRESET, healthy_logs, kept
 
 MOTOR = ("torque_constant", "resistance", "coulomb_friction", "propeller_torque")
@@ -208,3 +211,20 @@ def test_file_of_another_preset_finds_the_same_vehicle(logs, calibration):
         one = other.parameter(name)
         two = calibration.parameter(name)
         assert one.value == pytest.approx(two.value, abs=0.1 * two.std), name
+
+
+def test_maxima_grow_to_what_the_logs_reach_and_not_by_noise():
+    rows = episode().copy()
+    commands = [INDEX["mission_speed"], INDEX["speed_command"]]
+
+    def maxima():
+        return larger_maxima(samples_of([log_of(rows)]), VEHICLE.vehicle)
+
+    assert maxima() == {}
+    rows[:, INDEX["port_voltage"]] = 1.04 * VEHICLE.vehicle.maximum_voltage
+    rows[:, INDEX["speed"]] = 3.0
+    assert maxima() == {}
+    rows[:, commands] = 2.0
+    assert maxima() == {"maximum_speed": 2.0}
+    rows[:, commands] = np.nan
+    assert maxima() == {"maximum_speed": 3.0}

@@ -6,8 +6,9 @@ import pytest
 
 from auv_fault_env import CATALOGUE, CHANNELS, PRESETS, FaultEvent, Fleet
 from auv_fault_env.errors import InputError
-from training.field.logs.log import Log, observations_of, read_log
+from training.field.logs.log import Log, read_log
 from training.field.vehicle_file import Column, VehicleFile
+from training.logged_vehicle import observations_of
 
 INDEX = {name: k for k, name in enumerate(CHANNELS)}
 # the thesis' vehicle at 0.4 m/s
