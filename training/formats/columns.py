@@ -7,7 +7,6 @@ import csv
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
 
 from auv_fault_env.channels import CHANNELS
@@ -23,6 +22,8 @@ SEED = pa.int64()
 VALUE = pa.float32()
 EXACT = pa.float64()  # of times, so that samples compare with onsets
 NAME = pa.dictionary(pa.int32(), pa.string())
+# in the words of numpy
+TYPE_NAMES = {NUMBER: "int32", SEED: "int64", VALUE: "float32", EXACT: "float64", NAME: "string"}
 # what faults of hull and shafts change; those of the sensors are not in the tables
 PLANT_PARAMETERS = tuple(name for name in PARAMETERS if not name.startswith(tuple(CHANNELS)))
 
@@ -94,19 +95,12 @@ def text_of(field: pa.Field, key: str) -> str:
     return field.metadata[key.encode()].decode()
 
 
-def type_name(field: pa.Field) -> str:
-    """The type of a field in the words of numpy; names are strings."""
-    if pa.types.is_dictionary(field.type):
-        return "string"
-    return np.dtype(field.type.to_pandas_dtype()).name
-
-
 def dictionary_rows() -> Iterator[list[str]]:
     """The rows of the data dictionary, as `COLUMNS`."""
     for table, schema in TABLES.items():
         for field in schema:
             words = text_of(field, UNIT), text_of(field, DESCRIPTION)
-            yield [table, field.name, type_name(field), *words]
+            yield [table, field.name, TYPE_NAMES[field.type], *words]
 
 
 def write_dictionary(folder: Path) -> None:
