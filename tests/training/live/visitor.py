@@ -63,11 +63,24 @@ def served(folder):
         )
     try:
         address = re.match(r"(http://\S+)/", process.stdout.readline())[1]
+        _wait_until_it_listens(address)
         yield Server(address, errors)
     finally:
         process.kill()
         process.wait()
         process.stdout.close()
+
+
+def _wait_until_it_listens(address):
+    """The address is printed a moment before."""
+    end = time.monotonic() + 60.0
+    while True:
+        try:
+            httpx.get(f"{address}/state", timeout=60.0)
+            return
+        except httpx.ConnectError:
+            assert time.monotonic() < end, "the server does not listen"
+            time.sleep(0.1)
 
 
 class Visitor:
