@@ -20,6 +20,9 @@ N_EARLIER = 2  # voltage and current
 MEMORY = 0.995  # share of a misfit that is left after a sample: 20 s
 LARGEST_MISFIT = 30.0  # rpm, of one sample
 CLEARLY_LESS = 0.6  # share of a misfit
+# share of the least misfit of healthy latencies; what a failed voltage sensor leaves at its onset
+# is 0.5 of it at least
+LATE = 0.45
 LATE_EVIDENCE = 2.0  # of a sample, for a change of the motor that no fault makes
 # rpm^2, of latencies other than 0 before the first reading: 20 samples of 5 rpm
 START_MISFIT = 500.0
@@ -78,11 +81,17 @@ def compare_latencies(subsystem, old, new, sample, column, water, work):
 
 @inlined
 def judge_latencies(columns, subsystem, new, table, work):
-    """Replace the evidence of a motor whose shaft speed is later than that of healthy counters."""
+    """Replace the evidence of a motor whose shaft speed is later than that of healthy counters.
+
+    It is as long as the misfits show it, not as long as its latency is taken for that.
+    """
     n_lanes = np.uint64(new.age.size)
     first, last = columns
     for lane in range(n_lanes):
-        if new.latency[lane, subsystem - PORT] > LARGEST_LATENCY:
+        side = subsystem - PORT
+        misfit = new.misfit[lane, side]
+        of_healthy = misfit[: LARGEST_LATENCY + 1].min()
+        if misfit[np.uint64(new.latency[lane, side])] < LATE * of_healthy:
             for c in range(first + lane, last, n_lanes):
                 is_unknown = table.spread[c // n_lanes] > 0.0
                 work.evidence[c] = LATE_EVIDENCE if is_unknown else 0.0
