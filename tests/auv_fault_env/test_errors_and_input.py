@@ -244,12 +244,15 @@ def test_unreadable_files(kind, tmp_path):
         directory=tmp_path, name_too_long="x" * 300, null_in_the_name="a\0b", newline="a\nb.json"
     )
     name = str(names.get(kind, path))
+    remedies = dict(
+        directory="name a regular file", binary="save it as UTF-8", utf16="save it as UTF-8"
+    )
     assert_refused(
         single(schedule=name),
         "schedule file",
         re.escape(repr(name)[:100]),
         "a readable JSON file",
-        "check",
+        remedies.get(kind, "check the path"),
     )
 
 

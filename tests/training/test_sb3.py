@@ -225,7 +225,7 @@ def seconds_of_a_step(env, n_steps):
     return (time.process_time() - start) / n_steps
 
 
-def test_64_lanes_cost_a_tenth_of_dummy_vec_env():
+def test_64_lanes_cost_a_fifth_of_dummy_vec_env_at_most():
     many = DummyVecEnv([lambda: gym.make(PLANT)] * 64)
     ours = min(seconds_of_a_step(fleet(PLANT, 64, 100), 20) for _ in range(3))
-    assert ours < 0.1 * min(seconds_of_a_step(many, 5) for _ in range(3))
+    assert ours < 0.2 * min(seconds_of_a_step(many, 5) for _ in range(3))

@@ -103,7 +103,7 @@ def toy_stimulus_trainer(arguments):
 
 def calibrated(arguments):
     """The result of a calibration that has fitted nothing."""
-    calibration = SimpleNamespace(vehicle=VEHICLE, is_fitted=lambda name: False)
+    calibration = SimpleNamespace(vehicle=VEHICLE, reached=(), is_fitted=lambda name: False)
     quality = SimpleNamespace(diagnoser="filter_bank", line="fit: poor")
     return calibration, quality, {"sections": [], "mistakes": []}
 

@@ -1,4 +1,3 @@
-import inspect
 import pkgutil
 
 import numpy as np
@@ -6,7 +5,6 @@ import pytest
 
 from auv_fault_env.errors import InputError
 from diagnosers import NAMES
-from training.arguments import Train
 from training.learning.trainer import TRAINERS, make_trainer
 
 
@@ -37,7 +35,3 @@ def test_what_does_not_learn_is_refused(name):
         InputError, match="diagnoser to train: got .* allowed is one of " + ", ".join(TRAINERS)
     ):
         make_trainer(name, 0)
-
-
-def test_help_names_every_trainer():
-    assert all(name in inspect.getsource(Train) for name in TRAINERS)
