@@ -107,7 +107,11 @@ def test_a_wide_table_is_wrapped_and_loses_nothing(capsys):
 @pytest.mark.parametrize(
     ("one_setting", "words"),
     [
-        (BANK, "below 0.051 for three readings in a row, at which simulated healthy vehicles"),
+        (
+            BANK,
+            f"below {math.exp(THRESHOLDS['filter_bank']):.2g} for three readings in a row, "
+            "at which simulated healthy vehicles",
+        ),
         (BANK._replace(threshold=-9.0), "below 0.00012 for three readings in a row, the lowest on"),
         (BANK._replace(has_load_limits=True), "`load limit`"),
         (RESIDUALS, "stays beyond its limit for 5 windows of 15 s, a second apart, or the median"),
