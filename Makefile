@@ -1,8 +1,10 @@
 # make run | test | oldest | lint | bench | clean. PYTHON=... chooses another interpreter, 3.11 or newer.
+# make ecosystem runs both environments in the learning libraries, and writes the table of docs/ecosystem.md.
 # make all-extras installs every optional dependency, so that no test is skipped.
 # Paths are relative throughout, so that the path of the repository may hold spaces.
 PYTHON ?= $(shell command -v python3.11 || command -v python3 || echo python3)
 BIN := .venv/bin
+LIBRARIES := .venv-ecosystem
 
 # Constraints reach the environments that packages are built in only through the environment
 # (pip 25.3 and newer read the second name there).
@@ -13,7 +15,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 .DELETE_ON_ERROR:
 PYTEST_OPTIONS ?=
 
-.PHONY: run test oldest lint bench all-extras clean
+.PHONY: run test oldest lint bench ecosystem all-extras clean
 
 run: .venv/.dev
 	@$(BIN)/auv-fault reproduce --output runs/reproduce
@@ -33,6 +35,15 @@ lint: .venv/.dev
 bench: .venv/.all
 	@$(BIN)/python -m training.studies.speed
 	@$(BIN)/python -m training.studies.filter_speed
+
+# Libraries warn of themselves, so that warnings are no errors; whether all has passed the last line says.
+REPORT := -W default -o junit_family=xunit1 --junit-xml
+ecosystem: $(LIBRARIES)/current/.done $(LIBRARIES)/older/.done
+	@rm -f $(LIBRARIES)/*.xml
+	-@$(LIBRARIES)/current/bin/python -m pytest $(REPORT) $(LIBRARIES)/current.xml tests/ecosystem
+	-@$(LIBRARIES)/older/bin/python -m pytest $(REPORT) $(LIBRARIES)/older.xml \
+		tests/ecosystem/test_rllib.py tests/ecosystem/test_tianshou.py
+	@$(LIBRARIES)/current/bin/python tests/ecosystem/write_table.py $(LIBRARIES)/current.xml $(LIBRARIES)/older.xml
 
 all-extras: .venv/.all
 
@@ -57,6 +68,22 @@ oldest: export PIP_BUILD_CONSTRAINT := constraints-oldest.txt
 	@.venv-oldest/bin/python -m pip install -qq -c constraints-oldest.txt -e ".[dev,bench,distributed]"
 	@touch $@
 
+$(LIBRARIES)/current/.done: tests/ecosystem/current.txt pyproject.toml constraints.txt
+	@echo "Installing learning libraries into $(LIBRARIES)/current (some minutes) ..."
+	@"$(PYTHON)" -m venv --clear $(LIBRARIES)/current
+	@$(LIBRARIES)/current/bin/python -m pip install -qq -c constraints.txt -e . pytest -r tests/ecosystem/current.txt
+	@touch $@
+
+# What older.txt names at another version than constraints.txt comes from older.txt.
+$(LIBRARIES)/older/.done: tests/ecosystem/older.txt pyproject.toml constraints.txt
+	@echo "Installing learning libraries into $(LIBRARIES)/older (some minutes) ..."
+	@"$(PYTHON)" -m venv --clear $(LIBRARIES)/older
+	@sed -n 's/^\([a-z]*\)==.*/^\1==/p' tests/ecosystem/older.txt > $(LIBRARIES)/older/names.txt
+	@grep -vif $(LIBRARIES)/older/names.txt constraints.txt > $(LIBRARIES)/older/constraints.txt
+	@PIP_CONSTRAINT=$(LIBRARIES)/older/constraints.txt $(LIBRARIES)/older/bin/python -m pip install -qq -e . pytest \
+		-r tests/ecosystem/older.txt
+	@touch $@
+
 clean:
-	rm -rf .venv .venv-oldest runs dist .hypothesis .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf .venv .venv-oldest $(LIBRARIES) runs dist .hypothesis .pytest_cache .ruff_cache .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
