@@ -7,6 +7,8 @@ import pytest
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
+from training.sb3 import FleetVecEnv
+
 LIBRARY = "stable-baselines3"
 LANES = 2
 STEPS = 256
@@ -17,7 +19,22 @@ ALGORITHMS = {
     "SAC": partial(SAC, **OFF_POLICY),
     "TD3": partial(TD3, **OFF_POLICY),
 }
-VECTORS = {"DummyVecEnv": DummyVecEnv, "SubprocVecEnv": SubprocVecEnv}
+
+
+def singles(kind, environment):
+    return kind([partial(gym.make, environment)] * LANES)
+
+
+def fleet(environment):
+    many = gym.make_vec(environment, LANES, "vector_entry_point", autoreset_mode="SameStep")
+    return FleetVecEnv(many)
+
+
+VECTORS = {
+    "DummyVecEnv": partial(singles, DummyVecEnv),
+    "SubprocVecEnv": partial(singles, SubprocVecEnv),
+    "FleetVecEnv": fleet,
+}
 
 
 def weights(model):
@@ -26,11 +43,14 @@ def weights(model):
 
 @pytest.mark.parametrize(
     ("algorithm", "vector"),
-    [*((name, "DummyVecEnv") for name in ALGORITHMS), ("PPO", "SubprocVecEnv")],
+    [
+        ("PPO", "SubprocVecEnv"),
+        *((name, vector) for name in ALGORITHMS for vector in ("DummyVecEnv", "FleetVecEnv")),
+    ],
 )
 def test_algorithms_learn(environment, algorithm, vector):
     """{algorithm} learns on `{vector}`"""
-    envs = VECTORS[vector]([partial(gym.make, environment)] * LANES)
+    envs = VECTORS[vector](environment)
     model = ALGORITHMS[algorithm]("MlpPolicy", envs, seed=0, device="cpu")
     before = weights(model)
     model.learn(STEPS)
