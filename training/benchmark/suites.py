@@ -31,25 +31,13 @@ from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.schedules import Schedule, ScheduleSampler, schedule_of, to_json
 from auv_fault_env.text_files import text_of
 from training.benchmark.whole_missions import WholeMissionSampler
+from training.known_names import SUITES
 from training.metrics.records import HORIZON
 from training.rollouts import square_waves
 from training.seeds import purpose_of
 
 FOLDER = Path(__file__).parent / "suites"
-NAMES = (
-    "thesis",
-    "ideal",
-    "standard",
-    "ood_sensors",
-    "ood_noise",
-    "ood_disturbance",
-    "ood_vehicle",
-    "ood_severity",
-    "ood_compound",
-    "ood_mission",
-    "unknown_faults",
-    "long",
-)
+NAMES = SUITES
 STANDARD = "standard"  # its conditions are those that the thresholds are set under
 IDEAL = "ideal"  # its vehicles are those of the diagnosers' models, and of the bounds
 # one permanent fault per lane, every class equally likely
