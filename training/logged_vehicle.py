@@ -53,13 +53,20 @@ class LoggedVehicle:
     hidden: tuple[str, ...] = ()
     missions: MissionSampler = DEFAULT_MISSIONS
 
-    def fleet(self, n_lanes: int, realism: float, more_faults: Sequence[Fault] = ()) -> Fleet:
+    def fleet(
+        self,
+        n_lanes: int,
+        realism: float,
+        imperfections: Sequence[str] | None = None,
+        more_faults: Sequence[Fault] = (),
+    ) -> Fleet:
         """Vehicles of its healthy band, with its noise."""
         return Fleet(
             n_lanes,
             self.vehicle,
             missions=self.missions,
             realism=realism,
+            imperfections=imperfections,
             more_faults=more_faults,
             band=self.band,
             noise=self.noise,

@@ -68,6 +68,16 @@ def test_its_fleet_has_its_noise_and_band():
     np.testing.assert_array_equal(healthy[0][:, others], healthy[1][:, others])
 
 
+def test_its_fleet_has_the_chosen_imperfections_and_no_others():
+    rpm = []
+    for imperfections in (("resolution",), ("offsets",)):
+        fleet = THESIS.fleet(4, 1.0, imperfections)
+        rpm.append(fleet.reset(range(4))[:, INDEX["port_rpm"]])
+    in_steps, continuous = rpm
+    assert (in_steps == np.round(in_steps)).all()
+    assert (continuous != np.round(continuous)).all()
+
+
 def test_only_faults_that_the_logs_show_are_drawn_and_known_to_the_bank():
     assert "seal_friction:port" in ONE_SHAFT.faults
     assert not [fault for fault in ONE_SHAFT.faults if "starboard" in fault]

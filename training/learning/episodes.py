@@ -2,7 +2,9 @@
 
 Half of the lanes has the thesis' stimulus, a quarter random missions, a quarter such missions with
 rests; the last two have manoeuvres. Half of each has realism 1, the others one that is drawn for
-all of them. The vehicle of a vehicle file has random missions in place of the thesis' stimulus.
+all of them, with all imperfections or with some: a diagnoser that has met only all of them together
+takes a reading that is better than usual for a failed sensor. The vehicle of a vehicle file has
+random missions in place of the thesis' stimulus.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -16,6 +18,7 @@ from auv_fault_env.layout import SeverityProfile
 from auv_fault_env.missions import MISSIONS, Mission, MissionSampler
 from auv_fault_env.noise import episode_keys
 from auv_fault_env.parameters import SAMPLE_TIME
+from auv_fault_env.realism import EFFECTS
 from auv_fault_env.schedules import Events, ScheduleSampler
 from diagnosers.diagnoser import last_values
 from training.learning.unknown_faults import with_unknown_faults
@@ -27,14 +30,22 @@ N_SAMPLES = 600  # 60 s
 # for the cards of weights
 KINDS = (
     "half with the thesis' stimulus, a quarter with random missions and manoeuvres, a quarter with "
-    "such missions that begin or end at rest; half with realism 1, a third from 0 to 2, the others "
-    "ideal"
+    "such missions that begin or end at rest; half with realism 1, a sixth ideal, a third with "
+    "realism up to 2, of which half with some of the imperfections"
 )
-IDEAL = 1 / 3  # probability that a drawn realism is 0
-LARGEST_REALISM = 2.0  # of the others, uniform
+IDEAL = 1 / 3  # probability that vehicles with a drawn realism are ideal
+PARTLY_IDEAL = 1 / 3  # that they have some of the imperfections
+LARGEST_REALISM = 2.0  # of all that are not ideal, uniform
 AT_REST = 0.5  # probability of a rest, at the start and at the end alike, on missions with rests
 REST = (0.05, 0.4)  # share of an episode
-CONSTANT = 0.3  # share of the missions with rests that have one speed throughout
+CONSTANT = 0.6  # share of the missions with rests that have one speed throughout
+
+
+class Realism(NamedTuple):
+    """How far the sensors and the surroundings of a rollout are from ideal, as `Fleet` takes it."""
+
+    realism: float
+    imperfections: tuple[str, ...] | None  # None for all
 
 
 class Course(NamedTuple):
@@ -67,7 +78,7 @@ def training_episodes(
     sampler = shown_by(vehicle, schedules or ScheduleSampler())
     for course, lanes in parts:
         n_real = (len(lanes) + 1) // 2
-        yield _rollout(course, lanes[:n_real], 1.0, sampler, unknown, vehicle)
+        yield _rollout(course, lanes[:n_real], Realism(1.0, None), sampler, unknown, vehicle)
         if drawn := lanes[n_real:]:
             realism = drawn_realism(drawn[0])
             yield _rollout(course, drawn, realism, sampler, unknown, vehicle)
@@ -82,16 +93,24 @@ def shown_by(vehicle: LoggedVehicle, sampler: ScheduleSampler) -> ScheduleSample
     return replace(sampler, prior={name: classes[name] * (name in shown) for name in classes})
 
 
-def drawn_realism(seed: int) -> float:
-    """A realism from 0 to `LARGEST_REALISM`."""
-    chance, place = np.random.default_rng(seed).uniform(size=2)
-    return 0.0 if chance < IDEAL else LARGEST_REALISM * place
+def drawn_realism(seed: int) -> Realism:
+    """A realism from 0 to `LARGEST_REALISM`, of all imperfections or of some."""
+    random = np.random.default_rng(seed)
+    chance, place = random.uniform(size=2)
+    if chance < IDEAL:
+        return Realism(0.0, None)
+    realism = LARGEST_REALISM * place
+    if chance >= IDEAL + PARTLY_IDEAL:
+        return Realism(realism, None)
+    names = list(EFFECTS)
+    chosen = random.choice(names, random.integers(1, len(names)), replace=False)
+    return Realism(realism, tuple(chosen.tolist()))
 
 
 def _rollout(
     course_of: Callable[[range, LoggedVehicle], Course],
     lanes: range,
-    realism: float,
+    realism: Realism,
     sampler: ScheduleSampler,
     unknown: float,
     vehicle: LoggedVehicle,
@@ -102,7 +121,7 @@ def _rollout(
     events = later(sampler.sample_events(keys, vehicle.vehicle), course.start)
     random = np.random.default_rng([lanes[0], 1])
     events, faults = with_unknown_faults(events, unknown, random, vehicle)
-    fleet = vehicle.fleet(len(lanes), realism, faults)
+    fleet = vehicle.fleet(len(lanes), *realism, faults)
     rollout = roll_out(fleet, lanes, N_SAMPLES, course.actions, events, course.missions)
     return rollout._replace(observations=vehicle.as_logged(rollout.observations))
 

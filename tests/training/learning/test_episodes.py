@@ -8,6 +8,7 @@ from auv_fault_env.channels import INDEX
 from auv_fault_env.faults import matrices
 from auv_fault_env.missions import MISSIONS
 from auv_fault_env.parameters import PARAMETERS
+from auv_fault_env.realism import EFFECTS
 from auv_fault_env.schedules import FaultEvent, ScheduleSampler, events_of
 from auv_fault_env.unmodelled import plant_faults
 from training.learning.episodes import (
@@ -55,12 +56,18 @@ def test_half_of_every_kind_of_mission_is_real(rollouts):
     assert in_steps[::2] == [True] * 3
 
 
-def test_a_third_of_the_other_vehicles_is_ideal():
-    drawn = np.array([drawn_realism(seed) for seed in range(600)])
-    assert 0.28 < np.mean(drawn == 0.0) < 0.39
-    others = drawn[drawn > 0.0]
+def test_a_third_of_the_other_vehicles_is_ideal_and_a_third_partly():
+    drawn = [drawn_realism(seed) for seed in range(600)]
+    realism = np.array([one.realism for one in drawn])
+    assert 0.28 < np.mean(realism == 0.0) < 0.39
+    others = realism[realism > 0.0]
     assert 0.9 < others.mean() < 1.1
     assert others.max() <= LARGEST_REALISM
+    partly = [one.imperfections for one in drawn if one.imperfections is not None]
+    assert 0.28 < len(partly) / len(drawn) < 0.39
+    assert {len(names) for names in partly} == set(range(1, len(EFFECTS)))
+    assert {name for names in partly for name in names} == set(EFFECTS)
+    assert all(len(set(names)) == len(names) for names in partly)
 
 
 def test_missions_with_rests_begin_and_end_at_rest_or_have_one_speed():
@@ -75,7 +82,7 @@ def test_missions_with_rests_begin_and_end_at_rest_or_have_one_speed():
     np.testing.assert_array_equal(command[:15, begins_at_rest], 0.0)
     np.testing.assert_array_equal(begins_at_rest, course.start > 0.0)
     speeds = [len(set(speed) - {0.0}) for speed in mission.T.tolist()]
-    assert 0.2 < np.mean(np.array(speeds) == 1) < 0.4
+    assert 0.5 < np.mean(np.array(speeds) == 1) < 0.7
 
 
 def test_no_fault_begins_at_rest_before_the_mission():
