@@ -7,14 +7,21 @@ library that is not installed are not collected; ``make ecosystem`` installs all
 
 import importlib.util
 import warnings
+from functools import partial
 from importlib.metadata import version
 
+import gymnasium as gym
 import pytest
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
+
+from training.learning.reproducible import one_thread
+from training.sb3 import FleetVecEnv
 
 ENVIRONMENTS = {
     "Propulsion-v0": "auv_fault_env:auv_fault_env/Propulsion-v0",
     "ActiveDiagnosis-v0": "training.active_env:auv_fault_env/ActiveDiagnosis-v0",
 }
+LANES = 2
 # by file; Minari collects with jax, and RLlib is more of ray than the environments step with
 NEEDED = {
     "test_minari.py": "jax",
@@ -34,6 +41,41 @@ def environment(request):
     return ENVIRONMENTS[request.param]
 
 
+def fleet(environment):
+    """One environment of all lanes."""
+    many = gym.make_vec(environment, LANES, "vector_entry_point", autoreset_mode="SameStep")
+    return FleetVecEnv(many)
+
+
+def singles(kind, environment):
+    """One environment per lane, in a vector of stable-baselines3."""
+    return kind([partial(gym.make, environment)] * LANES)
+
+
+VECTORS = {
+    "DummyVecEnv": partial(singles, DummyVecEnv),
+    "SubprocVecEnv": partial(singles, SubprocVecEnv),
+    "FleetVecEnv": fleet,
+}
+
+
+@pytest.fixture
+def learns(environment):
+    """Fail where an algorithm does not learn on a vector that stable-baselines3 takes."""
+
+    def learns_on(vector, algorithm, policy, n_steps):
+        envs = VECTORS[vector](environment)
+        model = algorithm(policy, envs, seed=0, device="cpu")
+        before = [values.clone() for values in model.policy.parameters()]
+        model.learn(n_steps)
+        assert model.num_timesteps == n_steps
+        after = model.policy.parameters()
+        assert any((old != new).any() for old, new in zip(before, after, strict=True))
+        envs.close()
+
+    return learns_on
+
+
 @pytest.fixture(autouse=True)
 def row(request, record_property):
     """Keep what the row of this test says."""
@@ -43,6 +85,13 @@ def row(request, record_property):
     record_property("version", version(library))
     record_property("environment", parameters.pop("environment"))
     record_property("what", request.function.__doc__.strip().format(**parameters))
+
+
+@pytest.fixture(autouse=True)
+def one_thread_of_torch():
+    """Nothing here is large enough for several, which wait for each other on a busy machine."""
+    with one_thread():
+        yield
 
 
 @pytest.fixture(autouse=True)

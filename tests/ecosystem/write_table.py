@@ -42,10 +42,10 @@ def results(cases: Iterable[ElementTree.Element]) -> Results:
     """The results by row and environment; one that passed does not hide one that did not."""
     found: Results = {}
     for case in cases:
-        told = {one.get("name"): one.get("value", "") for one in case.iter("property")}
-        row = Row(told["library"], told["version"], told["what"])
+        given = {one.get("name"): one.get("value", "") for one in case.iter("property")}
+        row = Row(given["library"], given["version"], given["what"])
         words = found.setdefault(row, {})
-        environment = told["environment"]
+        environment = given["environment"]
         if words.get(environment, PASSED) == PASSED:
             words[environment] = result(case)
     return found

@@ -8,14 +8,13 @@ for tests; PPO learns on the seeds for training. The rule was tuned on the seeds
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+from stable_baselines3.common.vec_env import VecNormalize
 from tqdm import tqdm
 
 from auv_fault_env.channels import INDEX
@@ -23,6 +22,7 @@ from auv_fault_env.errors import finite_in_range, whole_number
 from training.learning.reproducible import one_thread, seeded_generators
 from training.metrics.intervals import interval, paired_bootstrap
 from training.report.sections import table_section
+from training.sb3 import FleetVecEnv
 from training.seeds import seeds
 from training.studies.run import command_line, run_study
 
@@ -97,8 +97,8 @@ def train(number: int, steps: int) -> tuple[Policy, float]:
     """A policy of PPO without exploration, and the processor time of its training [s]."""
     start = time.process_time()
     first = seeds("training", SEED_BLOCK, number * SEED_BLOCK)[0]
-    make = partial(gym.make, ENVIRONMENT, truth=False, **SETTINGS)
-    normalised = VecNormalize(DummyVecEnv([make] * LANES), gamma=DISCOUNT)
+    fleet = vehicles(LANES, autoreset_mode="SameStep")
+    normalised = VecNormalize(FleetVecEnv(fleet), gamma=DISCOUNT)
     with one_thread(), seeded_generators(first):
         model = PPO(
             "MlpPolicy",
@@ -118,9 +118,16 @@ def train(number: int, steps: int) -> tuple[Policy, float]:
     return policy, time.process_time() - start
 
 
+def vehicles(n_lanes: int, **options: Any) -> gym.vector.VectorEnv:
+    """The environment of all agents, without the truth in its information."""
+    return gym.make_vec(
+        ENVIRONMENT, n_lanes, "vector_entry_point", truth=False, **SETTINGS, **options
+    )
+
+
 def scores(policy: Policy, n_episodes: int) -> np.ndarray:
     """Sum of the rewards of each episode of the seeds for tests, (n_episodes,)."""
-    env = gym.make_vec(ENVIRONMENT, n_episodes, "vector_entry_point", truth=False, **SETTINGS)
+    env = vehicles(n_episodes)
     observation, _ = env.reset(seed=seeds("test", n_episodes)[0])
     total = np.zeros(n_episodes)
     for _ in range(STEPS):

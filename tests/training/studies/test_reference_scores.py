@@ -5,10 +5,10 @@ import json
 import gymnasium as gym
 import numpy as np
 import pytest
-from stable_baselines3.common.vec_env import DummyVecEnv
 
 from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.errors import InputError
+from training.sb3 import FleetVecEnv
 from training.seeds import purpose_of, seeds
 from training.studies import reference_scores
 from training.studies.reference_scores import ReferenceScores, follow, hand_rule, main, scores
@@ -38,9 +38,9 @@ def test_the_hand_rule():
 
 def test_table_of_a_small_run(tmp_path, monkeypatch):
     started = []
-    seed = DummyVecEnv.seed
+    seed = FleetVecEnv.seed
     monkeypatch.setattr(
-        DummyVecEnv, "seed", lambda env, first: started.append(first) or seed(env, first)
+        FleetVecEnv, "seed", lambda env, first: started.append(first) or seed(env, first)
     )
     monkeypatch.setattr(reference_scores, "STEPS", 20)
     monkeypatch.setattr(reference_scores, "LANES", 16)
