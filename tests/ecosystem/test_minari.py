@@ -6,7 +6,7 @@ import numpy as np
 
 LIBRARY = "minari"
 STEPS = 40
-EPISODES = 3
+EPISODES = 8
 
 
 def test_what_was_collected_comes_back(environment, tmp_path, monkeypatch):
@@ -38,7 +38,8 @@ def test_what_was_collected_comes_back(environment, tmp_path, monkeypatch):
         np.testing.assert_array_equal(episode.observations, observations)
         np.testing.assert_array_equal(episode.rewards, rewards[1:])
         for name in infos[0]:
-            assert list(episode.infos[name]) == [info[name] for info in infos]
+            given = np.stack([info[name] for info in infos])
+            np.testing.assert_array_equal(np.stack(episode.infos[name]), given)
         observation, _ = again.reset(seed=seed)
         for action in episode.actions:
             observation, *_ = again.step(action)

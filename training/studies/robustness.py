@@ -65,11 +65,12 @@ def study(arguments: RobustnessStudy) -> dict[str, Any]:
         seed=arguments.seed,
     )
     found: dict[str, list[Finding]] = {}
-    for number, (name, measure) in enumerate(tqdm(ROWS.items(), unit="row"), FIRST_ROW):
-        if not arguments.rows or name in arguments.rows:
-            found[name] = measure(Study(runs, arguments.effect_hours, number))
-            for one in found[name]:
-                tqdm.write(f"{name}, {one.case}: {one.measured}", file=sys.stderr)
+    numbers = {name: number for number, name in enumerate(ROWS, FIRST_ROW)}
+    chosen = [name for name in ROWS if not arguments.rows or name in arguments.rows]
+    for name in tqdm(chosen, unit="row"):
+        found[name] = ROWS[name](Study(runs, arguments.effect_hours, numbers[name]))
+        for one in found[name]:
+            tqdm.write(f"{name}, {one.case}: {one.measured}", file=sys.stderr)
     thresholds = runs.thresholds_if_set
     return {
         "title": f"{arguments.diagnoser} where the model does not hold",
