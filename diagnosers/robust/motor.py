@@ -164,6 +164,26 @@ def compute_innovations(columns, constants, work):
 
 
 @inlined
+def follow_jump(columns, work):
+    """Let the voltage have changed within the noise of its reading where the shaft speed jumped.
+
+    A command that steps moves the shaft by many standard deviations and the voltage by few, less
+    than what counts as a jump of its reading.
+    """
+    first, last = columns
+    row = covariance_row(VOLTS, VOLTS, N_STATES)
+    for c in range(first, last):
+        innovation = work.innovation[FIRST, c]
+        by_voltage = work.gradient[VOLTS, c] ** 2
+        expected_square = work.variance[FIRST, c] + by_voltage * work.filters[row, c]
+        jump = max(0.0, innovation * innovation - JUMP * expected_square)
+        noise = work.parameters[VOLTAGE + NOISE, c] ** 2 + work.excess[OF_VOLTAGE, c]
+        if jump < noise * by_voltage:
+            noise = jump / by_voltage
+        work.filters[row, c] += work.available[OF_RPM, c] * work.available[OF_VOLTAGE, c] * noise
+
+
+@inlined
 def widen_voltage(columns, sample, channel, maximum_voltage, work):
     """Add to the walk of voltages that are not read, or read with much noise."""
     first, last = columns
@@ -236,6 +256,7 @@ def update(columns, sample, channel, walk, constants, work):
     work.gradient[ZERO, first:last] = 0.0
     work.current_gradient[ZERO, first:last] = 1.0
     compute_innovations(columns, constants, work)
+    follow_jump(columns, work)
     rpm, current = measurements(work)
     shift_innovation(columns, 1.0, work)
     keep_evidence(columns, work)

@@ -146,6 +146,15 @@ def test_one_outlier_decides_nothing():
     assert (belief[150, :, 0] > -1.0).all()
 
 
+def test_a_command_that_steps_after_an_outlier_of_the_speed_is_no_fault():
+    n_lanes = 64
+    fleet = Fleet(n_lanes, realism=1.0, imperfections=("outliers",))
+    lanes = seeds("calibration", n_lanes, FIRST_SEED)
+    rolled = roll_out(fleet, lanes, 1500, None, [()] * n_lanes)
+    normal = log_probability(rolled.observations)[:, :, 0]
+    assert normal[600:].min() > math.log(0.15)
+
+
 def test_a_repaired_seal_is_normal_again():
     event = FaultEvent("seal_friction:port", 10.0, 0.6, end=20.0)
     belief = log_probability(observations_of(4, 42, event))
