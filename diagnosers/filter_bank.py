@@ -70,11 +70,12 @@ class FilterBank(Bank):
     sample decides; the true voltage, the zero offset of the current, the error of the accelerometer
     by offset and attitude, and the slow error of the paddle wheel are states; how fast voltage and
     attitude change is estimated, and the noise of every sensor where it exceeds that of a healthy
-    one; a command may step, by less than the noise of the voltage shows; a shaft speed that is read late is compared with the voltage and current of its time, and
-    one that is too late for a healthy counter is `unknown`; the rounding of readings is seen in
-    their differences; readings at rest are no evidence; a healthy vehicle's deviations change
-    slowly; the water's current may change; a fault may end; evidence is forgotten within a minute;
-    and a subsystem may change in a way that no fault of the catalogue does, the class `unknown`.
+    one; a command may step, by less than the noise of the voltage shows; a shaft speed that is read
+    late is compared with the voltage and current of its time, and one that is too late for a
+    healthy counter is `unknown`; the rounding of readings is seen in their differences; readings at
+    rest are no evidence; a healthy vehicle's deviations change slowly; the water's current may
+    change; a fault may end; evidence is forgotten within a minute; and a subsystem may change in a
+    way that no fault of the catalogue does, the class `unknown`.
     Current and shaft speed imply a voltage that is not read.
 
     When it misleads: it takes longer than `GaussianBank` where readings are ideal; faults below a
