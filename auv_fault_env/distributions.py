@@ -1,6 +1,5 @@
 """What an environment draws at the start of an episode, and how JSON has it."""
 
-import importlib
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
 from typing import Any, Self
@@ -8,6 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from auv_fault_env.errors import known_name, refusal
+from auv_fault_env.importable import found
 from auv_fault_env.noise import STREAMS
 
 TYPE = "type"  # the entry of the plain form that names the class
@@ -22,11 +22,12 @@ class Distribution:
 
     def plain(self) -> dict[str, Any]:
         """The class, as ``module:name``, and the fields that differ from their defaults."""
-        given = {spec.name: getattr(self, spec.name) for spec in fields(self)}
-        changed = {
-            spec.name: given[spec.name] for spec in fields(self) if given[spec.name] != _usual(spec)
-        }
-        return {TYPE: f"{type(self).__module__}:{type(self).__qualname__}"} | changed
+        plain = {TYPE: f"{type(self).__module__}:{type(self).__qualname__}"}
+        for spec in fields(self):
+            value = plain_value(getattr(self, spec.name))
+            if value != plain_value(_usual(spec)):
+                plain[spec.name] = value
+        return plain
 
     @classmethod
     def of(cls, value: Self | Mapping[str, Any] | None, usual: type[Self]) -> Self:
@@ -50,6 +51,17 @@ class Distribution:
         return kind(**given)
 
 
+def plain_value(value: Any) -> Any:
+    """The value with Python's numbers and lists in place of NumPy's, which JSON does not have."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {name: plain_value(entry) for name, entry in value.items()}
+    if type(value) in (list, tuple):
+        return type(value)(map(plain_value, value))
+    return value
+
+
 def generators_of(key: np.ndarray, stream: str) -> list[np.random.Generator]:
     """A generator for each noise key (n_lanes,), of one of the `STREAMS`."""
     return [np.random.default_rng([int(of_lane), STREAMS[stream]]) for of_lane in key]
@@ -63,13 +75,8 @@ def _usual(spec: Field) -> Any:
 
 
 def _class_of(name: Any, base: type[Distribution]) -> type[Distribution]:
-    """The class behind ``module:name``, as gymnasium finds an entry point."""
-    module, _, attribute = str(name).partition(":")
-    try:
-        kind = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError, ValueError):
-        allowed = "'module:name' of a class that can be imported"
-        raise refusal("type of the distribution", name, allowed, "correct it") from None
+    """The class behind ``module:name``."""
+    kind = found("type of the distribution", name)
     if not (isinstance(kind, type) and issubclass(kind, base)):
         allowed = f"a subclass of {base.__name__}"
         raise refusal("type of the distribution", name, allowed, "name one")

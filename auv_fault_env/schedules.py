@@ -233,6 +233,9 @@ class ScheduleSampler(ScheduleDistribution):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if self.life[0] <= 0.0:
             raise refusal("life", self.life, "a pair above 0", "let a fault last")
+        if not isinstance(self.prior, Mapping):
+            allowed = "a mapping of classes to weights"
+            raise refusal("prior", self.prior, allowed, "write one, empty for equal weights")
         for name, weight in self.prior.items():
             known_name("class of the prior", name, _diagnoses())
             finite_in_range(f"prior of {name}", weight, 0.0, 1e12)

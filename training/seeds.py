@@ -1,6 +1,6 @@
 """Seeds by purpose, in disjoint ranges: nothing is tuned on what it is scored on."""
 
-from auv_fault_env.errors import finite_in_range, known_name, refusal
+from auv_fault_env.errors import known_name, refusal
 
 SPAN = 10**9  # seeds of a purpose; up to there they belong to examples and to the user
 PURPOSES = ("training", "calibration", "validation", "test")
@@ -16,7 +16,9 @@ def seeds(purpose: str, count: int, first: int = 0) -> range:
     """
     known_name("purpose of seeds", purpose, PURPOSES)
     start = SPAN * (1 + PURPOSES.index(purpose))
-    finite_in_range("first seed", first, 0, SPAN - 1)
+    if not 0 <= first < SPAN:
+        allowed = f"a number within the {purpose} seeds, 0 to {SPAN - 1}"
+        raise refusal("seed", first, allowed, "give one in that range")
     if not 0 <= first + count <= SPAN:
         raise refusal("number of seeds", count, f"up to {SPAN - first}", "ask for fewer")
     return range(start + first, start + first + count)

@@ -6,7 +6,7 @@ from typing import Any
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
 
-from auv_fault_env.distributions import Distribution
+from auv_fault_env.distributions import Distribution, plain_value
 from auv_fault_env.parameters import Vehicle
 
 
@@ -16,7 +16,9 @@ def plain(argument: Any) -> Any:
         return argument.value
     if isinstance(argument, Vehicle):
         return dataclasses.asdict(argument)
-    return argument.plain() if isinstance(argument, Distribution) else argument
+    if isinstance(argument, Distribution):
+        return argument.plain()
+    return plain_value(argument)
 
 
 class WithSpec:

@@ -97,6 +97,45 @@ def test_a_curriculum_reaches_environments_behind_wrappers():
     assert env.reset(seed=1)[1]["mission_speed"] == pytest.approx([0.3, 0.3])
 
 
+class Storms:
+    """Distributions may stand in a class."""
+
+    @dataclasses.dataclass(frozen=True)
+    class Weighted(ScheduleDistribution):
+        """One fault whose severity is drawn from weights that NumPy holds."""
+
+        weights: np.ndarray | list = dataclasses.field(default_factory=lambda: np.ones(2))
+
+        def schedule(self, random, vehicle):
+            severity = random.choice([0.5, 1.0], p=np.divide(self.weights, np.sum(self.weights)))
+            return [FaultEvent("increased_drag", 1.0, severity)]
+
+
+@pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
+def test_numbers_of_numpy_survive_json(make):
+    given = {
+        "sensor_noise": np.float32(0.5),
+        "realism": np.int64(1),
+        "reward_weights": {"deflection": np.float32(0.5)},
+        "schedules": Storms.Weighted(np.array([1.0, 3.0])),
+        "missions": MissionSampler(n_legs=np.int64(2)),
+    }
+    text = make(**given).spec.to_json()
+    copy = EnvSpec.from_json(text)
+    again = gym.make(copy) if copy.kwargs.get("num_envs") is None else gym.make_vec(copy)
+    assert again.spec.to_json() == text
+    assert again.unwrapped.fleet.schedules.weights == [1.0, 3.0]
+    assert again.unwrapped.fleet.missions.n_legs == 2
+
+
+@pytest.mark.parametrize("code", ["def (", "import no_such_module", "raise SystemExit(3)"])
+def test_a_module_that_cannot_be_imported_is_refused_with_its_reason(tmp_path, monkeypatch, code):
+    (tmp_path / "foreign_storm.py").write_text(code)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(InputError, match=r"type of the distribution: .*it: .*(syntax|module|3)"):
+        PropulsionEnv(schedules={"type": "foreign_storm:Storm"})
+
+
 def test_lanes_of_an_own_distribution_are_the_single_environments():
     given = {"schedules": OneFault(), "missions": OneSpeed()}
     many, _ = PropulsionVectorEnv(3, **given).reset(seed=5)
@@ -137,7 +176,12 @@ WRONG = {
     "field": ({"schedules": {"helthy": 0.1}}, "field of ScheduleSampler: got 'helthy'.*'healthy'"),
     "value": ({"missions": {"n_legs": 0}}, "number of legs: got 0"),
     "word": ({"missions": "cruise"}, "distribution: got 'cruise'; allowed is a MissionDistrib"),
-    "type": ({"schedules": {"type": "nowhere:Sampler"}}, "type of the distribution: got 'nowhere"),
+    "prior": ({"schedules": {"prior": ["sensor:speed"]}}, "prior: got .*allowed is a mapping"),
+    "type": (
+        {"schedules": {"type": "nowhere:Sampler"}},
+        "type of the distribution: got 'nowhere.*No module named 'nowhere'",
+    ),
+    "number": ({"schedules": {"type": 5}}, "type of the distribution: got 5"),
     "other": (
         {"schedules": {"type": "auv_fault_env.missions:MissionSampler"}},
         "type of the distribution: got .*allowed is a subclass of ScheduleDistribution",

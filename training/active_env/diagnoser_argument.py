@@ -7,11 +7,11 @@ from typing import Any
 
 from auv_fault_env.env.interface import vehicle_of_argument
 from auv_fault_env.errors import refusal
+from auv_fault_env.importable import found, place_of
 from auv_fault_env.parameters import PRESETS, Vehicle
 from diagnosers import REGISTRY, Diagnoser, Recursive, make
 from diagnosers.registry import class_of
 from diagnosers.third_party import ThirdParty
-from training.active_env.importable import found, place_of
 
 USUAL_VEHICLE = PRESETS["thesis1992"]
 ALLOWED = (

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_fault_env.errors import refusal
+from auv_fault_env.importable import found
 from diagnosers import Belief
-from training.active_env.importable import found
 from training.stimuli.policy_inputs import FLOOR
 
 

@@ -4,8 +4,8 @@ import dataclasses
 
 from gymnasium.envs.registration import EnvSpec
 
+from auv_fault_env.importable import place_of
 from training.active_env.diagnoser_argument import plain_diagnoser
-from training.active_env.importable import place_of
 
 PLAIN = {"diagnoser": plain_diagnoser, "reward": place_of}
 

@@ -2,14 +2,19 @@
 
 import json
 import os
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from auv_fault_env.distributions import TYPE, Distribution
 from auv_fault_env.errors import InputError, known_name, refusal
 from auv_fault_env.fleet import Fleet
-from auv_fault_env.missions import Mission, MissionDistribution, MissionSampler, mission_of
+from auv_fault_env.missions import (
+    MISSIONS,
+    Mission,
+    MissionDistribution,
+    MissionSampler,
+    mission_of,
+)
 from auv_fault_env.parameters import SAMPLE_RATE, vehicle_of
 from auv_fault_env.schedules import (
     Schedule,
@@ -169,7 +174,8 @@ def _checked_schedule(arguments: Simulate) -> Schedule:
 
 def _mission(text: str) -> Mission:
     """The mission of that name, or at that speed."""
-    name_or_speed: str | float = text
-    with suppress(ValueError):
-        name_or_speed = float(text)
-    return mission_of(name_or_speed)
+    try:
+        speed = float(text)
+    except ValueError:
+        return mission_of(known_name("mission", text, [*MISSIONS, "a speed [m/s]"]))
+    return mission_of(speed)

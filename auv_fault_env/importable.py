@@ -10,9 +10,10 @@ def found(thing: str, target: str) -> Any:
     """What is at ``module:name``; importing its module runs it."""
     try:
         return pkgutil.resolve_name(target)
-    except Exception as error:  # importing runs foreign code
+    except (Exception, SystemExit) as error:  # importing runs foreign code
         allowed = "'module:name' of something that can be imported"
-        raise refusal(thing, target, allowed, f"correct it: {error}") from error
+        reason = str(error) or type(error).__name__
+        raise refusal(thing, target, allowed, f"correct it: {reason}") from error
 
 
 def place_of(value: Any) -> Any:
