@@ -1,8 +1,10 @@
 import json
 import math
+import tracemalloc
 
 import pyarrow.parquet
 import pytest
+from tqdm import tqdm
 
 import auv_fault_env
 from auv_fault_env import CHANNELS, FaultEvent, Fleet, to_json
@@ -67,6 +69,17 @@ def test_many_vehicles_in_chunks_equal_few_at_once(tmp_path, monkeypatch):
     monkeypatch.setattr(simulate, "ROWS_AT_ONCE", 60)
     _, folder = run(tmp_path, "--vehicles", "5")
     assert read(folder) == whole
+
+
+def test_a_long_mission_of_one_vehicle_takes_no_more_memory_than_many_short_ones():
+    fleet = Fleet(1)
+    observation = fleet.reset([1])
+    with tqdm(disable=True) as bar:
+        tracemalloc.start()
+        simulate.roll_out_with_truth(fleet, observation, 1000, bar)
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+    assert most / 1000 < 3000  # bytes per sample
 
 
 def test_given_schedule_strikes_and_is_recorded(tmp_path):
