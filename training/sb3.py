@@ -98,7 +98,7 @@ class FleetVecEnv(VecEnv):
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """The attribute of the environment, once for each index."""
-        value = getattr(self.env, OF_ONE_LANE.get(attr_name, attr_name))
+        value = self._attribute(OF_ONE_LANE.get(attr_name, attr_name))
         return [value] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
@@ -115,7 +115,7 @@ class FleetVecEnv(VecEnv):
     ) -> list[Any]:
         """Call the environment's method once, for all lanes; its result for each of them."""
         self._require_all(f"env_method({method_name!r})", indices)
-        result = getattr(self.env, method_name)(*method_args, **method_kwargs)
+        result = self._attribute(method_name)(*method_args, **method_kwargs)
         return [result] * self.num_envs
 
     def env_is_wrapped(
@@ -123,6 +123,10 @@ class FleetVecEnv(VecEnv):
     ) -> list[bool]:
         """No lane is wrapped by itself."""
         return [False] * len(list(self._get_indices(indices)))
+
+    def _attribute(self, name: str) -> Any:
+        """That of the environment, or of the one within its wrappers, which pass nothing on."""
+        return getattr(self.env if hasattr(self.env, name) else self.env.unwrapped, name)
 
     def _require_all(self, thing: str, indices: VecEnvIndices) -> None:
         lanes = list(self._get_indices(indices))

@@ -150,6 +150,15 @@ def test_all_lanes_are_set_and_called_at_once():
     assert env.get_attr("cost_weight") == [3.0] * LANES
 
 
+def test_attributes_and_methods_are_found_behind_wrappers():
+    inner = gym.make_vec(PLANT, LANES, "vector_entry_point", autoreset_mode="SameStep")
+    env = FleetVecEnv(gym.wrappers.vector.RescaleAction(inner, np.float32(-2), np.float32(2)))
+    assert env.get_attr("action_space")[0].high == pytest.approx(2.0)
+    env.env_method("set_distributions", {"healthy": 1.0})
+    assert env.get_attr("fleet")[0].schedules.healthy == 1.0
+    assert not env.has_attr("no_such")
+
+
 def test_frames_are_tiled():
     pytest.importorskip("pygame")
     env = fleet(PLANT, 2, render_mode="rgb_array")
