@@ -49,7 +49,6 @@ from auv_fault_env.unmodelled import plant_faults
 # columns of the parameters that only the kernel with imperfections reads
 SIGNAL_PARAMETERS = slice(layout.SIGNALS - layout.PARAMETER, None)
 ACTIONS = COMMANDS[1:]
-GIVE_ACTIONS = f"give {', '.join(ACTIONS)}"
 PARALLEL_LANES = 512  # below, waking the threads costs more than they save
 
 
@@ -442,11 +441,14 @@ class Fleet:
         return self.state.step / SAMPLE_RATE
 
 
-def checked_actions(actions, shape: tuple[int, ...]) -> np.ndarray:
-    """The actions as contiguous float64 if they are finite and of that shape, else a refusal."""
+def checked_actions(actions, shape: tuple[int, ...], names: Sequence[str] = ACTIONS) -> np.ndarray:
+    """The actions as contiguous float64 if they are finite and of that shape, else a refusal.
+
+    `names` are those of the elements along the last axis.
+    """
     # NumPy would drop the imaginary part, and count the seconds of a date
     if getattr(getattr(actions, "dtype", None), "kind", "") in ("c", "m", "M"):
-        raise refusal("action", actions, f"real numbers of shape {shape}", GIVE_ACTIONS)
+        raise refusal("action", actions, f"real numbers of shape {shape}", _give(names))
     try:
         actions = np.ascontiguousarray(actions, np.float64)
     except OverflowError:
@@ -455,18 +457,22 @@ def checked_actions(actions, shape: tuple[int, ...]) -> np.ndarray:
     # whatever an object raises that is to be numbers
     except Exception as error:
         got = actions if isinstance(error, TypeError | ValueError) else error
-        raise refusal("action", got, f"numbers of shape {shape}", GIVE_ACTIONS) from None
+        raise refusal("action", got, f"numbers of shape {shape}", _give(names)) from None
     if actions.shape != shape:
-        raise refusal("shape of the action", actions.shape, shape, GIVE_ACTIONS)
+        raise refusal("shape of the action", actions.shape, shape, _give(names))
     if actions.ndim == 1:
         are_finite = all(map(math.isfinite, actions.tolist()))  # faster for one vehicle
     else:
         are_finite = np.isfinite(actions).all()
     if not are_finite:
         place = tuple(np.argwhere(~np.isfinite(actions))[0])
-        thing = f"action, {ACTIONS[place[-1]]}"
+        thing = f"action, {names[place[-1]]}"
         raise refusal(thing, float(actions[place]), "a finite number", "check the policy")
     return actions
+
+
+def _give(names: Sequence[str]) -> str:
+    return f"give {', '.join(names)}"
 
 
 def _are_different_lanes(indices: np.ndarray, n_lanes: int) -> bool:

@@ -12,7 +12,13 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
 
-from auv_fault_env.env.interface import checked_schedule, known_options, masked, need_reset
+from auv_fault_env.env.interface import (
+    WithFleet,
+    checked_schedule,
+    known_options,
+    masked,
+    need_reset,
+)
 from auv_fault_env.env.spec import WithSpec
 from auv_fault_env.errors import known_name, one_per_lane, refusal, whole_number
 from auv_fault_env.missions import Mission, mission_of
@@ -22,7 +28,7 @@ MODES = {mode.value: mode for mode in AutoresetMode}
 OPTIONS = ("schedule", "mission", "schedules", "missions", "reset_mask")
 
 
-class AutoresetVectorEnv(WithSpec, gym.vector.VectorEnv):
+class AutoresetVectorEnv(WithFleet, WithSpec, gym.vector.VectorEnv):
     """The resets of a vector environment, of which a subclass defines the four steps below.
 
     Lane k of ``reset(seed=s)`` has the seed s + k. `reset(options=...)` takes `schedule` and

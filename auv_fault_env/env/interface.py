@@ -36,20 +36,28 @@ def box(names: Sequence[str], vehicle: Vehicle) -> gym.spaces.Box:
     return gym.spaces.Box(low, high, dtype=np.float32)
 
 
-def set_distributions(
-    fleet: Fleet,
-    schedules: ScheduleDistribution | Mapping | None,
-    missions: MissionDistribution | Mapping | None,
-) -> None:
-    """Let the next episodes come from these distributions; None keeps the present one."""
-    if schedules is not None:
-        schedules = ScheduleDistribution.of(schedules, ScheduleSampler)
-        schedules.check(fleet.vehicle)
-    if missions is not None:
-        missions = MissionDistribution.of(missions, MissionSampler)
-        missions.check(fleet.vehicle.maximum_speed)
-    fleet.schedules = schedules or fleet.schedules
-    fleet.missions = missions or fleet.missions
+class WithFleet:
+    """An environment over a fleet, whose distributions can be changed."""
+
+    fleet: Fleet
+
+    def set_distributions(
+        self,
+        schedules: ScheduleDistribution | Mapping | None = None,
+        missions: MissionDistribution | Mapping | None = None,
+    ) -> None:
+        """Draw the next episodes from these, for a curriculum; None keeps the present one.
+
+        The present episode goes on, and `spec` stays that of the environment as it was made.
+        """
+        if schedules is not None:
+            schedules = ScheduleDistribution.of(schedules, ScheduleSampler)
+            schedules.check(self.fleet.vehicle)
+        if missions is not None:
+            missions = MissionDistribution.of(missions, MissionSampler)
+            missions.check(self.fleet.vehicle.maximum_speed)
+        self.fleet.schedules = schedules or self.fleet.schedules
+        self.fleet.missions = missions or self.fleet.missions
 
 
 def outcome_info(outcomes: np.ndarray) -> dict[str, Any]:

@@ -9,11 +9,11 @@ import numpy as np
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.env.actions import KINDS, action_space, commands
 from auv_fault_env.env.interface import (
+    WithFleet,
     box,
     known_options,
     need_reset,
     outcome_info,
-    set_distributions,
     vehicle_of_argument,
 )
 from auv_fault_env.env.recording import METADATA, Recording, known_render_mode
@@ -27,7 +27,7 @@ from auv_fault_env.schedules import ScheduleDistribution, schedule_of
 from auv_fault_env.truth import SingleLaneTruth, known_level
 
 
-class PropulsionEnv(WithSpec, gym.Env):
+class PropulsionEnv(WithFleet, WithSpec, gym.Env):
     """An underwater vehicle under way: surge, two propeller shafts, controllers, sensors, faults.
 
     ## Description
@@ -169,7 +169,7 @@ class PropulsionEnv(WithSpec, gym.Env):
             realism=realism,
             imperfections=imperfections,
         )
-        set_distributions(self.fleet, schedules, missions)
+        self.set_distributions(schedules, missions)
         self.action_space = action_space(action, self.fleet.vehicle)
         self.observation_space = box(tuple(CHANNELS), self.fleet.vehicle)
         self._action_kind = known_name("action", action, KINDS)
@@ -178,17 +178,6 @@ class PropulsionEnv(WithSpec, gym.Env):
         self._truth = SingleLaneTruth(self.fleet)
         self._observation: np.ndarray | None = None
         self._recording = None if render_mode is None else Recording(render_mode, self.fleet)
-
-    def set_distributions(
-        self,
-        schedules: ScheduleDistribution | Mapping | None = None,
-        missions: MissionDistribution | Mapping | None = None,
-    ) -> None:
-        """Draw the next episodes from these, for a curriculum; None keeps the present one.
-
-        The present episode goes on, and `spec` stays that of the environment as it was made.
-        """
-        set_distributions(self.fleet, schedules, missions)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Start the first episode of the seed; without a seed the next episode of the last one."""

@@ -14,7 +14,6 @@ from auv_fault_env.env.interface import (
     box,
     need_reset,
     outcome_info,
-    set_distributions,
     vehicle_of_argument,
 )
 from auv_fault_env.env.recording import METADATA, Recording, known_render_mode
@@ -72,7 +71,7 @@ class PropulsionVectorEnv(AutoresetVectorEnv):
             realism=realism,
             imperfections=imperfections,
         )
-        set_distributions(self.fleet, schedules, missions)
+        self.set_distributions(schedules, missions)
         super().__init__(self.fleet.n_lanes, max_episode_steps, SAMPLE_TIME, autoreset_mode)
         self.render_mode = known_render_mode(render_mode)
         self.single_action_space = action_space(action, self.fleet.vehicle)
@@ -86,17 +85,6 @@ class PropulsionVectorEnv(AutoresetVectorEnv):
         n_recorded = {None: 0, "rgb_array": self.num_envs, "human": 1}[render_mode]
         lanes = range(n_recorded)
         self._recordings = [Recording(render_mode, self.fleet, lane) for lane in lanes]
-
-    def set_distributions(
-        self,
-        schedules: ScheduleDistribution | Mapping | None = None,
-        missions: MissionDistribution | Mapping | None = None,
-    ) -> None:
-        """Draw the next episodes from these, for a curriculum; None keeps the present one.
-
-        The present episode goes on, and `spec` stays that of the environment as it was made.
-        """
-        set_distributions(self.fleet, schedules, missions)
 
     def _start(
         self,

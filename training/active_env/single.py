@@ -7,7 +7,7 @@ import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
 
-from auv_fault_env.env.interface import known_options, need_reset
+from auv_fault_env.env.interface import WithFleet, known_options, need_reset
 from auv_fault_env.env.spec import WithSpec
 from auv_fault_env.missions import MissionDistribution
 from auv_fault_env.parameters import Vehicle
@@ -21,7 +21,7 @@ from training.metrics.declaration import DECLARATION_PROBABILITY
 NO_LIMIT = 2**31  # decisions: the time limit is that of the registration
 
 
-class ActiveDiagnosisEnv(WithSpec, gym.Env):
+class ActiveDiagnosisEnv(WithFleet, WithSpec, gym.Env):
     """A vehicle with a diagnoser in the loop; an agent departs from the mission speed.
 
     ## Description
@@ -157,22 +157,12 @@ class ActiveDiagnosisEnv(WithSpec, gym.Env):
             truth=truth,
             reward=reward,
         )
+        self.fleet = self.lane.fleet
         self.classes = self.lane.classes
         self.action_space = self.lane.single_action_space
         self.observation_space = self.lane.single_observation_space
         self._has_started = False
         self._has_ended = False
-
-    def set_distributions(
-        self,
-        schedules: ScheduleDistribution | Mapping | None = None,
-        missions: MissionDistribution | Mapping | None = None,
-    ) -> None:
-        """Draw the next episodes from these, for a curriculum; None keeps the present one.
-
-        The present episode goes on, and `spec` stays that of the environment as it was made.
-        """
-        self.lane.set_distributions(schedules, missions)
 
     @property
     def belief(self) -> Belief:

@@ -11,10 +11,10 @@ from gymnasium.vector.utils import batch_space
 
 from auv_fault_env.channels import MAXIMUM_COMMAND
 from auv_fault_env.env.autoreset import AutoresetVectorEnv
-from auv_fault_env.env.interface import set_distributions, vehicle_of_argument
+from auv_fault_env.env.interface import vehicle_of_argument
 from auv_fault_env.errors import finite_in_range, refusal
 from auv_fault_env.faults import classes
-from auv_fault_env.fleet import Fleet
+from auv_fault_env.fleet import Fleet, checked_actions
 from auv_fault_env.missions import Mission, MissionDistribution, MissionSampler
 from auv_fault_env.noise import STREAMS, uniforms
 from auv_fault_env.parameters import SAMPLE_TIME, Vehicle
@@ -115,7 +115,7 @@ class ActiveDiagnosisVectorEnv(AutoresetVectorEnv):
             realism,
             imperfections,
         )
-        set_distributions(self.fleet, schedules, missions)
+        self.set_distributions(schedules, missions)
         super().__init__(self.fleet.n_lanes, max_episode_steps, DECISION_TIME, autoreset_mode)
         vehicle = self.fleet.vehicle
         self._scale = vehicle.maximum_speed / MAXIMUM_COMMAND
@@ -157,17 +157,6 @@ class ActiveDiagnosisVectorEnv(AutoresetVectorEnv):
             remedy = "charge for the deviation in the reward"
             raise refusal("cost_weight", weight, "None beside a reward of your own", remedy)
         return finite_in_range("cost_weight", weight, 0.0, 1e6)
-
-    def set_distributions(
-        self,
-        schedules: ScheduleDistribution | Mapping | None = None,
-        missions: MissionDistribution | Mapping | None = None,
-    ) -> None:
-        """Draw the next episodes from these, for a curriculum; None keeps the present one.
-
-        The present episode goes on, and `spec` stays that of the environment as it was made.
-        """
-        set_distributions(self.fleet, schedules, missions)
 
     @property
     def belief(self) -> Belief:
@@ -297,17 +286,4 @@ def lane_info(info: dict[str, Any], lane: int) -> dict[str, Any]:
 
 def checked_offset(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
     """A float64 copy of the actions, clipped to [-1, 1]; refused if not finite or of this shape."""
-    allowed = f"finite real numbers of shape {shape}"
-    remedy = "give the speed offset, one per lane"
-    if getattr(getattr(actions, "dtype", None), "kind", "") in ("c", "m", "M"):
-        raise refusal("action", actions, allowed, remedy)
-    try:
-        actions = np.array(actions, np.float64)
-    except Exception as error:  # whatever an object raises that is to be numbers
-        got = actions if isinstance(error, TypeError | ValueError) else error
-        raise refusal("action", got, allowed, remedy) from None
-    if actions.shape != shape:
-        raise refusal("shape of the action", actions.shape, f"{shape}", remedy)
-    if not np.isfinite(actions).all():
-        raise refusal("action", actions.tolist(), allowed, "check the policy")
-    return np.clip(actions, -1.0, 1.0)
+    return np.clip(checked_actions(actions, shape, ["the speed offset"]), -1.0, 1.0)
