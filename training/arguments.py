@@ -29,6 +29,9 @@ Seed = Annotated[int, whole(0, 2**62)]
 Hours = Annotated[float, number(0.05, MOST_HOURS)]
 Factor = Annotated[float, number(0.0, 10.0)]
 Count = Annotated[int, whole(1, 10**9)]
+# without the word None, which tyro writes into the help otherwise
+OptionalPath = Annotated[Path | None, arg(metavar="PATH")]
+OptionalSampler = Annotated[str | None, arg(metavar="{FILE.json,module:Class}")]
 
 
 @dataclass(frozen=True)
@@ -59,17 +62,17 @@ class Simulate:
     """Seed of the first vehicle, within the split if there is one; the next have the next seeds."""
     split: Annotated[str | None, listed(*SPLITS)] = None
     """Part of a data set, whose seeds no other part has."""
-    schedule: Path | None = None
+    schedule: OptionalPath = None
     """JSON file with the fault schedule of every vehicle, [] for none; sampled if not set."""
-    schedules: str | None = None
+    schedules: OptionalSampler = None
     """Distribution that schedules are sampled from: JSON file of its fields, or module:Class."""
     mission: Annotated[str | None, listed(*MISSIONS, "SPEED")] = None
     """Mission of every vehicle, or its constant speed [m/s]; sampled if not set."""
-    missions: str | None = None
+    missions: OptionalSampler = None
     """Distribution that missions are sampled from: JSON file of its fields, or module:Class."""
     preset: Annotated[str, listed(*PRESETS)] = "thesis1992"
     """Vehicle, with constants from publications."""
-    vehicle: Path | None = None
+    vehicle: OptionalPath = None
     """Vehicle file (TOML) instead of a preset: its constants, healthy band and noise."""
     sensor_noise: Factor = 1.0
     """Factor on the readings' noise, 0 for none."""
@@ -89,9 +92,9 @@ class Train:
 
     name: Annotated[Positional[str], listed(*TRAINABLE)]
     """Diagnoser to train."""
-    output: Path | None = None
+    output: OptionalPath = None
     """Folder of weights, card and report, default runs/train-DIAGNOSER."""
-    vehicle: Path | None = None
+    vehicle: OptionalPath = None
     """Vehicle file (TOML): trains a network on that vehicle, for `diagnose --weights`."""
     seed: Seed = 0
     """Seed; it gives the same weights with the same number of threads (OMP_NUM_THREADS)."""
@@ -107,7 +110,7 @@ class Train:
 class TrainStimulus:
     """Train a policy that varies the speed; the same command continues a stopped run."""
 
-    output: Path | None = None
+    output: OptionalPath = None
     """Folder of policy, card and report, runs/train-stimulus-DIAGNOSER-SEED if not given."""
     seed: Seed = 0
     """Seed of all that is random."""
@@ -145,7 +148,7 @@ class Benchmark:
 
     suite: Annotated[str, listed(*SUITES, "FILE.json")] = "standard"
     """Suite of faulty episodes and healthy operation (docs/suites.md)."""
-    output: Path | None = None
+    output: OptionalPath = None
     """Folder of report and trials, default runs/benchmark-SUITE; an earlier report is replaced."""
     diagnosers: Annotated[tuple[str, ...], listed(*DIAGNOSERS, several=True)] = ()
     """Diagnosers to score; all of the registry if none is named."""
@@ -178,7 +181,7 @@ class Export:
 
     name: Annotated[Positional[str], listed(*EXPORTABLE, "POLICY", "FILE.safetensors")]
     """Network to write, a policy of the package as stimulus-filter_bank-0, or a file of weights."""
-    output: Path | None = None
+    output: OptionalPath = None
     """File to write, default runs/NAME.onnx; the episode is the .npz beside it."""
     seed: Seed = 0
     """Seed of the episode."""
@@ -207,7 +210,7 @@ class Diagnose:
     diagnoser: Annotated[str | None, listed(*DIAGNOSERS_OF_LOGS)] = None
     """By default that of the vehicle file, which calibrate chooses. residuals needs a calibration,
     raw_network --weights, all others but filter_bank every channel at 10 Hz or --weights."""
-    weights: Path | None = None
+    weights: OptionalPath = None
     """Weights of the diagnoser (safetensors) from `auv-fault train --vehicle` on this file."""
     follow: bool = False
     """Read CSV with a header or JSON objects from standard input; answer each line in JSON."""

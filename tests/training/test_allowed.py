@@ -42,6 +42,7 @@ def help_of(capsys, name):
 def test_the_help_shows_every_range_and_every_name(capsys, monkeypatch, name):
     monkeypatch.setenv("COLUMNS", "1000")
     text = help_of(capsys, name)
+    assert "None}" not in text
     for field, one in annotated(COMMANDS[name]):
         assert f"--{field.replace('_', '-')} {one.metavar}" in text or f" {one.metavar}" in text
 
