@@ -1,6 +1,5 @@
 """The active environment for one vehicle."""
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -9,14 +8,9 @@ from gymnasium.vector import AutoresetMode
 
 from auv_fault_env.env.interface import WithFleet, known_options, need_reset
 from auv_fault_env.env.spec import WithSpec
-from auv_fault_env.missions import MissionDistribution
-from auv_fault_env.parameters import Vehicle
-from auv_fault_env.schedules import ScheduleDistribution
 from diagnosers import Belief
-from training.active_env.rewards import Reward
 from training.active_env.spec import with_plain_arguments
 from training.active_env.vector import ActiveDiagnosisVectorEnv, checked_offset, lane_info
-from training.metrics.declaration import DECLARATION_PROBABILITY
 
 NO_LIMIT = 2**31  # decisions: the time limit is that of the registration
 
@@ -85,7 +79,10 @@ class ActiveDiagnosisEnv(WithFleet, WithSpec, gym.Env):
       an intermittent fault is not true between its bursts.
 
     ## Arguments
-    * `diagnoser`: a name of `diagnosers.NAMES`, made for the vehicle; a mapping of such a `name`
+    All by name; their types are those of `ActiveDiagnosisVectorEnv`.
+
+    * `diagnoser`: a name of `diagnosers.NAMES`, made for the vehicle, by default
+      ``"filter_bank"``; a mapping of such a `name`
       and of settings; ``"module:Class"`` or ``"file.py:Class"``; a `diagnosers.Diagnoser`; or a
       class or function that makes one. It is not told the truth, be it the `oracle`.
     * `amplitude`: offset [m/s] of the action 1, by default a quarter of the vehicle's largest
@@ -93,7 +90,7 @@ class ActiveDiagnosisEnv(WithFleet, WithSpec, gym.Env):
     * `budget`: root mean square of the offsets over 65 s [m/s], which `left` counts down, by
       default 0.0762 of the largest speed; the environment does not enforce it.
     * `cost_weight` [s^2/m^2], by default 10 over the square of the largest speed [m/s].
-    * `declare`: probability, 0.5 or more.
+    * `declare`: probability, 0.5 or more, by default 0.9.
     * `reward`: a function of a `training.active_env.Decision` that returns the reward of each lane,
       or its place ``"module:function"``. `training.active_env.log_probability_gain` is the reward
       without the cost.
@@ -119,44 +116,9 @@ class ActiveDiagnosisEnv(WithFleet, WithSpec, gym.Env):
 
     metadata = {"render_modes": []}
 
-    def __init__(
-        self,
-        diagnoser: Any = "filter_bank",
-        amplitude: float | None = None,
-        budget: float | None = None,
-        cost_weight: float | None = None,
-        declare: float = DECLARATION_PROBABILITY,
-        preset: str | Vehicle | Mapping = "thesis1992",
-        sensor_noise: float = 1.0,
-        disturbance: float = 1.0,
-        healthy_band: float = 1.0,
-        realism: float = 0.0,
-        imperfections: Sequence[str] | None = None,
-        schedules: ScheduleDistribution | Mapping | None = None,
-        missions: MissionDistribution | Mapping | None = None,
-        truth: str | bool = "label",
-        reward: Reward | str | None = None,
-    ):
-        self.lane = ActiveDiagnosisVectorEnv(
-            1,
-            NO_LIMIT,
-            diagnoser,
-            amplitude,
-            budget,
-            cost_weight,
-            declare,
-            AutoresetMode.DISABLED,
-            preset=preset,
-            sensor_noise=sensor_noise,
-            disturbance=disturbance,
-            healthy_band=healthy_band,
-            realism=realism,
-            imperfections=imperfections,
-            schedules=schedules,
-            missions=missions,
-            truth=truth,
-            reward=reward,
-        )
+    def __init__(self, **arguments: Any):
+        mode = AutoresetMode.DISABLED
+        self.lane = ActiveDiagnosisVectorEnv(1, NO_LIMIT, autoreset_mode=mode, **arguments)
         self.fleet = self.lane.fleet
         self.classes = self.lane.classes
         self.action_space = self.lane.single_action_space
