@@ -45,8 +45,6 @@ def main(arguments: Calibrate) -> None:
     print_tables(one for one in results["sections"] if one["heading"] not in unprinted)
     print(f"\nvehicle file: {arguments.output / 'vehicle.toml'}")
     print(f"report: {arguments.output / 'index.html'}")
-    if results["mistakes"]:
-        print(f"likely mistakes: {len(results['mistakes'])}, see the warnings and the report")
     print(quality.line)
 
 
@@ -64,7 +62,7 @@ def calibrate(arguments: Calibrate) -> tuple[Calibration, FitQuality, dict[str, 
     vehicle = replace(vehicle, relations=fit_relations(logs, vehicle))
     calibration = calibrate_samples(samples, vehicle)
     left_out = leave_one_out(samples, calibration, [log.name for log in logs])
-    quality = fit_quality(logs, calibration.vehicle)
+    quality = fit_quality(logs, calibration.vehicle).in_doubt([one.subject for one in findings])
     results = page(logs, samples, calibration, left_out, findings)
     results |= plain(calibration, left_out, logs)
     results["mistakes"] = [one._asdict() for one in findings]

@@ -145,7 +145,7 @@ def test_likely_mistakes_are_warnings_lines_and_a_section(paths, tmp_path, capfd
     assert code == 0
     assert "auv-fault calibrate: warning: port_rpm: " in output.err
     assert "multiply scale by 60 in [channels.port_rpm]" in output.err
-    assert "likely mistakes: 1" in output.out
+    assert "fit: poor: likely mistakes: port_rpm; " in output.out
     (mistake,) = json.loads((folder / "results.json").read_text())["mistakes"]
     assert mistake["channels"] == ["port_rpm"] and mistake["remedy"] in output.err
     assert ">Likely mistakes</h2>" in (folder / "index.html").read_text()

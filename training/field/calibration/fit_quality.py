@@ -36,6 +36,14 @@ class FitQuality(NamedTuple):
         parts = [*self.reasons, self.remedy, f"diagnose uses {self.diagnoser}"]
         return f"fit: {self.level}: " + "; ".join(filter(None, parts))
 
+    def in_doubt(self, subjects: Sequence[str]) -> "FitQuality":
+        """The quality where mistakes in these are likely: the constants follow from them."""
+        if not subjects:
+            return self
+        reason = f"likely mistakes: {', '.join(dict.fromkeys(subjects))}"
+        remedy = "; ".join(filter(None, ["settle the warnings first", self.remedy]))
+        return self._replace(level=POOR, reasons=(reason, *self.reasons), remedy=remedy)
+
 
 def fit_quality(logs: Sequence[Log], vehicle: VehicleFile) -> FitQuality:
     """Judge a calibrated vehicle by its healthy logs.

@@ -35,6 +35,15 @@ def test_the_bank_diagnoses_the_vehicle_that_it_knows():
     assert quality.line.endswith("diagnose uses filter_bank")
 
 
+def test_likely_mistakes_make_the_fit_poor_and_come_first():
+    quality = quality_of(relations=model())
+    assert quality.in_doubt([]) is quality
+    doubted = quality.in_doubt(["port_voltage", "log b.csv", "port_voltage"])
+    assert (doubted.level, doubted.diagnoser) == (POOR, quality.diagnoser)
+    assert doubted.line.startswith("fit: poor: likely mistakes: port_voltage, log b.csv; ")
+    assert "; settle the warnings first; diagnose uses" in doubted.line
+
+
 def test_the_relations_diagnose_a_vehicle_unlike_the_model():
     quality = quality_of(vehicle=UNLIKE, relations=model())
     assert (quality.level, quality.diagnoser) == (USABLE, "residuals")
