@@ -159,7 +159,8 @@ def _belief(axis: Axes, episode: Mapping[str, Any]) -> None:
     axis.plot(episode["time"], log_normal, color=TRUTH, lw=1.2, label="ln p(normal)")
     if episode["threshold"] is not None:
         axis.axhline(episode["threshold"], color=PORT, lw=1.0, ls="--", label="threshold")
-    axis.set_yscale("symlog", linthresh=1.0)
+    # linear above -1, then logarithmic, as the minor ticks show
+    axis.set_yscale("symlog", linthresh=1.0, subs=range(2, 10))
     axis.yaxis.set_major_formatter("{x:g}")
 
 
