@@ -106,7 +106,7 @@ class AutoresetVectorEnv(WithFleet, WithSpec, gym.vector.VectorEnv):
 
     def step(self, actions):
         """Take the actions (num_envs, n); lanes that end are reset as the mode says."""
-        need_reset(self._done is not None)
+        need_reset(self._done is not None, "step")
         if self.autoreset_mode is AutoresetMode.DISABLED and self._done.any():
             self._refuse_ended()
         reward, terminated, truncated = self._advance(actions)

@@ -87,10 +87,11 @@ def known_options(options: dict[str, Any] | None, names: Sequence[str]) -> dict[
     return options or {}
 
 
-def need_reset(started: bool) -> None:
-    """Refuse what is only possible after a reset."""
+def need_reset(started: bool, call: str) -> None:
+    """Refuse a call, `step` or `render`, that is only possible after a reset."""
     if not started:
-        message = "step: got no reset before; allowed is a step after a reset; call reset() first"
+        allowed = f"{call} after a reset"
+        message = f"{call}: got no reset before; allowed is {allowed}; call reset() first"
         raise gym.error.ResetNeeded(message)
 
 

@@ -197,7 +197,7 @@ class PropulsionEnv(WithFleet, WithSpec, gym.Env):
 
     def step(self, action):
         """Apply the action for one sample of 0.1 s."""
-        need_reset(self._observation is not None)
+        need_reset(self._observation is not None, "step")
         actions = checked_actions(action, self.action_space.shape)[None]
         self._observation = self.fleet.advance(commands(self._action_kind, self.fleet, actions))[0]
         observation, info = self._observation_and_info()
@@ -212,7 +212,7 @@ class PropulsionEnv(WithFleet, WithSpec, gym.Env):
 
     def render(self) -> np.ndarray | None:
         """The frame (height, width, 3) uint8 in mode `rgb_array`, None in mode `human`."""
-        need_reset(self._observation is not None)
+        need_reset(self._observation is not None, "render")
         return None if self._recording is None else self._recording.frame()
 
     def close(self):

@@ -121,7 +121,7 @@ class PropulsionVectorEnv(AutoresetVectorEnv):
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """A frame (height, width, 3) uint8 of each lane in mode `rgb_array`."""
-        need_reset(self._done is not None)
+        need_reset(self._done is not None, "render")
         if self.render_mode != "rgb_array":
             return None
         return tuple(recording.frame() for recording in self._recordings)

@@ -5,6 +5,7 @@ remedy.
 import dataclasses
 import math
 import re
+from functools import partial
 from pathlib import Path
 
 import gymnasium as gym
@@ -386,6 +387,12 @@ def test_step_before_reset(maker):
     assert_refused(
         call, "step", "no reset", "after a reset", r"reset\(\)", kind=gym.error.ResetNeeded
     )
+
+
+@pytest.mark.parametrize("maker", [PropulsionEnv, partial(PropulsionVectorEnv, 2)])
+def test_render_before_reset(maker):
+    env = maker(render_mode="rgb_array")
+    assert_refused(env.render, "render", "no reset", "after a reset", kind=gym.error.ResetNeeded)
 
 
 def factor(**changes):

@@ -144,7 +144,7 @@ class ActiveDiagnosisEnv(WithFleet, WithSpec, gym.Env):
 
     def step(self, action):
         """Hold the action for one second."""
-        need_reset(self._has_started)
+        need_reset(self._has_started, "step")
         if self._has_ended:
             message = "step: got an ended episode; allowed is a step before the end; call reset()"
             raise gym.error.ResetNeeded(message)
