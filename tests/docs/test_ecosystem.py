@@ -81,8 +81,6 @@ def test_the_page_says_what_tests_say_and_all_of_them_passed():
     _, _, rest = (ROOT / "docs" / "ecosystem.md").read_text("utf-8").partition(write_table.BEGIN)
     written, _, _ = rest.partition(write_table.END)
     known = list(patterns())
-    if written.strip() == "The table has not been written yet.":
-        return
     rows = written.splitlines()[2:]
     assert rows and known
     for row in rows:

@@ -36,8 +36,9 @@ MOST_SEED = 1000
 CATCH_UP = 2.0
 SLOWER = 0.3
 DISCOUNT = 0.98
+LEARNING_RATE = 3e-4  # at the start; it falls linearly to zero
 HYPERPARAMETERS = {
-    "learning_rate": 3e-4,
+    "learning_rate": lambda remaining: LEARNING_RATE * remaining,
     "n_steps": 128,
     "batch_size": 2048,
     "n_epochs": 5,
