@@ -177,10 +177,10 @@ def follow_jump(columns, work):
         by_voltage = work.gradient[VOLTS, c] ** 2
         expected_square = work.variance[FIRST, c] + by_voltage * work.filters[row, c]
         jump = max(0.0, innovation * innovation - JUMP * expected_square)
-        noise = work.parameters[VOLTAGE + NOISE, c] ** 2 + work.excess[OF_VOLTAGE, c]
-        if jump < noise * by_voltage:
-            noise = jump / by_voltage
-        work.filters[row, c] += work.available[OF_RPM, c] * work.available[OF_VOLTAGE, c] * noise
+        walk = work.parameters[VOLTAGE + NOISE, c] ** 2 + work.excess[OF_VOLTAGE, c]
+        if jump < walk * by_voltage:
+            walk = jump / by_voltage
+        work.filters[row, c] += work.available[OF_RPM, c] * work.available[OF_VOLTAGE, c] * walk
 
 
 @inlined
