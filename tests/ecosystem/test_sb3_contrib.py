@@ -13,4 +13,4 @@ ALGORITHM = partial(RecurrentPPO, n_steps=64, batch_size=64, n_epochs=1)
 @pytest.mark.parametrize("vector", ["DummyVecEnv", "SubprocVecEnv", "FleetVecEnv"])
 def test_recurrent_ppo_learns(learns, vector):
     """RecurrentPPO learns on `{vector}`"""
-    learns(vector, ALGORITHM, "MlpLstmPolicy", STEPS)
+    assert learns(vector, ALGORITHM, "MlpLstmPolicy", STEPS)

@@ -25,4 +25,4 @@ ALGORITHMS = {
 )
 def test_algorithms_learn(learns, algorithm, vector):
     """{algorithm} learns on `{vector}`"""
-    learns(vector, ALGORITHMS[algorithm], "MlpPolicy", STEPS)
+    assert learns(vector, ALGORITHMS[algorithm], "MlpPolicy", STEPS)
