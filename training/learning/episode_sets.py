@@ -67,15 +67,20 @@ def simulate_set(purpose: str, first: int, vehicle: LoggedVehicle = THESIS) -> E
 
 def features_of(observations: np.ndarray, vehicle: LoggedVehicle = THESIS) -> np.ndarray:
     """Features (n_samples, n_lanes, n_features) float32 of (n_samples, n_lanes, n_channels)."""
+    return np.stack(list(features_over_time(observations, vehicle)))
+
+
+def features_over_time(
+    observations: np.ndarray, vehicle: LoggedVehicle = THESIS
+) -> Iterator[np.ndarray]:
+    """Features (n_lanes, n_features) float32 of each sample of (n_samples, n_lanes, n_channels)."""
     extractor = Features(vehicle.vehicle, classes(), vehicle.bank)
-    n_samples, n_lanes, _ = observations.shape
-    state = extractor.initial(n_lanes)
-    features = np.empty((n_samples, n_lanes, extractor.n_features), np.float32)
+    state = extractor.initial(observations.shape[1])
     last = np.zeros(observations.shape[1:])
-    for k in range(n_samples):
-        last = fill_missing(observations[k], last, Integrated.filled_channels)
-        state, features[k], _ = extractor.step(state, last)
-    return features
+    for observation in observations:
+        last = fill_missing(observation, last, Integrated.filled_channels)
+        state, features, _ = extractor.step(state, last)
+        yield features
 
 
 def batches(

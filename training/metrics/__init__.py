@@ -239,11 +239,19 @@ def macro_f1(matrix: np.ndarray) -> np.ndarray:
     counts only as a wrong decision. Depends on the share of healthy lanes through the precision of
     `normal`, and says nothing of which classes are mixed up: read it beside the confusion matrix.
     """
+    occurs = matrix.sum(axis=-1) > 0
+    return class_f1(matrix).sum(axis=-1) / np.maximum(occurs.sum(axis=-1), 1)
+
+
+def class_f1(matrix: np.ndarray) -> np.ndarray:
+    """Harmonic mean of precision and recall by class, (..., n_classes); see `macro_f1`.
+
+    0 for a class that is never the truth: leave it out of means.
+    """
     hits = np.diagonal(matrix, axis1=-2, axis2=-1)
     truth = matrix.sum(axis=-1)
     decided = matrix.sum(axis=-2)
-    f1 = 2.0 * hits / np.maximum(truth + decided, 1e-300)
-    return f1.sum(axis=-1) / np.maximum((truth > 0).sum(axis=-1), 1)
+    return 2.0 * hits / np.maximum(truth + decided, 1e-300)
 
 
 def severity_error(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:

@@ -38,7 +38,7 @@ def f1_interval(
     n: int = RESAMPLES,
 ) -> Interval:
     """Interval of macro-F1 by resampling lanes; label and decision (n_lanes,)."""
-    values = _resampled_f1(label, decision, n_classes, seed, n)
+    values = resampled_f1(label, decision, n_classes, seed, n)
     return central(values)
 
 
@@ -51,8 +51,8 @@ def paired_f1(
     n: int = RESAMPLES,
 ) -> Interval:
     """Interval of the macro-F1 of decisions a minus that of b, (n_lanes,), resampled together."""
-    first = _resampled_f1(label, a, n_classes, seed, n)
-    second = _resampled_f1(label, b, n_classes, seed, n)
+    first = resampled_f1(label, a, n_classes, seed, n)
+    second = resampled_f1(label, b, n_classes, seed, n)
     return central(first - second)
 
 
@@ -73,9 +73,10 @@ def resamples(n_lanes: int, seed: int | list[int], n: int = RESAMPLES) -> np.nda
     return random.multinomial(n_lanes, chance, size=n)
 
 
-def _resampled_f1(
-    label: np.ndarray, decision: np.ndarray, n_classes: int, seed: int, n: int
+def resampled_f1(
+    label: np.ndarray, decision: np.ndarray, n_classes: int, seed: int, n: int = RESAMPLES
 ) -> np.ndarray:
+    """Macro-F1 of resamples of the lanes, (n,); equal seeds have equal resamples."""
     counts = resamples(len(label), seed, n)
     return macro_f1(confusion(label, decision, n_classes, counts))
 

@@ -7,6 +7,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from training.report.figures import (
+    ablation,
     advisory,
     benchmark,
     bounds,
@@ -21,6 +22,8 @@ from training.report.figures import (
 from training.report.figures.style import STYLE
 
 PLOTS: dict[str, Callable[..., Figure]] = {
+    "ablation_scores": ablation.ablation_scores,
+    "ablation_curves": ablation.ablation_curves,
     "filter_response": runs.filter_response,
     "transients": runs.transients,
     "consistency": runs.consistency,
