@@ -90,15 +90,15 @@ def study(arguments: AblationStudy) -> dict[str, Any]:
         workers=arguments.workers,
         seed=arguments.seed,
     )
-    runs.simulate()
-    architecture, losses = runs.architecture()
+    files = runs.simulate()
+    architecture, losses = runs.architecture(files)
     seeds = range(arguments.seed, arguments.seed + NETWORKS)
-    networks = runs.networks(architecture, list(product(INPUTS, seeds)))
+    networks = runs.networks(files, architecture, list(product(INPUTS, seeds)))
     of_inputs = {
         inputs: [network for network in networks if network["inputs"] == inputs]
         for inputs in INPUTS
     }
-    marks = {name: [runs.diagnoser(name)] for name in MARKS}
+    marks = {name: [runs.diagnoser(files, name)] for name in MARKS}
     spent = costs(architecture, arguments.seed)
     return {
         "episodes": arguments.sets * LANES,

@@ -6,11 +6,11 @@ code and of the settings.
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -29,12 +29,13 @@ from training.metrics import restricted_mean
 from training.metrics.plain import finite
 from training.report.run_folder import write_json
 from training.stimuli import Thesis
-from training.studies.ablation_inputs import columns, read, read_features, training_set
+from training.studies.ablation_inputs import read, read_features, training_set
 from training.studies.ablation_network import (
     ARCHITECTURES,
     AblationTraining,
     Architecture,
     FaultyLanes,
+    Progress,
 )
 from training.studies.ablation_trials import (
     TrialFeatures,
@@ -51,6 +52,15 @@ VALIDATION_LANES = 512  # with one fault each
 REPORTS = 10  # of the progress in each pass over the episodes
 CHOSEN_ON = "raw and filters"  # inputs on which the architecture is chosen
 PASSES_OF_CHOICE = 1
+
+
+class Files(NamedTuple):
+    """Where the features are."""
+
+    training: list[Path]
+    validation: list[Path]
+    faulty_validation: list[TrialFeatures]  # lanes with one fault each
+    test: list[TrialFeatures]  # lanes that are scored
 
 
 @dataclass(frozen=True)
@@ -90,103 +100,74 @@ class AblationRuns:
         hours = {THRESHOLD: self.hours, COUNTING: self.hours}
         return BenchmarkPlan(suite, suite.conditions, (Thesis(),), hours, self.every)
 
-    @cached_property
-    def episodes(self) -> list[Path]:
-        """Files of the training episodes."""
-        jobs = [partial(training_set, self.cache, "training", k) for k in range(self.sets)]
-        return self._all(jobs, "training episodes")
-
-    @cached_property
-    def validation(self) -> list[Path]:
-        """Files of the validation episodes."""
+    def simulate(self) -> Files:
+        """All episodes and lanes as features."""
+        training = [partial(training_set, self.cache, "training", k) for k in range(self.sets)]
         numbers = range(VALIDATION_SETS)
-        jobs = [partial(training_set, self.cache, "validation", k) for k in numbers]
-        return self._all(jobs, "validation episodes")
-
-    @cached_property
-    def validation_trials(self) -> list[TrialFeatures]:
-        """Validation lanes with one fault each."""
+        validation = [partial(training_set, self.cache, "validation", k) for k in numbers]
         suite = validation_suite(VALIDATION_LANES, 0)
-        plan = BenchmarkPlan(suite, suite.conditions, (Thesis(),), {THRESHOLD: 0.1, COUNTING: 0.1})
-        trials = [trial for trial in trials_of(plan) if trial.part == FAULTY]
-        return self._all(
-            [partial(simulated, self.cache, one) for one in trials], "validation lanes"
+        no_hours = {THRESHOLD: 0.1, COUNTING: 0.1}
+        plan = BenchmarkPlan(suite, suite.conditions, (Thesis(),), no_hours)
+        faulty = [trial for trial in trials_of(plan) if trial.part == FAULTY]
+        faulty_validation = [partial(simulated, self.cache, trial) for trial in faulty]
+        test = [partial(simulated, self.cache, trial) for trial in trials_of(self.plan)]
+        return Files(
+            self._all(training, "training episodes"),
+            self._all(validation, "validation episodes"),
+            self._all(faulty_validation, "faulty validation lanes"),
+            self._all(test, "test lanes"),
         )
 
-    @cached_property
-    def trials(self) -> list[TrialFeatures]:
-        """The lanes that are scored."""
-        jobs = [partial(simulated, self.cache, trial) for trial in trials_of(self.plan)]
-        return self._all(jobs, "test lanes")
-
-    def simulate(self) -> None:
-        """All episodes and lanes as features, so that the networks find them."""
-        for name in ("episodes", "validation", "validation_trials", "trials"):
-            getattr(self, name)
-
-    def architecture(self) -> tuple[Architecture, dict[str, float]]:
+    def architecture(self, files: Files) -> tuple[Architecture, dict[str, float]]:
         """The architecture with the least validation loss, and the losses of all by name."""
-        jobs = [partial(self._loss_of, one) for one in ARCHITECTURES]
+        jobs = [partial(self._loss_of, files, one) for one in ARCHITECTURES]
         losses = self._all(jobs, "architectures")
         best = ARCHITECTURES[int(np.argmin(losses))]
         names = map(str, ARCHITECTURES)
         return best, dict(zip(names, losses, strict=True))
 
-    def networks(self, architecture: Architecture, jobs: Sequence[tuple[str, int]]) -> list[Any]:
+    def networks(
+        self, files: Files, architecture: Architecture, jobs: Sequence[tuple[str, int]]
+    ) -> list[Any]:
         """What each network does, by its inputs and seed."""
-        return self._all([partial(self._network, architecture, *job) for job in jobs], "networks")
+        work = [partial(self._network, files, architecture, *job) for job in jobs]
+        return self._all(work, "networks")
 
-    def diagnoser(self, name: str) -> dict[str, Any]:
+    def diagnoser(self, files: Files, name: str) -> dict[str, Any]:
         """What a diagnoser of the registry does on the same lanes."""
 
         def compute() -> dict[str, Any]:
             trials = self.plan.trials([Entrant(name, partial(make, name))])
-            jobs = [partial(diagnoser_outcome, trial) for trial in trials]
-            outcomes = self._all(jobs, name)
+            outcomes = self._all([partial(diagnoser_outcome, trial) for trial in trials], name)
             parts = [trial.part for trial in trials]
-            return figures(assessed(parts, outcomes, faulty_truth(self.trials)))
+            return figures(assessed(parts, outcomes, faulty_truth(files.test)))
 
         return self._kept(("diagnoser", name), compute)
 
-    def _loss_of(self, architecture: Architecture) -> float:
+    def _loss_of(self, files: Files, architecture: Architecture) -> float:
         """Validation loss after a short training."""
 
-        def compute() -> list[float]:
+        def compute() -> float:
             training = AblationTraining(CHOSEN_ON, architecture, self.seed)
-            *_, last = self._progress(training, PASSES_OF_CHOICE, CHOSEN_ON)
-            return [last.validation_loss]
+            *_, last = progress_of(training, files, PASSES_OF_CHOICE)
+            return last.validation_loss
 
-        return self._kept(("architecture", str(architecture)), compute)[0]
+        return self._kept(("architecture", str(architecture)), compute)
 
-    def _network(self, architecture: Architecture, inputs: str, seed: int) -> dict[str, Any]:
+    def _network(
+        self, files: Files, architecture: Architecture, inputs: str, seed: int
+    ) -> dict[str, Any]:
         """Progress of the training of a network, and what it does."""
 
         def compute() -> dict[str, Any]:
             training = AblationTraining(inputs, architecture, seed)
-            progress = list(self._progress(training, self.passes, inputs))
-            chosen = columns(inputs)
-            outcomes = network_outcomes(training.log_probability, chosen, self.trials)
-            parts = [trial.part for trial in self.trials]
-            assessment = assessed(parts, outcomes, faulty_truth(self.trials))
-            history = [one._asdict() for one in progress]
+            history = [one._asdict() for one in progress_of(training, files, self.passes)]
+            outcomes = network_outcomes(training, files.test)
+            parts = [trial.part for trial in files.test]
+            assessment = assessed(parts, outcomes, faulty_truth(files.test))
             return {"inputs": inputs, "seed": seed, "history": history} | figures(assessment)
 
         return self._kept(("network", str(architecture), inputs, seed), compute)
-
-    def _progress(self, training: AblationTraining, passes: int, inputs: str):
-        chosen = columns(inputs)
-        truth = faulty_truth(self.validation_trials)
-        paths = [trial.path for trial in self.validation_trials]
-        features = read_features(paths, chosen)
-        faulty = FaultyLanes.at(features, truth.fault, truth.onset + DECISION_TIME)
-        with one_thread():
-            yield from training.run(
-                read(self.episodes, chosen),
-                read(self.validation, chosen),
-                faulty,
-                passes,
-                REPORTS,
-            )
 
     def _kept(self, of: tuple[Any, ...], compute: Callable[[], Any]) -> Any:
         """A result as plain data, from its file or computed."""
@@ -201,6 +182,22 @@ class AblationRuns:
         """The results of all jobs, in their order, with a progress bar."""
         done = Parallel(n_jobs=self.workers, return_as="generator")(delayed(job)() for job in jobs)
         return list(tqdm(done, desc=name, total=len(jobs)))
+
+
+def progress_of(training: AblationTraining, files: Files, passes: int) -> Iterator[Progress]:
+    """Train a network on one thread, and yield its progress."""
+    truth = faulty_truth(files.faulty_validation)
+    paths = [trial.path for trial in files.faulty_validation]
+    features = read_features(paths, training.columns)
+    faulty = FaultyLanes.at(features, truth.fault, truth.onset + DECISION_TIME)
+    with one_thread():
+        yield from training.run(
+            read(files.training, training.columns),
+            read(files.validation, training.columns),
+            faulty,
+            passes,
+            REPORTS,
+        )
 
 
 def figures(assessment: Assessment) -> dict[str, Any]:

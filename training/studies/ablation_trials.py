@@ -1,6 +1,6 @@
 """The lanes that the ablation is scored on: features and truth of the trials of a benchmark."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -32,7 +32,8 @@ from training.metrics.records import (
     concatenate_lanes,
     healthy_outcome,
 )
-from training.studies.ablation_inputs import SAMPLES, by_half_seconds
+from training.studies.ablation_inputs import SAMPLES, by_half_seconds, read_features
+from training.studies.ablation_network import AblationTraining
 
 BEFORE = 1e-3  # probability of all faults together before the first half second
 WITHOUT_DIAGNOSER = Entrant(Null.name, partial(make, Null.name))
@@ -90,16 +91,12 @@ def record_of(log_probability: np.ndarray, trial: TrialFeatures) -> Record:
 Outcome = Record | HealthyOutcome
 
 
-def network_outcomes(
-    believe: Callable[[np.ndarray], np.ndarray],
-    columns: np.ndarray,
-    trials: Sequence[TrialFeatures],
-) -> list[Outcome]:
-    """What scores need of each trial; `believe` gives log probabilities from a network's inputs."""
+def network_outcomes(training: AblationTraining, trials: Sequence[TrialFeatures]) -> list[Outcome]:
+    """What scores need of each trial of a trained network."""
     outcomes: list[Outcome] = []
     for trial in trials:
-        tensors, _ = storage.read(trial.path)
-        record = record_of(believe(tensors["features"][:, :, columns]), trial)
+        features = read_features([trial.path], training.columns)
+        record = record_of(training.log_probability(features), trial)
         if trial.part != FAULTY:
             record = healthy_outcome(record, trial.truth.onset)
         outcomes.append(record)
