@@ -4,14 +4,18 @@ Half of the lanes run the thesis' stimulus, half random missions with random man
 lane has one permanent fault, every class equally likely.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
-from auv_fault_env.parameters import Vehicle
+from auv_fault_env.parameters import SAMPLE_TIME, Vehicle
+from auv_fault_env.schedules import ScheduleSampler
 from diagnosers import Diagnoser
+from training.benchmark.assessment import Assessment, assess
+from training.benchmark.scores import RANKED_AT, thresholds
 from training.benchmark.suites import ONE_FAULT
 from training.benchmark.trials import N_RANDOM
 from training.metrics import sample_at
@@ -21,6 +25,7 @@ from training.metrics.records import (
     Recorder,
     Truth,
     concatenate_lanes,
+    healthy_outcome,
     ordered_belief,
 )
 from training.rollouts import manoeuvres, roll_out
@@ -36,31 +41,45 @@ class OpenLoopEpisodes(NamedTuple):
     instants: np.ndarray  # (n_instants, n_lanes) samples at which whole beliefs are judged
 
 
+Halves = tuple[OpenLoopEpisodes, OpenLoopEpisodes]
+
+
+class OpenLoopSample(NamedTuple):
+    """Faulty episodes, and healthy ones that set the threshold and that count false alarms."""
+
+    faulty: Halves
+    threshold: Halves
+    counting: Halves
+
+
+def lanes_of(hours: float) -> int:
+    """How many healthy lanes have so many hours of operation together."""
+    return math.ceil(hours * 3600.0 / (N_SAMPLES * SAMPLE_TIME))
+
+
 def both_halves(
     seeds: range,
     faulty: bool,
     vehicle: str | Vehicle = "thesis1992",
     healthy_band: float = 1.0,
-) -> tuple[OpenLoopEpisodes, OpenLoopEpisodes]:
+    faults: ScheduleSampler = ONE_FAULT,
+    realism: float = 0.0,
+) -> Halves:
     """The lanes with the thesis' stimulus, and those with random missions and manoeuvres.
 
     Vehicles are sampled from so many times the healthy band around `vehicle`, one per seed.
     """
     n_first = -(-len(seeds) // 2)
-    arguments = faulty, vehicle, healthy_band
-    first = _episodes(seeds[:n_first], True, *arguments)
-    return first, _episodes(seeds[n_first:], False, *arguments)
+
+    def fleet(n_lanes: int) -> Fleet:
+        return Fleet(n_lanes, vehicle, healthy_band=healthy_band, schedules=faults, realism=realism)
+
+    first = _episodes(seeds[:n_first], True, faulty, fleet(n_first))
+    return first, _episodes(seeds[n_first:], False, faulty, fleet(len(seeds) - n_first))
 
 
-def _episodes(
-    seeds: range,
-    thesis_stimulus: bool,
-    faulty: bool,
-    vehicle: str | Vehicle,
-    healthy_band: float,
-) -> OpenLoopEpisodes:
+def _episodes(seeds: range, thesis_stimulus: bool, faulty: bool, fleet: Fleet) -> OpenLoopEpisodes:
     n_lanes = len(seeds)
-    fleet = Fleet(n_lanes, vehicle, healthy_band=healthy_band, schedules=ONE_FAULT)
     schedules = None if faulty else [()] * n_lanes
     if thesis_stimulus:
         missions = [MISSIONS["thesis"]] * n_lanes
@@ -84,7 +103,7 @@ def _episodes(
     return OpenLoopEpisodes(rollout.observations, truth, instants)
 
 
-def believed(diagnoser: Diagnoser, halves: tuple[OpenLoopEpisodes, ...]) -> Record:
+def believed(diagnoser: Diagnoser, halves: Halves) -> Record:
     """What a diagnoser believes along the episodes; `ValueError` if it returns no belief."""
     records = []
     for episodes in halves:
@@ -98,6 +117,17 @@ def believed(diagnoser: Diagnoser, halves: tuple[OpenLoopEpisodes, ...]) -> Reco
     return concatenate_lanes(records)
 
 
-def true_of(halves: tuple[OpenLoopEpisodes, ...]) -> Truth:
+def true_of(halves: Halves) -> Truth:
     """The truth of both halves as one."""
     return concatenate_lanes([episodes.truth for episodes in halves])
+
+
+def assessed(diagnoser: Diagnoser, sample: OpenLoopSample) -> Assessment:
+    """What a diagnoser does on the sample at the threshold for one false alarm per hour."""
+    healthy = {}
+    for part in ("threshold", "counting"):
+        halves = getattr(sample, part)
+        healthy[part] = healthy_outcome(believed(diagnoser, halves), true_of(halves).onset)
+    threshold = thresholds(healthy["threshold"])[RANKED_AT]
+    faulty = believed(diagnoser, sample.faulty)
+    return assess(threshold, faulty, true_of(sample.faulty), healthy["counting"])

@@ -3,11 +3,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from auv_fault_env.faults import classes
 from training.metrics import Times
 from training.thesis import recommendation_page as page
 from training.thesis.comparison import Comparison
 from training.thesis.runs import TEST_RUNS
 
+CLASSES = classes()
 VERDICT = 5
 LABEL = np.array([1, 2, 3, 4] * 10)
 
@@ -53,11 +55,38 @@ def test_the_better_one_is_named():
     }
     section = rows_of(found | {"integrated": assessment(4.0, True)}, {})
     rows = {row[1].split(":")[0]: row for row in section["table"]["rows"]}
-    assert rows["integrated minus parallel"][VERDICT] == "agrees"
     assert "-16.0 s" in rows["integrated minus parallel"][4]
-    assert rows["parallel minus raw_network"][VERDICT] == "differs"
+    assert "integrated is better on both" in rows["integrated minus parallel"][6]
     assert rows["integrated"][4].startswith("4.0 s; 100 %; ")
     assert section["figures"]
+
+
+def isolating(n_right):
+    """What the verdict needs of a diagnoser that isolates the first faults of 40 with a mode.
+
+    As many faults without a mode, which it isolates all, count nothing.
+    """
+    known = [CLASSES.index(name) for name in ("increased_drag", "seal_friction:port")]
+    label = np.array(known * 20 + [CLASSES.index("sensor:speed")] * 40 + [0] * 20)
+    censored = np.concatenate([np.arange(40) >= n_right, np.zeros(40, bool)])
+    return SimpleNamespace(isolation=Times(np.full(80, 5.0), censored), label=label)
+
+
+@pytest.mark.parametrize(
+    ("raw", "kalman", "parallel", "verdict", "why"),
+    [
+        (10, 8, 30, "agrees", "surely more than the better part, raw_network"),
+        (2, 3, 15, "agrees in part", "less than half"),
+        (26, 3, 26, "agrees in part", "not surely more than the better part, raw_network"),
+        (3, 14, 14, "differs", "not surely more than the better part, kalman_network"),
+    ],
+)
+def test_the_verdict_comes_from_the_shares(raw, kalman, parallel, verdict, why):
+    shares = dict(raw_network=raw, kalman_network=kalman, parallel=parallel)
+    found = {name: isolating(n_right) for name, n_right in shares.items()}
+    row = page.capability_row(comparison(), found)
+    assert row[VERDICT] == verdict and why in row[6]
+    assert row[4].startswith(f"{100 * parallel / 40:.0f} %; ")
 
 
 @pytest.mark.parametrize("present", [(), ("parallel",), ("raw_network", "kalman_network")])
@@ -71,7 +100,7 @@ def test_what_could_not_take_part_is_said(present):
         assert f"{name} could not take part: Gone: not there" in text
         (row,) = [row for row in section["table"]["rows"] if row[1].startswith(f"{name}:")]
         assert row[VERDICT] == "not judged"
-    assert {row[VERDICT] for row in section["table"]["rows"][-3:]} == {"not judged"}
+    assert {row[VERDICT] for row in section["table"]["rows"][-4:]} == {"not judged"}
     assert bool(section["figures"]) == bool(present)
 
 
