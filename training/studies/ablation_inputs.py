@@ -97,8 +97,13 @@ def of_halves(label: np.ndarray) -> np.ndarray:
 
 def read(paths: Sequence[Path], chosen: np.ndarray) -> FeatureSet:
     """The episodes of these files as one set, with the chosen columns (n_inputs,) alone."""
-    label = [storage.read(path)[0]["label"] for path in paths]
-    return FeatureSet(read_features(paths, chosen), np.concatenate(label, axis=1))
+    features = []
+    label = []
+    for path in paths:
+        tensors, _ = storage.read(path)
+        features.append(tensors["features"][:, :, chosen])
+        label.append(tensors["label"])
+    return FeatureSet(np.concatenate(features, axis=1), np.concatenate(label, axis=1))
 
 
 def read_features(paths: Sequence[Path], chosen: np.ndarray) -> np.ndarray:
