@@ -40,9 +40,9 @@ class OwnModesStudy:
 
     output: Path = Path("runs/own-modes")
     """Folder of the results; an earlier run there is replaced."""
-    lanes: int = 420
+    lanes: int = 280
     """Faulty episodes of each table and realism."""
-    hours: float = 8.0
+    hours: float = 4.0
     """Healthy operation that sets the thresholds, and as much that counts false alarms [h]."""
     seed: int = 0
     """Offset within the seeds of tests, and seed of the bootstrap."""
