@@ -72,3 +72,20 @@ def cramer_rao(time: Series, lines: Mapping[str, Mapping[str, Series]]) -> Figur
         axis.set(xlim=(0, time[-1]), ylim=(0, None))
     legend_above(figure, axes)
     return figure
+
+
+def rank_histograms(counts: Mapping[str, Series], band: tuple[float, float]) -> Figure:
+    """How many truths lie above each share of their posterior, in even bins, panel by quantity.
+
+    `band` holds the central 95 % of the counts if the posterior is right.
+    """
+    figure, axes = new_panels(3.2, 1, len(counts), sharey=True)
+    for axis, (name, values) in zip(axes, counts.items(), strict=True):
+        edges = np.linspace(0.0, 1.0, len(values) + 1)
+        axis.axhspan(*band, color=COMMAND, alpha=0.3, lw=0, label="95 % if the posterior is right")
+        axis.axhline(np.mean(values), color=COMMAND, lw=1.0)
+        axis.stairs(values, edges, color=SPEED, lw=1.6, label="episodes")
+        axis.set(xlabel=f"share of the posterior below the true {name}", xlim=(0, 1))
+    axes[0].set(ylabel="episodes", ylim=(0, None))
+    legend_above(figure, axes)
+    return figure

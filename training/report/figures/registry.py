@@ -39,6 +39,7 @@ PLOTS: dict[str, Callable[..., Figure]] = {
     "isolability_maps": bounds.isolability_maps,
     "sensor_removal": bounds.sensor_removal,
     "cramer_rao": bounds.cramer_rao,
+    "rank_histograms": bounds.rank_histograms,
     "network_outputs": thesis.network_outputs,
     "confusion_by_size": thesis.confusion_by_size,
     "decision_surfaces": thesis.decision_surfaces,
