@@ -1,7 +1,5 @@
 """The reference posterior along an episode: whole beliefs, and where truths lie in it."""
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.stats import norm
 
@@ -16,14 +14,6 @@ from training.bounds.posterior.voltages import commanded_voltages
 LEAST_STD = 1e-6  # of the severity of a particle
 
 
-class Posterior(NamedTuple):
-    """The posterior of an episode, classes in the order of `classes()`."""
-
-    log_probability: np.ndarray  # (n_samples, n_classes)
-    onset: np.ndarray  # of the true fault at the end: share below the true onset, or NaN
-    severity: np.ndarray
-
-
 def point_severities(faults: tuple[str, ...]) -> np.ndarray:
     """Whether a fault changes noise or arrival of a reading, of which no filter has a gradient."""
     changed = [{*CATALOGUE[name].scale, *CATALOGUE[name].offset} for name in faults]
@@ -32,7 +22,14 @@ def point_severities(faults: tuple[str, ...]) -> np.ndarray:
 
 
 class ReferencePosterior:
-    """Particles over fault, onset, ramp and severity, with the healthy vehicle in their filters."""
+    """Particles over fault, onset, ramp and severity, with the healthy vehicle in their filters.
+
+    When it misleads: the healthy band is uniform and taken for Gaussian, and the filters are
+    linearised; a severity that grows walks a little, for the length of its ramp; severities of
+    sensors that stick, drop out or are noisy, and ramps, are as fine as there are particles. It
+    expects no second, intermittent or repaired fault, and no imperfections as in
+    `auv_fault_env.realism`. It is the best only as far as truths lie evenly in it (`shares_below`).
+    """
 
     def __init__(self, prior: OnsetPrior, n_particles: int, vehicle: str = "thesis1992"):
         self.bank = GaussianBank(vehicle)

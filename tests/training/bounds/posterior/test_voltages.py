@@ -41,18 +41,3 @@ def test_voltages_are_the_true_ones_up_to_the_error_of_the_first_reading(mission
         error = observations[0, lane, list(VOLTAGE)] - true_voltages[0, lane]
         expected = true_voltages[:, lane] + found.by_start * error
         assert found.voltage == pytest.approx(expected, abs=2e-4)
-
-
-def test_a_voltage_at_its_limit_no_longer_depends_on_the_start():
-    fleet = Fleet(1)
-    observation = fleet.reset(
-        [0], schedules=[()], missions=[Mission(((0.0, 0.3), (3.0, 0.0)), 0.3)]
-    )
-    observations = []
-    for _ in range(N_SAMPLES):
-        observations.append(observation[0])
-        observation = fleet.step(follow_mission(observation))
-    found = commanded_voltages(np.array(observations), plant_constants(PRESETS["thesis1992"]))
-    assert (found.by_start[0] == 1.0).all()
-    assert (found.by_start[-1] == 0.0).all()
-    assert (found.voltage[-1] < 0.1).all()
