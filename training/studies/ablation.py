@@ -29,7 +29,7 @@ from training.studies.ablation_runs import AblationRuns
 from training.studies.run import command_line, run_study
 
 NETWORKS = 3  # of each input, with successive seeds
-MARKS = ("filter_bank", "integrated")  # diagnosers on the same lanes
+REFERENCE = "filter_bank"  # a diagnoser on the same lanes
 GROUPS = {  # of classes, by the component of their faults
     "hull": ("hull",),
     "propellers": ("propeller",),
@@ -80,7 +80,7 @@ def main(arguments: AblationStudy) -> None:
 
 
 def study(arguments: AblationStudy) -> dict[str, Any]:
-    """Figures of every input and of the marks, as plain data."""
+    """Figures of every input and of the reference, as plain data."""
     runs = AblationRuns(
         cache=arguments.cache,
         sets=arguments.sets,
@@ -98,7 +98,7 @@ def study(arguments: AblationStudy) -> dict[str, Any]:
         inputs: [network for network in networks if network["inputs"] == inputs]
         for inputs in INPUTS
     }
-    marks = {name: [runs.diagnoser(files, name)] for name in MARKS}
+    reference = {REFERENCE: [runs.diagnoser(files, REFERENCE)]}
     spent = costs(architecture, arguments.seed)
     return {
         "episodes": arguments.sets * LANES,
@@ -107,7 +107,8 @@ def study(arguments: AblationStudy) -> dict[str, Any]:
         "architecture_losses": losses,
         "n_networks": NETWORKS,
         "scores": {
-            name: score(of_name, arguments.seed) for name, of_name in (of_inputs | marks).items()
+            name: score(of_name, arguments.seed)
+            for name, of_name in (of_inputs | reference).items()
         },
         "costs": spent,
         "curves": {inputs: curves(of_name) for inputs, of_name in of_inputs.items()},

@@ -16,8 +16,8 @@ def page(results: Results) -> dict[str, Any]:
         "intro": [
             f"The same network ({results['architecture']}) on different inputs at 2 Hz, trained "
             f"{results['passes']} times over {results['episodes']} episodes with imperfect "
-            f"sensors, {results['n_networks']} networks of each input; `filter_bank` and "
-            "`integrated` on the same lanes for comparison. Faulty lanes of the suite `standard` "
+            f"sensors, {results['n_networks']} networks of each input; `filter_bank` on the same "
+            "lanes for comparison. Faulty lanes of the suite `standard` "
             "under the thesis' stimulus, thresholds of one false alarm per hour, means over the "
             "networks, 95 % bootstrap intervals over the lanes.",
             "The filter bank is an input through its belief. The physical residuals, which "

@@ -180,7 +180,6 @@ def test_enough_episodes_are_those_of_nine_tenths_of_the_final_score():
 def test_the_study_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
     monkeypatch.setattr(ablation, "INPUTS", {name: INPUTS[name] for name in ("raw", "bank")})
     monkeypatch.setattr(ablation, "COMPARED", (("raw", "bank"),))
-    monkeypatch.setattr(ablation, "MARKS", ("filter_bank",))
     monkeypatch.setattr(ablation, "NETWORKS", 1)
     monkeypatch.setattr(ablation_runs, "VALIDATION_SETS", 1)
     monkeypatch.setattr(ablation_runs, "VALIDATION_LANES", 36)
