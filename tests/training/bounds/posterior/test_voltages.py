@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import Mission, follow_mission
 from auv_fault_env.parameters import PRESETS
 from auv_fault_env.physics import plant_constants
 from auv_fault_env.schedules import FaultEvent
 from auv_fault_env.truth import FleetTruth
-from training.bounds.posterior.voltages import VOLTAGE, commanded_voltages
+from training.bounds.posterior.voltages import RPM, SPEED_COMMAND, VOLTAGE, commanded_voltages
 
 N_SAMPLES = 150
 SCHEDULES = (
@@ -41,3 +42,18 @@ def test_voltages_are_the_true_ones_up_to_the_error_of_the_first_reading(mission
         error = observations[0, lane, list(VOLTAGE)] - true_voltages[0, lane]
         expected = true_voltages[:, lane] + found.by_start * error
         assert found.voltage == pytest.approx(expected, abs=2e-4)
+
+
+def test_a_voltage_at_its_limit_no_longer_depends_on_the_start():
+    constants = plant_constants(PRESETS["thesis1992"])
+    observations = np.zeros((15, len(CHANNELS)))
+    observations[:, [INDEX["mission_speed"], SPEED_COMMAND, INDEX["speed"]]] = 0.3
+    observations[:, VOLTAGE] = 6.0
+    # as commanded at that speed, then far above it
+    observations[:, RPM] = 266.0
+    observations[10, RPM] = 3000.0
+    found = commanded_voltages(observations, constants)
+    assert found.voltage[:11] == pytest.approx(6.0, abs=0.1)
+    assert (found.by_start[:11] == 1.0).all()
+    assert (found.voltage[11] == 0.0).all()
+    assert (found.by_start[11:] == 0.0).all()
