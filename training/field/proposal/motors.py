@@ -15,7 +15,7 @@ from training.field.vehicle_file import Column
 
 STANDING = 0.1  # of the largest speed or shaft speed, below which vehicle or shaft stands
 FEWEST_ROWS = 5  # at which the vehicle stands
-STAYS = 0.5  # of its usual value: a voltage that stays above it while the shaft stands
+STAYS = 0.5  # of its median while driven: a voltage that stays above it while the shaft stands
 STEADY = 0.15  # relative spread of a supply's voltage, at most
 DRIVEN = 0.5  # relative spread of the shaft speed, at least, by which a supply's voltage is known
 PHRASES = {"voltage": "the supply's voltage", "current": "the supply's current"}
@@ -89,10 +89,12 @@ def _supply(motors: Motors, side: str) -> Match | None:
 def _stays(motors: Motors, side: str, match: Match) -> bool:
     """Whether a voltage stays while the motor stands, or while its drive changes."""
     values = abs(motors.values(match))
-    usual = float(np.nanmedian(values))
-    at_rest = values[_standing(motors, side) & np.isfinite(values)]
-    if at_rest.size >= FEWEST_ROWS:
-        return float(np.median(at_rest)) > STAYS * usual
+    is_read = np.isfinite(values)
+    is_standing = _standing(motors, side)
+    at_rest = values[is_standing & is_read]
+    driven = values[~is_standing & is_read]
+    if at_rest.size >= FEWEST_ROWS and driven.size:
+        return float(np.median(at_rest)) > STAYS * float(np.median(driven))
     rpm = motors.match(f"{side}_rpm")
     is_driven = rpm is not None and _spread(motors.values(rpm)) > DRIVEN
     return is_driven and _spread(values) < STEADY

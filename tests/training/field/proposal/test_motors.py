@@ -77,6 +77,16 @@ def test_voltage_of_a_motor_that_never_rests_stays_that_of_the_motor():
     assert vehicle.vehicle.maximum_voltage >= 80.9
 
 
+def test_voltage_with_an_offset_at_rest_is_the_motors_however_long_the_rest():
+    is_moving = TIME > 40.0
+    found = channels(
+        speed_mps=np.where(is_moving, SPEED, 0.0),
+        port_voltage=np.where(is_moving, SIGNALS["V"], 0.2),
+        port_rpm=np.where(is_moving, SIGNALS["rpm"], 0.0),
+    )
+    assert found["port_voltage"].names == ("port_voltage",)
+
+
 @pytest.mark.parametrize("volts", [5.0, 80.9, 251.0])
 def test_size_alone_makes_no_other_unit_of_volts(volts):
     column = channels(motor_voltage=volts * (0.1 + LEGS))["port_voltage"]
