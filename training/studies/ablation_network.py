@@ -64,7 +64,7 @@ class Progress(NamedTuple):
     macro_f1: float  # of the most probable classes, on faulty validation lanes
 
 
-class FaultyLanes(NamedTuple):
+class DecidedLanes(NamedTuple):
     """Features of lanes with one fault each, their class, and when it is decided on (n_lanes,)."""
 
     features: np.ndarray
@@ -72,7 +72,7 @@ class FaultyLanes(NamedTuple):
     decided: np.ndarray  # half second
 
     @classmethod
-    def at(cls, features: np.ndarray, fault: np.ndarray, time: np.ndarray) -> "FaultyLanes":
+    def at(cls, features: np.ndarray, fault: np.ndarray, time: np.ndarray) -> "DecidedLanes":
         """Decided on at a time [s]."""
         return cls(features, fault, (sample_at(time) + 1) // SAMPLES - 1)
 
@@ -95,7 +95,7 @@ class AblationTraining:
         self,
         episodes: FeatureSet,
         validation: FeatureSet,
-        faulty: FaultyLanes,
+        faulty: DecidedLanes,
         passes: int,
         reports: int,
     ) -> Iterator[Progress]:
@@ -128,7 +128,7 @@ class AblationTraining:
         log_probability = self.network(inputs)
         return -log_probability.gather(-1, label[..., None]).mean()
 
-    def validate(self, validation: FeatureSet, faulty: FaultyLanes) -> tuple[float, float]:
+    def validate(self, validation: FeatureSet, faulty: DecidedLanes) -> tuple[float, float]:
         """The loss on episodes as in training, and the macro-F1 on faulty lanes."""
         losses = []
         n_lanes = validation.label.shape[1]

@@ -22,7 +22,7 @@ from training.benchmark import suites
 from training.benchmark.assessment import DECISION_TIME, Assessment
 from training.benchmark.plan import BenchmarkPlan
 from training.benchmark.scores import calibration_error
-from training.benchmark.trials import COUNTING, FAULTY, THRESHOLD, Entrant
+from training.benchmark.trials import COUNTING, THRESHOLD, Entrant
 from training.benchmark.validation_suite import validation_suite
 from training.learning.reproducible import one_thread
 from training.metrics import restricted_mean
@@ -34,17 +34,18 @@ from training.studies.ablation_network import (
     ARCHITECTURES,
     AblationTraining,
     Architecture,
-    FaultyLanes,
+    DecidedLanes,
     Progress,
 )
 from training.studies.ablation_trials import (
+    WITHOUT_DIAGNOSER,
     TrialFeatures,
     assessed,
     diagnoser_outcome,
+    faulty_trials,
     faulty_truth,
     network_outcomes,
     simulated,
-    trials_of,
 )
 
 VALIDATION_SETS = 2
@@ -105,12 +106,11 @@ class AblationRuns:
         training = [partial(training_set, self.cache, "training", k) for k in range(self.sets)]
         numbers = range(VALIDATION_SETS)
         validation = [partial(training_set, self.cache, "validation", k) for k in numbers]
-        suite = validation_suite(VALIDATION_LANES, 0)
-        no_hours = {THRESHOLD: 0.1, COUNTING: 0.1}
-        plan = BenchmarkPlan(suite, suite.conditions, (Thesis(),), no_hours)
-        faulty = [trial for trial in trials_of(plan) if trial.part == FAULTY]
+        faulty = faulty_trials(validation_suite(VALIDATION_LANES, 0), Thesis())
         faulty_validation = [partial(simulated, self.cache, trial) for trial in faulty]
-        test = [partial(simulated, self.cache, trial) for trial in trials_of(self.plan)]
+        test = [
+            partial(simulated, self.cache, trial) for trial in self.plan.trials([WITHOUT_DIAGNOSER])
+        ]
         return Files(
             self._all(training, "training episodes"),
             self._all(validation, "validation episodes"),
@@ -152,7 +152,7 @@ class AblationRuns:
             *_, last = progress_of(training, files, PASSES_OF_CHOICE)
             return last.validation_loss
 
-        return self._kept(("architecture", str(architecture)), compute)
+        return self._kept(("architecture", str(architecture), self.seed), compute)
 
     def _network(
         self, files: Files, architecture: Architecture, inputs: str, seed: int
@@ -189,7 +189,7 @@ def progress_of(training: AblationTraining, files: Files, passes: int) -> Iterat
     truth = faulty_truth(files.faulty_validation)
     paths = [trial.path for trial in files.faulty_validation]
     features = read_features(paths, training.columns)
-    faulty = FaultyLanes.at(features, truth.fault, truth.onset + DECISION_TIME)
+    faulty = DecidedLanes.at(features, truth.fault, truth.onset + DECISION_TIME)
     with one_thread():
         yield from training.run(
             read(files.training, training.columns),

@@ -11,9 +11,10 @@ from auv_fault_env.compiling import digest
 from auv_fault_env.faults import NORMAL, classes
 from diagnosers import make, storage
 from diagnosers.references import Null
+from training.benchmark import plan, trial_store
 from training.benchmark.assessment import Assessment, assess
-from training.benchmark.plan import BenchmarkPlan
 from training.benchmark.scores import RANKED_AT, thresholds
+from training.benchmark.suites import Suite
 from training.benchmark.trials import (
     COUNTING,
     FAULTY,
@@ -32,6 +33,7 @@ from training.metrics.records import (
     concatenate_lanes,
     healthy_outcome,
 )
+from training.stimuli import Stimulus
 from training.studies.ablation_inputs import SAMPLES, by_half_seconds, read_features
 from training.studies.ablation_network import AblationTraining
 
@@ -51,10 +53,7 @@ class TrialFeatures(NamedTuple):
 
 def simulated(cache: Path, trial: Trial) -> TrialFeatures:
     """The features of a trial, from their file or simulated."""
-    seeds = [episode.seed for episode in trial.episodes]
-    key = digest(Path(__file__))
-    name = f"{trial.part}-{min(seeds)}-{len(seeds)}-{key}.safetensors"
-    path = cache / name
+    path = trial_store.path_of(cache, trial, digest(Path(__file__))).with_suffix(".safetensors")
     if not path.exists():
         features = by_half_seconds(simulate_trial(trial).observations)
         storage.write(path, {"features": features}, {})
@@ -126,6 +125,10 @@ def faulty_truth(trials: Sequence[TrialFeatures]) -> Truth:
     return concatenate_lanes([trial.truth for trial in trials if trial.part == FAULTY])
 
 
-def trials_of(plan: BenchmarkPlan) -> list[Trial]:
-    """The trials of a plan without a diagnoser."""
-    return plan.trials([WITHOUT_DIAGNOSER])
+def faulty_trials(suite: Suite, stimulus: Stimulus) -> list[Trial]:
+    """The trials of the faulty lanes of a suite without a diagnoser."""
+    conditions = suite.conditions
+    return [
+        Trial(WITHOUT_DIAGNOSER, stimulus, FAULTY, conditions, lanes)
+        for lanes in plan.chunks(conditions, suite.episodes)
+    ]

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.stats import binom
 from tqdm import tqdm
 
+from auv_fault_env.compiling import digest
 from auv_fault_env.errors import finite_in_range, whole_number
 from auv_fault_env.faults import CATALOGUE, UNKNOWN, classes
 from auv_fault_env.schedules import ScheduleSampler
@@ -83,7 +84,8 @@ def study(arguments: BayesGap) -> dict[str, Any]:
     truth = lane_truth(suite.conditions, episodes)
     observations: list[np.ndarray] = []
     beliefs = {}
-    memory = joblib.Memory(arguments.cache, verbose=0)
+    # results of other code are not taken over
+    memory = joblib.Memory(arguments.cache / digest(Path(__file__)), verbose=0)
     for name in DIAGNOSERS:
         observations, log_probability = memory.cache(followed)(name, suite.conditions, episodes)
         beliefs[name] = judged(log_probability, truth.label)
@@ -171,8 +173,7 @@ def reference_episode(
 def judged(log_probability: np.ndarray, label: np.ndarray) -> Beliefs:
     """Beliefs (n_samples, n_lanes, n_classes) against the true classes, without `unknown`."""
     known = np.delete(log_probability, classes().index(UNKNOWN), axis=-1).astype(np.float64)
-    highest = known.max(axis=-1, keepdims=True)
-    total = highest + np.log(np.exp(known - highest).sum(axis=-1, keepdims=True))
+    total = np.logaddexp.reduce(known, axis=-1, keepdims=True)
     known = np.maximum(known - total, IMPOSSIBLE)
     of_truth = np.take_along_axis(known, label[..., None], axis=-1)[..., 0]
     entropy = -(np.exp(known) * known).sum(axis=-1)

@@ -20,7 +20,7 @@ from training.studies.ablation_inputs import (
     columns,
     group_of,
 )
-from training.studies.ablation_network import AblationTraining, Architecture, FaultyLanes
+from training.studies.ablation_network import AblationTraining, Architecture, DecidedLanes
 from training.studies.ablation_trials import TrialFeatures, record_of
 
 N_LANES = 4
@@ -111,7 +111,7 @@ def test_a_network_learns_and_its_seed_decides(monkeypatch):
         training = AblationTraining("hull filter", SMALL, seed)
         episodes = learnable(1024, len(training.columns))
         fault = episodes.label[-1].astype(np.int64)
-        faulty = FaultyLanes.at(episodes.features, fault, np.full(1024, 3.9))
+        faulty = DecidedLanes.at(episodes.features, fault, np.full(1024, 3.9))
         return list(training.run(episodes, episodes, faulty, passes=12, reports=2))
 
     progress = run(0)
@@ -122,7 +122,7 @@ def test_a_network_learns_and_its_seed_decides(monkeypatch):
 
 
 def test_a_decision_at_ten_seconds_sees_the_half_seconds_before_it():
-    lanes = FaultyLanes.at(np.zeros((40, 2, 1)), np.zeros(2), np.array([10.0, 10.3]))
+    lanes = DecidedLanes.at(np.zeros((40, 2, 1)), np.zeros(2), np.array([10.0, 10.3]))
     assert (SAMPLES * (lanes.decided + 1) - 1 <= sample_at(np.array([10.0, 10.3]))).all()
     assert lanes.decided.tolist() == [19, 19]
 
