@@ -18,6 +18,7 @@ from training.metrics.records import (
 )
 
 DECISION_TIME = 10.0  # s after onset, of the decisions that macro-F1 and confusion judge
+AT_DECISION = DECISION_TIMES.index(DECISION_TIME)
 # healthy lanes to each faulty one among the decisions, as the sampler of schedules draws them
 HEALTHY_PER_FAULTY = ScheduleSampler().healthy / (1.0 - ScheduleSampler().healthy)
 
@@ -36,6 +37,7 @@ class Assessment(NamedTuple):
     detection: Times
     label: np.ndarray  # (n_decided,) true class of all faulty lanes, then of some healthy ones
     decisions: np.ndarray  # (n_decision_times, n_decided) of the same lanes, at `DECISION_TIMES`
+    named: np.ndarray  # (n_faulty,) most probable fault at `DECISION_TIME`, in alarm or not
     severity: np.ndarray  # (n_faulty,) estimate given the true class
     severity_std: np.ndarray  # (n_faulty,)
     log_probability: np.ndarray  # (n_beliefs, n_classes) at random instants
@@ -44,7 +46,7 @@ class Assessment(NamedTuple):
     @property
     def decision(self) -> np.ndarray:
         """The decisions at `DECISION_TIME`, (n_decided,)."""
-        return self.decisions[DECISION_TIMES.index(DECISION_TIME)]
+        return self.decisions[AT_DECISION]
 
     @property
     def confidence(self) -> np.ndarray:
@@ -88,6 +90,7 @@ def assess(threshold: float, faulty: Record, truth: Truth, healthy: HealthyOutco
         detection=metrics.detection_delay(alarm, truth.onset, HORIZON),
         label=np.concatenate([truth.fault, np.full(len(healthy_lanes), NORMAL)]),
         decisions=np.concatenate([faulty_decisions, healthy_decisions], axis=1),
+        named=faulty.fault[decision_samples[AT_DECISION], np.arange(n_faulty)],
         severity=faulty.severity_mean[at_true_class],
         severity_std=faulty.severity_std[at_true_class],
         log_probability=np.concatenate(beliefs),

@@ -144,20 +144,32 @@ def scores_on(
 ) -> dict[str, Any]:
     """Scores on the modes of a table, plain data; `seed` is that of the bootstrap.
 
-    `confusion` counts true modes (rows) against named ones, ten seconds after the onset.
+    `confusion` counts true modes (rows) against named ones, ten seconds after the onset. By true
+    mode of a fault, `named` counts the lanes whose most probable fault then is the true one, in
+    alarm or not, and `in_alarm` those in alarm.
     """
     assessment = assessed(OnModes(diagnoser, table), sample)
     n_classes = len(classes())
     modes = np.ix_(table.first, table.first)
     matrix = confusion(assessment.label, assessment.decision, n_classes)
-    error = severity_error(assessment.severity, true_of(sample.faulty).severity[0])
+    truth = true_of(sample.faulty)
+    error = severity_error(assessment.severity, truth.severity[0])
+    in_alarm = assessment.decision[: len(truth.fault)] > 0
+    is_named = assessment.named == truth.fault
     return {
         "detection": time_figures(assessment.detection, seed),
         "isolation": time_figures(assessment.isolation, seed),
         "macro_f1": float(macro_f1(matrix)),
         "macro_f1_interval": f1_interval(assessment.label, assessment.decision, n_classes, seed),
         "confusion": matrix[modes].astype(int).tolist(),
+        "named": _by_mode(truth.fault[is_named], table),
+        "in_alarm": _by_mode(truth.fault[in_alarm], table),
         "severity_mae": float(error.mean()),
         "false_alarms": assessment.false_alarms,
         "hours": assessment.hours,
     }
+
+
+def _by_mode(fault: np.ndarray, table: Table) -> list[int]:
+    """How many of these lanes, (n,), have each mode of a fault."""
+    return np.bincount(fault, minlength=len(classes()))[table.first[1:]].tolist()

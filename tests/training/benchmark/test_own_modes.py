@@ -77,3 +77,28 @@ def test_a_sure_diagnoser_names_every_mode_and_only_those(number, named):
     assert matrix.shape == (named, named)
     assert matrix[1:, 0].sum() == 28 and matrix[:, 1:].sum() == 0  # `null` never raises an alarm
     assert score["detection"]["probability"] == 0.0
+    assert score["in_alarm"] == [0] * (named - 1)
+
+
+def test_a_fault_may_be_named_without_an_alarm():
+    class Hinting:
+        """Always names drag, and never doubts that the vehicle is healthy."""
+
+        classes = CLASSES
+
+        def reset(self, n_lanes):
+            self.n_lanes = n_lanes
+
+        def update(self, observation):
+            belief = belief_of({"normal": 0.9, "increased_drag": 0.1})
+            return Belief(*(np.repeat(values, self.n_lanes, axis=0) for values in belief))
+
+    table = tables()["5.1"]
+    sample = sample_for(table, Episodes("validation", 0, 28, 0.1, 0.0))
+    score = scores_on(Hinting(), table, sample, seed=0)
+    faults = np.concatenate([half.truth.fault for half in sample.faulty])
+    drag = table.first[1:].tolist().index(CLASSES.index("increased_drag"))
+    n_drag = int((faults == CLASSES.index("increased_drag")).sum())
+    assert n_drag > 0
+    assert score["named"] == [n_drag if mode == drag else 0 for mode in range(len(score["named"]))]
+    assert score["in_alarm"] == [0] * len(score["named"])

@@ -11,7 +11,9 @@ def test_every_diagnoser_has_a_row_and_a_confusion_of_its_modes(tmp_path, monkey
     monkeypatch.setattr(own_modes, "ENTRANTS", entrants)
     own_modes.main(OwnModesStudy(output=tmp_path / "out", lanes=12, hours=0.1))
     results = json.loads((tmp_path / "out" / "results.json").read_text())
-    scores, *confusions = results["sections"]
+    scores, *others = results["sections"]
+    reasons = others[: len(entrants)]
+    confusions = others[len(entrants) :]
     rows = [row[:3] for row in scores["table"]["rows"]]
     assert rows == [
         ["Table 5.1", "ideal", "raw_network"],
@@ -26,3 +28,8 @@ def test_every_diagnoser_has_a_row_and_a_confusion_of_its_modes(tmp_path, monkey
     ]
     severity = {row[0]: row[6] for row in scores["table"]["rows"]}
     assert severity["Table 5.1"] == "-" and float(severity["Table 5.2"]) > 0.0
+    counts = [row[2:] for row in reasons[1]["table"]["rows"] if row[1] == "null"]
+    assert len(counts) == 2  # of either realism
+    for row in counts:
+        # `null` never raises an alarm
+        assert all(cell.split(";")[1].startswith(" 0 of ") for cell in row)
