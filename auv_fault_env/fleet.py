@@ -43,6 +43,8 @@ from auv_fault_env.schedules import (
     events_of,
     no_events,
     schedule_of,
+    widened,
+    with_events,
 )
 from auv_fault_env.unmodelled import plant_faults
 
@@ -296,15 +298,8 @@ class Fleet:
         if self._faults != self._faults_now():
             self._read_catalogue()
         plan = self.plan
-        n_events = events.fault.shape[1]
-        empty = no_events(self.n_lanes, max(n_events, plan.fault.shape[1]))
-        fault = _widened(plan.fault, empty.fault)
-        profile = _widened(plan.profile, empty.profile)
-        severity = _widened(plan.severity, np.zeros(fault.shape))
-        fault[indices] = empty.fault[indices]
-        fault[indices, :n_events] = events.fault
-        profile[indices] = empty.profile[indices]
-        profile[indices, :n_events] = events.profile
+        fault, profile = with_events(Events(plan.fault, plan.profile), indices, events)
+        severity = widened(plan.severity, np.zeros(fault.shape))
         self.plan = plan._replace(fault=fault, profile=profile, severity=severity)
         self._switch_effects()
 
@@ -332,7 +327,7 @@ class Fleet:
         n_legs = legs.shape[1]
         n_columns = max(n_legs, self.plan.legs.shape[1])
         blank = np.full((self.n_lanes, n_columns, 2), np.inf)
-        self.plan = self.plan._replace(legs=_widened(self.plan.legs, blank))
+        self.plan = self.plan._replace(legs=widened(self.plan.legs, blank))
         self.plan.legs[indices] = np.inf
         self.plan.legs[indices, :n_legs] = legs
 
@@ -490,12 +485,6 @@ def _block_ranges(n_blocks: int, parallel: bool) -> list[tuple[int, int]]:
     threads = min(n_threads(), n_blocks) if parallel else 1
     edges = np.linspace(0, n_blocks, threads + 1).astype(int)
     return list(itertools.pairwise(edges.tolist()))
-
-
-def _widened(columns: np.ndarray, blank: np.ndarray) -> np.ndarray:
-    """The columns, followed by those of `blank` that they lack."""
-    missing = blank[:, columns.shape[1] :]
-    return np.concatenate([columns, missing], axis=1) if missing.size else columns
 
 
 def _noise_of(noise: Mapping[str, float], factor: float) -> dict[str, float]:

@@ -4,10 +4,10 @@ import itertools
 import json
 import math
 from collections import namedtuple
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,10 +39,10 @@ LIMITS = {
 
 
 @dataclass(frozen=True)
-class FaultEvent:
+class Event:
     """One fault of an episode: abrupt, incipient (ramp), intermittent (period), or repaired."""
 
-    fault: str  # name in the catalogue or in `UNMODELLED`
+    fault: str  # name
     onset: float  # s, from the beginning of the episode
     severity: float  # full, 0 to 1
     ramp: float = 0.0  # s, in which the severity grows from zero
@@ -51,7 +51,6 @@ class FaultEvent:
     duty: float = 1.0  # share of each period during which it is present
 
     def __post_init__(self):
-        plant_fault(self.fault)
         for name, high in {**LIMITS, "end": math.inf}.items():
             value = finite_in_range(f"{name} of {self.fault}", getattr(self, name), 0.0, high)
             object.__setattr__(self, name, value)
@@ -60,7 +59,16 @@ class FaultEvent:
             raise refusal(f"onset of {self.fault}", self.onset, allowed, "correct one of them")
 
 
-Schedule = tuple[FaultEvent, ...]
+@dataclass(frozen=True)
+class FaultEvent(Event):
+    """An event with a fault of the catalogue or of `UNMODELLED`."""
+
+    def __post_init__(self):
+        plant_fault(self.fault)
+        super().__post_init__()
+
+
+Schedule = tuple[Event, ...]
 # the uniform numbers in (0, 1) that decide one event
 EventUniforms = namedtuple(
     "EventUniforms",
@@ -70,44 +78,51 @@ PROFILE = SeverityProfile._fields
 JSON_FORM = "a JSON list of fault events"
 
 
-def event_of(value: FaultEvent | Mapping) -> FaultEvent:
+def event_of(value: Event | Mapping, kind: type[Event] = FaultEvent) -> Event:
     """An event, or the event of a mapping; unknown and missing fields are refused."""
-    if isinstance(value, FaultEvent):
+    if isinstance(value, kind):
         return value
     if not isinstance(value, Mapping):
         allowed = "a mapping with fault, onset, severity"
         raise refusal("event of a schedule", value, allowed, "write one")
-    names = [spec.name for spec in fields(FaultEvent)]
+    names = [spec.name for spec in fields(kind)]
     for name in value:
         known_name("field of a fault event", name, names)
-    for spec in fields(FaultEvent):
+    for spec in fields(kind):
         if spec.default is MISSING and spec.name not in value:
             allowed = "fault, onset and severity given"
             raise refusal("fault event", dict(value), allowed, f"add {spec.name!r}")
-    return FaultEvent(**value)
+    return kind(**value)
 
 
-def schedule_of(value: Sequence[FaultEvent | Mapping] | str | Path) -> Schedule:
+def schedule_of(
+    value: Sequence[Event | Mapping] | str | Path, kind: type[Event] = FaultEvent
+) -> Schedule:
     """A schedule from events, mappings, or the path of a JSON file; an empty one is healthy."""
     if isinstance(value, str | Path):
-        return load_schedule(value)
+        return load_schedule(value, kind)
     if isinstance(value, Mapping | bytes | bytearray) or not isinstance(value, Sequence):
         allowed = "a sequence of events or a path"
         raise refusal("schedule", value, allowed, "put the event into a list")
-    return tuple(event_of(item) for item in value)
+    return tuple(event_of(item, kind) for item in value)
 
 
-def to_json(schedule: Schedule) -> str:
-    """The schedule as JSON without default values; `from_json` returns it exactly."""
-    defaults = {spec.name: spec.default for spec in fields(FaultEvent)}
+def plain_events(schedule: Schedule) -> list[dict[str, Any]]:
+    """The events as mappings without default values, which JSON can have."""
+    defaults = {spec.name: spec.default for spec in fields(Event)}
     events = []
     for row in map(asdict, schedule):
         not_default = {name: value for name, value in row.items() if value != defaults[name]}
         events.append(not_default)
-    return json.dumps(events, indent=2)
+    return events
 
 
-def from_json(text: str, origin: str = "schedule") -> Schedule:
+def to_json(schedule: Schedule) -> str:
+    """The schedule as JSON without default values; `from_json` returns it exactly."""
+    return json.dumps(plain_events(schedule), indent=2)
+
+
+def from_json(text: str, origin: str = "schedule", kind: type[Event] = FaultEvent) -> Schedule:
     """The schedule of a JSON text; broken JSON is refused with line and column."""
     try:
         events = json.loads(text)
@@ -118,18 +133,18 @@ def from_json(text: str, origin: str = "schedule") -> Schedule:
         raise refusal(origin, str(error), JSON_FORM, "write plain events") from None
     if not isinstance(events, list):
         raise refusal(origin, type(events).__name__, JSON_FORM, "put the event into a list")
-    return schedule_of(events)
+    return schedule_of(events, kind)
 
 
-def load_schedule(path: str | Path) -> Schedule:
+def load_schedule(path: str | Path, kind: type[Event] = FaultEvent) -> Schedule:
     """The schedule of a JSON file."""
-    return from_json(text_of(path, "schedule file", "a readable JSON file"), str(path))
+    return from_json(text_of(path, "schedule file", "a readable JSON file"), str(path), kind)
 
 
 class Events(NamedTuple):
     """The schedules of many lanes as arrays."""
 
-    fault: np.ndarray  # (n_lanes, n_events) place in `plant_faults`, -1 for none
+    fault: np.ndarray  # (n_lanes, n_events) place among the faults' names, -1 for none
     profile: np.ndarray  # (n_lanes, n_events, 6), each a `SeverityProfile`
 
 
@@ -151,9 +166,30 @@ def no_events(n_lanes: int, n_events: int) -> Events:
     return Events(np.full((n_lanes, n_events), -1), profile)
 
 
-def events_of(schedules: Sequence[Schedule]) -> Events:
-    """The schedules (one per lane) as arrays."""
-    rows = {name: row for row, name in enumerate(plant_faults())}
+def widened(columns: np.ndarray, blank: np.ndarray) -> np.ndarray:
+    """The columns, followed by those of `blank` that they lack."""
+    missing = blank[:, columns.shape[1] :]
+    return np.concatenate([columns, missing], axis=1) if missing.size else columns
+
+
+def with_events(present: Events, lanes: np.ndarray, events: Events) -> Events:
+    """The present events of all lanes, but on `lanes` (m,) the given ones."""
+    n_lanes = len(present.fault)
+    n_events = events.fault.shape[1]
+    empty = no_events(n_lanes, max(n_events, present.fault.shape[1]))
+    fault = widened(present.fault, empty.fault)
+    profile = widened(present.profile, empty.profile)
+    fault[lanes] = empty.fault[lanes]
+    fault[lanes, :n_events] = events.fault
+    profile[lanes] = empty.profile[lanes]
+    profile[lanes, :n_events] = events.profile
+    return Events(fault, profile)
+
+
+def events_of(schedules: Sequence[Schedule], names: Iterable[str] | None = None) -> Events:
+    """The schedules (one per lane) as arrays, of faults with these names or of the plant's."""
+    names = plant_faults() if names is None else names
+    rows = {name: row for row, name in enumerate(names)}
     n_events = max(map(len, schedules), default=0)
     events = no_events(len(schedules), n_events)
     for lane, schedule in enumerate(schedules):
@@ -260,26 +296,19 @@ class ScheduleSampler(ScheduleDistribution):
             raise refusal("prior", dict(self.prior), allowed, remedy)
         return weights / weights.sum()
 
-    def _faults(self, chance: np.ndarray, vehicle: Vehicle) -> np.ndarray:
-        """Rows of the catalogue of two candidates, from uniform chances, both (n_lanes, 2).
-
-        The second comes from what the first one leaves of the probability.
-        """
-        weights = self.weights(vehicle)
-        edges = np.cumsum(weights)
-        first = np.searchsorted(edges[:-1], chance[:, 0], side="right")
-        from_first = chance[:, 1] * (1.0 - weights[first])
-        without_first = (edges[first] + from_first) % 1.0
-        second = np.searchsorted(edges[:-1], without_first, side="right")
-        return np.stack([first, second], axis=1)
-
     def sample_events(self, key: np.ndarray, vehicle: Vehicle = TWO_SHAFTS) -> Events:
         """Events of many lanes at random, from their noise keys (n_lanes,)."""
+        least = np.array([one.least_severity for one in CATALOGUE.values()])
+        return self.events_among(key, self.weights(vehicle), least)
+
+    def events_among(self, key: np.ndarray, weights: np.ndarray, least: np.ndarray) -> Events:
+        """Events of faults with these probabilities and least severities, both (n_faults,)."""
         n_columns = len(EventUniforms._fields)
         numbers = uniforms(key, STREAMS["fault_events"], self.EVENTS * n_columns)
         numbers = numbers.reshape(-1, self.EVENTS, n_columns)
         u = EventUniforms(*np.moveaxis(numbers, -1, 0))
-        fault = self._faults(u.fault, vehicle)
+        fault = _two_faults(u.fault, weights)
+        severities = [np.maximum(end, least[fault]) for end in self.severity]
         onset = _within(self.onset, u.onset)
         is_intermittent = u.intermittent < self.intermittent
         ramp = _within(self.ramp, u.ramp)
@@ -288,7 +317,7 @@ class ScheduleSampler(ScheduleDistribution):
         duty = _within(self.duty, u.duty)
         profile = SeverityProfile(
             onset=onset,
-            severity=_within(self._severities(fault), u.severity),
+            severity=_within(severities, u.severity),
             ramp=np.where(u.incipient < self.incipient, ramp, 0.0),
             end=np.where(u.repaired < self.repaired, end, math.inf),
             period=np.where(is_intermittent, period, 0.0),
@@ -299,11 +328,6 @@ class ScheduleSampler(ScheduleDistribution):
         events.fault[is_present] = fault[is_present]
         events.profile[is_present] = np.stack(profile, axis=-1)[is_present]
         return events
-
-    def _severities(self, fault: np.ndarray) -> np.ndarray:
-        """Least and largest severity of faults, rows of the catalogue (n_lanes, 2): (2, n, 2)."""
-        least = np.array([one.least_severity for one in CATALOGUE.values()])[fault]
-        return np.stack([np.maximum(end, least) for end in self.severity])
 
     def _presence(self, key: np.ndarray, fault: np.ndarray) -> np.ndarray:
         """Whether each of two candidate faults (n_lanes, 2) strikes."""
@@ -327,6 +351,19 @@ def _diagnoses() -> list[str]:
     return [fault.diagnosis for fault in CATALOGUE.values()]
 
 
-def _within(limits: tuple[float, float] | np.ndarray, uniform: np.ndarray) -> np.ndarray:
+def _two_faults(chance: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Rows of two candidates, from uniform chances, both (n_lanes, 2), and weights (n_faults,).
+
+    The second comes from what the first one leaves of the probability.
+    """
+    edges = np.cumsum(weights)
+    first = np.searchsorted(edges[:-1], chance[:, 0], side="right")
+    from_first = chance[:, 1] * (1.0 - weights[first])
+    without_first = (edges[first] + from_first) % 1.0
+    second = np.searchsorted(edges[:-1], without_first, side="right")
+    return np.stack([first, second], axis=1)
+
+
+def _within(limits: Sequence[float | np.ndarray], uniform: np.ndarray) -> np.ndarray:
     """Uniform numbers in (0, 1) moved to a range."""
     return limits[0] + (limits[1] - limits[0]) * uniform

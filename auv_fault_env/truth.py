@@ -4,8 +4,8 @@ A level is one of `LEVELS`. ``"label"``: the class of the most severe fault as t
 `true_class`. ``"full"``: that, and a dictionary `truth`. False: nothing.
 """
 
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -79,29 +79,41 @@ class FleetTruth(Mapping):
         return first_onset(self._fleet.plan)
 
     def _severity(self) -> dict[str, np.ndarray]:
-        plan = self._fleet.plan
-        names = classes()
-        largest = np.zeros((len(names), self._fleet.n_lanes))
-        lanes = np.arange(self._fleet.n_lanes)
-        for fault, severity in zip(plan.fault.T, plan.severity.T, strict=True):
-            row = np.where(fault >= 0, self._fleet.class_of_fault[fault], 0)
-            np.maximum.at(largest, (row, lanes), severity)
-        return dict(zip(names[1:], largest[1:], strict=True))
+        return severities(self._fleet.plan, self._fleet.class_of_fault, classes())
 
     def _label(self) -> np.ndarray:
-        return np.array(classes())[worst_class(self._fleet)]
+        return np.array(classes())[worst_class(self._fleet.plan, self._fleet.class_of_fault)]
 
 
-def worst_class(fleet: Fleet) -> np.ndarray:
-    """Class of the most severe fault as an index of `classes()`, 0 for `normal`, (n_lanes,).
+class Severities(Protocol):
+    """The faults of lanes, and how far they have gone; both (n_lanes, n_events)."""
+
+    fault: np.ndarray
+    severity: np.ndarray
+
+
+def severities(
+    plan: Severities, class_of_fault: np.ndarray, names: Sequence[str]
+) -> dict[str, np.ndarray]:
+    """Largest severity (n_lanes,) of every class but the first, by name."""
+    largest = np.zeros((len(names), len(plan.fault)))
+    lanes = np.arange(len(plan.fault))
+    for fault, severity in zip(plan.fault.T, plan.severity.T, strict=True):
+        row = np.where(fault >= 0, class_of_fault[fault], 0)
+        np.maximum.at(largest, (row, lanes), severity)
+    return dict(zip(names[1:], largest[1:], strict=True))
+
+
+def worst_class(plan: Severities, class_of_fault: np.ndarray) -> np.ndarray:
+    """Class (n_lanes,) of the most severe fault, 0 for `normal`, from that of each fault.
 
     Of equally severe faults the first of the schedule counts.
     """
-    true_class = np.zeros(fleet.n_lanes, np.int64)
-    largest = np.zeros(fleet.n_lanes)
-    for fault, severity in zip(fleet.plan.fault.T, fleet.plan.severity.T, strict=True):
+    true_class = np.zeros(len(plan.fault), np.int64)
+    largest = np.zeros(len(plan.fault))
+    for fault, severity in zip(plan.fault.T, plan.severity.T, strict=True):
         is_worse = severity > largest
-        true_class = np.where(is_worse, fleet.class_of_fault[fault], true_class)
+        true_class = np.where(is_worse, class_of_fault[fault], true_class)
         largest = np.where(is_worse, severity, largest)
     return true_class
 
@@ -110,7 +122,7 @@ def fleet_truth(fleet: Fleet, level: str | bool) -> dict[str, Any]:
     """The truth of all lanes for the information of a step, as arrays (n_lanes,)."""
     if not level:
         return {}
-    truth = {"true_class": worst_class(fleet)}
+    truth = {"true_class": worst_class(fleet.plan, fleet.class_of_fault)}
     return truth | {"truth": dict(FleetTruth(fleet))} if level == "full" else truth
 
 
