@@ -47,6 +47,9 @@ STIMULI = (
     "learned_3",
     "learned_4",
     "learned_held",
+    "constant",
+    "standing_surge",
+    "two_experiments",
 )
 SUITES = (
     "thesis",

@@ -116,7 +116,7 @@ def write(path: Path, outcome: FaultyOutcome | HealthyOutcome) -> None:
 def read(paths: Sequence[Path], part: str) -> Any:
     """The outcomes of some trials of a part as one, lanes in the order of the paths."""
     kind = outcome_kind(part)
-    return concatenate_lanes([_read(path, kind) for path in paths])
+    return concatenate_lanes([read_outcome(path, kind) for path in paths])
 
 
 def outcome_kind(part: str) -> type[FaultyOutcome] | type[HealthyOutcome]:
@@ -124,7 +124,8 @@ def outcome_kind(part: str) -> type[FaultyOutcome] | type[HealthyOutcome]:
     return FaultyOutcome if part == FAULTY else HealthyOutcome
 
 
-def _read(path: Path, kind: type) -> Any:
+def read_outcome(path: Path, kind: type) -> Any:
+    """An outcome of this kind from its file; a damaged one is refused."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return kind(**arrays)

@@ -10,7 +10,8 @@ from training.stimuli.learned import (
     Learned4,
     LearnedHeld,
 )
-from training.stimuli.open_loop import Cruise, DOptimal, Multisine, Prbs, Thesis
+from training.stimuli.open_loop import Constant, Cruise, DOptimal, Multisine, Prbs, Thesis
+from training.stimuli.standing import StandingSurge, TwoExperiments
 from training.stimuli.triggered import (
     TriggeredDOptimal,
     TriggeredPrbs,
@@ -37,4 +38,7 @@ STIMULI: dict[str, type[Stimulus]] = {
     "learned_3": Learned3,
     "learned_4": Learned4,
     "learned_held": LearnedHeld,
+    "constant": Constant,
+    "standing_surge": StandingSurge,
+    "two_experiments": TwoExperiments,
 }

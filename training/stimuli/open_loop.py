@@ -9,7 +9,7 @@ import numpy as np
 from diagnosers import Belief
 from training.stimuli.base import EPISODE_TIME, Stimulus, within_channel
 from training.stimuli.d_optimal import d_optimal
-from training.stimuli.waveforms import multisine, prbs, square
+from training.stimuli.waveforms import constant, multisine, prbs, square
 
 
 class Cruise(Stimulus):
@@ -73,3 +73,15 @@ class DOptimal(OpenLoop):
     name = "d_optimal"
     seed_block = 4
     wave = staticmethod(partial(d_optimal, EPISODE_TIME))
+
+
+class Constant(OpenLoop):
+    """Faster by the budget all the time: what speed alone brings.
+
+    Drag and thrust grow with the square of the speed, and so do their faults in the readings. It
+    costs energy and saves time.
+    """
+
+    name = "constant"
+    seed_block = 16
+    wave = staticmethod(constant)

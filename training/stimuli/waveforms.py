@@ -48,3 +48,9 @@ def multisine() -> np.ndarray:
     k = np.arange(1, N_HARMONICS + 1)[:, None]
     harmonics = np.cos(k * phase - np.pi * k * (k - 1) / N_HARMONICS)
     return np.sqrt(2.0 / N_HARMONICS) * harmonics.sum(axis=0)
+
+
+@cache
+def constant() -> np.ndarray:
+    """No wave: always one."""
+    return np.ones(1)

@@ -6,7 +6,6 @@ there is to gain.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +15,7 @@ from tqdm import tqdm
 from auv_fault_env.faults import CATALOGUE, NORMAL, classes
 from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from auv_fault_env.schedules import FaultEvent
-from diagnosers import Belief, make
+from diagnosers import make
 from training import metrics
 from training.benchmark.suites import IDEAL, Conditions, Episode, load
 from training.benchmark.trials import lane_truth, run_closed_loop
@@ -28,8 +27,8 @@ from training.metrics.records import HORIZON, PERSISTENCE, Truth
 from training.seeds import seeds
 from training.stimuli import STIMULI, Stimulus
 from training.stimuli.base import LARGEST_OFFSET
-from training.stimuli.closed_loop import ClosedLoop, EpisodeState
 from training.stimuli.open_loop import Cruise
+from training.stimuli.told_onset import FasterFromOnset
 from training.stimuli.triggered_surge import is_of_hull_or_propellers
 from training.studies.stimulus_comparisons import (
     paired_figures,
@@ -60,27 +59,6 @@ PLOTTED_EVERY = 2
 KNOWN_ONSET_BUDGETS = {"told the onset": None, "told, without budget": LARGEST_OFFSET}
 
 
-@dataclass(frozen=True)
-class FasterFromOnset(ClosedLoop):
-    """Faster by `LARGEST_OFFSET` from the known onset on, until the allowance is spent.
-
-    With `LARGEST_OFFSET` as budget it lasts to the end. It is no bound, for other speed profiles
-    may bring more evidence; but a stimulus that waits for suspicion begins later.
-
-    Attributes
-    ----------
-    onset
-        Onset of each lane [s], (n_lanes,).
-    """
-
-    name = "told_onset"
-    onset: np.ndarray = field(kw_only=True)
-
-    def decide(self, observation: np.ndarray, belief: Belief, episode: EpisodeState) -> np.ndarray:
-        """`LARGEST_OFFSET` after the onset, else zero."""
-        return np.where(episode.sample >= metrics.sample_at(self.onset), LARGEST_OFFSET, 0.0)
-
-
 class ClosedLoopRun(NamedTuple):
     """Series of some lanes under a stimulus and a diagnoser, (n_samples, n_lanes) each.
 
@@ -88,6 +66,8 @@ class ClosedLoopRun(NamedTuple):
     ----------
     mission, offset, speed
         Mission speed, speed offset and true speed [m/s].
+    energy
+        Energy of the step that follows [J].
     log_normal, log_true
         Log probabilities of `normal` and of the fault of the lane.
     top
@@ -97,6 +77,7 @@ class ClosedLoopRun(NamedTuple):
     mission: np.ndarray
     offset: np.ndarray
     speed: np.ndarray
+    energy: np.ndarray
     log_normal: np.ndarray
     log_true: np.ndarray
     top: np.ndarray
@@ -119,6 +100,7 @@ def record_closed_loop(
         run.mission[k] = sample.mission_speed
         run.offset[k] = sample.offset
         run.speed[k] = sample.true_speed
+        run.energy[k] = sample.energy
         run.log_normal[k] = log_probability[:, 0]
         run.log_true[k] = log_probability[lanes, fault]
         run.top[k] = 1 + log_probability[:, 1:].argmax(axis=1)

@@ -13,11 +13,11 @@ from training.benchmark.suites import load
 from training.benchmark.trials import FAULTY, Entrant, Trial, simulate_trial
 from training.seeds import purpose_of
 from training.stimuli import STIMULI
+from training.stimuli.told_onset import FasterFromOnset
 from training.studies import stimulus_behaviour
 from training.studies.stimulus_behaviour import (
     EPISODE_CLASSES,
     ClosedLoopRun,
-    FasterFromOnset,
     behaviour,
     budget_shares,
     faulty_lanes,

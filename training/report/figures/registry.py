@@ -17,6 +17,7 @@ from training.report.figures import (
     runs,
     scores,
     stimuli,
+    stimulus_front,
     thesis,
 )
 from training.report.figures.style import STYLE
@@ -49,6 +50,7 @@ PLOTS: dict[str, Callable[..., Figure]] = {
     "delay_cost_plane": stimuli.delay_cost_plane,
     "around_onset": stimuli.around_onset,
     "active_episodes": stimuli.active_episodes,
+    "stimulus_front": stimulus_front.stimulus_front,
     "outcome_shares": advisory.outcome_shares,
     "confusion_grid": datasets.confusion_grid,
     "healthy_band": datasets.healthy_band,
