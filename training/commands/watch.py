@@ -1,12 +1,17 @@
 """``auv-fault watch``: a live page of a simulated vehicle, its faults and their diagnosis."""
 
 import socket
+import sys
 
 from auv_fault_env.errors import refusal
 from training.arguments import Watch
 from training.extras import import_from_extra
 
 HOST = "127.0.0.1"  # the page is for this machine alone
+NOTICE = (
+    "compiling simulator, filter bank and advice: about a minute at the first start, "
+    "then a few seconds"
+)
 MOST_PAGES = 50  # about 1 MiB each
 RECONNECT_TIMEOUT = 60.0  # s until a page that has left ends: a busy machine is not a lost one
 
@@ -15,11 +20,11 @@ def main(arguments: Watch) -> None:
     """Serve the page until Ctrl+C."""
     nicegui = import_from_extra("nicegui", "live", "`watch`")
     port = free_port(arguments.port)
+    print(f"auv-fault watch: {NOTICE}", file=sys.stderr, flush=True)
     from training.live.guard import keep_to_own_address, log_in_lines
-    from training.live.page import Page
-    from training.live.session import Session
+    from training.live.start import Preparation, show_page
 
-    Session(arguments.seed).step()  # compiles before the first visitor comes
+    preparation = Preparation(arguments.seed)
     log_in_lines()
     keep_to_own_address(HOST, port)
     nicegui.app.on_startup(lambda: print(f"http://{HOST}:{port}/ until Ctrl+C", flush=True))
@@ -28,7 +33,7 @@ def main(arguments: Watch) -> None:
         if len(nicegui.Client.instances) > MOST_PAGES:
             nicegui.ui.label(f"{MOST_PAGES} pages are open: close one, and reload a minute later.")
         else:
-            Page(arguments.seed)
+            show_page(arguments.seed, preparation, NOTICE)
 
     nicegui.ui.run(
         root,

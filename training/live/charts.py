@@ -9,40 +9,51 @@ from typing import Any
 import numpy as np
 
 from auv_fault_env.channels import INDEX
-from auv_fault_env.faults import NORMAL, UNKNOWN, classes
+from auv_fault_env.faults import classes
 from auv_fault_env.parameters import SIDES
 from training.live.history import WINDOW, History
-from training.report.colours import COMMAND, PORT, SPEED, STARBOARD, TRUTH
+from training.live.texts import LEAST_SHOWN, NEGLIGIBLE
+from training.report.colours import (
+    COMMAND,
+    PORT,
+    SPEED,
+    STARBOARD,
+    TRUTH,
+    class_style,
+)
 
 Options = dict[str, Any]
-N_FAULTS = 4  # fault classes whose probabilities are shown over time
+N_FAULTS = 3  # fault classes whose probabilities are shown over time
+LEAST_DRAWN = 0.01  # probability from which a fault is among them
 N_BARS = 6  # classes in the bar chart
-LEAST_PROBABILITY = 0.05  # from which the severity of a class is shown
-TRUE_COLOUR = "#7d3c98"
-UNKNOWN_COLOUR = "#7f8c8d"
-CLASS_COLOURS = (
-    "#c0392b #2874a6 #b9770e #117864 #7d3c98 #a04000 #5d6d7e #d81b60 #1e8449 #00838f".split()
-)
+MEASURED = "#0080ff"
+HINT_COLOUR = "#5d6d7e"
+# port is wider, so that it is seen where starboard covers it
+SIDE_WIDTHS = {"port": 2, "starboard": 1}
+SIDE_COLOURS = {"port": PORT, "starboard": STARBOARD}
+BEFORE_START = "Press START: the last minute appears here."
+NO_LIKELY_FAULT = f"Appears when a fault reaches {100 * LEAST_SHOWN:g} %."
 SMALL = {"fontSize": 11}
 LEGEND = {
+    "show": True,
     "top": 24,
     "itemWidth": 18,
     "itemHeight": 8,
     "itemGap": 8,
     "textStyle": SMALL,
 }
-MARK_COLOURS = {"fault": "#111111", "repair": "#1e8449"}
+MARK_COLOURS = {"fault": TRUTH, "repair": STARBOARD}
 
 
 def speed(history: History, show_truth: bool) -> Options:
     """Speed of the mission, the command and the reading, and with the truth the true speed."""
     lines = {
-        "mission": _line(_channel(history, "mission_speed"), COMMAND, width=3),
-        "command": _line(_channel(history, "speed_command"), SPEED),
-        "measured": _line(_channel(history, "speed"), TRUTH),
+        "mission": _line(_channel(history, "mission_speed"), COMMAND, width=5),
+        "command": _line(_channel(history, "speed_command"), SPEED, width=2),
+        "measured": _line(_channel(history, "speed"), MEASURED),
     }
     if show_truth:
-        lines["true"] = _line(history.true_speed, TRUE_COLOUR, width=2)
+        lines["true"] = _line(history.true_speed, TRUTH, width=2)
     return _over_time("speed [m/s]", history, lines)
 
 
@@ -51,8 +62,9 @@ def of_both_sides(title: str, quantity: str) -> Callable[[History, bool], Option
 
     def chart(history: History, show_truth: bool) -> Options:
         lines = {}
-        for side, colour in zip(SIDES, (PORT, STARBOARD), strict=True):
-            lines[side] = _line(_channel(history, f"{side}_{quantity}"), colour)
+        for side in SIDES:
+            values = _channel(history, f"{side}_{quantity}")
+            lines[side] = _line(values, SIDE_COLOURS[side], width=SIDE_WIDTHS[side])
         return _over_time(title, history, lines)
 
     return chart
@@ -63,21 +75,24 @@ def belief(history: History, show_truth: bool) -> Options:
     probability = history.probability
     highest = probability[:, 1:].max(axis=0)
     likeliest = 1 + np.argsort(-highest, kind="stable")[:N_FAULTS]
+    likeliest = likeliest[highest[likeliest - 1] >= LEAST_DRAWN]
     lines = {}
     for k in (0, *sorted(likeliest.tolist())):
-        lines[classes()[k]] = _line(probability[:, k], **_class_style(k), width=2)
-    title = "belief: probability of normal and of the likeliest faults"
-    options = _over_time(title, history, lines, top=1.0)
-    options["grid"]["top"] = 66  # below two rows of names
+        name = classes()[k]
+        lines[name] = _line(100.0 * probability[:, k], *class_style(name), width=2)
+    title = "probability of normal and of the likeliest faults [%]"
+    options = _over_time(title, history, lines, top=100.0)
+    options["grid"]["top"] = 80  # below three rows of names
     return options
 
 
 def severity(history: History, show_truth: bool) -> Options:
     """Severity of the likeliest fault now, with its 95 % interval, while it was likely enough."""
     index = history.likeliest_fault
-    is_likely = history.probability[:, index] >= LEAST_PROBABILITY
+    name = classes()[index]
+    is_likely = history.probability[:, index] >= LEAST_SHOWN
     mean, low, high = (np.where(is_likely, line, np.nan) for line in history.severity(index))
-    colour = _class_style(index)["colour"]
+    colour, _ = class_style(name)
     area = {
         "stack": "interval",
         "symbol": "none",
@@ -87,25 +102,33 @@ def severity(history: History, show_truth: bool) -> Options:
     lines = {
         "low": _line(low, colour) | area,
         "95 % interval": _line(high - low, colour) | area | {"areaStyle": {"opacity": 0.2}},
-        classes()[index]: _line(mean, colour, width=2),
+        name: _line(mean, colour, width=2),
     }
-    options = _over_time("severity of the likeliest fault", history, lines, top=1.0)
-    options["legend"] = LEGEND | {"data": [name for name in lines if name != "low"]}
+    title = "severity of the likeliest fault (0 healthy, 1 full)"
+    options = _over_time(title, history, lines, top=1.0)
+    if is_likely.any():
+        options["legend"] = LEGEND | {"data": [line for line in lines if line != "low"]}
+    else:
+        options["legend"] = {"show": False}
+        options["graphic"] = [_hint(history, NO_LIKELY_FAULT)]
     return options
 
 
 def ranking(history: History, show_truth: bool) -> Options:
     """The likeliest classes now, the likeliest on top."""
-    percent = np.round(100.0 * history.probability[-1].astype(np.float64), 1)
+    percent = 100.0 * history.probability[-1].astype(np.float64)
     order = np.argsort(-percent, kind="stable")[:N_BARS][::-1]
     bars = []
     for k in order:
-        style = {"color": _class_style(k)["colour"]}
-        bars.append({"value": float(percent[k]), "itemStyle": style})
+        style = {"color": class_style(classes()[k])[0]}
+        bar = {"value": round(float(percent[k]), 1), "itemStyle": style}
+        if percent[k] < 100.0 * NEGLIGIBLE:
+            bar["label"] = {"formatter": f"< {100.0 * NEGLIGIBLE:g}"}
+        bars.append(bar)
     label = {"show": True, "position": "right", "fontSize": 11}
     return {
         "animation": False,
-        "title": _title("belief now [%]"),
+        "title": _title("probability now [%]"),
         "grid": {
             "left": 8,
             "right": 48,
@@ -138,17 +161,6 @@ def _channel(history: History, name: str) -> np.ndarray:
     return history.observation[:, INDEX[name]]
 
 
-def _class_style(index: int) -> dict[str, str]:
-    """Colour and dash of a class: `normal` is black, `unknown` grey and dotted, sensors dashed."""
-    if classes()[index] == NORMAL:
-        return {"colour": TRUTH, "dash": "solid"}
-    if classes()[index] == UNKNOWN:
-        return {"colour": UNKNOWN_COLOUR, "dash": "dotted"}
-    is_sensor = classes()[index].startswith("sensor:")
-    colour = CLASS_COLOURS[(index - 1) % len(CLASS_COLOURS)]
-    return {"colour": colour, "dash": "dashed" if is_sensor else "solid"}
-
-
 def _line(values: np.ndarray, colour: str, dash: str = "solid", width: int = 1) -> Options:
     style = {"width": width, "type": dash}
     return {
@@ -177,6 +189,7 @@ def _over_time(
     return {
         "animation": False,
         "title": _title(title),
+        "graphic": [_hint(history, "")],
         "legend": LEGEND,
         "grid": {"left": 44, "right": 14, "top": 50, "bottom": 34},
         "tooltip": {"trigger": "axis"},
@@ -198,6 +211,19 @@ def _over_time(
     }
 
 
+def _hint(history: History, text: str) -> Options:
+    """What the middle of a chart says while it has no line; nothing once it has one."""
+    shown = BEFORE_START if len(history.time) < 2 else text
+    style = {
+        "text": shown,
+        "fontSize": 12,
+        "fill": HINT_COLOUR,
+        "backgroundColor": "white",
+        "padding": 4 if shown else 0,
+    }
+    return {"type": "text", "id": "hint", "left": "center", "top": "55%", "style": style}
+
+
 def _points(time: np.ndarray, values: np.ndarray) -> list[list[float | None]]:
     """Pairs for a line; NaN becomes a gap."""
     times = np.round(time, 1).tolist()
@@ -207,7 +233,7 @@ def _points(time: np.ndarray, values: np.ndarray) -> list[list[float | None]]:
 
 
 def _marks(history: History) -> Options:
-    label = {"formatter": "{b}", "fontSize": 10, "position": "insideEndTop"}
+    label = {"formatter": "{b}", "fontSize": 10, "position": "end", "distance": 2}
     lines = []
     for mark in history.marks:
         style = {"color": MARK_COLOURS[mark.action], "type": "solid"}

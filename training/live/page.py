@@ -6,11 +6,12 @@ from nicegui import run, ui
 
 from auv_fault_env.channels import MAXIMUM_COMMAND
 from auv_fault_env.errors import InputError
-from auv_fault_env.faults import CATALOGUE, NORMAL
+from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.parameters import SAMPLE_RATE
 from training.live import texts
+from training.live.badges import CAUTION, Badge, badges
 from training.live.charts import CHARTS
-from training.live.session import DIAGNOSERS, SLOWEST, Session
+from training.live.session import DIAGNOSERS, DISTANCE_TO_GOAL, SLOWEST, Session
 from training.stimuli import STIMULI
 
 UPDATE_INTERVAL = 0.4  # s, long enough for a browser without a graphics card
@@ -19,12 +20,6 @@ FIRST_PACE = 1
 RAMPS = {0.0: "abrupt", 10.0: "over 10 s", 30.0: "over 30 s"}
 CONTROLS_GRID = "grid gap-2 content-start md:grid-cols-3 lg:grid-cols-1"
 CHARTS_GRID = "grid gap-2 content-start grid-cols-1 md:grid-cols-2 lg:grid-cols-3"
-ADVICE_COLOURS = {
-    "continue": "positive",
-    "derate": "warning",
-    "return": "deep-orange",
-    "abort": "negative",
-}
 
 
 def fault_places() -> dict[str, list[str]]:
@@ -54,8 +49,8 @@ class Page:
             with ui.element("div").classes(CHARTS_GRID):
                 self._show_verdict()
                 self.charts = {name: _chart() for name in CHARTS}
-                self.advice = _text("advice")
-                self.truth = _text("truth")
+                self.advice = _text("advice", "advice, with 95 % intervals")
+                self.truth = _text("truth", "truth")
         self.update()
         ui.timer(UPDATE_INTERVAL, self._run)
 
@@ -161,17 +156,15 @@ class Page:
         for name, chart in self.charts.items():
             chart.options.update(CHARTS[name](history, self.shows_truth.value))
             chart.update()
-        if history.verdict == NORMAL:
-            _set_badge(self.alarm, "no alarm", "positive")
-        else:
-            _set_badge(self.alarm, f"alarm: {history.verdict}", "negative")
-        action = str(session.advice.action[0])
-        _set_badge(self.action, f"advice: {action}", ADVICE_COLOURS[action])
+        alarm, advice = badges(history.verdict, str(session.advice.action[0]))
+        _show_badge(self.alarm, alarm)
+        _show_badge(self.action, advice)
         self.belief.set_text(texts.belief_text(history))
-        self.progress.set_text(f"{session.time:.1f} s, {session.travelled:.0f} m")
+        way = f"{session.travelled:.0f} of {DISTANCE_TO_GOAL:.0f} m"
+        self.progress.set_text(f"{session.time:.1f} s, {way}")
         self.advice.set_text(texts.advice_text(session.advice))
-        truth = texts.truth_text(session.truth()) if self.shows_truth.value else "hidden"
-        self.truth.set_text(truth)
+        is_shown = self.shows_truth.value
+        self.truth.set_text(texts.truth_text(session.truth()) if is_shown else texts.HIDDEN_TRUTH)
 
 
 def _button(text: str, action: Callable[[], None]) -> ui.button:
@@ -185,9 +178,9 @@ def _card(title: str) -> ui.card:
     return card
 
 
-def _text(title: str) -> ui.label:
+def _text(name: str, title: str) -> ui.label:
     with _card(title):
-        return ui.label().classes("whitespace-pre-line text-sm").mark(title)
+        return ui.label().classes("whitespace-pre-line text-sm").mark(name)
 
 
 def _chart() -> ui.echart:
@@ -207,6 +200,7 @@ def _slider(name: str, low: float, high: float, value: float) -> ui.slider:
     return slider
 
 
-def _set_badge(badge: ui.badge, text: str, colour: str) -> None:
-    badge.set_text(text)
-    badge.props(f"color={colour}")
+def _show_badge(element: ui.badge, badge: Badge) -> None:
+    element.set_text(badge.text)
+    text_colour = "black" if badge.colour == CAUTION else "white"
+    element.props(f"color={badge.colour} text-color={text_colour}")

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import pytest
 
 from auv_fault_env.errors import InputError
-from training.commands.watch import HOST, free_port
+from training.commands.watch import HOST, NOTICE, free_port
 
 from ..live.browser import CHROMIUM, tab
 
@@ -32,6 +32,17 @@ def served():
         server.send_signal(signal.SIGINT)
         server.wait(timeout=30)
         server.stdout.close()
+
+
+def test_the_first_line_says_what_is_compiled_and_how_long_it_takes():
+    with subprocess.Popen(
+        [*WATCH, "--port", "0"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=HERS
+    ) as server:
+        assert server.stderr.readline() == f"auv-fault watch: {NOTICE}\n"
+        assert "about a minute" in NOTICE
+        assert server.stdout.readline().startswith("http://")
+        server.send_signal(signal.SIGINT)
+        assert "Traceback" not in server.stderr.read()
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")

@@ -99,13 +99,53 @@ def test_verdict_needs_an_alarm_and_half_of_the_probability(history):
 
 
 def test_an_unknown_fault_has_no_severity_in_the_text(history):
-    assert belief_text(history).endswith("severity 0.90 (0.70–1.00)")
+    assert belief_text(history).endswith("propeller_loss:port: 99.9 %, severity 0.90 (0.70–1.00)")
     log_probability = history.belief.log_probability.copy()
     log_probability[:, [PORT_LOSS, -1]] = log_probability[:, [-1, PORT_LOSS]]
     belief = history.belief._replace(log_probability=log_probability)
-    assert belief_text(history._replace(belief=belief)).endswith("likeliest fault unknown 99.9 %")
+    assert belief_text(history._replace(belief=belief)).endswith("· unknown: 99.9 %")
 
 
 def test_alarms_begin_and_end(history):
     alarm = np.array([True, False, True, True])
     assert history._replace(alarm=alarm).alarms() == [(69.7, 69.8), (69.9, 70.0)]
+
+
+def hint(options):
+    return options["graphic"][0]["style"]["text"]
+
+
+@pytest.mark.parametrize("name", [name for name in CHARTS if name != "ranking"])
+def test_an_empty_chart_says_what_appears_and_when(history, name):
+    first = [values[:1] for values in history[:2]]
+    belief = Belief(*(values[:1] for values in history.belief))
+    at_start = History(*first, belief, history.alarm[:1], history.true_speed[:1], ())
+    assert hint(CHARTS[name](at_start, False)) == "Press START: the last minute appears here."
+    assert hint(CHARTS[name](history, False)) == ""
+
+
+def test_the_severity_says_when_it_appears(history):
+    healthy = Belief(*(values[[0, 0, 0, 0]] for values in history.belief))
+    options = CHARTS["severity"](history._replace(belief=healthy), False)
+    assert hint(options) == "Appears when a fault reaches 5 %."
+    assert not options["legend"]["show"]
+    assert CHARTS["severity"](history, False)["legend"]["show"]
+
+
+@pytest.mark.parametrize("truth", [False, True])
+@pytest.mark.parametrize("name", [name for name in CHARTS if name not in ("ranking", "severity")])
+def test_every_line_of_a_chart_has_its_own_colour(history, name, truth):
+    colours = [series["color"] for series in CHARTS[name](history, truth)["series"]]
+    assert len(set(colours)) == len(colours)
+
+
+def test_a_class_has_the_same_colour_on_all_charts(history):
+    bar = CHARTS["ranking"](history, False)["series"][0]["data"][-1]
+    colour = bar["itemStyle"]["color"]
+    for name in ("belief", "severity"):
+        assert named(CHARTS[name](history, False), "propeller_loss:port")["color"] == colour
+
+
+def test_a_negligible_bar_says_so(history):
+    bars = CHARTS["ranking"](history, False)["series"][0]["data"]
+    assert [bar.get("label", {}).get("formatter") for bar in bars] == ["< 0.1"] * 5 + [None]

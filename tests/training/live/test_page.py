@@ -51,7 +51,7 @@ def test_a_person_breaks_the_vehicle_and_sees_it_named():
         page.update()
         await user.should_see("The vehicle is healthy.")
         user.find("reset").click()
-        await user.should_see("0.0 s, 0 m")
+        await user.should_see("0.0 s, 0 of 2000 m")
 
     visit(act)
 

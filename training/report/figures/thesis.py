@@ -11,7 +11,7 @@ from matplotlib.image import AxesImage
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 
-from training.report.colours import COMMAND, PORT, SPEED, STARBOARD, TRUTH
+from training.report.colours import COLOURS, COMMAND, PORT, SPEED, STARBOARD, TRUTH
 from training.report.figures.style import (
     fill_band,
     legend_above,
@@ -22,13 +22,7 @@ from training.report.figures.style import (
 
 Series = Sequence[float]
 Rows = Sequence[Series]
-MODE_COLOURS = (
-    STARBOARD,
-    "#b9770e",
-    SPEED,
-    PORT,
-    "#7d3c98",
-)  # by output node, normal first
+MODE_COLOURS = (STARBOARD, COLOURS[3], SPEED, PORT, COLOURS[4])  # by output node, normal first
 HEIGHT = {"cmap": "YlOrRd", "vmin": 0.0, "vmax": 1.0}
 SAME_PLACE = 0.05  # on the map, within which instants share a text
 
