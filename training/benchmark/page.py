@@ -18,6 +18,7 @@ from training.benchmark.leaderboard import (
     leaderboard,
 )
 from training.benchmark.page_figures import BenchmarkView
+from training.benchmark.page_summary import summary
 from training.benchmark.results import RESULTS
 from training.benchmark.scores import MEAN_TIMES, METRICS, RANKED_AT, RATE_METRICS
 from training.metrics import Times
@@ -60,6 +61,7 @@ def page(results: Mapping[str, Any]) -> dict[str, Any]:
     ]
     return {
         "title": f"Diagnosers on the suite {results['suite']['name']}",
+        "summary": summary(view),
         "intro": intro(view),
         "command": results["command"],
         "sections": sections,

@@ -66,7 +66,7 @@ def calibrate(arguments: Calibrate) -> tuple[Calibration, FitQuality, dict[str, 
     results = page(logs, samples, calibration, left_out, findings)
     results |= plain(calibration, left_out, logs)
     results["mistakes"] = [one._asdict() for one in findings]
-    results["intro"].append(quality.line)
+    results["summary"].append(f"{quality.line[0].upper()}{quality.line[1:]}.")
     results["fit_quality"] = quality._asdict()
     command = (
         "auv-fault",

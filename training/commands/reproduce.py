@@ -18,6 +18,7 @@ from training.thesis import (
 from training.thesis.comparison import Comparison
 from training.thesis.page import report_on_test_runs
 from training.thesis.runs import STEPS, TEST_RUNS, record
+from training.thesis.summary import summary
 
 CONSISTENCY_SEEDS = 200
 
@@ -52,6 +53,7 @@ def reproduce(arguments: Reproduce) -> dict[str, Any]:
         appendix,
         constants,
     ]
+    results["summary"] = summary(results["sections"])
     return results
 
 
@@ -64,5 +66,5 @@ def network_sections(comparison: Comparison, seeds: range) -> list[dict[str, Any
     return [
         *raw_page.sections(comparison, raw_study),
         *kalman_page.sections(comparison, kalman_study),
-        recommendation_page.section(comparison),
+        recommendation_page.section(),
     ]

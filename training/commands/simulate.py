@@ -1,8 +1,10 @@
 """``auv-fault simulate``: episodes of faulty vehicles as tables, one row per sample."""
 
 import json
+import shlex
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,6 +13,7 @@ from tqdm import tqdm
 
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.fleet import Fleet
+from auv_fault_env.printable import printable
 from auv_fault_env.schedules import PROFILE, Events, Schedule, schedules_of, to_json
 from auv_fault_env.truth import FleetTruth
 from auv_fault_env.unmodelled import plant_fault
@@ -83,9 +86,15 @@ def write_tables(folder: Path, arguments: Simulate, plan: Plan) -> dict[str, Any
 
 
 def _command(arguments: Simulate) -> str:
-    split = "" if arguments.split is None else f" --split {arguments.split}"
-    size = f"--vehicles {arguments.vehicles} --seed {arguments.seed}"
-    return f"auv-fault simulate {size}{split}"
+    """The command with its size, and all options but the output that are not their defaults."""
+    words = ["auv-fault", "simulate"]
+    for option in fields(arguments):
+        value = getattr(arguments, option.name)
+        is_named = option.name in ("vehicles", "seed") or value != option.default
+        if is_named and option.name != "output":
+            values = value if isinstance(value, tuple) else (value,)
+            words += [f"--{option.name.replace('_', '-')}", *map(str, values)]
+    return printable(shlex.join(words))
 
 
 def _first_vehicle(chunk: Chunk) -> dict[str, np.ndarray]:

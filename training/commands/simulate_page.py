@@ -1,16 +1,20 @@
 """Report of `auv-fault simulate`: the vehicles with their faults, and the run of the first."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.schedules import Schedule
 from training.formats.columns import COLUMNS, DICTIONARY, dictionary_rows
+from training.report.cells import counted
 from training.report.lines import line_without_band
 from training.report.sections import figure_section, table_section
 
 N_SHOWN = 100  # vehicles in the table of the page; all are in schedules.json
+N_FAULTS = 5  # in the summary
 PANELS = {
     "surge speed [m/s]": {"speed": "speed", "commanded": "speed_command"},
     "shaft speed [rpm]": {"port": "port_rpm", "starboard": "starboard_rpm"},
@@ -30,11 +34,6 @@ def report(
     `schedules` and `seeds` are by number of the vehicle, `first_vehicle` has the time and the
     channels of the first, (n_samples,) each.
     """
-    intro = (
-        f"{len(schedules)} vehicles, one row per vehicle and sample of 0.1 s, in the order of the "
-        "vehicles. Channels are commands and readings of the vehicle; columns that begin with "
-        "truth_ are for scoring only."
-    )
     rows = []
     for vehicle, schedule in list(schedules.items())[:N_SHOWN]:
         rows.append([str(vehicle), str(seeds[vehicle]), schedule_text(schedule)])
@@ -43,13 +42,29 @@ def report(
     return {
         "title": "Simulated episodes",
         "command": command,
-        "intro": [intro],
+        "summary": summary(schedules, first_vehicle["time"]),
+        "intro": [],
         "sections": [
             first_vehicle_section(schedules[0], first_vehicle),
             table_section("Faults", ["vehicle", "seed", "faults"], rows, faults),
             table_section("Columns", COLUMNS, list(dictionary_rows()), columns),
         ],
     }
+
+
+def summary(schedules: Mapping[int, Schedule], time: np.ndarray) -> list[str]:
+    """How many vehicles, with which faults, and what the rows are."""
+    n_faulty = sum(bool(schedule) for schedule in schedules.values())
+    faults = Counter(event.fault for schedule in schedules.values() for event in schedule)
+    commonest = ", ".join(f"{name} ({count})" for name, count in faults.most_common(N_FAULTS))
+    return [
+        f"{counted(len(schedules), 'vehicle')}, simulated for {len(time) * SAMPLE_TIME:g} s each: "
+        f"{n_faulty} with a fault, {len(schedules) - n_faulty} healthy.",
+        *([f"The most frequent faults and their numbers: {commonest}."] if faults else []),
+        "The tables have one row per vehicle and sample of 0.1 s, in the order of the vehicles.",
+        "Channels are commands and readings; columns that begin with `truth_` are for scoring "
+        "only, and no diagnoser may read them.",
+    ]
 
 
 def first_vehicle_section(schedule: Schedule, columns: Mapping[str, np.ndarray]) -> dict[str, Any]:

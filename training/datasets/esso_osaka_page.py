@@ -70,7 +70,8 @@ def page(command: str, findings: Findings) -> dict[str, Any]:
     return {
         "title": "Esso Osaka: the surge equation on a real, healthy ship",
         "command": command,
-        "intro": [data, verdict(findings["forms"], findings["headlines"])],
+        "summary": [data, verdict(findings["forms"], findings["headlines"])],
+        "intro": [],
         "findings": findings,
         "sections": [
             forms_section(findings["forms"]),

@@ -54,7 +54,8 @@ def page(
     return {
         "title": "Haizhe: faults of a real vehicle, and the influence of the session",
         "command": command,
-        "intro": [f"Runs: {runs}. Data: {SOURCE}.", PUBLISHED],
+        "summary": [f"Runs: {runs}. Data: {SOURCE}.", outcome(scores), PUBLISHED],
+        "intro": [],
         "scores": list(scores),
         "sections": [
             accuracy_section(scores),
@@ -64,6 +65,23 @@ def page(
             sessions_section(sessions),
         ],
     }
+
+
+def outcome(scores: Scores) -> str:
+    """What the best classifier of the whole run achieves, and what of it is the session."""
+    accuracy = {tuple(names(score)): score["accuracy"] for score in scores}
+    best = max(CLASSIFIERS, key=lambda name: accuracy["stratified", name, "whole run"])
+
+    def shares(inputs: str) -> str:
+        protocols = ("stratified", "half of the day")
+        return " and ".join(f"{100 * accuracy[one, best, inputs]:.1f} %" for one in protocols)
+
+    return (
+        f"The best classifier, {best}, names {shares('whole run')} of the runs right: the first "
+        "with random folds, the second on the other half of the day. From the readings at rest "
+        f"alone it names {shares('rest only')}: so much can come from the session and is no "
+        "knowledge of the fault."
+    )
 
 
 def _runs_of_split(split: str, counts: Sequence[int]) -> str:

@@ -7,6 +7,7 @@ from pathlib import PurePath
 import numpy as np
 
 LARGEST_SHARE = 10.0
+LEAST_DECIMAL = 1e-4  # below which a number would be a power of ten
 
 
 def row_name(name: str, references: Collection[str]) -> str:
@@ -23,9 +24,36 @@ def with_interval(value: float, interval: Sequence[float], digits: int, sign: st
     return f"{value:{form}} ({low}{separator}{high})"
 
 
+def counted(n: int, noun: str) -> str:
+    """A number of things.
+
+    >>> counted(1, "log"), counted(2, "log")
+    ('1 log', '2 logs')
+    """
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+
+
 def percent(share: float) -> str:
     """A share, 0 to 1, in whole per cent."""
     return f"{100 * share:.0f} %"
+
+
+def probability(value: float) -> str:
+    """A probability, without powers of ten.
+
+    >>> probability(0.0753), probability(2e-6)
+    ('0.075', '1 in 500,000')
+    """
+    return f"{value:.2g}" if value >= LEAST_DECIMAL else f"1 in {1.0 / value:,.0f}"
+
+
+def significant(value: float, digits: int = 2) -> str:
+    """A number with so many significant digits, without a power of ten up to a million.
+
+    >>> significant(183.0), significant(0.00583), significant(0.0)
+    ('180', '0.0058', '0')
+    """
+    return f"{float(f'{value:.{digits}g}'):g}"
 
 
 def signed_percent(share: float) -> str:

@@ -8,13 +8,14 @@ FILE = "report.md"
 
 
 def write_markdown(results: dict[str, Any], folder: Path) -> None:
-    """Write ``report.md``: introduction, command, and the sections that have a table."""
+    """Write ``report.md``: summary, introduction, command, and the sections with a table."""
     (folder / FILE).write_text(markdown(results), encoding="utf-8")
 
 
 def markdown(results: dict[str, Any]) -> str:
     """The results of a report (`training.report.page.write_report`) as Markdown."""
-    parts = [f"## {results['title']}", *results["intro"], f"Command: `{results['command']}`"]
+    parts = [f"## {results['title']}", *results["summary"], *results["intro"]]
+    parts.append(f"Command: `{results['command']}`")
     for section in results["sections"]:
         if "table" in section:
             table = section["table"]

@@ -8,7 +8,7 @@ from importlib.resources import files
 from itertools import zip_longest
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
+from typing import Any, NamedTuple
 
 from jinja2 import Environment
 from markupsafe import Markup, escape
@@ -18,6 +18,16 @@ from training.report.figures.registry import draw
 N_PRINTED_COLUMNS = 6
 PRINTED_WIDTH = 120  # characters of a terminal
 MARGIN = "  "  # left of a column
+# up to the first full stop that ends a sentence
+FIRST_SENTENCE = re.compile(r"(?:Figs?\. |[^.]|\.(?! |$))*")
+
+
+class ShownFigure(NamedTuple):
+    """A figure of the page: number, title for the list of figures, and SVG in base64."""
+
+    number: int
+    title: str
+    image: str
 
 
 def write_report(results: dict[str, Any], folder: Path) -> None:
@@ -26,28 +36,40 @@ def write_report(results: dict[str, Any], folder: Path) -> None:
     Parameters
     ----------
     results
-        title, intro, command and sections. A section has a heading, text (list of paragraphs) and
-        optionally a table (columns, rows) and figures (plot: name in `PLOTS`, data, name, caption).
-        Texts have code between backticks.
+        title, summary, intro, command and sections. The summary says in 2 to 5 sentences what was
+        run, what came out and whether that is good; the intro, paragraphs that may be none, how
+        to read the page; the command how to reproduce it, and nothing else repeats it. A section
+        has a heading, text (list of paragraphs) and optionally a table (columns, rows) and
+        figures (plot: name in `PLOTS`, data, name, caption); the first sentence of a caption is
+        the figure's title. Texts have code between backticks.
     folder
         Folder to write into; it must not have a ``figures/`` yet.
     """
     figure_folder = folder / "figures"
     figure_folder.mkdir()
-    images = {}
+    figures: dict[str, ShownFigure] = {}
     for section in results["sections"]:
         for figure in section.get("figures", ()):
-            images[figure["name"]] = _write_figure(figure, figure_folder)
+            title = FIRST_SENTENCE.match(figure["caption"])[0]
+            image = _write_figure(figure, figure_folder)
+            figures[figure["name"]] = ShownFigure(len(figures) + 1, title, image)
     source = files("training.report").joinpath("report.html.j2").read_text(encoding="utf-8")
     environment = Environment(autoescape=True)
     environment.filters["code"] = _with_code
-    page = environment.from_string(source).render(results=results, images=images)
+    environment.filters["cell"] = _cell
+    page = environment.from_string(source).render(results=results, figures=figures)
     (folder / "index.html").write_text(page, encoding="utf-8", errors="backslashreplace")
 
 
 def _with_code(text: str) -> Markup:
     """The text as HTML, what stands between backticks as code."""
     return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+
+
+def _cell(text: str) -> Markup:
+    """The text of a table's cell: no break within an interval, breaks within long names."""
+    whole_intervals = text.replace("–", "\u2060–\u2060")
+    return Markup(re.sub(r"(?<=\w)([_:/])(?=\w)", r"\1<wbr>", str(_with_code(whole_intervals))))
 
 
 def _write_figure(figure: dict[str, Any], folder: Path) -> str:

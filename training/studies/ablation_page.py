@@ -13,6 +13,7 @@ def page(results: Results) -> dict[str, Any]:
     """Title, introduction and sections."""
     return {
         "title": "Raw data, filters, or both?",
+        "summary": _summary(results),
         "intro": [
             f"The same network ({results['architecture']}) on different inputs at 2 Hz, trained "
             f"{results['passes']} times over {results['episodes']} episodes with imperfect "
@@ -34,6 +35,28 @@ def page(results: Results) -> dict[str, Any]:
             _architectures(results),
         ],
     }
+
+
+def _summary(results: Results) -> list[str]:
+    """Which inputs are best, and what an input adds."""
+    scores = results["scores"]
+    times = {name: score["isolation"] for name, score in scores.items()}
+    best = min(times, key=times.__getitem__)
+    ranking = ", ".join(f"{name} {times[name]:.1f} s" for name in sorted(times, key=times.get))
+    sentences = [
+        f"The same network was trained on {len(scores) - 1} sets of inputs, "
+        f"{results['n_networks']} times each, and compared with the filter bank.",
+        f"{best} isolates soonest. Restricted means: {ranking}.",
+    ]
+    pair = results["compared"][-1]
+    change = with_interval(pair["all"]["mean"], pair["all"]["interval"], 2, "+")
+    low, high = pair["all"]["interval"]
+    judgement = "more than chance" if low * high > 0.0 else "perhaps chance"
+    sentences.append(
+        f"With {pair['second']} instead of {pair['first']} the isolation time changes by "
+        f"{change} s, {judgement}."
+    )
+    return sentences
 
 
 def _scores(results: Results) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from typing import Any
 
 from training.report.cells import number, percent, with_interval
 from training.report.sections import figure, table_section
-from training.studies.mission_runs import ARMS, OUTCOMES, TRUTH_KNOWN
+from training.studies.mission_runs import ARMS, FOLLOWED, IGNORED, OUTCOMES, TRUTH_KNOWN
 
 Results = Mapping[str, Any]
 # column and factor from the unit of the results
@@ -23,6 +23,7 @@ def page(results: Results) -> dict[str, Any]:
     return {
         "title": "What following the advice saves",
         "command": results["command"],
+        "summary": _summary(results),
         "intro": _intro(results),
         "sections": [
             _ends(results),
@@ -31,6 +32,24 @@ def page(results: Results) -> dict[str, Any]:
             _limits(),
         ],
     }
+
+
+def _summary(results: Results) -> list[str]:
+    """What following the advice changes for each kind of mission."""
+    sentences = [
+        f"{results['missions']} missions each with a fault of hull or propulsion, with a sensor "
+        "fault and without fault were flown with the advice ignored and followed."
+    ]
+    for part, arms in results["parts"].items():
+        ends = [
+            f"{100 * arms[arm]['completed'][0]:.0f} % completed, "
+            f"{100 * arms[arm]['stranded'][0]:.0f} % stranded"
+            for arm in (IGNORED, FOLLOWED)
+        ]
+        sentences.append(
+            f"{part[0].upper()}{part[1:]}: {ends[0]} when ignored; {ends[1]} when followed."
+        )
+    return [*sentences, "Advice is good where fewer are stranded and as many completed."]
 
 
 def _intro(results: Results) -> list[str]:

@@ -139,11 +139,22 @@ def study(logs: Sequence[Log], folder: Path) -> dict[str, Any]:
         "fault",
         "load of the shaft",
     ]
+    n_false = sum(bool(verdict.alarms) for verdict in verdicts)
+    found = "not found: it raised no alarm"
+    if faulty.alarms:
+        found = f"found after {faulty.alarm_time:.0f} s and named `{faulty.fault}`"
     return {
         "title": "Is one faulty mission found among healthy ones?",
+        "summary": [
+            f"{len(healthy)} healthy missions and one with a fault were diagnosed, each healthy "
+            "one with a calibration on others.",
+            f"The faulty mission is {found}.",
+            f"{n_false} of {len(healthy)} healthy missions raised an alarm; none should.",
+        ],
+        "intro": [],
         "verdicts": {verdict.log: verdict.verdict for verdict in (*verdicts, faulty)},
         "alarm_time": faulty.alarm_time,
-        "false_alarms": sum(bool(verdict.alarms) for verdict in verdicts),
+        "false_alarms": n_false,
         "sections": [table_section("One faulty mission", columns, rows)],
     }
 

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from auv_fault_env.parameters import SAMPLE_TIME
 from training.bounds.active_ceiling import WINDOW
 from training.bounds.structural_isolability import MISSING
-from training.report.cells import number
+from training.report.cells import number, significant
 from training.report.sections import figure, figure_section, table_section
 
 Results = Mapping[str, Any]
@@ -26,9 +27,40 @@ def page(results: Results) -> dict[str, Any]:
     sections = (_maps, _rivals, _band, _removal, _ceiling, _cramer_rao, _structure)
     return {
         "title": "Which faults can be isolated",
+        "summary": _summary(results),
         "intro": _intro(results),
         "sections": [section(results) for section in sections],
     }
+
+
+def _summary(results: Results) -> list[str]:
+    """Which classes are told apart soonest and latest, and how much a stimulus can help."""
+    names = results["classes"]
+    rates = results["rates"][STIMULUS]
+    rivals = {name: least_rival(rates, k) for k, name in enumerate(names)}
+    slowest = min(rivals, key=lambda name: rivals[name][1])
+    fastest = max(rivals, key=lambda name: rivals[name][1])
+    known = {k: one for k, one in results["ceiling"].items() if one["speed_up"] is not None}
+    sentences = [
+        f"Evidence between {len(names)} classes was measured on {results['vehicles']} vehicles "
+        "each, at constant speeds and under the thesis' speed changes.",
+        f"Under these, {fastest} is isolated soonest, {_seconds(rivals[fastest][1])} after the "
+        f"transient; {slowest} latest, against {names[rivals[slowest][0]]}: "
+        f"{_seconds(rivals[slowest][1])}.",
+    ]
+    if known:
+        best = max(known, key=lambda name: known[name]["speed_up"])
+        sentences.append(
+            f"A stimulus helps {best} most: {known[best]['speed_up']:.1f} times the rate in cruise."
+        )
+    return sentences
+
+
+def _seconds(rate: float) -> str:
+    """Time to isolate a class at a rate [nat/s], in words."""
+    if rate < LEAST_RATE / 10:
+        return "hardly ever"
+    return f"in about {max(np.log(CERTAINTY) / rate, SAMPLE_TIME):.1f} s"
 
 
 def _intro(results: Results) -> list[str]:
@@ -71,7 +103,7 @@ def _rivals(results: Results) -> dict[str, Any]:
 
 def _rival_cell(rates: Matrix, k: int, names: Sequence[str]) -> str:
     rival, rate = least_rival(rates, k)
-    return f"{names[rival]} {max(rate, 0.0):.2g}"
+    return f"{names[rival]} {significant(max(rate, 0.0))}"
 
 
 def least_rival(rates: Matrix, k: int, excluded: int | None = None) -> tuple[int, float]:
@@ -86,7 +118,7 @@ def _band(results: Results) -> dict[str, Any]:
     both_rates = (results["rates"][STIMULUS], results["band_rates"][STIMULUS])
     rows = []
     for k in range(1, len(names)):
-        against_normal = [f"{rates[k][0]:.2g}" for rates in both_rates]
+        against_normal = [significant(rates[k][0]) for rates in both_rates]
         rivals = [_rival_cell(rates, k, names) for rates in both_rates]
         rows.append([names[k], *against_normal, *rivals])
     text = (
@@ -140,8 +172,8 @@ def _ceiling(results: Results) -> dict[str, Any]:
     rows = [
         [
             fault,
-            f"{ceiling['passive']:.2g} ({ceiling['passive_rival']})",
-            f"{ceiling['active']:.2g}",
+            f"{significant(ceiling['passive'])} ({ceiling['passive_rival']})",
+            significant(ceiling["active"]),
             number(ceiling["speed_up"], 1, "no rate to compare with"),
             _profile_cell(**ceiling["profile"]),
         ]

@@ -84,7 +84,38 @@ def study(arguments: LogReadingStudy, folder: Path) -> dict[str, Any]:
         names,
         [_row(dialect, results[dialect]) for dialect in results],
     )
-    return {"title": "Reading a large log", "results": results, "sections": [table]}
+    return {
+        "title": "Reading a large log",
+        "summary": summary(results, arguments),
+        "intro": [],
+        "results": results,
+        "sections": [table],
+    }
+
+
+def summary(results: dict[str, Any], arguments: LogReadingStudy) -> list[str]:
+    """The slowest dialect, beside pandas if that is there."""
+    times = {dialect: result["ours"]["time"] for dialect, result in results.items()}
+    slowest = max(times, key=times.__getitem__)
+    memory = max(result["ours"]["memory"] for result in results.values())
+    sentences = [
+        f"A log of {arguments.rows:,} rows and {arguments.columns} columns was read in "
+        f"{len(results)} dialects, in at most {times[slowest]:.1f} s ({slowest}) and "
+        f"{memory:.0f} MB.",
+    ]
+    ratios = [
+        result["ours"]["time"] / result["pandas"]["time"]
+        for result in results.values()
+        if "pandas" in result
+    ]
+    if ratios:
+        sentences.append(
+            f"That is {min(ratios):.2f} to {max(ratios):.2f} times as long as pandas takes with "
+            "the dialect given by hand."
+        )
+    else:
+        sentences.append("pandas, to compare with, is not installed.")
+    return sentences
 
 
 def _row(dialect: str, result: dict[str, Any]) -> list[str]:

@@ -71,9 +71,29 @@ def study(arguments: OwnModesStudy) -> dict[str, Any]:
         sections += confusion_sections(number, table, scores[number])
     return {
         "title": "The thesis' networks on their own modes",
+        "summary": summary(scores),
+        "intro": [],
         "scores": scores,
         "sections": sections,
     }
+
+
+def summary(scores: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> list[str]:
+    """How the first network of each table compares with the filter bank."""
+    sentences = ["The networks of the thesis were asked for the modes of their own tables only."]
+    for number, by_kind in scores.items():
+        network, mark = ENTRANTS[number][0], ENTRANTS[number][-1]
+        shares = {
+            name: " and ".join(
+                percent(of[name]["isolation"]["probability"]) for of in by_kind.values()
+            )
+            for name in (network, mark)
+        }
+        sentences.append(
+            f"Table {number}, vehicles {' and '.join(by_kind)}: {network} isolates "
+            f"{shares[network]} of the faults; {mark}, the mark to reach, {shares[mark]}."
+        )
+    return sentences
 
 
 def scores_of(

@@ -171,6 +171,19 @@ def score_row(agent: str, values: np.ndarray, followed: np.ndarray) -> dict[str,
     }
 
 
+def summary(results: dict[str, Any]) -> list[str]:
+    """The best agent, and whether learning gains anything."""
+    best = max(results["rows"], key=lambda row: row["score"])
+    low, high = best["gain_interval"]
+    is_sure = "surely more" if low > 0.0 else "not surely more"
+    return [
+        f"{len(results['rows'])} agents were scored on the same {results['episodes']} episodes.",
+        f"The best, {best['agent']}, reaches {best['score']:.2f}, {is_sure} than following the "
+        f"mission: a gain of {best['gain']:+.2f} ({low:+.2f} to {high:+.2f}).",
+        "An agent of your own should reach more than the hand rule, which needs no learning.",
+    ]
+
+
 def page(results: dict[str, Any]) -> dict[str, Any]:
     """Title, introduction, command and the table."""
     rows = [
@@ -186,6 +199,7 @@ def page(results: dict[str, Any]) -> dict[str, Any]:
     columns = ["agent", "score", "95 %", "gain over following", "95 %"]
     return {
         "title": "Reference scores of Propulsion-v0",
+        "summary": summary(results),
         "intro": [
             "Sum of the rewards of an episode with action='residual' and reward_weights="
             f"{{'deflection': 0.1}}, mean of {results['episodes']} episodes. Intervals are over "

@@ -21,6 +21,8 @@ from training.studies.robustness_rows import ROWS, Finding, Study
 from training.studies.robustness_runs import FIRST_ROW, MOST_RUNS, Runs
 from training.studies.run import command_line, run_study
 
+N_MISSED = 5  # missed targets that the summary names
+
 
 @dataclass(frozen=True)
 class RobustnessStudy:
@@ -74,6 +76,7 @@ def study(arguments: RobustnessStudy) -> dict[str, Any]:
     thresholds = runs.thresholds_if_set
     return {
         "title": f"{arguments.diagnoser} where the model does not hold",
+        "summary": summary(arguments.diagnoser, found),
         "intro": [
             "What the diagnoser does where vehicles, sensors or surroundings are not those of its "
             "model. The rows are explained in docs/suites.md. Reached is empty where nothing is "
@@ -83,6 +86,28 @@ def study(arguments: RobustnessStudy) -> dict[str, Any]:
         "rows": {name: [one._asdict() for one in findings] for name, findings in found.items()},
         "sections": [section(found, thresholds)],
     }
+
+
+def summary(diagnoser: str, found: Mapping[str, list[Finding]]) -> list[str]:
+    """How many targets are reached, and which are not."""
+    judged = [
+        (name, one)
+        for name, findings in found.items()
+        for one in findings
+        if one.reached is not None
+    ]
+    missed = [f"{name}, {one.case} ({one.measured})" for name, one in judged if not one.reached]
+    sentences = [
+        f"{diagnoser} was tried in {len(found)} kinds of deviation from its model; "
+        f"{len(judged) - len(missed)} of {len(judged)} targets are reached.",
+    ]
+    if missed:
+        shown = "; ".join(missed[:N_MISSED])
+        rest = len(missed) - N_MISSED
+        sentences.append(f"Not reached: {shown}{f'; and {rest} more' if rest > 0 else ''}.")
+    else:
+        sentences.append("No target is missed.")
+    return sentences
 
 
 def section(found: Mapping[str, list[Finding]], thresholds: Mapping[str, float]) -> dict[str, Any]:

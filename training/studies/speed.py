@@ -13,6 +13,7 @@ import importlib.util
 import os
 import platform
 import statistics
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from importlib import metadata
@@ -263,6 +264,7 @@ def page(results: dict[str, Any]) -> dict[str, Any]:
     columns = ["what", "rate [1/s]", "ratio", "to", "target", "met"]
     return {
         "title": "How fast the environments are",
+        "summary": summary(results["comparison"]),
         "intro": [
             f"{about['processor']}, {about['cores']} cores; {versions}.",
             NOTES,
@@ -274,6 +276,23 @@ def page(results: dict[str, Any]) -> dict[str, Any]:
             profile_section("Single environment", results["single_profile"]),
         ],
     }
+
+
+def summary(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The fastest environment, and which targets are met."""
+    judged = [row for row in rows if row["met"] is not None]
+    missed = [
+        f"{row['what']} ({row['ratio']:.2f}, {row['target']})" for row in judged if not row["met"]
+    ]
+    own = [row for row in rows if row["what"].startswith("Propulsion-v0")]
+    fastest = max(own, key=lambda row: row["rate"])
+    verdict = f"missed: {'; '.join(missed)}" if missed else "none is missed"
+    return [
+        "The environments of this package were timed beside CartPole-v1 and other simulators.",
+        f"The fastest is {fastest['what']} with {fastest['rate']:,.0f} steps of a vehicle per "
+        "second.",
+        f"{len(judged) - len(missed)} of {len(judged)} targets are met; {verdict}.",
+    ]
 
 
 def profile_section(heading: str, parts: dict[str, float]) -> dict[str, Any]:

@@ -66,6 +66,7 @@ def page(results: Results) -> dict[str, Any]:
     ]
     return {
         "title": "What the stimuli achieve",
+        "summary": summary(results),
         "intro": introduction(results),
         "command": results["command"],
         "sections": [
@@ -73,6 +74,26 @@ def page(results: Results) -> dict[str, Any]:
             *(section | {"printed": False} for section in details),
         ],
     }
+
+
+def summary(results: Results) -> list[str]:
+    """The soonest stimulus of each budget, and how many targets the agent meets."""
+    suite = results["suite"]
+    sentences = [
+        f"Speed stimuli were compared on {suite['episodes']} episodes of the suite "
+        f"{suite['name']}, at equal budgets of offset."
+    ]
+    for budget, of_budget in results["budgets"].items():
+        figures = of_budget["figures"][results["diagnoser"]]["all"]
+        best = _by_mean(figures)[0]
+        judged = [row[1] for row in verdicts(of_budget, results["diagnoser"]) if row[1] != OPEN]
+        n_met = judged.count(MET)
+        sentences.append(
+            f"Within {budget} m/s, {best} isolates soonest: {_triple_cell(figures[best]['mean'])} "
+            f"s with {results['diagnoser']}, {_triple_cell(figures[Cruise.name]['mean'])} s in "
+            f"cruise. The agent meets {n_met} of {len(judged)} targets."
+        )
+    return sentences
 
 
 def introduction(results: Results) -> list[str]:

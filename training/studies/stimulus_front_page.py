@@ -21,6 +21,7 @@ def page(results: Results) -> dict[str, Any]:
     """Title, introduction, command and sections."""
     return {
         "title": "Stimuli at equal cost",
+        "summary": summary(results),
         "intro": introduction(results),
         "command": results["command"],
         "sections": [
@@ -32,6 +33,24 @@ def page(results: Results) -> dict[str, Any]:
             rate_table(results),
         ],
     }
+
+
+def summary(results: Results) -> list[str]:
+    """Which stimuli are on the front, and the soonest of them beside the thesis' stimulus."""
+    rate = _rate(results)
+    competing = [point for point in results["points"] if point["stimulus"] != TOLD]
+    front = [point for point in competing if point["fronts"]["rms"]]
+    names = ", ".join(dict.fromkeys(point["stimulus"] for point in front))
+    best = min(front, key=lambda point: point["rates"][rate]["isolation"]["mean"][0])
+    isolation = best["rates"][rate]["isolation"]
+    return [
+        f"{len(competing)} points, stimuli at several strengths, were compared by isolation time "
+        "and by what they cost healthy vehicles.",
+        f"No other point costs less and is sooner than those of {names}.",
+        f"The soonest of them, {best['stimulus']} at {best['strength']:.3g} m/s, isolates in "
+        f"{_triple(isolation['mean'])} s: {_triple(isolation['ratio'])} of the time under the "
+        f"thesis' stimulus, for an offset of {best['healthy']['rms']:.3f} m/s on healthy vehicles.",
+    ]
 
 
 def introduction(results: Results) -> list[str]:
@@ -124,7 +143,7 @@ def front_figure(results: Results) -> dict[str, Any]:
         "vehicles; down and left is better. Filled points are on the front, hollow ones are "
         "dominated. A line joins the strengths of a stimulus. Dashed: told the onset, its best."
     )
-    return figure_section("Front", "stimulus_front", "front", caption, data)
+    return figure_section("Isolation against cost", "stimulus_front", "front", caption, data)
 
 
 def equal_cost_table(results: Results) -> dict[str, Any]:

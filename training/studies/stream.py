@@ -89,6 +89,14 @@ def study(arguments: StreamStudy, vehicle: Path) -> dict[str, Any]:
     heading = f"{arguments.diagnoser}, to an answer: {times}"
     return {
         "title": "The cost of a stream",
+        "summary": [
+            f"{arguments.diagnoser} answered {arguments.lines:,} lines of a stream, {times}.",
+            f"A vehicle sends a line every {1e6 * SAMPLE_TIME:,.0f} µs: the median answer takes "
+            f"{100 * p50 / (1e6 * SAMPLE_TIME):.1f} % of that.",
+            f"The memory grew by {max(memory.values()) - memory[WARM_UP]:.1f} MB after the first "
+            f"{WARM_UP:,} lines; it should not grow with their number.",
+        ],
+        "intro": [],
         "p50_us": p50,
         "p99_us": p99,
         "memory_mb": memory,

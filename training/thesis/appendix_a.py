@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from auv_fault_env.parameters import OUNCE_INCH, Vehicle, describe
 from training.report.sections import table_section
-from training.thesis.comparison import COLUMNS
+from training.thesis.comparison import AGREES, COLUMNS, DIFFERS
 
 
 class MotorData(NamedTuple):
@@ -63,7 +63,7 @@ FORMULAS = {
 }
 
 
-def comparison_rows(data: MotorData, command: str) -> list[list[str]]:
+def comparison_rows(data: MotorData) -> list[list[str]]:
     """Printed against derived entries, in the columns of the thesis' comparison."""
     ours = derived(data)
     remedy = "Would need R = {:.2f} ohm."
@@ -75,13 +75,13 @@ def comparison_rows(data: MotorData, command: str) -> list[list[str]]:
     for name, quantity in FORMULAS.items():
         printed = getattr(data, name)
         value = ours[name]
-        verdict = "agrees" if abs(value / printed - 1) < 0.02 else "differs"
+        verdict = AGREES if abs(value / printed - 1) < 0.02 else DIFFERS
         numbers = [f"{printed:g}", f"{value:.4g}", "-"]
-        rows.append(["App. A", quantity, *numbers, verdict, why.get(name, ""), command])
+        rows.append(["App. A", quantity, *numbers, verdict, why.get(name, "")])
     return rows
 
 
-def appendix_section(command: str) -> dict[str, Any]:
+def appendix_section() -> dict[str, Any]:
     """Section on the contradiction in Appendix A."""
     data = MotorData()
     text = (
@@ -92,7 +92,7 @@ def appendix_section(command: str) -> dict[str, Any]:
         f"{derived(data)['inductance']:.2f} mH; it is neglected, as in the thesis."
     )
     heading = "Appendix A: the motor's data contradict themselves"
-    return table_section(heading, COLUMNS, comparison_rows(data, command), text)
+    return table_section(heading, COLUMNS, comparison_rows(data), text)
 
 
 def constants_section(vehicle: Vehicle) -> dict[str, Any]:

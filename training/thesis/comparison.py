@@ -14,6 +14,10 @@ VEHICLE = PRESETS["thesis1992"]
 # 1/ft, (ft/s^2)/rpm^2
 ALPHA_FT = VEHICLE.alpha * FOOT
 BETA_FT = VEHICLE.beta / FOOT
+VERDICT = "verdict (noise-free)"
+AGREES = "agrees"
+IN_PART = "agrees in part"
+DIFFERS = "differs"
 # of the tables: thesis beside ours
 COLUMNS = [
     "where",
@@ -21,9 +25,8 @@ COLUMNS = [
     "thesis",
     "ours, noise-free",
     "ours, default noise",
-    "verdict (noise-free)",
+    VERDICT,
     "why",
-    "command",
 ]
 SPEED_CHANGES = [10.0, 20.0, 30.0, 40.0, 50.0]  # s, of the thesis' stimulus
 # alpha and beta after the fault, relative to nominal
@@ -67,8 +70,8 @@ class Comparison:
         percent = 100 * std / TRUE_PARAMETERS[run][parameter]
         return f"With noise the filter itself expects ± {percent:.1f} %."
 
+    @staticmethod
     def row(
-        self,
         where: str,
         quantity: str,
         thesis: str,
@@ -78,8 +81,8 @@ class Comparison:
         why: str,
     ) -> list[str]:
         """One row of the comparison."""
-        verdict = "agrees" if agrees else "differs"
-        return [where, quantity, thesis, clean, noisy, verdict, why, self.command]
+        verdict = AGREES if agrees else DIFFERS
+        return [where, quantity, thesis, clean, noisy, verdict, why]
 
     def reading(self, run: str, channel: str) -> np.ndarray:
         """Reading without noise over time, (n_samples,)."""

@@ -51,7 +51,7 @@ def sections(comparison: Comparison, study: KalmanStudy) -> list[dict[str, Any]]
     """All sections of V.D that concern the network."""
     return [
         map_section(comparison, study),
-        table_5_2(comparison, study),
+        table_5_2(study),
         run_section(comparison, study),
     ]
 
@@ -80,7 +80,7 @@ def surface_figure(study: KalmanStudy) -> dict[str, Any]:
         mean = severity(study.outputs[size]).mean(axis=0)
         surfaces[f"2-{size}-5, mean of networks"] = _on_map(mean)
     caption = (
-        "Fig. 5.12: decision surface of the severity, target and networks with four and "
+        "Thesis Fig. 5.12: decision surface of the severity, target and networks with four and "
         "with eight hidden nodes. Dashed: the window of normal operation."
     )
     data = {"axis": MAP_AXIS, "surfaces": surfaces, "windows": WINDOWS}
@@ -155,14 +155,14 @@ def map_rows(comparison: Comparison, study: KalmanStudy) -> list[list[str]]:
     return rows
 
 
-def table_5_2(comparison: Comparison, study: KalmanStudy) -> dict[str, Any]:
+def table_5_2(study: KalmanStudy) -> dict[str, Any]:
     """Table 5.2 beside our classes, with the accuracy of each mode."""
     accuracy = {size: accuracy_by_mode(study.outputs[size]) for size in SIZES}
     rows = []
     for k, mode in enumerate(MODES_5_2):
         classes = [name for name, modes in labels().items() if modes[1] == mode]
         shares = [mean_and_std_percent(accuracy[size][:, k]) for size in SIZES]
-        rows.append([mode, f"y{k + 1}", ", ".join(classes), *shares, comparison.command])
+        rows.append([mode, f"y{k + 1}", ", ".join(classes), *shares])
     columns = ["operating mode", "fault vector", "our classes"]
     columns += [f"named correctly, 2-{size}-5" for size in SIZES]
     text = (
@@ -171,7 +171,7 @@ def table_5_2(comparison: Comparison, study: KalmanStudy) -> dict[str, Any]:
         "holds its severity instead of 1."
     )
     heading = "Table 5.2: operating modes of the Kalman-fed network"
-    return table_section(heading, [*columns, "command"], rows, text)
+    return table_section(heading, columns, rows, text)
 
 
 def run_section(comparison: Comparison, study: KalmanStudy) -> dict[str, Any]:
@@ -193,8 +193,10 @@ def run_section(comparison: Comparison, study: KalmanStudy) -> dict[str, Any]:
         "noise, and each those of one noisy run. A mode is identified when its output is the "
         "largest from then on to the end at 60 s."
     )
-    drag_caption = "Fig. 5.16: response of the network to increased drag (+35 % at 10 s)."
-    loss_caption = "Fig. 5.20: response of the network to the loss of the port propeller at 10 s."
+    drag_caption = "Thesis Fig. 5.16: response of the network to increased drag (+35 % at 10 s)."
+    loss_caption = (
+        "Thesis Fig. 5.20: response of the network to the loss of the port propeller at 10 s."
+    )
     figures = [
         response_figure(drag, "fig-5-16", drag_caption),
         trajectory_figure({"increased drag (5.17)": drag, "port propeller lost": loss}),
@@ -375,8 +377,8 @@ def trajectory_figure(runs: dict[str, Responses]) -> dict[str, Any]:
             "marks": [round(time * SAMPLE_RATE) for time in INSTANTS],
         }
     caption = (
-        "Fig. 5.17: path of the estimates over the fault map, the fault beginning at 10 s; dashed: "
-        "normal operation. The noisy run is shown from 5 s on."
+        "Thesis Fig. 5.17: path of the estimates over the fault map, the fault beginning at 10 s. "
+        "Dashed: normal operation. The noisy run is shown from 5 s on."
     )
     surface = _on_map(TRUE_SEVERITY)
     data = {"axis": MAP_AXIS, "surface": surface, "windows": WINDOWS, "paths": paths}

@@ -1,4 +1,4 @@
-"""Report on the thesis' test runs: rows thesis | ours | command, figures, and why ours differs."""
+"""Report on the thesis' test runs: rows thesis | ours, figures, and why ours differs."""
 
 from typing import Any, NamedTuple
 
@@ -20,6 +20,7 @@ from training.thesis.comparison import (
     error_texts,
     estimate_texts,
 )
+from training.thesis.summary import summary
 
 END_IV_C = 50.0  # s: the speed command changes at 10, 20, 30 and 40 s
 LINES = " Lines: noise-free; bands: mean ± one standard deviation of the noisy runs."
@@ -29,6 +30,14 @@ START_SAMPLES = 400  # of the runs from rest, as in Figs 5.3 to 5.6
 def report_on_test_runs(comparison: Comparison) -> dict[str, Any]:
     """The report on the test runs as plain data."""
     n_seeds = comparison.noisy.mean.shape[2]
+    sections = [
+        identification_section(comparison),
+        response_section(comparison),
+        transient_section(comparison),
+        start_section(comparison),
+        appendix_section(),
+        constants_section(VEHICLE),
+    ]
     return {
         "title": "The thesis reproduced, chapters III to VI: its results and ours",
         "command": comparison.command,
@@ -44,14 +53,8 @@ def report_on_test_runs(comparison: Comparison) -> dict[str, Any]:
             "noise are not in the thesis; ours are documented defaults. Transients therefore agree "
             "in kind, not point by point.",
         ],
-        "sections": [
-            identification_section(comparison),
-            response_section(comparison),
-            transient_section(comparison),
-            start_section(comparison),
-            appendix_section(comparison.command),
-            constants_section(VEHICLE),
-        ],
+        "summary": summary(sections),
+        "sections": sections,
     }
 
 
@@ -102,12 +105,12 @@ def identification_section(comparison: Comparison) -> dict[str, Any]:
         "Normal for ten seconds, then one parameter changes; from 10 s on the speed command "
         "alternates between 0.5 and 1.0 ft/s every ten seconds. Errors are relative to the true "
         "value after the change. The thesis reports no noise, and errors as small as its own lie "
-        "far below what a paddle wheel of 1 cm/s and an accelerometer of 2 mm/s² allow (last but "
-        "one column): we take its figures as noise-free. While the vehicle coasts with its shafts "
+        "far below what a paddle wheel of 1 cm/s and an accelerometer of 2 mm/s² allow (last "
+        "column): we take its figures as noise-free. While the vehicle coasts with its shafts "
         "stopped, beta is not observable, and the filter's own variance of it grows."
     )
-    drag = "Fig. 4.1: response of the filter to a 35 % increase of alpha."
-    thrust = "Fig. 4.2: response of the filter to a 35 % decrease of beta."
+    drag = "Thesis Fig. 4.1: response of the filter to a 35 % increase of alpha."
+    thrust = "Thesis Fig. 4.2: response of the filter to a 35 % decrease of beta."
     figures = [
         response_figure(comparison, "drag", "fig-4-1", drag),
         response_figure(comparison, "thrust", "fig-4-2", thrust),
@@ -161,9 +164,9 @@ def response_section(comparison: Comparison) -> dict[str, Any]:
     """Figures 5.14, 5.15 and 5.19."""
     rows = [normal_row(comparison), *drag_rows(comparison), loss_row(comparison)]
     captions = {
-        "fig-5-14": "Fig. 5.14: response of the filter to a normal run, normalised as in V.B.",
-        "fig-5-15": "Fig. 5.15: increased drag (+35 % at 10 s), normalised as in V.B.",
-        "fig-5-19": "Fig. 5.19: port propeller lost at 10 s, normalised as in V.B.",
+        "fig-5-14": "Thesis Fig. 5.14: response to a normal run, normalised as in V.B.",
+        "fig-5-15": "Thesis Fig. 5.15: increased drag (+35 % at 10 s), normalised as in V.B.",
+        "fig-5-19": "Thesis Fig. 5.19: port propeller lost at 10 s, normalised as in V.B.",
     }
     text = (
         "The same stimulus, sixty seconds. The text at Fig. 5.17 swaps the normalised values: "
@@ -275,8 +278,8 @@ def transient_section(comparison: Comparison) -> dict[str, Any]:
         "The text gives no numbers for these figures. The steady shaft speeds follow from its "
         "alpha and beta: u/n = sqrt(beta/-alpha) = 3.696e-3 ft/s per rpm."
     )
-    normal = "Fig. 5.13: normal transient between 0.5 and 1.0 ft/s."
-    loss = "Fig. 5.18: port propeller lost at 10 s."
+    normal = "Thesis Fig. 5.13: normal transient between 0.5 and 1.0 ft/s."
+    loss = "Thesis Fig. 5.18: port propeller lost at 10 s."
     figures = [
         transient_figure(comparison, "normal", "fig-5-13", normal, onset=None),
         transient_figure(comparison, "loss", "fig-5-18", loss, onset=10.0),
@@ -337,8 +340,8 @@ def start_section(comparison: Comparison) -> dict[str, Any]:
     rows = []
     for mode in runs:
         ends = [last_value(panel[mode]) for panel in panels.values()]
-        rows.append([mode, *ends, comparison.command])
-    columns = ["mode", *(f"{label} at 40 s" for label in channels), "command"]
+        rows.append([mode, *ends])
+    columns = ["mode", *(f"{label} at 40 s" for label in channels)]
     text = (
         "From rest to 1.5 ft/s, the fault present from the start, 400 points each; noise-free, and "
         "mean ± standard deviation of the noisy runs. The thesis gives neither numbers nor the "
@@ -346,7 +349,7 @@ def start_section(comparison: Comparison) -> dict[str, Any]:
         "viscous friction added), port propeller damaged at severity 1 (half of its thrust, 40 % "
         "less torque), drag +35 %."
     )
-    caption = "Figs 5.3 to 5.6: acceleration from rest in the operating modes of Table 5.1."
+    caption = "Thesis Figs 5.3 to 5.6: acceleration from rest in the operating modes of Table 5.1."
     data = {
         "time": (np.arange(START_SAMPLES) / SAMPLE_RATE).tolist(),
         "panels": panels,

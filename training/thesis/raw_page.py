@@ -44,10 +44,10 @@ def sections(comparison: Comparison, study: RawStudy) -> list[dict[str, Any]]:
     """All sections of V.C that concern the network."""
     return [
         output_section(comparison, study),
-        table_5_1(comparison, study),
+        table_5_1(study),
         sizes_section(comparison, study),
         confusion_section(comparison, study),
-        settings_section(comparison, study),
+        settings_section(study),
     ]
 
 
@@ -69,8 +69,8 @@ def output_section(comparison: Comparison, study: RawStudy) -> dict[str, Any]:
         steady_row(comparison, study),
     ]
     clean_caption = (
-        "Figs 5.7 to 5.10: outputs for the training set after 24,000 to 150,000 presentations, "
-        "noise-free."
+        "Thesis Figs 5.7 to 5.10: outputs for the training set after 24,000 to 150,000 "
+        "presentations, noise-free."
     )
     thrust_caption = (
         "The same with drag +35 % and a propeller fault that takes 35 % of the thrust and none of "
@@ -232,7 +232,7 @@ def output_figure(outputs: np.ndarray, name: str, caption: str) -> dict[str, Any
     return figure("network_outputs", name, caption, data)
 
 
-def table_5_1(comparison: Comparison, study: RawStudy) -> dict[str, Any]:
+def table_5_1(study: RawStudy) -> dict[str, Any]:
     """Table 5.1 beside our classes, with the accuracy of each mode."""
     clean = accuracy_by_mode(study.by_size[ENOUGH])[BEST]
     late = accuracy_by_mode(study.by_size[ENOUGH], late=True)[BEST]
@@ -243,7 +243,7 @@ def table_5_1(comparison: Comparison, study: RawStudy) -> dict[str, Any]:
         classes = [name for name, modes in labels().items() if modes[0] == mode]
         shares = [mean_and_std_percent(shares[:, k]) for shares in (clean, late, noisy)]
         names = [mode, f"y{k + 1}=({vector})", ", ".join(classes)]
-        rows.append([*names, *shares, comparison.command])
+        rows.append([*names, *shares])
     columns = [
         "operating mode",
         "fault vector",
@@ -251,7 +251,6 @@ def table_5_1(comparison: Comparison, study: RawStudy) -> dict[str, Any]:
         "named correctly, noise-free",
         "of it, second half",
         "named correctly, default noise",
-        "command",
     ]
     text = (
         "Share of each mode's 400 points that are named after it, after "
@@ -284,10 +283,10 @@ def sizes_section(comparison: Comparison, study: RawStudy) -> dict[str, Any]:
     )
     ours = (
         "Ours: six do as well as eight, as in the thesis; but the fewest that suffice are "
-        f"{fewest}. Each hidden node puts one plane through the readings, and the four modes "
-        "lie on few curves, so few planes can separate them. Fewer nodes learn more slowly: "
-        "see the counts after 24,000. The thesis may have stopped earlier, or had a poor "
-        "start: it seems to report one network of each size."
+        f"{fewest or 'none of these'}. Each hidden node puts one plane through the readings, and "
+        "the four modes lie on few curves, so few planes can separate them. Fewer nodes "
+        "learn more slowly: see the counts after 24,000. The thesis may have stopped earlier, or "
+        "had a poor start: it seems to report one network of each size."
     )
     return table_section("V.C: how many hidden nodes?", COLUMNS, rows, thesis, ours)
 
@@ -387,17 +386,17 @@ def confusion_figure(study: RawStudy) -> dict[str, Any]:
     return figure("confusion_by_size", "drag-and-propeller", caption, data)
 
 
-def settings_section(comparison: Comparison, study: RawStudy) -> dict[str, Any]:
+def settings_section(study: RawStudy) -> dict[str, Any]:
     """The study behind learning rate and momentum."""
     rows = []
     for (rate, momentum), outputs in study.by_settings.items():
         errors = [mean_and_std(error, ".3f") for error in rms_errors(outputs)]
-        rows.append([f"{rate:g}", f"{momentum:g}", *errors, comparison.command])
+        rows.append([f"{rate:g}", f"{momentum:g}", *errors])
     errors = [f"rms after {count:,}" for count in CHECKPOINTS]
     text = (
         "Training rms of 4-6-4 networks, noise-free, by setting and presentations; no other "
         f"quantity was compared. {LEARNING_RATE} and {MOMENTUM} lie in the flat middle; with "
         "momentum 0.9 training is unstable from 0.3 on."
     )
-    columns = ["learning rate", "momentum", *errors, "command"]
+    columns = ["learning rate", "momentum", *errors]
     return table_section("V.C: learning rate and momentum", columns, rows, text)

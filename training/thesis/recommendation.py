@@ -23,6 +23,7 @@ from training.benchmark.validation_suite import FIRST_SEED
 from training.metrics.intervals import Interval, paired_bootstrap
 from training.metrics.records import Truth
 from training.seeds import seeds
+from training.thesis.comparison import AGREES, DIFFERS, IN_PART
 
 PARALLEL = "parallel"
 ALONE = ("raw_network", "kalman_network")  # its parts
@@ -88,8 +89,8 @@ class Capability(NamedTuple):
         is_more = self.interval[0] > 0.0
         is_enough = self.share >= CAPABLE
         if is_more and is_enough:
-            return "agrees"
-        return "agrees in part" if is_more or is_enough else "differs"
+            return AGREES
+        return IN_PART if is_more or is_enough else DIFFERS
 
     @property
     def why(self) -> str:

@@ -12,7 +12,7 @@ from training.metrics.plain import rounded
 from training.metrics.records import HORIZON
 from training.report.cells import percent
 from training.report.sections import figure, table_section
-from training.thesis.comparison import COLUMNS, Comparison
+from training.thesis.comparison import COLUMNS
 from training.thesis.recommendation import ALONE, PARALLEL, capability, compare
 
 NAMES = (*ALONE, PARALLEL, "integrated")
@@ -27,14 +27,13 @@ HOURS = 8.0  # healthy operation, twice
 SEED = 0  # first seed within those of validation
 
 
-def section(comparison: Comparison) -> dict[str, Any]:
+def section() -> dict[str, Any]:
     """Run the four diagnosers over a small part of the validation suite, and compare them."""
     results = compare(NAMES, LANES, HOURS, SEED)
-    return section_of_assessments(comparison, *results)
+    return section_of_assessments(*results)
 
 
 def section_of_assessments(
-    comparison: Comparison,
     assessments: Mapping[str, Assessment],
     scores: Mapping[str, Mapping[str, Any]],
     failures: Mapping[str, str],
@@ -53,9 +52,9 @@ def section_of_assessments(
         "part if one of both holds."
     )
     absences = [f"{name} could not take part: {reason}" for name, reason in failures.items()]
-    rows = [score_row(comparison, name, scores.get(name)) for name in NAMES]
-    rows.append(capability_row(comparison, assessments))
-    rows += [difference_row(comparison, assessments, *pair) for pair in PAIRS]
+    rows = [score_row(name, scores.get(name)) for name in NAMES]
+    rows.append(capability_row(assessments))
+    rows += [difference_row(assessments, *pair) for pair in PAIRS]
     figures = [isolation_figure(assessments)] if assessments else []
     heading = "VI.B: the recommendation followed"
     return table_section(heading, COLUMNS, rows, text, *absences) | {"figures": figures}
@@ -79,7 +78,7 @@ def isolation_figure(assessments: Mapping[str, Assessment]) -> dict[str, Any]:
     return figure("isolation_curves", "isolation", caption, data)
 
 
-def score_row(comparison: Comparison, name: str, score: Mapping[str, Any] | None) -> list[str]:
+def score_row(name: str, score: Mapping[str, Any] | None) -> list[str]:
     """The scores of one diagnoser; None if it could not take part."""
     quantity = (
         f"{name}: restricted mean isolation time; share isolated; macro-F1 at {DECISION_TIME:g} s"
@@ -88,7 +87,7 @@ def score_row(comparison: Comparison, name: str, score: Mapping[str, Any] | None
     if score is not None:
         ours, why = _score_texts(score)
         texts = [ours, "-", why]
-    return ["VI.B", quantity, "-", "-", *texts, comparison.command]
+    return ["VI.B", quantity, "-", "-", *texts]
 
 
 def _score_texts(score: Mapping[str, Any]) -> tuple[str, str]:
@@ -104,7 +103,7 @@ def _score_texts(score: Mapping[str, Any]) -> tuple[str, str]:
     return f"{mean:.1f} s; {percent:.0f} %; {score['macro_f1']:.2f}", why
 
 
-def capability_row(comparison: Comparison, assessments: Mapping[str, Assessment]) -> list[str]:
+def capability_row(assessments: Mapping[str, Assessment]) -> list[str]:
     """Whether the networks in parallel are as capable as the thesis expects."""
     quantity = f"{PARALLEL}, faults that have a mode in the tables: share isolated"
     found = capability(assessments, SEED)
@@ -112,11 +111,10 @@ def capability_row(comparison: Comparison, assessments: Mapping[str, Assessment]
     if found is not None:
         ours = f"{percent(found.share)}; {100 * found.gain:+.0f} points on {found.better}"
         texts = [ours, found.verdict, found.why]
-    return ["VI.B", quantity, CLAIM, "-", *texts, comparison.command]
+    return ["VI.B", quantity, CLAIM, "-", *texts]
 
 
 def difference_row(
-    comparison: Comparison,
     assessments: Mapping[str, Assessment],
     name: str,
     rival: str,
@@ -134,4 +132,4 @@ def difference_row(
             f"{f1_high:+.2f}. {name} is {verdict}."
         )
         texts = [f"{time:+.1f} s; {f1:+.2f}", "-", why]
-    return ["VI.B", quantity, "-", "-", *texts, comparison.command]
+    return ["VI.B", quantity, "-", "-", *texts]

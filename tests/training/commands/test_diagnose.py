@@ -82,7 +82,7 @@ def test_the_page_shows_signals_estimates_belief_and_alarms(all_three):
         assert words in text
     results = json.loads((all_three[1] / "results.json").read_text())
     panels = details(results)["figures"][0]["data"]["panels"]
-    assert list(panels)[-3:] == ["estimate", "log10 p(normal)", "probability"]
+    assert list(panels)[-3:] == ["estimate", "p(normal)", "probability"]
     assert (
         set(panels["estimate"]) == {"drag", "thrust"} and "port, healthy" in panels["current [A]"]
     )

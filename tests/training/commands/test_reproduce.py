@@ -107,6 +107,8 @@ def test_command_writes_a_self_contained_report(report, capsys):
     for number in ("-0.0332 1/ft", "2.1945e-07", "-50 %", "8.5", "5.81"):
         assert number in page
     assert (report / "results.json").stat().st_size < 10e6
+    assert page.count("auv-fault reproduce --seed 0 --seeds 2 --networks 2") == 1
+    assert re.search(r"\d+ agree without noise, \d+ agree in part, \d+ differ", page)
     manifest = json.loads((report / "manifest.json").read_text())
     assert manifest["arguments"]["seeds"] == manifest["arguments"]["networks"] == 2
     print_tables(results["sections"])
@@ -138,9 +140,6 @@ def test_every_result_of_the_thesis_has_its_row(report, place):
             "differs",
             "not judged",
             "-",
-        )
-        assert (
-            row[COLUMNS.index("command")] == "auv-fault reproduce --seed 0 --seeds 2 --networks 2"
         )
 
 

@@ -7,9 +7,17 @@ def test_text_and_tables_are_taken_over_and_figures_left_out(tmp_path):
         {"heading": "Errors", "text": ["First.", "Second."], "table": table},
         {"heading": "A figure", "text": ["Not here."], "figures": []},
     ]
-    results = {"title": "Title", "intro": ["Intro."], "command": "x --seed 0", "sections": sections}
+    results = {
+        "title": "Title",
+        "summary": ["Good."],
+        "intro": ["Intro."],
+        "command": "x --seed 0",
+        "sections": sections,
+    }
     write_markdown(results, tmp_path)
     expected = """## Title
+
+Good.
 
 Intro.
 

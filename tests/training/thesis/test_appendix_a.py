@@ -26,7 +26,7 @@ def test_the_resistances_it_names_would_indeed_give_the_printed_entries():
 
 
 def test_exactly_two_entries_differ():
-    verdicts = {row[1].split(" [")[0]: row[5] for row in comparison_rows(MotorData(), "")}
+    verdicts = {row[1].split(" [")[0]: row[5] for row in comparison_rows(MotorData())}
     assert [name for name, verdict in verdicts.items() if verdict == "differs"] == [
         "mechanical time constant",
         "motor constant",

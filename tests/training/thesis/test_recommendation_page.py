@@ -6,16 +6,10 @@ import pytest
 from auv_fault_env.faults import classes
 from training.metrics import Times
 from training.thesis import recommendation_page as page
-from training.thesis.comparison import Comparison
-from training.thesis.runs import TEST_RUNS
 
 CLASSES = classes()
 VERDICT = 5
 LABEL = np.array([1, 2, 3, 4] * 10)
-
-
-def comparison():
-    return Comparison(None, None, list(TEST_RUNS), "a command")
 
 
 def assessment(time, right):
@@ -46,7 +40,7 @@ def score(one):
 
 def rows_of(found, failures):
     scores = {name: score(one) for name, one in found.items()}
-    return page.section_of_assessments(comparison(), found, scores, failures)
+    return page.section_of_assessments(found, scores, failures)
 
 
 def test_the_better_one_is_named():
@@ -84,7 +78,7 @@ def isolating(n_right):
 def test_the_verdict_comes_from_the_shares(raw, kalman, parallel, verdict, why):
     shares = dict(raw_network=raw, kalman_network=kalman, parallel=parallel)
     found = {name: isolating(n_right) for name, n_right in shares.items()}
-    row = page.capability_row(comparison(), found)
+    row = page.capability_row(found)
     assert row[VERDICT] == verdict and why in row[6]
     assert row[4].startswith(f"{100 * parallel / 40:.0f} %; ")
 
@@ -108,6 +102,6 @@ def test_a_small_comparison_runs(monkeypatch):
     monkeypatch.setattr(page, "NAMES", ("null", "random"))
     monkeypatch.setattr(page, "LANES", 4)
     monkeypatch.setattr(page, "HOURS", 0.05)
-    section = page.section(comparison())
+    section = page.section()
     assert section["table"]["rows"][0][1].startswith("null:")
     assert "could not take part" not in " ".join(section["text"])

@@ -27,6 +27,7 @@ from training.field.calibration.robust_fit import LARGEST_STD
 from training.field.calibration.samples import BLOCK, Samples
 from training.field.logs.log import Log
 from training.field.logs.remarks import remark_rows
+from training.report.cells import counted
 from training.report.lines import rounded
 from training.report.sections import Section, figure_section, table_section
 
@@ -57,18 +58,52 @@ def page(
         noise_section(samples, calibration),
         remarks_section(logs),
     ]
-    duration = len(samples.starts) * SAMPLE_TIME
     intro = (
-        f"{len(logs)} healthy logs, {duration:.0f} s. Surge is fitted by predictions of the speed "
-        "one sample ahead, which model the disturbance; the motors are fitted by the relation of "
-        "voltage, current and shaft speed. Intervals are 95 %, from leaving out each block of "
-        f"{BLOCK:g} s in turn. The calibrated vehicle is vehicle.toml."
+        "Surge is fitted by predictions of the speed one sample ahead, which model the "
+        "disturbance; the motors are fitted by the relation of voltage, current and shaft speed. "
+        f"Intervals are 95 %, from leaving out each block of {BLOCK:g} s in turn. The calibrated "
+        "vehicle is vehicle.toml."
     )
     return {
         "title": f"Calibration of {calibration.vehicle.vehicle.name}",
+        "summary": summary(logs, samples, parameters, findings),
         "intro": [intro],
         "sections": [section for section in sections if section],
     }
+
+
+def summary(
+    logs: Sequence[Log],
+    samples: Samples,
+    parameters: Sequence[ParameterFit],
+    findings: Sequence[Finding],
+) -> list[str]:
+    """What was fitted, how well, and whether a mistake is likely."""
+    duration = len(samples.starts) * SAMPLE_TIME
+    fitted = {one.name: _half_width(one) for one in parameters if np.isfinite(one.std)}
+    missing = [one.name for one in parameters if one.why]
+    sentences = [
+        f"{counted(len(logs), 'healthy log')}, {duration:.0f} s in all: "
+        f"{counted(len(fitted), 'parameter')} fitted."
+    ]
+    if missing:
+        sentences.append(f"Not identified, they keep the file's value: {', '.join(missing)}.")
+    if fitted:
+        best = min(fitted, key=fitted.__getitem__)
+        worst = max(fitted, key=fitted.__getitem__)
+        sentences.append(
+            f"{best} is known best, to ± {fitted[best]:.1f} % (95 %), {worst} least, to "
+            f"± {fitted[worst]:.1f} %."
+        )
+    if findings:
+        doubts = ", ".join(dict.fromkeys(one.subject for one in findings))
+        sentences.append(f"Mistakes are likely, settle them first: {doubts}.")
+    return sentences
+
+
+def _half_width(parameter: ParameterFit) -> float:
+    """Half of the interval, per cent of the value."""
+    return 50 * (parameter.high - parameter.low) / abs(parameter.value)
 
 
 def fitted_section(parameters: Sequence[ParameterFit]) -> Section:
@@ -87,12 +122,11 @@ def fitted_section(parameters: Sequence[ParameterFit]) -> Section:
 
 
 def _fitted_row(parameter: ParameterFit) -> list[str]:
-    half_width = 50 * (parameter.high - parameter.low) / abs(parameter.value)
     return [
         parameter.name,
         f"{parameter.value:.4g}",
         f"{parameter.low:.4g} to {parameter.high:.4g}",
-        f"± {half_width:.1f} %",
+        f"± {_half_width(parameter):.1f} %",
         f"{parameter.before:.4g}",
         f"± {100 * parameter.band:.1f} %" if parameter.band else "",
         parameter.unit,

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_fault_env.channels import INDEX
-from auv_fault_env.faults import classes
+from auv_fault_env.faults import NORMAL, classes
 from auv_fault_env.parameters import SIDES
 from diagnosers import Belief
 from diagnosers.residuals import Residuals
@@ -26,7 +26,8 @@ PANELS = {
     "voltage [V]": {side: f"{side}_voltage" for side in SIDES},
     "shaft [rpm]": {side: f"{side}_rpm" for side in SIDES},
 }
-LOWEST = -30.0  # decimal logarithm of p(normal) at which the figure ends
+LOWEST = 1e-4  # p(normal) at which the figure ends, unless the threshold is near it or below
+NORMAL_PANEL = "p(normal)"
 LARGEST_STRENGTH = 5.0  # at which the figure ends
 LARGEST_CHANGE = 2.0  # of an indicator, at which its line ends
 BREAK = 1.5  # distances between windows; a line does not go on beyond it
@@ -58,14 +59,14 @@ def log_figure(number: int, name: str, one: DiagnosedLog, setting: Setting) -> d
     if setting.diagnoser == Residuals.name:
         panels["strength, 1 = limit"] = strength_lines(log, course)
     else:
-        panels["log10 p(normal)"] = probability_lines(log, belief, setting.threshold)
+        panels[NORMAL_PANEL] = probability_lines(log, belief, setting.threshold)
     if verdict.alarms:
         panels["probability"] = class_lines(verdict, log, belief)
     panels = {label: lines for label, lines in panels.items() if lines}
     fault = f", {verdict.fault} from {verdict.alarm_time:.1f} s" if verdict.alarms else ""
     caption = f"{name}, {verdict.duration:.0f} s: {verdict.verdict}{fault}."
     alarms = [list(alarm) for alarm in verdict.alarms]
-    data = {"panels": panels, "alarms": alarms, "title": caption}
+    data = {"panels": panels, "alarms": alarms, "logarithmic": [NORMAL_PANEL]}
     return figure("diagnosed_log", f"log-{number}", caption, data)
 
 
@@ -89,11 +90,12 @@ def current_lines(log: Log, vehicle: VehicleFile) -> dict[str, Line]:
 
 
 def probability_lines(log: Log, belief: Belief, threshold: float) -> dict[str, Line]:
-    """The probability of `normal` and its threshold, as decimal logarithms."""
+    """The probability of `normal`, from `LOWEST` on, and its threshold."""
+    lowest = min(math.log(LOWEST), threshold - math.log(10.0))
     log_normal = belief.log_probability[:, 0].astype(np.float64)
     return {
-        "belief": line(log.time, np.maximum(log_normal / math.log(10.0), LOWEST)),
-        "threshold": constant_line(log, threshold / math.log(10.0)),
+        NORMAL: line(log.time, np.exp(np.maximum(log_normal, lowest))),
+        "threshold": constant_line(log, math.exp(threshold)),
     }
 
 

@@ -1,6 +1,7 @@
 """The page of ``auv-fault diagnose``: a row per log, and figures of some logs."""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -8,13 +9,14 @@ from typing import Any, NamedTuple
 from diagnosers.relations.names import name_of
 from diagnosers.relations.windows import DURATION, PUSH
 from diagnosers.residuals import LASTING, PERSISTENT, PERSISTENT_PUSH, Residuals
-from training.field.diagnosis.diagnosis import FAULT, THRESHOLDS, Verdict
+from training.field.diagnosis.diagnosis import FAULT, HEALTHY, THRESHOLDS, UNUSABLE, Verdict
 from training.field.logs.remarks import remark_rows
 from training.field.vehicle_file import VehicleFile
-from training.report.cells import distinct_names, signed_percent
+from training.report.cells import counted, distinct_names, probability, signed_percent
 from training.report.sections import Section, table_section
 
 LEAST_PROBABILITY = 1e-3  # of a class in the table
+N_FAULTS = 2  # faults in the summary
 DRAG = name_of(PUSH)
 VERDICTS = "Verdicts"
 DETAILS = "Logs in detail"
@@ -47,18 +49,46 @@ def page(
     return {
         "title": "Diagnosis",
         "command": setting.command,
-        "intro": intro(setting, verdicts),
+        "summary": summary(setting, named),
+        "intro": intro(setting),
         "sections": sections,
     }
 
 
-def intro(setting: Setting, verdicts: Sequence[Verdict]) -> list[str]:
-    """How many logs have a fault, what an alarm is, and when the class misleads."""
-    n_faulty = sum(verdict.verdict == FAULT for verdict in verdicts)
-    summary = (
-        f"{n_faulty} of {len(verdicts)} logs with a fault. Diagnoser: `{setting.diagnoser}`, "
-        f"{setting.why}."
-    )
+def summary(setting: Setting, named: Sequence[tuple[str, Verdict]]) -> list[str]:
+    """How many logs have a fault, which, and what to think of the others."""
+    counts = Counter(verdict.verdict for _, verdict in named)
+    parts = [f"{counts[FAULT]} with a fault", f"{counts[HEALTHY]} healthy"]
+    if counts[UNUSABLE]:
+        parts.append(f"{counts[UNUSABLE]} unusable")
+    minutes = sum(verdict.duration or 0.0 for _, verdict in named) / 60.0
+    sentences = [
+        f"{counted(len(named), 'log')}, {minutes:.1f} minutes in all, diagnosed by "
+        f"`{setting.diagnoser}`, {setting.why}: {', '.join(parts)}."
+    ]
+    faulty = [(name, verdict) for name, verdict in named if verdict.alarms]
+    sentences += [_fault_sentence(name, verdict) for name, verdict in faulty[:N_FAULTS]]
+    if len(faulty) > N_FAULTS:
+        sentences.append("The table of the verdicts has the other logs with a fault.")
+    if counts[HEALTHY]:
+        sentences.append(
+            "Healthy means that no alarm was raised; small faults, and those of parts at rest, "
+            "raise none."
+        )
+    return sentences
+
+
+def _fault_sentence(name: str, verdict: Verdict) -> str:
+    """The fault of a log in one sentence."""
+    severity = _severity(verdict)
+    of_severity = f", severity {severity} of 0 to 1" if severity else ""
+    n_alarms = len(verdict.alarms)
+    more = f"; {n_alarms} alarms in all" if n_alarms > 1 else ""
+    return f"{name}: `{verdict.fault}` from {verdict.alarm_time:.1f} s on{of_severity}{more}."
+
+
+def intro(setting: Setting) -> list[str]:
+    """What an alarm is, and when the class misleads."""
     of_shafts = "the load of the shafts says"
     if setting.vehicle.relations is not None:
         of_shafts = "the indicators (drag, loads, voltages) say"
@@ -66,7 +96,7 @@ def intro(setting: Setting, verdicts: Sequence[Verdict]) -> list[str]:
         "A fault outside the catalogue is `unknown`, or gets the class with the most similar "
         f"readings. Then {of_shafts} more than the class: independent of the catalogue."
     )
-    return [summary, meaning_of_alarm(setting), warning]
+    return [meaning_of_alarm(setting), warning]
 
 
 def meaning_of_alarm(setting: Setting) -> str:
@@ -87,13 +117,14 @@ def meaning_of_alarm(setting: Setting) -> str:
     if setting.weights is not None:
         origin += " with the weights of the package"
     if setting.threshold < usual:
-        origin = f"the lowest on the healthy logs (without them it is {math.exp(usual):.2g})"
+        without = probability(math.exp(usual))
+        origin = f"the lowest on the healthy logs (without them it is {without})"
     loads = ""
     if setting.has_load_limits:
         loads = " So is a load of a shaft beyond those of the healthy logs (`load limit`)."
     return (
-        f"An alarm is a probability of `normal` below {math.exp(setting.threshold):.2g} for three "
-        f"readings in a row, {origin}.{loads}"
+        f"An alarm is a probability of `normal` below {probability(math.exp(setting.threshold))} "
+        f"for three readings in a row, {origin}.{loads}"
     )
 
 

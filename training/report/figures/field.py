@@ -7,7 +7,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from training.report.colours import COLOURS, COMMAND, PORT, SPEED, STARBOARD, TRUTH
+from training.report.colours import (
+    CLASS_COLOURS,
+    COLOURS,
+    COMMAND,
+    PORT,
+    SPEED,
+    STARBOARD,
+    TRUTH,
+    class_style,
+)
 from training.report.figures.style import (
     fill_band,
     legend_above,
@@ -25,6 +34,7 @@ LINE_COLOURS = {
     "drag ± 1 std": SPEED,
 }
 SIDE_COLOURS = {"all shafts": SPEED, "port": PORT, "starboard": STARBOARD}
+OTHER_COLOURS = COLOURS[3:]  # of lines that are of no side and no speed
 DASHED = ("threshold", "commanded")
 USUAL = 97.0  # per cent of the values that an axis with a limit shows
 HEADROOM = 1.3
@@ -84,23 +94,26 @@ def _error_bars(axis: Axes, side: str, estimates: Mapping[str, Series], shift: f
 def diagnosed_log(
     panels: Mapping[str, Mapping[str, Mapping[str, Sequence[float]]]],
     alarms: Sequence[Sequence[float]],
-    title: str = "",
+    logarithmic: Sequence[str] = (),
 ) -> Figure:
     """Panels above one another on one time axis, the alarms shaded in all of them.
 
     `panels` hold by label of the axis and name of the line time [s], value, the half-width of a
     band around it if it has one, and the limit of a healthy band around zero if it has one. A name
     that ends in ", healthy" is the dotted companion of the line before.
-    `alarms` are begins and ends [s], (n_alarms, 2).
+    `alarms` are begins and ends [s], (n_alarms, 2); `logarithmic` are labels of axes.
     """
     figure, axes = new_panels(1.45 * len(panels) + 0.5, len(panels), 1, sharex=True, squeeze=False)
     axes = axes[:, 0]
     for axis, (label, lines) in zip(axes, panels.items(), strict=True):
         for k, (name, line) in enumerate(lines.items()):
-            _log_line(axis, name, line, COLOURS[k % len(COLOURS)])
+            _log_line(axis, name, line, OTHER_COLOURS[k % len(OTHER_COLOURS)])
         for begin, end in alarms:
             axis.axvspan(begin, max(end, begin + 0.1), color=PORT, alpha=0.10, lw=0)
         axis.set_ylabel(fill(label, LABEL_WIDTH))
+        if label in logarithmic:
+            axis.set_yscale("log")
+            axis.yaxis.set_major_formatter("{x:g}")
         if lines:
             axis.legend(
                 loc="center left",
@@ -108,7 +121,7 @@ def diagnosed_log(
                 frameon=False,
                 fontsize=8,
             )
-    axes[0].set_title(title, loc="left", fontsize=9)
+    figure.align_ylabels(axes)
     axes[-1].set_xlabel("time [s]; shaded: alarm")
     return figure
 
@@ -120,7 +133,9 @@ def _log_line(
     side = base.partition(" ")[0]
     colour = LINE_COLOURS.get(base) or LINE_COLOURS.get(side, default_colour)
     style = {"color": colour, "lw": 1.2, "label": name}
-    if healthy:
+    if name in CLASS_COLOURS:
+        style["color"], style["ls"] = class_style(name)
+    elif healthy:
         style["ls"] = ":"
     elif base in DASHED:
         style["ls"] = "--"
