@@ -22,13 +22,15 @@ CHANCE_WORD = np.uint64(1)
 
 
 @kernel
-def update_severities(step, profile, severity):
-    """Write the severities (n_lanes, n_events) at each lane's step; returns whether one changed.
+def update_severities(step, n_steps, profile, severity):
+    """Go on by some steps and write the severities there; returns whether one has changed.
 
-    The times of the profiles (n_lanes, n_events, 6) are in steps.
+    Steps are (n_lanes,), severities (n_lanes, n_events). The times of the profiles (n_lanes,
+    n_events, 6) are in steps.
     """
     has_changed = False
     for lane in range(step.size):
+        step[lane] += n_steps
         time = np.float64(step[lane])
         for e in range(severity.shape[1]):
             now = severity_at(time, profile_at(profile, lane, e))
@@ -63,9 +65,20 @@ def is_healthy(parameters):
 
 @kernel
 def apply_faults(
-    values, step, key, fault, severity, place, effect, stream, limits, history, reported
+    values,
+    step,
+    key,
+    fault,
+    severity,
+    place,
+    effect,
+    channel,
+    stream,
+    limits,
+    history,
+    reported,
 ):
-    """Put what arrives of each channel in the place of its values (n_lanes, n_channels).
+    """Put what arrives in the place of the values (n_lanes, n_values) of the faulty channels.
 
     The same values at the same step arrive the same again, so that a call may be repeated.
 
@@ -76,23 +89,24 @@ def apply_faults(
     fault, severity
         Of each event (n_lanes, n_events).
     place, effect
-        Of each fault (n_faults, 2): its channel, -1 for another target, and its parameter; factor
-        and shift at severity 1.
-    stream, limits
-        Of each channel: the number of its noise (n_channels,), least and largest value
-        (n_channels, 2).
+        Of each fault (n_faults, 2): its place in `channel`, -1 for another target, and its
+        parameter; factor and shift at severity 1.
+    channel, stream, limits
+        Of each channel that can be faulty: its column of the values (n_channels,), the number of
+        its noise (n_channels,), least and largest value (n_channels, 2).
     history, reported
         Memory: the last values in a circle (n_lanes, n_channels, n_history), and what arrived last
         (n_lanes, n_channels).
     """
-    n_lanes, n_channels = values.shape
+    n_channels = channel.size
     n_history = history.shape[2]
     parameters = np.empty((n_channels, N_PARAMETERS))
-    for lane in range(n_lanes):
+    for lane in range(step.size):
         write_parameters(parameters, fault[lane], severity[lane], place, effect)
         now = step[lane]
         for c in range(n_channels):
-            history[lane, c, now % n_history] = values[lane, c]
+            value = np.float64(values[lane, channel[c]])
+            history[lane, c, now % n_history] = value
             if not is_healthy(parameters[c]):
                 late = min(np.int64(parameters[c, DELAY] + 0.5), now, n_history - 1)
                 noise_key = mix_bits(key[lane] ^ (stream[c] * MIX_2 + GOLDEN))
@@ -112,5 +126,6 @@ def apply_faults(
                     chance,
                     reported[lane, c],
                 )
-                values[lane, c] = physics.clipped(arrived, limits[c, 0], limits[c, 1])
-            reported[lane, c] = values[lane, c]
+                value = physics.clipped(arrived, limits[c, 0], limits[c, 1])
+                values[lane, channel[c]] = value
+            reported[lane, c] = value

@@ -1,5 +1,6 @@
 """The faults of lanes of any environment: what is planned, how far it has gone, what arrives."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -29,7 +30,7 @@ from auv_fault_env.truth import severities, worst_class
 from auv_fault_env.wrappers import channels
 from auv_fault_env.wrappers.signal_faults import ACTION, OBSERVATION, SignalFault, faults_of
 
-DTYPES = ("float16", "float32", "float64")
+DTYPES = ("float32", "float64")
 # streams of the noise of actions, above those of all channels of observations
 ACTION_STREAM = 1 << 32
 IN_SECONDS = [name in ("onset", "ramp", "end", "period") for name in SeverityProfile._fields]
@@ -43,8 +44,15 @@ class Plan(NamedTuple):
     """The faults of all lanes and their severities at the present step."""
 
     fault: np.ndarray  # (n_lanes, n_events) place among the faults' names, -1 for none
-    profile: np.ndarray  # (n_lanes, n_events, 6), each a `SeverityProfile` with times in steps
+    profile: np.ndarray  # (n_lanes, n_events, 6), each a `SeverityProfile`; times in steps
     severity: np.ndarray  # (n_lanes, n_events)
+
+
+class Start(NamedTuple):
+    """What is planned for lanes that start an episode."""
+
+    events: Events  # times in steps
+    onset: np.ndarray  # (n_lanes,) of the first event [s]
 
 
 class FaultyChannels:
@@ -65,6 +73,7 @@ class FaultyChannels:
             return
         self._target = target
         self._shape = _checked_shape(target, space, faults)
+        self._n_values = n_lanes * int(np.prod(self._shape))
         self._dtype = space.dtype
         self._channels = np.unique([fault.channel for fault in ours])
         self._place = np.full((len(faults), 2), -1)
@@ -82,35 +91,33 @@ class FaultyChannels:
         self._history = np.zeros((n_lanes, self._channels.size, n_history))
         self._reported = np.zeros((n_lanes, self._channels.size))
 
-    def follow(self, plan: Plan) -> None:
-        """Note whether a plan has faults of these channels."""
-        self.is_active = bool(self._is_ours[plan.fault[plan.fault >= 0]].any())
+    def follow(self, faults: np.ndarray) -> None:
+        """Note whether some of the faults of the present episodes are of these channels."""
+        self.is_active = bool(self._is_ours[faults].any())
 
     def arriving(self, values, plan: Plan, step: np.ndarray, key: np.ndarray) -> np.ndarray:
-        """What arrives of the values (n_lanes, ...): a new array; others than ours are the same."""
+        """What arrives of the values (n_lanes, ...): a new array, the same on other channels."""
         arrived = np.array(values, order="C")
         n_lanes = len(step)
-        if arrived.size != n_lanes * np.prod(self._shape, dtype=int):
+        if arrived.size != self._n_values:
             allowed = f"{n_lanes} of shape {self._shape}"
             raise refusal(self._target, values, allowed, "give an element of the space")
         if arrived.dtype not in DTYPES:
             arrived = arrived.astype(self._dtype)
-        flat = arrived.reshape(n_lanes, -1)
-        ours = flat[:, self._channels].astype(np.float64)
         channels.apply_faults(
-            ours,
+            arrived.reshape(n_lanes, -1),
             step,
             key,
             plan.fault,
             plan.severity,
             self._place,
             self._effect,
+            self._channels,
             self._stream,
             self._limits,
             self._history,
             self._reported,
         )
-        flat[:, self._channels] = ours
         return arrived
 
 
@@ -178,8 +185,12 @@ class Injection:
         self._key = np.zeros(n_lanes, np.uint64)
         self._seed = np.zeros(n_lanes, np.uint64)
         self._episode = np.zeros(n_lanes, np.uint64)
+        self._onset = np.full(n_lanes, math.inf)
         self._events = no_events(n_lanes, 0)
         self._class_of_fault = np.arange(1, len(self.classes))
+        self._every_time: Start | None = None
+        if not isinstance(self.schedules, ScheduleSampler):
+            self._every_time = self._start_of([self.schedules] * n_lanes)
 
     def plain(self) -> dict[str, Any]:
         """The arguments as JSON has them."""
@@ -205,40 +216,50 @@ class Injection:
                 self._episode[lane] = 0
         # another key than that of an environment of this package with the same seed
         key = episode_keys(self._seed[lanes] ^ GOLDEN, self._episode[lanes])
-        events = self._drawn(key) if schedules is None else events_of(schedules, self.faults)
+        start = self._drawn(key) if schedules is None else self._start_of(schedules)
         self._key[lanes] = key
         self._step[lanes] = 0
-        self._events = with_events(self._events, lanes, events)
-        self._plan = self._plan_of(self._events)
-        self.observation.follow(self._plan)
-        self.action.follow(self._plan)
+        self._onset[lanes] = start.onset
+        is_all = len(lanes) == self.n_lanes
+        self._events = start.events if is_all else with_events(self._events, lanes, start.events)
+        self._plan = Plan(*self._events, np.zeros(self._events.fault.shape))
+        faults = self._events.fault[self._events.fault >= 0]
+        self._has_events = bool(faults.size)
+        self.observation.follow(faults)
+        self.action.follow(faults)
         self.changes += 1
-        self._update()
+        self.advance(0)
 
-    def _drawn(self, key: np.ndarray) -> Events:
-        """The events of episodes whose schedule is not given, from their keys (m,)."""
-        if not isinstance(self.schedules, ScheduleSampler):
-            return events_of([self.schedules] * len(key), self.faults)
+    def _start_of(self, schedules: Sequence[Schedule]) -> Start:
+        """The start of episodes with these schedules."""
+        return self._in_steps(events_of(schedules, self.faults))
+
+    def _drawn(self, key: np.ndarray) -> Start:
+        """The start of episodes whose schedule is not given, from their keys (m,)."""
+        if self._every_time is not None:
+            fault, profile = self._every_time.events
+            n = len(key)
+            events = Events(fault[:n].copy(), profile[:n].copy())
+            return Start(events, self._every_time.onset[:n])
         n_faults = len(self.faults)
         least = np.zeros(n_faults)
-        return self.schedules.events_among(key, np.full(n_faults, 1.0 / n_faults), least)
+        weights = np.full(n_faults, 1.0 / n_faults)
+        return self._in_steps(self.schedules.events_among(key, weights, least))
 
-    def _plan_of(self, events: Events) -> Plan:
-        profile = events.profile.copy()
-        # whole steps where they are meant, whatever the rounding of seconds
-        profile[..., IN_SECONDS] = np.round(profile[..., IN_SECONDS] / self.sample_time, 9)
-        return Plan(events.fault, profile, np.zeros(events.fault.shape))
+    def _in_steps(self, events: Events) -> Start:
+        """The start with these events: times in whole steps, where rounding alone prevents it."""
+        onset = first_onset(events)
+        in_steps = np.round(events.profile[..., IN_SECONDS] / self.sample_time, 9)
+        events.profile[..., IN_SECONDS] = in_steps
+        return Start(events, onset)
 
-    def advance(self) -> None:
-        """Go on to the next sample on all lanes."""
-        self._step += 1
-        self._update()
-
-    def _update(self) -> None:
-        """Bring the severities to the present sample."""
-        if self._plan.fault.size:
+    def advance(self, n_steps: int = 1) -> None:
+        """Go on by some samples on all lanes."""
+        if self._has_events:
             plan = self._plan
-            self.changes += channels.update_severities(self._step, plan.profile, plan.severity)
+            self.changes += channels.update_severities(
+                self._step, n_steps, plan.profile, plan.severity
+            )
 
     def observed(self, observations):
         """The observations (n_lanes, ...) as they arrive."""
@@ -262,6 +283,6 @@ class Injection:
             truth["truth"] = {
                 "label": np.array(self.classes)[true_class],
                 "severity": severities(self._plan, self._class_of_fault, self.classes),
-                "onset": first_onset(self._events),
+                "onset": self._onset.copy(),
             }
         return truth

@@ -102,21 +102,15 @@ class FaultInjection(gym.Wrapper, gym.utils.RecordConstructorArgs):
         if seed is None and not self._injection.changes:
             seed = self.env.unwrapped.np_random_seed
         self._injection.start(LANE, [seed], schedules)
-        return self._observed(observation), info | self._information()
+        return self._injection.observed(observation), info | self._information()
 
     def step(self, action):
         """Take the action as it arrives."""
-        if self._injection.action.is_active:
-            action = self._injection.acted(np.asarray(action)[None])[0]
+        action = self._injection.acted(action)
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._injection.advance()
-        observation = self._observed(observation)
+        observation = self._injection.observed(observation)
         return observation, reward, terminated, truncated, info | self._information()
-
-    def _observed(self, observation):
-        if not self._injection.observation.is_active:
-            return observation
-        return self._injection.observed(np.asarray(observation)[None])[0]
 
     def _information(self) -> dict[str, Any]:
         """The truth in numpy scalars; it is kept between changes."""
@@ -131,9 +125,10 @@ class FaultInjection(gym.Wrapper, gym.utils.RecordConstructorArgs):
 
     def _read_truth(self) -> None:
         self._changes = self._injection.changes
-        all_lanes = self._injection.truth("full")
+        all_lanes = self._injection.truth(self._level)
         self._class = all_lanes["true_class"][0]
-        self._label = self.classes[self._class]
-        truth = all_lanes["truth"]
-        self._severity = {name: severity[0] for name, severity in truth["severity"].items()}
-        self._onset = truth["onset"][0]
+        if self._level == "full":
+            truth = all_lanes["truth"]
+            self._label = self.classes[self._class]
+            self._severity = {name: severity[0] for name, severity in truth["severity"].items()}
+            self._onset = truth["onset"][0]
