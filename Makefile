@@ -1,4 +1,4 @@
-# make run | test | oldest | lint | bench | clean. PYTHON=... chooses another interpreter, 3.11 or newer.
+# make run | test | oldest | lint | docs | dist | bench | clean. PYTHON=... chooses another interpreter, 3.11 or newer.
 # make ecosystem runs both environments in the learning libraries, and writes the table of docs/ecosystem.md.
 # make all-extras installs every optional dependency, so that no test is skipped.
 # Paths are relative throughout, so that the path of the repository may hold spaces.
@@ -15,7 +15,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 .DELETE_ON_ERROR:
 PYTEST_OPTIONS ?=
 
-.PHONY: run test oldest lint bench ecosystem all-extras clean
+.PHONY: run test oldest lint docs dist bench ecosystem all-extras clean
 
 run: .venv/.dev
 	@$(BIN)/auv-fault reproduce --output runs/reproduce
@@ -31,6 +31,14 @@ lint: .venv/.dev
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/lint-imports --no-logo
+
+# the pages of docs/ as a site, site/index.html
+docs: .venv/.docs
+	@$(BIN)/mkdocs build -q
+
+# wheel and source distribution, into dist/
+dist: .venv/.dev
+	@$(BIN)/python -m hatchling build -c -d dist
 
 bench: .venv/.all
 	@$(BIN)/python -m training.studies.speed
@@ -53,6 +61,11 @@ all-extras: .venv/.all
 	@echo "Installing into .venv (about a minute) ..."
 	@"$(PYTHON)" -m venv --clear .venv
 	@$(BIN)/python -m pip install -qq -c constraints.txt -e ".[dev]"
+	@touch $@
+
+.venv/.docs: .venv/.dev
+	@echo "Installing what builds the site into .venv ..."
+	@$(BIN)/python -m pip install -qq -c constraints.txt -e ".[docs]"
 	@touch $@
 
 .venv/.all: .venv/.dev
@@ -85,5 +98,5 @@ $(LIBRARIES)/older/.done: tests/ecosystem/older.txt pyproject.toml constraints.t
 	@touch $@
 
 clean:
-	rm -rf .venv .venv-oldest $(LIBRARIES) runs dist .hypothesis .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf .venv .venv-oldest $(LIBRARIES) runs dist site .hypothesis .pytest_cache .ruff_cache .mypy_cache .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -23,6 +23,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 # where the module has not the name of its package
 MODULES = {
     "import-linter": "importlinter",
+    "PyYAML": "yaml",
     "pytest-xdist": "xdist",
     "scikit-learn": "sklearn",
 }

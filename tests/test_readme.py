@@ -15,9 +15,18 @@ from training.arguments import COMMANDS
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 TEXTS = {path.name: path.read_text(encoding="utf-8") for path in DOCUMENTS}
+PAGES_OF_EXAMPLES = (
+    "README.md",
+    "active.md",
+    "diagnosers.md",
+    "environments.md",
+    "extending.md",
+    "faults.md",
+    "index.md",
+)
 EXAMPLES = [
     (code, output)
-    for name in ("README.md", "environments.md", "extending.md")
+    for name in PAGES_OF_EXAMPLES
     for code, output in re.findall(
         r"```python\n(.*?)```(?:\n\n```text\n(.*?)```)?", TEXTS[name], re.DOTALL
     )

@@ -41,7 +41,10 @@ class FleetVecEnv(VecEnv):
         A vector environment that resets within the same step, as ``gym.make_vec(name, n_lanes,
         "vector_entry_point", autoreset_mode="SameStep")``.
 
-    Raises `InputError` for an environment that resets otherwise.
+    Raises
+    ------
+    InputError
+        For an environment that resets otherwise.
     """
 
     def __init__(self, env: gym.vector.VectorEnv):

@@ -128,6 +128,11 @@ class PropulsionEnv(WithFleet, WithSpec, gym.Env):
     starts. A fault that begins after the last step of the registration's time limit never comes:
     one environment does not know the limit, the vector form does and refuses it.
 
+    ## Version History
+    * v0: first version
+
+    Examples
+    --------
     >>> import gymnasium as gym
     >>> import auv_fault_env
     >>> env = gym.make("auv_fault_env/Propulsion-v0", truth="full")
@@ -137,9 +142,6 @@ class PropulsionEnv(WithFleet, WithSpec, gym.Env):
     ...     observation, reward, terminated, truncated, info = env.step([observation[0], 0.0, 0.0])
     >>> print(info["truth"]["label"], info["truth"]["parameters"]["port_beta"])
     propeller_loss:port 0.0
-
-    ## Version History
-    * v0: first version
     """
 
     metadata = METADATA

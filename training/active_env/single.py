@@ -102,6 +102,8 @@ class ActiveDiagnosisEnv(WithFleet, WithSpec, gym.Env):
     describes. `reset(options={"schedule": ..., "mission": ...})` as in
     `auv_fault_env/Propulsion-v0`.
 
+    Examples
+    --------
     >>> import gymnasium as gym
     >>> from auv_fault_env import classes
     >>> env = gym.make("training.active_env:auv_fault_env/ActiveDiagnosis-v0")

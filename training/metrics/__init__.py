@@ -159,16 +159,16 @@ def isolation_time(
 ) -> Times:
     """Time from onset to the start of the last interval with right decisions to the horizon [s].
 
+    A decision that is wrong at the horizon is censored there, and so is one that was right before
+    the fault began: that was luck. Depends on the horizon: a right answer one sample before it
+    counts. Read it beside the share isolated.
+
     Parameters
     ----------
     decision
         (n_samples, n_lanes) class: the most probable fault while the alarm stands, else normal.
     label, onset
         (n_lanes,) true class and its onset [s].
-
-    A decision that is wrong at the horizon is censored there, and so is one that was right before
-    the fault began: that was luck. Depends on the horizon: a right answer one sample before it
-    counts. Read it beside the share isolated.
     """
     index = np.arange(len(decision))[:, None]
     end = sample_at(onset + horizon)
