@@ -34,7 +34,7 @@ lint: .venv/.dev
 
 # the pages of docs/ as a site, site/index.html
 docs: .venv/.docs
-	@$(BIN)/mkdocs build -q
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build -q
 
 # wheel and source distribution, into dist/
 dist: .venv/.dev

@@ -30,6 +30,10 @@ class FaultInjection(gym.Wrapper, gym.utils.RecordConstructorArgs):
     The noise of the faults and the sampled schedules depend on the seed of the episode alone. They
     take no random number from the environment: with an empty schedule it is the fault-free twin.
 
+    ``reset(options={"schedule": ...})`` gives the schedule of one episode; the other options are
+    those of the environment. `classes` are ``"normal"`` and the names of the faults, in the order
+    of `true_class`.
+
     Parameters
     ----------
     env
@@ -47,10 +51,8 @@ class FaultInjection(gym.Wrapper, gym.utils.RecordConstructorArgs):
         False. The dictionary `truth` has `label`, `severity` (by fault) and `onset` [s] of the
         first fault.
 
-    ``reset(options={"schedule": ...})`` gives the schedule of one episode; the other options are
-    those of the environment. `classes` are ``"normal"`` and the names of the faults, in the order
-    of `true_class`.
-
+    Examples
+    --------
     >>> import gymnasium as gym
     >>> from auv_fault_env.wrappers import FaultInjection, SignalFault
     >>> bias = SignalFault("bias", "observation", channel=2, size=0.5)
