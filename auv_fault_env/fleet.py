@@ -3,8 +3,9 @@
 import itertools
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -46,11 +47,19 @@ from auv_fault_env.schedules import (
     widened,
     with_events,
 )
+from auv_fault_env.thrust_shift import (
+    LARGEST_SHIFT,
+    RUDDER_PER_SHIFT,
+    THRUST_SHIFT,
+    lower_integrals,
+    raise_integrals,
+)
 from auv_fault_env.unmodelled import plant_faults
 
 # columns of the parameters that only the kernel with imperfections reads
 SIGNAL_PARAMETERS = slice(layout.SIGNALS - layout.PARAMETER, None)
 ACTIONS = COMMANDS[1:]
+WITH_SHIFT = (*ACTIONS, THRUST_SHIFT)
 PARALLEL_LANES = 512  # below, waking the threads costs more than they save
 
 
@@ -335,9 +344,12 @@ class Fleet:
         """Advance every lane by 0.1 s; return new observations (n_lanes, n_channels), float32.
 
         actions is (n_lanes, 3): speed command [m/s], rudder and stern plane [rad]; clipped to
-        `limits`. Reward, energy and cost are in `outcomes`.
+        `limits`. A fourth column is the shift of thrust to port, see `thrust_shift`, of vehicles
+        with two shafts. Reward, energy and cost are in `outcomes`.
         """
-        return self.advance(checked_actions(actions, (self.n_lanes, 3)))
+        with_shift = np.ndim(actions) == 2 and np.shape(actions)[1] == len(WITH_SHIFT)
+        names = actions_of(self.vehicle, with_shift)
+        return self.advance(checked_actions(actions, (self.n_lanes, len(names)), names))
 
     def advance(self, actions: np.ndarray) -> np.ndarray:
         """As `step`, for actions that `checked_actions` has accepted."""
@@ -349,17 +361,34 @@ class Fleet:
             self.changes += 1
         observations = np.empty((self.n_lanes, len(CHANNELS)), np.float32)
         self.outcomes = np.empty((4, self.n_lanes))
+        # a copy, to which the rudder may be added
+        commands = actions[:, : len(ACTIONS)].copy()
         arrays = (
             *self.state,
-            actions,
+            commands,
             self.limits,
             self.constants,
             self.effects,
             observations,
             self.outcomes,
         )
-        self._n_due = self._step_blocks(arrays)
+        if actions.shape[1] == len(ACTIONS):
+            self._n_due = self._step_blocks(arrays)
+        else:
+            with self._shifted_thrust(commands, actions[:, -1]):
+                self._n_due = self._step_blocks(arrays)
         return observations
+
+    @contextmanager
+    def _shifted_thrust(self, commands: np.ndarray, shift: np.ndarray) -> Iterator[None]:
+        """Shift the thrust (n_lanes,) of the step within; add the rudder to its commands."""
+        shift = np.clip(shift, -LARGEST_SHIFT, LARGEST_SHIFT)
+        commands[:, ACTIONS.index("rudder")] += RUDDER_PER_SHIFT * shift
+        memory = self.state.memory
+        excess = np.empty((self.n_lanes, len(SIDES)))
+        raise_integrals(memory, commands, shift, self.limits, self.constants, excess)
+        yield
+        lower_integrals(memory, excess)
 
     def close(self) -> None:
         """End the threads; a later step in parallel starts them again."""
@@ -434,6 +463,14 @@ class Fleet:
     def time(self) -> np.ndarray:
         """Time since the start of the episode [s], (n_lanes,)."""
         return self.state.step / SAMPLE_RATE
+
+
+def actions_of(vehicle: Vehicle, thrust_shift: bool) -> tuple[str, ...]:
+    """Names of the actions; those of a vehicle with one shaft have no shift of thrust."""
+    if thrust_shift and vehicle.sides != SIDES:
+        allowed = f"the actions {', '.join(ACTIONS)}, as {vehicle.name} has one shaft"
+        raise refusal("action", THRUST_SHIFT, allowed, "leave it out")
+    return WITH_SHIFT if thrust_shift else ACTIONS
 
 
 def checked_actions(actions, shape: tuple[int, ...], names: Sequence[str] = ACTIONS) -> np.ndarray:

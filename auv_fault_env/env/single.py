@@ -52,6 +52,11 @@ class PropulsionEnv(WithFleet, WithSpec, gym.Env):
     | 1 | rudder | -0.4 | 0.4 | rad |
     | 2 | stern plane | -0.4 | 0.4 | rad |
 
+    With ``thrust_shift=True`` the space is `Box(4)` and the last element, -0.8 to 0.8, shifts
+    thrust from starboard to port: at s the port propeller has 1 + s and the starboard one 1 - s
+    times its share, and speed and total thrust stay. The rudder that holds the heading is added to
+    that of the action. For vehicles with two shafts.
+
     ## Observation Space
     `Box(12)`, float32, in the order of `auv_fault_env.CHANNELS`. Readings saturate at these limits,
     which grow with the vehicle's largest speed, shaft speed, voltage and current (here those of
@@ -118,6 +123,7 @@ class PropulsionEnv(WithFleet, WithSpec, gym.Env):
       of `ScheduleDistribution` or `MissionDistribution`, or its fields as a dictionary;
       `set_distributions` changes them from the next episode on.
     * `action`: ``"command"`` or ``"residual"``, see Action Space.
+    * `thrust_shift`: whether there is a fourth action, see Action Space.
     * `reward_weights`: some of `speed`, `energy`, `deflection`, see Rewards.
     * `truth`: ``"label"``, ``"full"`` or False, see Information.
 
@@ -160,6 +166,7 @@ class PropulsionEnv(WithFleet, WithSpec, gym.Env):
         truth: str | bool = "label",
         action: str = "command",
         reward_weights: Mapping[str, float] | None = None,
+        thrust_shift: bool = False,
     ):
         self.render_mode = known_render_mode(render_mode)
         self.fleet = Fleet(
@@ -172,7 +179,7 @@ class PropulsionEnv(WithFleet, WithSpec, gym.Env):
             imperfections=imperfections,
         )
         self.set_distributions(schedules, missions)
-        self.action_space = action_space(action, self.fleet.vehicle)
+        self.action_space = action_space(action, self.fleet.vehicle, thrust_shift)
         self.observation_space = box(tuple(CHANNELS), self.fleet.vehicle)
         self._action_kind = known_name("action", action, KINDS)
         self._weights = RewardWeights.of(reward_weights)

@@ -60,6 +60,7 @@ class PropulsionVectorEnv(AutoresetVectorEnv):
         reward_weights: Mapping[str, float] | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
+        thrust_shift: bool = False,
     ):
         self.fleet = Fleet(
             num_envs,
@@ -74,7 +75,7 @@ class PropulsionVectorEnv(AutoresetVectorEnv):
         self.set_distributions(schedules, missions)
         super().__init__(self.fleet.n_lanes, max_episode_steps, SAMPLE_TIME, autoreset_mode)
         self.render_mode = known_render_mode(render_mode)
-        self.single_action_space = action_space(action, self.fleet.vehicle)
+        self.single_action_space = action_space(action, self.fleet.vehicle, thrust_shift)
         self.single_observation_space = box(tuple(CHANNELS), self.fleet.vehicle)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)

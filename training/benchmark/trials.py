@@ -203,6 +203,9 @@ def run_closed_loop(
         offset = np.where(mission_speed > 0.0, stimulus.offset(k, observation, belief), 0.0)
         true_speed = FleetTruth(fleet)["state"]["speed"]
         command = np.column_stack([mission_speed + offset, deflections[k % DEFLECTION_SAMPLES]])
+        shift = stimulus.thrust_shift(k, observation, belief)
+        if shift is not None:
+            command = np.column_stack([command, np.where(mission_speed > 0.0, shift, 0.0)])
         next_observation = fleet.step(command)
         _, energy, squared_deviation, _ = fleet.outcomes
         yield LoopSample(

@@ -59,6 +59,15 @@ class Stimulus(ABC):
             (n_lanes, n_channels), and the diagnoser's belief after it.
         """
 
+    def thrust_shift(
+        self, sample: int, observation: np.ndarray, belief: Belief
+    ) -> np.ndarray | None:
+        """Shift of thrust to port (n_lanes,) from this sample to the next; None: no such action.
+
+        The arguments are those of `offset`; see `auv_fault_env.thrust_shift`.
+        """
+        return None
+
 
 def within_channel(offset: np.ndarray | float, observation: np.ndarray) -> np.ndarray:
     """Offsets (n_lanes,) clipped so that the command stays in 0 to `MAXIMUM_COMMAND` [m/s]."""
