@@ -17,6 +17,7 @@ from auv_fault_env.missions import MISSIONS, follow_mission
 from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from auv_fault_env.schedules import FaultEvent
 from training.bounds.information import Lanes, log_likelihoods_unknown_severity, simulate_lanes
+from training.metrics.records import HORIZON
 from training.seeds import seeds
 from training.stimuli import Cruise
 
@@ -73,10 +74,12 @@ class Cost(NamedTuple):
 class Rate(NamedTuple):
     """Evidence for the true class [nat/s]: against normal, and against its most similar rival.
 
-    Of the rivals the classes of the same part do not count: at unknown severity a lost propeller is
-    a damaged one.
+    Over the last period, and against normal over all of the time since the onset as well, which
+    says more where only the healthy band is known: evidence then stops to grow. Of the rivals the
+    classes of the same part do not count: at unknown severity a lost propeller is a damaged one.
     """
 
+    since_onset: float
     against_normal: float
     rival: str
     against_rival: float
@@ -161,9 +164,10 @@ def evidence_rates(lanes: Lanes, cases: Sequence[Case], knows_vehicle: bool) -> 
     Without `knows_vehicle` only the healthy band is known.
     """
     log_likelihoods = log_likelihoods_unknown_severity(lanes, knows_vehicle)
-    gains = period_rate(log_likelihoods).reshape(len(cases), -1, log_likelihoods.shape[2])
-    means = gains.mean(axis=1)
-    return {case: _rate(case[0], gain) for case, gain in zip(cases, means, strict=True)}
+    shape = len(cases), -1, log_likelihoods.shape[2]
+    late = period_rate(log_likelihoods).reshape(shape).mean(axis=1)
+    whole = log_likelihoods[-1].astype(float).reshape(shape).mean(axis=1) / HORIZON
+    return {case: _rate(case[0], late[k], whole[k]) for k, case in enumerate(cases)}
 
 
 def period_rate(log_likelihoods: np.ndarray) -> np.ndarray:
@@ -172,12 +176,18 @@ def period_rate(log_likelihoods: np.ndarray) -> np.ndarray:
     return gain / PERIOD
 
 
-def _rate(fault: str, gain: np.ndarray) -> Rate:
-    """The rate of a fault from the mean gain of every class against normal, (n_known,)."""
+def _rate(fault: str, gain: np.ndarray, whole_gain: np.ndarray) -> Rate:
+    """The rate of a fault from the mean gains of every class against normal, (n_known,)."""
     names = known_classes()
     parts = {other.diagnosis: other.component for other in CATALOGUE.values()}
     own = fault_of(fault)
-    evidence = gain[names.index(own.diagnosis)] - gain
+    true_class = names.index(own.diagnosis)
+    evidence = gain[true_class] - gain
     rivals = [k for k, name in enumerate(names) if parts.get(name) != own.component]
     nearest = min(rivals, key=lambda k: evidence[k])
-    return Rate(float(evidence[0]), names[nearest], float(evidence[nearest]))
+    return Rate(
+        since_onset=float(whole_gain[true_class]),
+        against_normal=float(evidence[0]),
+        rival=names[nearest],
+        against_rival=float(evidence[nearest]),
+    )

@@ -55,9 +55,9 @@ def _figure(results: Results) -> Section:
         for knowledge in results["knowledge"]:
             panels[f"{fault}, {knowledge} known"] = _series(results, severity, knowledge, fault)
     caption = (
-        f"Evidence [nat/s] against a healthy vehicle at severity {severity}, and the energy that "
-        "the nominal vehicle needs more for a metre. The shifts are 0.1, 0.2, 0.4 and 0.8; one to "
-        "port takes thrust from a fault of starboard."
+        "Evidence [nat/s] against a healthy vehicle, mean over the 30 s since the onset, at "
+        f"severity {severity}, and the energy that the nominal vehicle needs more for a metre. The "
+        "shifts are 0.1, 0.2, 0.4 and 0.8; one to port takes thrust from a fault of starboard."
     )
     heading = "Evidence and energy"
     data = {"panels": panels}
@@ -72,7 +72,7 @@ def _series(
     points = {
         name: (
             100.0 * excitation["added_energy"],
-            excitation["rates"][severity][knowledge][fault]["against_normal"],
+            excitation["rates"][severity][knowledge][fault]["since_onset"],
         )
         for name, excitation in results["excitations"].items()
     }
@@ -111,15 +111,17 @@ def _rates(results: Results, severity: float, knowledge: str) -> Section:
         for name, excitation in results["excitations"].items()
     ]
     text = (
-        "Evidence [nat/s] for the fault of the column against a healthy vehicle, and against the "
-        "most similar class of another part. A propeller is lost at severity 1 only."
+        "Evidence [nat/s] for the fault of the column against a healthy vehicle, over the 30 s "
+        "since the onset and over the last 20 s of them, and over these against the most similar "
+        "class of another part. A propeller is lost at severity 1 only."
     )
     heading = f"Rates at severity {severity:g}, {knowledge} known"
     return table_section(heading, ["excitation", *results["faults"]], rows, text)
 
 
 def _rate(rate: Mapping[str, Any]) -> str:
-    return f"{rate['against_normal']:.2g}, {rate['against_rival']:.2g} ({rate['rival']})"
+    rival = f"{rate['rival']} {rate['against_rival']:.2g}"
+    return f"{rate['since_onset']:.2g}, {rate['against_normal']:.2g}, {rival}"
 
 
 def _loop(results: Results) -> Section:
