@@ -36,7 +36,7 @@ from training.metrics.records import (
 )
 from training.rollouts import label_and_severity
 from training.stimuli import Stimulus
-from training.stimuli.base import MISSION_SPEED
+from training.stimuli.base import MISSION_SPEED, with_shift
 
 FAULTY = "faulty"
 THRESHOLD = "threshold"
@@ -204,9 +204,7 @@ def run_closed_loop(
         true_speed = FleetTruth(fleet)["state"]["speed"]
         command = np.column_stack([mission_speed + offset, deflections[k % DEFLECTION_SAMPLES]])
         shift = stimulus.thrust_shift(k, observation, belief)
-        if shift is not None:
-            command = np.column_stack([command, np.where(mission_speed > 0.0, shift, 0.0)])
-        next_observation = fleet.step(command)
+        next_observation = fleet.step(with_shift(command, shift))
         _, energy, squared_deviation, _ = fleet.outcomes
         yield LoopSample(
             observation,

@@ -26,6 +26,7 @@ from training.metrics.records import HORIZON
 from training.rollouts import manoeuvres
 from training.seeds import seeds
 from training.stimuli import Stimulus
+from training.stimuli.base import with_shift
 
 # within the seeds of tests, beyond those of the suites and the timing
 FIRST_SEED = 960_000_000
@@ -170,8 +171,11 @@ def simulate_lanes(
     observations = np.empty((n_samples, n_lanes, len(CHANNELS)), np.float32)
     for k in range(n_samples):
         observations[k] = observation
-        offset = stimulus.offset(k, observation, diagnoser.update(observation))
-        observation = fleet.step(np.column_stack([observation[:, 0] + offset, deflections[k]]))
+        belief = diagnoser.update(observation)
+        offset = stimulus.offset(k, observation, belief)
+        command = np.column_stack([observation[:, 0] + offset, deflections[k]])
+        shift = stimulus.thrust_shift(k, observation, belief)
+        observation = fleet.step(with_shift(command, shift))
     rows = list(CATALOGUE)
     fault = np.array([rows.index(event.fault) for event in events])
     severity = np.array([event.severity for event in events])

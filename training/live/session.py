@@ -20,7 +20,7 @@ from training.live.history import WINDOW, History, Mark
 from training.metrics import alarms
 from training.metrics.records import PERSISTENCE
 from training.stimuli import STIMULI
-from training.stimuli.base import MISSION_SPEED, N_SAMPLES
+from training.stimuli.base import MISSION_SPEED, N_SAMPLES, with_shift
 
 # the oracle would need the faults that a person is going to inject
 DIAGNOSERS = tuple(name for name in ONE_PER_HOUR if name != "oracle")
@@ -96,7 +96,9 @@ class Session:
         sample = (self._steps - self._stimulus_start) % N_SAMPLES
         offset = self.stimulus.offset(sample, last.observation, last.belief)
         speed = last.observation[:, MISSION_SPEED] + offset
-        observation = self._fleet.step(np.column_stack([speed, np.zeros((1, 2))]))
+        shift = self.stimulus.thrust_shift(sample, last.observation, last.belief)
+        command = np.column_stack([speed, np.zeros((1, 2))])
+        observation = self._fleet.step(with_shift(command, shift))
         self._steps += 1
         self._record(observation)
 

@@ -69,6 +69,11 @@ class Stimulus(ABC):
         return None
 
 
+def with_shift(commands: np.ndarray, shift: np.ndarray | None) -> np.ndarray:
+    """The commands (n_lanes, 3), and the shift of thrust as a fourth column where there is one."""
+    return commands if shift is None else np.column_stack([commands, shift])
+
+
 def within_channel(offset: np.ndarray | float, observation: np.ndarray) -> np.ndarray:
     """Offsets (n_lanes,) clipped so that the command stays in 0 to `MAXIMUM_COMMAND` [m/s]."""
     mission_speed = observation[:, MISSION_SPEED].astype(np.float64)
