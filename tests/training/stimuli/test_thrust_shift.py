@@ -65,7 +65,7 @@ def test_commands_have_a_fourth_column_only_with_a_shift():
 def test_other_stimuli_have_none_and_these_stay_in_speed(name):
     normal = Belief(log_probability(), np.zeros((1, len(classes()))), np.zeros((1, len(classes()))))
     assert STIMULI["triggered_surge"]().thrust_shift(0, OBSERVATION, normal) is None
-    assert STIMULI[name]().offset(0, OBSERVATION, normal).tolist() == [0.0]
+    assert STIMULI[name]().offset(0, OBSERVATION, normal) == pytest.approx([0.0], abs=1e-9)
 
 
 def test_the_loop_applies_the_shift():
