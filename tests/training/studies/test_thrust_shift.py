@@ -8,16 +8,21 @@ from training.studies.thrust_shift import ThrustShift, planned_excitations
 
 def test_the_study_writes_rates_costs_and_the_loop(tmp_path, monkeypatch):
     planned = planned_excitations()
-    names = ("cruise", "0.05 m/s faster", "shift of 0.4 to port")
+    names = (
+        *("cruise", "shift of 0.4, alternating", "shift of 0.4 to port"),
+        "faster, energy of a shift of 0.4",
+    )
     monkeypatch.setattr(
         thrust_shift, "planned_excitations", lambda: {name: planned[name] for name in names}
     )
-    monkeypatch.setattr(thrust_shift, "STIMULI_IN_LOOP", ("cruise", "shift_wave"))
+    monkeypatch.setattr(
+        thrust_shift, "STIMULI_IN_LOOP", ("cruise", "triggered_shift", "shift_wave")
+    )
     monkeypatch.setattr(thrust_shift, "SEVERITIES", (0.6,))
     thrust_shift.main(ThrustShift(output=tmp_path / "out", vehicles=1, lanes=1))
     results = json.loads((tmp_path / "out" / "results.json").read_text())
     assert list(results["excitations"]) == list(names)
-    cruise, _, shifted = (results["excitations"][name] for name in names)
+    cruise, _, shifted, _ = (results["excitations"][name] for name in names)
     assert cruise["added_energy"] == 0.0 < shifted["added_energy"] < 0.05
     toward = shifted["rates"]["0.6"]["the vehicle"]["propeller_damage:port"]["against_normal"]
     plain = cruise["rates"]["0.6"]["the vehicle"]["propeller_damage:port"]["against_normal"]
