@@ -33,7 +33,7 @@ def page(card: Mapping[str, Any]) -> dict[str, Any]:
         "intro": [card["data"]],
         "sections": [
             {"heading": "Learning curve", "text": [], "figures": [curve]},
-            {"heading": "Figures", "text": [], "table": table},
+            {"heading": "Scores and versions", "text": [], "table": table},
         ],
     }
 

@@ -94,8 +94,9 @@ def details(results):
 
 def test_no_fault_is_listed_for_a_log_without_an_alarm(all_three):
     results = json.loads((all_three[1] / "results.json").read_text())
-    healthy = details(results)["figures"][1]["data"]
-    assert "healthy.csv" in healthy["title"] and "probability" not in healthy["panels"]
+    healthy = details(results)["figures"][1]
+    assert "healthy.csv" in healthy["caption"]
+    assert "probability" not in healthy["data"]["panels"]
     (row, *_) = results["sections"][0]["table"]["rows"]
     assert [cell for cell in row if cell] == ["healthy.csv", "healthy"]
 
@@ -146,7 +147,7 @@ def test_the_vehicle_file_chooses_the_diagnoser_and_the_option_overrides_it(
     assert "residuals finds lasting changes from: drag " in printed
     results = json.loads((tmp_path / "chosen" / "results.json").read_text())
     assert "--diagnoser residuals" in results["command"]
-    assert "as the vehicle file says" in results["intro"][0]
+    assert "as the vehicle file says" in results["summary"][0]
     (verdict,) = results["verdicts"]
     assert [[one["begin"], one["end"]] for one in verdict["raised_by"]] == verdict["alarms"]
     last = verdict["raised_by"][-1]

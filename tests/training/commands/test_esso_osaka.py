@@ -262,7 +262,7 @@ def test_the_command_names_the_terms_that_runs_without_astern_do_not_excite(tmp_
     assert None not in straight["coefficients"][:2]
     assert "Terms dropped" in printed
     assert "astern" in printed and "zero in the runs fitted to" in printed
-    assert "the propeller goes astern in 0 of 3 runs" in " ".join(results["intro"])
+    assert "the propeller goes astern in 0 of 3 runs" in " ".join(results["summary"])
     assert "nan" not in (tmp_path / "out" / "index.html").read_text().lower().split("<img")[0]
 
 

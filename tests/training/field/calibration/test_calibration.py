@@ -43,11 +43,11 @@ def was_fitted(calibration, name):
 def test_vehicles_of_foreign_logs_are_found_within_their_intervals():
     results = study(CalibrationStudy(vehicles=6, seed=1000))
     for name in SAMPLED:
-        row = results["summary"][name]
+        row = results["parameters"][name]
         # fewer of 6 has probability 0.002 for one parameter if intervals are honest
         assert row["inside"] >= 4, name
         assert row["half_width"] < 0.06 and row["error"] < 0.03 < 0.08 < row["error_before"]
-    assert sum(results["summary"][name]["inside"] for name in SAMPLED) >= 26  # of 30
+    assert sum(results["parameters"][name]["inside"] for name in SAMPLED) >= 26  # of 30
 
 
 def test_the_fit_without_a_mission_is_that_of_the_other_missions_alone(logs, calibration):
