@@ -30,7 +30,7 @@ from auv_fault_env.truth import severities, worst_class
 from auv_fault_env.wrappers import channels
 from auv_fault_env.wrappers.signal_faults import ACTION, OBSERVATION, SignalFault, faults_of
 
-DTYPES = ("float32", "float64")
+DTYPES = {np.dtype(name): name for name in ("float32", "float64")}
 # streams of the noise of actions, above those of all channels of observations
 ACTION_STREAM = 1 << 32
 IN_SECONDS = [name in ("onset", "ramp", "end", "period") for name in SeverityProfile._fields]
@@ -126,7 +126,7 @@ def _checked_shape(
 ) -> tuple[int, ...]:
     """The shape of a space in which the faults have their channels, else a refusal."""
     if not isinstance(space, gym.spaces.Box) or space.dtype not in DTYPES:
-        allowed = f"a Box of {' or '.join(DTYPES)} for faults of the {target}"
+        allowed = f"a Box of {' or '.join(DTYPES.values())} for faults of the {target}"
         raise refusal(f"{target} space", space, allowed, REMEDY[target])
     n_channels = int(np.prod(space.shape))
     for name, fault in faults.items():
