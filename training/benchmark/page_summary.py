@@ -29,7 +29,7 @@ def summary(view: BenchmarkView) -> list[str]:
             sentences.append(_distance(scores, best))
     if n_episodes < FEW_EPISODES:
         sentences.append(
-            f"With {n_episodes} episodes the intervals are wide: the order may be chance."
+            f"With {n_episodes} episodes the intervals are wide, and the order may be chance."
         )
     return sentences
 
@@ -54,7 +54,7 @@ def _false_alarms(score: Score, name: str) -> str:
     rate: Mapping[str, Any] = score["rates"][RANKED_AT]
     alarms = with_interval(rate["false_alarms_per_hour"], rate["false_alarms_per_hour_interval"], 1)
     kept = "as set" if rate["rate_as_set"] else "not as set"
-    return f"{name} raised {alarms} false alarms per hour; 1 is aimed at: {kept}."
+    return f"{name} raised {alarms} false alarms per hour, where 1 is the aim: {kept}."
 
 
 def _distance(scores: Mapping[str, Score], best: str) -> str:
@@ -64,5 +64,5 @@ def _distance(scores: Mapping[str, Score], best: str) -> str:
     )
     return (
         f"That is {ratio:.2f} times the time of the oracle, which knows vehicle and severity: "
-        "no diagnoser can be much better than that."
+        "a diagnoser that knows neither can hardly be better than that."
     )

@@ -30,8 +30,10 @@ def summary(sections: Sequence[Mapping[str, Any]]) -> list[str]:
         f"the thesis: {counts[AGREES]} agree without noise, {counts[IN_PART]} agree in part, "
         f"{counts[DIFFERS]} differ. Each difference has its reason in the tables.",
     ]
-    if differing:
+    if not differing:
+        sentences.append("No result differs.")
+    else:
         shown = "; ".join(differing[:N_DIFFERENCES])
         rest = len(differing) - N_DIFFERENCES
-        sentences.append(f"They are: {shown}{f'; and {rest} more' if rest > 0 else ''}.")
+        sentences.append(f"Those that differ: {shown}{f'; and {rest} more' if rest > 0 else ''}.")
     return sentences

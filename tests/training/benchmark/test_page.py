@@ -377,6 +377,22 @@ def test_what_was_run_says_suite_seeds_and_third_parties(page):
     assert digests["integrated"] == "0123456789abcdef" and digests["oracle *"] == "no weights"
 
 
+def test_the_summary_says_who_is_best_at_what_price_and_how_far_from_the_limit(page):
+    what, best, price, distance, warning = page["summary"]
+    assert what.startswith("4 diagnosers and 2 references on 144 episodes")
+    assert best.startswith("integrated is best: under thesis it isolates 100 % of the faults, in ")
+    assert "next is filter_bank with " in best
+    assert price.endswith("false alarms per hour, where 1 is the aim: as set.")
+    assert distance.startswith("That is 1.06 times the time of the oracle")
+    assert "order may be chance" in warning
+
+
+def test_without_the_oracle_no_distance_is_said():
+    summary = benchmark_page.page(made_up(names=("cusum", "null")))["summary"]
+    assert not any("oracle" in sentence for sentence in summary)
+    assert not any("next is" in sentence for sentence in summary)
+
+
 def test_the_introduction_reads_as_sentences(page):
     assert page["intro"][0].startswith(
         "The suite: Every class, every severity. It has 144 episodes with a fault"

@@ -45,6 +45,19 @@ def table(results, heading):
     return next(one["table"] for one in results["sections"] if one["heading"] == heading)
 
 
+def test_the_summary_counts_the_logs_and_names_the_faults():
+    counts, fault, healthy = page(RESIDUALS, fleet(), [])["summary"]
+    assert counts.startswith("10 logs, 120.2 minutes in all, diagnosed by `residuals`, ")
+    assert counts.endswith(": 1 with a fault, 8 healthy, 1 unusable.")
+    assert fault == "late.csv: `propeller_damage:starboard` from 5.0 s on."
+    assert healthy.startswith("Healthy means that no alarm was raised")
+
+
+def test_a_summary_of_many_faults_stays_short():
+    summary = page(BANK, [replace(FAULTY, log=f"{k}.csv") for k in range(9)], [])["summary"]
+    assert len(summary) == 4 and "other logs with a fault" in summary[-1]
+
+
 def test_the_verdicts_say_what_raised_the_alarm():
     verdicts = table(page(RESIDUALS, fleet(), []), "Verdicts")
     row = dict(zip(verdicts["columns"], verdicts["rows"][-2], strict=True))
