@@ -91,9 +91,11 @@ def study(arguments: BayesGap) -> dict[str, Any]:
         observations, log_probability = memory.cache(followed)(name, suite.conditions, episodes)
         beliefs[name] = judged(log_probability, truth.label)
     remembered = memory.cache(reference_episode)
+    # contiguous, so that an episode is found again whatever the number of episodes
+    of_lanes = [np.ascontiguousarray(lane) for lane in np.moveaxis(observations, 1, 0)]
     found = [
-        remembered(observations[:, lane], episode, arguments.particles, arguments.seed)
-        for lane, episode in enumerate(tqdm(episodes, unit="episode"))
+        remembered(of_lane, episode, arguments.particles, arguments.seed)
+        for of_lane, episode in zip(of_lanes, tqdm(episodes, unit="episode"), strict=True)
     ]
     log_probability = np.stack([one[0] for one in found], axis=1)
     beliefs = {REFERENCE: judged(log_probability, truth.label)} | beliefs
