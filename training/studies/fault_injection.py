@@ -78,10 +78,35 @@ def study(arguments: FaultInjectionStudy) -> dict[str, Any]:
     ratios = {name: cost(name, arguments) for name in TIMED}
     return {
         "title": "Faults on environments of others",
+        "summary": summary(detected, ratios),
+        "intro": [],
         "detected": detected,
         "ratios": ratios,
         "sections": [detection_section(detected), cost_section(ratios)],
     }
+
+
+def summary(
+    detected: Mapping[str, Mapping[str, Any]], ratios: Mapping[str, Mapping[str, float]]
+) -> list[str]:
+    """Which injected faults a residual sees, and what the wrapper costs at most."""
+    whole = {
+        name: by_severity[f"{SEVERITIES[-1]:g}"]["share"]
+        for name, by_severity in detected.items()
+        if name in FAULTS
+    }
+    most = max(whole, key=whole.__getitem__)
+    least = min(whole, key=whole.__getitem__)
+    false_share = detected["healthy"][""]["share"]
+    costs = {name: max(by_what.values()) for name, by_what in ratios.items()}
+    dearest = max(costs, key=costs.__getitem__)
+    return [
+        f"{len(whole)} faults were injected into a pendulum that one residual watches: of the "
+        f"whole ones, it sees {most} in {percent(whole[most])} of the episodes and {least} in "
+        f"{percent(whole[least])}.",
+        f"It raises a false alarm in {percent(false_share)} of the healthy episodes.",
+        f"A step with the wrapper takes at most {costs[dearest]:.2f} times as long ({dearest}).",
+    ]
 
 
 def detection(arguments: FaultInjectionStudy) -> dict[str, dict[str, Any]]:
