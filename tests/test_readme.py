@@ -21,6 +21,7 @@ PAGES_OF_EXAMPLES = (
     "diagnosers.md",
     "environments.md",
     "extending.md",
+    "fault_injection.md",
     "faults.md",
     "index.md",
 )
