@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 from auv_fault_env import CATALOGUE
+from auv_fault_env.wrappers.signal_faults import KINDS
 from diagnosers import NAMES
 from training.stimuli import STIMULI
 
@@ -19,6 +20,11 @@ def first_cells(page):
 
 def test_every_fault_is_listed():
     assert first_cells("faults.md") == list(dict.fromkeys(n.partition(":")[0] for n in CATALOGUE))
+
+
+def test_every_kind_of_a_signal_fault_is_listed():
+    kinds = {kind for of_target in KINDS.values() for kind in of_target}
+    assert set(first_cells("fault_injection.md")) == kinds
 
 
 def test_every_diagnoser_is_listed():
