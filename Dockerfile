@@ -13,8 +13,9 @@ COPY auv_fault_env auv_fault_env
 COPY diagnosers diagnosers
 COPY training training
 
-# PyTorch without CUDA, which the diagnosers do not need
-RUN pip install --no-cache-dir --extra-index-url https://download.pytorch.org/whl/cpu \
+# `--build-arg EXTRA_INDEX=...` names where to find a PyTorch without CUDA, which is smaller
+ARG EXTRA_INDEX
+RUN pip install --no-cache-dir ${EXTRA_INDEX:+--extra-index-url "$EXTRA_INDEX"} \
     -c constraints.txt '.[live,logs]'
 
 # compiled once, not at every start
