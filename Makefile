@@ -31,6 +31,7 @@ lint: .venv/.dev
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/lint-imports --no-logo
+	@$(BIN)/mypy
 
 # the pages of docs/ as a site, site/index.html
 docs: .venv/.docs

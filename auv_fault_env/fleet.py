@@ -227,8 +227,8 @@ class Fleet:
         self._set_events(indices, events)
         if legs is None:
             legs = self.missions.sample_legs(key, self.vehicle.maximum_speed)
-        legs, speeds = legs
-        self._set_legs(indices, legs)
+        new_legs, speeds = legs
+        self._set_legs(indices, new_legs)
         self.outcomes = self.outcomes.copy()
         shared = self.plan, self.catalogue, self.limits, self.constants, self.effects
         results = observations, self.outcomes
@@ -511,7 +511,7 @@ def _are_different_lanes(indices: np.ndarray, n_lanes: int) -> bool:
     if indices.ndim != 1 or indices.dtype.kind not in "iu":
         return False
     are_in_range = (indices >= 0) & (indices < n_lanes)
-    return are_in_range.all() and np.unique(indices).size == indices.size
+    return bool(are_in_range.all()) and np.unique(indices).size == indices.size
 
 
 def _block_ranges(n_blocks: int, parallel: bool) -> list[tuple[int, int]]:

@@ -47,7 +47,7 @@ PROPELLER_PLACE = -1.18
 
 def _sensor_places(shaft_offsets: Mapping[str, float]) -> dict[str, Point]:
     """Places of the sensors by reading [m], from the offset of each side's shaft."""
-    places = {"speed": (0.92, 0.0, 0.1), "acceleration": (0.2, 0.0, 0.0)}
+    places: dict[str, Point] = {"speed": (0.92, 0.0, 0.1), "acceleration": (0.2, 0.0, 0.0)}
     for side, y in shaft_offsets.items():
         places[f"{side}_voltage"] = (-0.56, y, 0.0)
         places[f"{side}_current"] = (-0.46, y, 0.0)
@@ -192,7 +192,7 @@ def _outline(points: np.ndarray) -> list[Point]:
     for run in (ordered, ordered[::-1]):
         start = len(ring)
         for x, y in run:
-            while len(ring) >= start + 2 and not _turns_right(*ring[-2:], (x, y)):
+            while len(ring) >= start + 2 and not _turns_right(ring[-2], ring[-1], (x, y)):
                 ring.pop()
             ring.append((x, y))
         ring.pop()

@@ -205,7 +205,7 @@ def _check_shapes(diagnoser: Diagnoser, observations: np.ndarray) -> None:
     n_lanes = observations.shape[1]
     for wrong in (observations[0, :-1], observations[0, :, :-1], observations[0, 0]):
         diagnoser.reset(n_lanes)
-        got = "a belief"
+        got: str | Exception = "a belief"
         try:
             diagnoser.update(wrong)
         except ValueError:

@@ -99,8 +99,8 @@ class ThirdParty:
         try:
             module = _module(place)
         except (Exception, SystemExit) as error:  # importing runs foreign code
-            is_absent = isinstance(error, ModuleNotFoundError) and error.name is not None
-            if is_absent and f"{place}.".startswith(f"{error.name}."):
+            absent = error.name if isinstance(error, ModuleNotFoundError) else None
+            if absent is not None and f"{place}.".startswith(f"{absent}."):
                 allowed = f"what can be imported, {TARGET_FORM}"
                 raise refusal(thing, error, allowed, "check the name of the module") from error
             raise self._failure(error, f"what can be imported, {TARGET_FORM}") from error

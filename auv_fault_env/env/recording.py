@@ -1,12 +1,17 @@
 """What a lane of a fleet shows to its renderer."""
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from auv_fault_env.errors import known_name
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.truth import SingleLaneTruth
 
-METADATA = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
+if TYPE_CHECKING:
+    from auv_fault_env.rendering import Renderer
+
+METADATA: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
 
 
 def known_render_mode(mode: str | None) -> str | None:
@@ -22,7 +27,7 @@ class Recording:
         self._fleet = fleet
         self._lane = lane
         self._truth = SingleLaneTruth(fleet, lane)
-        self._renderer = None
+        self._renderer: Renderer | None = None
 
     def clear(self) -> None:
         """Remove the recorded episode."""
@@ -42,7 +47,9 @@ class Recording:
 
     def frame(self) -> np.ndarray | None:
         """The frame (height, width, 3) uint8 in mode `rgb_array`, None in mode `human`."""
-        return self._renderer.frame() if self._mode == "rgb_array" else None
+        if self._renderer is None or self._mode != "rgb_array":
+            return None
+        return self._renderer.frame()
 
     def close(self) -> None:
         """Close the window, if there is one."""

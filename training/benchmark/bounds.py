@@ -222,7 +222,7 @@ def check(results: PlainData) -> list[dict[str, Any]]:
     of comparisons some intervals miss their truth: one narrow miss proves nothing, several of one
     diagnoser do.
     """
-    rows = []
+    rows: list[dict[str, Any]] = []
     for stimulus, bounds in results["bounds"].items():
         for name, score in results["scores"][stimulus].items():
             rows += _comparisons(stimulus, name, score, bounds, results)

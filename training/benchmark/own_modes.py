@@ -16,6 +16,7 @@ from diagnosers import Belief, Diagnoser
 from diagnosers.diagnoser import IMPOSSIBLE
 from diagnosers.networks.fault_map import MODES_5_1, MODES_5_2
 from training.benchmark.open_loop import (
+    Halves,
     OpenLoopEpisodes,
     OpenLoopSample,
     assessed,
@@ -122,7 +123,7 @@ def sample_for(table: Table, episodes: Episodes) -> OpenLoopSample:
     faults = replace(ONE_FAULT, prior=prior)
     n_healthy = lanes_of(episodes.hours)
     first = episodes.first
-    halves = []
+    halves: list[Halves] = []
     for count in (episodes.n_faulty, n_healthy, n_healthy):
         chosen = seeds(episodes.purpose, count, first)
         is_faulty = not halves

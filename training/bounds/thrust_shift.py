@@ -5,7 +5,7 @@ excitation that is repeated says as much in every period.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -96,7 +96,7 @@ class ExcitedFleet(Fleet):
         Those of `Fleet`.
     """
 
-    def __init__(self, n_lanes: int, excitation: Excitation, **others: float):
+    def __init__(self, n_lanes: int, excitation: Excitation, **others: Any):
         super().__init__(n_lanes, **others)
         self.excitation = excitation
 

@@ -91,7 +91,7 @@ def warn(findings: Sequence[Finding]) -> None:
 
 def comments(calibration: Calibration, quality: FitQuality) -> dict[str, str]:
     """The comments of the vehicle file: on each fitted parameter, and on the diagnoser."""
-    notes = {}
+    notes: dict[str, str] = {}
     for name in filter(calibration.is_fitted, NAMES):
         parameter = calibration.parameter(name)
         if name == "propeller_torque":

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 from itertools import islice
 from typing import NamedTuple
@@ -41,7 +41,7 @@ def simulated_sets(
     """The sets that begin at these seeds of a purpose, a few simulated ahead of their use."""
     pool = ThreadPoolExecutor(SIMULATORS)
     remaining = iter(firsts)
-    submitted = deque()
+    submitted: deque[Future[EpisodeSet]] = deque()
 
     def submit(n_sets: int) -> None:
         for first in islice(remaining, n_sets):

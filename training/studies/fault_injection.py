@@ -163,13 +163,13 @@ def cost(name: str, arguments: FaultInjectionStudy) -> dict[str, float]:
     wrap = partial(FaultInjection, faults=faults)
     wrap_vector = partial(FaultInjectionVector, faults=faults)
     bias = [{"fault": "bias", "onset": 0.0, "severity": 1.0}]
-    singles = {
+    singles: dict[str, Callable[[gym.Env], gym.Env]] = {
         "bare": lambda env: env,
         "no fault": wrap,
         "a bias": partial(wrap, schedules=bias),
         "a bias, truth in full": partial(wrap, schedules=bias, truth="full"),
     }
-    vectors = {
+    vectors: dict[str, Callable[[gym.vector.VectorEnv], gym.vector.VectorEnv]] = {
         "bare": lambda env: env,
         "no fault": wrap_vector,
         "a bias": partial(wrap_vector, schedules=bias),

@@ -168,7 +168,7 @@ def read_runs(
 ) -> Iterator[tuple[Point, FrontRuns]]:
     """Run what is not in the folder yet, and read the runs of the points one after the other."""
     folder.mkdir(parents=True, exist_ok=True)
-    paths = {}
+    paths: dict[Path, Job] = {}
     for point in points:
         paths |= {path_of(folder, job): job for job in jobs_of(point, lanes)}
     with trial_store.held_folder(folder):

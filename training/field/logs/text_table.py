@@ -69,10 +69,12 @@ def _cells_by_column(
         separator = "\t"
         content = re.sub(rb"[ \t]+", b"\t", re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", content))
     names = [str(k) for k in range(width)]
-    parse_options = pyarrow.csv.ParseOptions(
-        delimiter=separator,
-        invalid_row_handler=lambda row: skipped.append(row.text) or "skip",
-    )
+
+    def skip(row: pyarrow.csv.InvalidRow) -> str:
+        skipped.append(row.text)
+        return "skip"
+
+    parse_options = pyarrow.csv.ParseOptions(delimiter=separator, invalid_row_handler=skip)
     try:
         table = pyarrow.csv.read_csv(
             pa.BufferReader(pa.py_buffer(content)),

@@ -73,7 +73,7 @@ def write_cell(axis: Axes, row: int, column: int, text: str, colour: str, size: 
 
 def legend_above(figure: Figure, axes: Iterable[Axes], columns: int | None = None) -> None:
     """One legend above all panels with each name once; in one row unless `columns` are given."""
-    entries = {}
+    entries: dict[str, Any] = {}
     for axis in axes:
         handles, names = axis.get_legend_handles_labels()
         entries |= dict(zip(names, handles, strict=True))

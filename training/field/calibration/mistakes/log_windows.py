@@ -29,7 +29,7 @@ def windows_of_logs(logs: Sequence[Log], layout: Layout) -> list[LogWindows]:
     """The windows of the logs that have enough of them."""
     rows_by_log = [rows_of(log, layout) for log in logs]
     readings = [rows.reading for parts in rows_by_log for rows in parts]
-    found = []
+    found: list[LogWindows] = []
     if not _has_relations(readings, layout):
         return found
     typical = {side: typical_of(readings, side) for side in layout.sides}
