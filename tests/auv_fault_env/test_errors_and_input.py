@@ -368,7 +368,7 @@ def test_a_refused_action_leaves_the_episode_as_it_was():
 
 
 @pytest.mark.parametrize(
-    "shape", [(1, 3), (2, 3), (4, 3), (3,), (9,), (3, 2), (3, 4), (0, 3)], ids=str
+    "shape", [(1, 3), (2, 3), (4, 3), (3,), (9,), (3, 2), (3, 5), (0, 3)], ids=str
 )
 @pytest.mark.parametrize("maker", [PropulsionVectorEnv, Fleet])
 def test_actions_of_a_wrong_shape_never_reach_the_kernel(maker, shape):
@@ -376,6 +376,14 @@ def test_actions_of_a_wrong_shape_never_reach_the_kernel(maker, shape):
     one.reset(seed=1) if maker is PropulsionVectorEnv else one.reset([1, 2, 3])
     assert_refused(
         lambda: one.step(np.zeros(shape)), "shape of the action", re.escape(str(shape)), r"\(3, 3\)"
+    )
+
+
+def test_a_fourth_action_is_refused_by_an_environment_without_it():
+    env = PropulsionVectorEnv(3)
+    env.reset(seed=1)
+    assert_refused(
+        lambda: env.step(np.zeros((3, 4))), "shape of the action", r"\(3, 4\)", r"\(3, 3\)"
     )
 
 
