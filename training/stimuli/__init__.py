@@ -11,7 +11,7 @@ from training.stimuli.learned import (
     LearnedHeld,
 )
 from training.stimuli.open_loop import Constant, Cruise, DOptimal, Multisine, Prbs, Thesis
-from training.stimuli.standing import StandingSurge, TwoExperiments
+from training.stimuli.standing import StandingSurge
 from training.stimuli.thrust_shift import ShiftWave, SurgeAndShift, TriggeredShift
 from training.stimuli.triggered import (
     TriggeredDOptimal,
@@ -19,6 +19,7 @@ from training.stimuli.triggered import (
     TriggeredThesis,
 )
 from training.stimuli.triggered_surge import TriggeredSurge
+from training.stimuli.two_experiments import TwoExperiments
 
 __all__ = ["BUDGET", "EPISODE_TIME", "STIMULI", "Cruise", "Stimulus", "Thesis"]
 

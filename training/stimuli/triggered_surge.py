@@ -30,7 +30,9 @@ def is_of_hull_or_propellers(names: tuple[str, ...]) -> np.ndarray:
     return np.array([name in affected for name in names])
 
 
-def surge_offset(log_probability: np.ndarray, allowance: np.ndarray) -> np.ndarray:
+def surge_offset(
+    log_probability: np.ndarray, allowance: np.ndarray, gain: float = GAIN
+) -> np.ndarray:
     """The offset of the rule, (n_lanes,), 0 to `LARGEST_OFFSET` [m/s].
 
     Of the log probabilities (n_lanes, n_classes), and the squared offsets that are left, (n_lanes,)
@@ -40,7 +42,7 @@ def surge_offset(log_probability: np.ndarray, allowance: np.ndarray) -> np.ndarr
     normal = probability[:, 0]
     affected = probability[:, is_of_hull_or_propellers(classes())].sum(axis=1)
     odds = affected / np.maximum(normal, LEAST_NORMAL)
-    offset = np.minimum(GAIN * np.sqrt(allowance / EPISODE_TIME) * odds, LARGEST_OFFSET)
+    offset = np.minimum(gain * np.sqrt(allowance / EPISODE_TIME) * odds, LARGEST_OFFSET)
     return np.where(affected > LEAST_SHARE * (1.0 - normal), offset, 0.0)
 
 

@@ -122,7 +122,7 @@ def front_figure(results: Results) -> dict[str, Any]:
     points = [
         {
             "stimulus": point["stimulus"],
-            "isolation": point["rates"][rate]["isolation"]["mean"],
+            "isolation": point["rates"][rate]["isolation"]["ratio"],
             "costs": [point["healthy"][key] for key in COST_LABELS],
             "on_front": [point["fronts"][key] for key in COST_LABELS],
         }
@@ -130,7 +130,7 @@ def front_figure(results: Results) -> dict[str, Any]:
         if point["stimulus"] != TOLD
     ]
     told = [point for point in results["points"] if point["stimulus"] == TOLD]
-    best = min(point["rates"][rate]["isolation"]["mean"][0] for point in told)
+    best = min(point["rates"][rate]["isolation"]["ratio"][0] for point in told)
     names = dict.fromkeys(point["stimulus"] for point in points)
     data = {
         "points": points,
@@ -139,9 +139,10 @@ def front_figure(results: Results) -> dict[str, Any]:
         "colours": dict(zip(names, cycle(COLOURS), strict=False)),
     }
     caption = (
-        f"Isolation time at one false alarm per {rate} against what a stimulus costs healthy "
-        "vehicles; down and left is better. Filled points are on the front, hollow ones are "
-        "dominated. A line joins the strengths of a stimulus. Dashed: told the onset, its best."
+        f"Isolation time at one false alarm per {rate} as a share of that under `thesis`, with its "
+        "paired interval, against what a stimulus costs healthy vehicles; down and left is better. "
+        "Filled points are on the front, hollow ones are dominated. A line joins the strengths of "
+        "a stimulus. Dashed: told the onset, its best."
     )
     return figure_section("Isolation against cost", "stimulus_front", "front", caption, data)
 

@@ -8,7 +8,8 @@ from auv_fault_env.faults import classes
 from diagnosers import Belief
 from training.stimuli import EPISODE_TIME, STIMULI
 from training.stimuli.base import LARGEST_OFFSET
-from training.stimuli.standing import StandingSurge, TwoExperiments, affected_log_odds
+from training.stimuli.standing import StandingSurge
+from training.stimuli.two_experiments import TwoExperiments, affected_log_odds
 
 N_SAMPLES = round(EPISODE_TIME * 10)
 OBSERVATION = np.zeros((2, len(CHANNELS)))

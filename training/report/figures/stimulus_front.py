@@ -15,10 +15,10 @@ Points = Sequence[Mapping[str, Any]]
 def stimulus_front(
     points: Points, labels: Sequence[str], told: float, colours: Mapping[str, str]
 ) -> Figure:
-    """Isolation time against cost, a panel for each cost.
+    """Isolation time as a share of that under the thesis' stimulus, a panel for each cost.
 
-    Each point has stimulus, isolation (value, low, high) [s], and by cost, in the order of their
-    labels, costs and on_front (bool). `told` is the isolation time of the told onset [s].
+    Each point has stimulus, isolation (value, low, high), and by cost, in the order of their
+    labels, costs and on_front (bool). `told` is the isolation of the told onset.
     """
     figure, axes = new_panels(5.6, 1, len(labels), sharey=True, squeeze=False)
     for panel, (axis, label) in enumerate(zip(axes[0], labels, strict=True)):
@@ -28,7 +28,7 @@ def stimulus_front(
         axis.axhline(told, color=TRUTH, lw=0.9, ls="--", label="told the onset")
         axis.set(xlabel=label)
         axis.margins(0.06)
-    axes[0][0].set_ylabel("isolation, restricted mean [s]")
+    axes[0][0].set_ylabel("isolation time, share of that under thesis")
     legend_above(figure, axes[0], columns=5)
     return figure
 
