@@ -28,6 +28,7 @@ class Decision(NamedTuple):
     cost: np.ndarray  # (n_lanes,) mean squared offset of the commands [m^2/s^2]
     deviation: np.ndarray  # (n_lanes,) mean squared deviation of the true speed [m^2/s^2]
     energy: np.ndarray  # (n_lanes,) [J]
+    shift: np.ndarray  # (n_lanes,) of thrust to port, 0 without such an action
 
 
 Reward = Callable[[Decision], np.ndarray]

@@ -10,7 +10,7 @@ from auv_fault_env.env.interface import WithFleet, known_options, need_reset
 from auv_fault_env.env.spec import WithSpec
 from diagnosers import Belief
 from training.active_env.spec import with_plain_arguments
-from training.active_env.vector import ActiveDiagnosisVectorEnv, checked_offset, lane_info
+from training.active_env.vector import ActiveDiagnosisVectorEnv, checked_action, lane_info
 
 NO_LIMIT = 2**31  # decisions: the time limit is that of the registration
 
@@ -29,7 +29,9 @@ class ActiveDiagnosisEnv(WithFleet, WithSpec, gym.Env):
     ## Action Space
     `Box(1)`, float32, -1 to 1: the speed offset in units of `amplitude`. Values outside are
     clipped, NaN and infinity are refused. The command stays within 0 and the vehicle's largest
-    speed, 1 m/s on the NPS AUV II.
+    speed, 1 m/s on the NPS AUV II. With ``thrust_shift=True`` the space is `Box(2)` and the second
+    element shifts thrust to port, by 0.8 at 1, as in `auv_fault_env/Propulsion-v0`; observations
+    do not repeat it.
 
     ## Observation Space
     `Box(30)`, float32, named by `FEATURES`, bounded by `training.stimuli.policy_inputs.BOUNDS`.
@@ -94,6 +96,7 @@ class ActiveDiagnosisEnv(WithFleet, WithSpec, gym.Env):
     * `reward`: a function of a `training.active_env.Decision` that returns the reward of each lane,
       or its place ``"module:function"``. `training.active_env.log_probability_gain` is the reward
       without the cost.
+    * `thrust_shift`: whether there is a second action, see Action Space.
     * `preset`, `sensor_noise`, `disturbance`, `healthy_band`, `realism`, `imperfections`,
       `schedules`, `missions`, `truth` as in `auv_fault_env/Propulsion-v0`; those that are sampled
       by default are `training.active_env.vector.SCHEDULES` and `ActiveMissions()`.
@@ -150,7 +153,7 @@ class ActiveDiagnosisEnv(WithFleet, WithSpec, gym.Env):
         if self._has_ended:
             message = "step: got an ended episode; allowed is a step before the end; call reset()"
             raise gym.error.ResetNeeded(message)
-        action = checked_offset(action, self.action_space.shape)
+        action = checked_action(action, self.action_space.shape)
         observation, reward, terminated, truncated, info = self.lane.step(action[None])
         self._has_ended = terminated.item()
         results = (reward.item(), self._has_ended, truncated.item())

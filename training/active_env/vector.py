@@ -14,11 +14,12 @@ from auv_fault_env.env.autoreset import AutoresetVectorEnv
 from auv_fault_env.env.interface import vehicle_of_argument
 from auv_fault_env.errors import finite_in_range, refusal
 from auv_fault_env.faults import classes
-from auv_fault_env.fleet import Fleet, checked_actions
+from auv_fault_env.fleet import ACTIONS, Fleet, actions_of, checked_actions
 from auv_fault_env.missions import Mission, MissionDistribution, MissionSampler
 from auv_fault_env.noise import STREAMS, uniforms
 from auv_fault_env.parameters import SAMPLE_TIME, Vehicle
 from auv_fault_env.schedules import Schedule, ScheduleDistribution, ScheduleSampler
+from auv_fault_env.thrust_shift import LARGEST_SHIFT
 from auv_fault_env.truth import fleet_truth, known_level
 from diagnosers import Belief
 from training.active_env.beliefs import beliefs_of
@@ -43,6 +44,7 @@ MAX_DECISIONS = 120  # of an episode
 SCHEDULES = ScheduleSampler(healthy=0.3, onset=(5.0, 40.0))
 CONSTANT_SPEEDS = (0.2, 0.5)  # least and most, of the vehicle's largest command
 COST_WEIGHT = 10.0  # s^2/m^2
+ELEMENTS = ("the speed offset", "the shift of thrust")  # of an action
 
 
 class ActiveMissions(MissionSampler):
@@ -102,6 +104,7 @@ class ActiveDiagnosisVectorEnv(AutoresetVectorEnv):
         missions: MissionDistribution | Mapping | None = None,
         truth: str | bool = "label",
         reward: Reward | str | None = None,
+        thrust_shift: bool = False,
     ):
         self.fleet = Fleet(
             num_envs,
@@ -128,7 +131,8 @@ class ActiveDiagnosisVectorEnv(AutoresetVectorEnv):
         self._beliefs = beliefs_of(diagnosers)
         self._estimates = ParameterEstimates(vehicle)
         self.classes = classes()
-        self.single_action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
+        n_shifts = len(actions_of(vehicle, thrust_shift)) - len(ACTIONS)
+        self.single_action_space = gym.spaces.Box(-1.0, 1.0, (1 + n_shifts,), np.float32)
         low, high = feature_bounds(len(self.classes))
         self.single_observation_space = gym.spaces.Box(low, high, dtype=np.float32)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -138,6 +142,7 @@ class ActiveDiagnosisVectorEnv(AutoresetVectorEnv):
         self._readings = np.zeros(0, np.float32)
         self._n_decisions = np.zeros(self.num_envs, np.int64)
         self._last_action = np.zeros(self.num_envs)
+        self._shift = np.zeros((self.num_envs, n_shifts))
         self._total_cost = np.zeros(self.num_envs)
         # of the last decision
         self._cost = np.zeros(self.num_envs)
@@ -196,8 +201,10 @@ class ActiveDiagnosisVectorEnv(AutoresetVectorEnv):
             raise refusal("catalogue", got, allowed, "make the environment anew")
 
     def _advance(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Hold the actions (num_envs, 1) for a second."""
-        self._last_action = checked_offset(actions, (self.num_envs, 1))[:, 0]
+        """Hold the actions (num_envs, 1 or 2) for a second."""
+        actions = checked_action(actions, self.action_space.shape)
+        self._last_action = actions[:, 0]
+        self._shift = LARGEST_SHIFT * actions[:, 1:]
         belief_before = self.belief
         true_class_before = self._true_classes.after(self._n_decisions)
         self._run_decision()
@@ -214,6 +221,7 @@ class ActiveDiagnosisVectorEnv(AutoresetVectorEnv):
             cost=self._cost.copy(),
             deviation=self._deviation.copy(),
             energy=self._energy.copy(),
+            shift=self._shift.sum(axis=1),
         )
         terminated = self._declaration.declared != UNDECLARED
         truncated = self._n_decisions >= self.max_episode_steps
@@ -228,7 +236,7 @@ class ActiveDiagnosisVectorEnv(AutoresetVectorEnv):
         """Run a second: mean squared offset, energy [J] and mean squared deviation of it."""
         for values in (self._cost, self._energy, self._deviation):
             values[:] = 0.0
-        command = np.zeros((self.num_envs, 3))
+        command = np.hstack([np.zeros((self.num_envs, len(ACTIONS))), self._shift])
         for _ in range(DECISION):
             mission_speed = self._readings[:, MISSION_SPEED].astype(np.float64)
             speed_command = mission_speed + self.amplitude * self._last_action
@@ -284,6 +292,6 @@ def lane_info(info: dict[str, Any], lane: int) -> dict[str, Any]:
     }
 
 
-def checked_offset(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
+def checked_action(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
     """A float64 copy of the actions, clipped to [-1, 1]; refused if not finite or of this shape."""
-    return np.clip(checked_actions(actions, shape, ["the speed offset"]), -1.0, 1.0)
+    return np.clip(checked_actions(actions, shape, ELEMENTS[: shape[-1]]), -1.0, 1.0)
