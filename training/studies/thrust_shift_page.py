@@ -51,8 +51,8 @@ def _summary(results: Results) -> list[str]:
         f"cruise for a damaged propeller, as much energy spent on speed {damage[1]:.1f} times.",
         f"For drag it brings {drag[0]:.2f} times, the speed {drag[1]:.2f} times: the hull does not "
         "see which propeller thrusts.",
-        f"In the closed loop thrust to the suspected side changes the isolation time of faults of "
-        f"hull and propellers by {_triple(rule['difference'], '+')} s, at "
+        "In the closed loop thrust to the suspected side changes the isolation time of a damaged "
+        f"propeller by {_triple(rule['difference'], '+')} s, at "
         f"{100.0 * rule['healthy_energy']:+.1f} % energy on healthy vehicles.",
     ]
 
@@ -189,7 +189,14 @@ def _loop(results: Results) -> Section:
         "their faults, and the last column is the share of their samples at which a fault is more "
         "probable than `normal`; no threshold is set."
     )
-    columns = ["stimulus", "isolation [s]", "less cruise", *faults, "energy", "speed, rms [m/s]"]
+    columns = [
+        "stimulus",
+        "isolation [s]",
+        "less that without shift",
+        *faults,
+        "energy",
+        "speed, rms [m/s]",
+    ]
     columns += ["suspected if healthy"]
     return table_section("In the closed loop", columns, rows, text)
 
