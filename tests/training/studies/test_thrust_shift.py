@@ -15,9 +15,8 @@ def test_the_study_writes_rates_costs_and_the_loop(tmp_path, monkeypatch):
     monkeypatch.setattr(
         thrust_shift, "planned_excitations", lambda: {name: planned[name] for name in names}
     )
-    monkeypatch.setattr(
-        thrust_shift, "STIMULI_IN_LOOP", ("cruise", "triggered_shift", "shift_wave")
-    )
+    without_shift = dict.fromkeys(("cruise", "triggered_shift", "shift_wave"), "cruise")
+    monkeypatch.setattr(thrust_shift, "STIMULI_IN_LOOP", without_shift)
     monkeypatch.setattr(thrust_shift, "SEVERITIES", (0.6,))
     thrust_shift.main(ThrustShift(output=tmp_path / "out", vehicles=1, lanes=1))
     results = json.loads((tmp_path / "out" / "results.json").read_text())
@@ -30,7 +29,7 @@ def test_the_study_writes_rates_costs_and_the_loop(tmp_path, monkeypatch):
     stimuli = results["loop"]["stimuli"]
     assert stimuli["cruise"]["healthy_energy"] == 0.0 < stimuli["shift_wave"]["healthy_energy"]
     assert stimuli["cruise"]["difference"] == [0.0, 0.0, 0.0]
-    assert 0.1 <= stimuli["shift_wave"]["by_fault"]["propeller_loss:port"] <= 30.0
+    assert 0.1 <= stimuli["shift_wave"]["by_fault"]["propeller_damage:port"] <= 30.0
     assert (tmp_path / "out" / "figures" / "evidence-energy.png").is_file()
     page = (tmp_path / "out" / "index.html").read_text()
     assert "the healthy band known" in page and "suspected if healthy" in page
