@@ -50,9 +50,7 @@ STIMULI = (
     "constant",
     "standing_surge",
     "two_experiments",
-    "shift_wave",
     "triggered_shift",
-    "surge_and_shift",
 )
 SUITES = (
     "thesis",

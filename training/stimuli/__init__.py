@@ -12,7 +12,7 @@ from training.stimuli.learned import (
 )
 from training.stimuli.open_loop import Constant, Cruise, DOptimal, Multisine, Prbs, Thesis
 from training.stimuli.standing import StandingSurge
-from training.stimuli.thrust_shift import ShiftWave, SurgeAndShift, TriggeredShift
+from training.stimuli.thrust_shift import TriggeredShift
 from training.stimuli.triggered import (
     TriggeredDOptimal,
     TriggeredPrbs,
@@ -43,7 +43,5 @@ STIMULI: dict[str, type[Stimulus]] = {
     "constant": Constant,
     "standing_surge": StandingSurge,
     "two_experiments": TwoExperiments,
-    "shift_wave": ShiftWave,
     "triggered_shift": TriggeredShift,
-    "surge_and_shift": SurgeAndShift,
 }

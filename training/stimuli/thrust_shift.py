@@ -1,4 +1,4 @@
-"""The stimuli that shift thrust between the sides, at constant total thrust and constant speed.
+"""The stimulus that shifts thrust between the sides, at constant total thrust and constant speed.
 
 A propeller that thrusts more loads its motor more. So a change of its load, which is a fault of the
 propeller, is told from a change of the motor, of friction and of sensors, which is none; the speed
@@ -13,8 +13,7 @@ from auv_fault_env.faults import CATALOGUE, classes
 from auv_fault_env.parameters import SIDES
 from diagnosers import Belief
 from training.stimuli.open_loop import Cruise
-from training.stimuli.triggered_surge import LEAST_NORMAL, TriggeredSurge
-from training.stimuli.waveforms import square
+from training.stimuli.triggered_surge import LEAST_NORMAL
 
 DEPTH = 0.4  # of the shift, for 2 % more energy at 1 ft/s
 SURE = 0.95  # probability of a fault from which thrust is equal again
@@ -46,37 +45,14 @@ def shift_to_suspect(log_probability: np.ndarray) -> np.ndarray:
     return np.where(is_sure, 0.0, DEPTH * np.clip(odds, -1.0, 1.0))
 
 
-class ShiftWave(Cruise):
-    """Ten seconds more thrust at starboard, ten seconds at port, at the mission's speed.
+class TriggeredShift(Cruise):
+    """Thrust to the side that is suspected, at the mission's speed, in a vehicle with two shafts.
 
     It needs no budget: there is no offset. What it costs is energy and rudder.
     """
 
-    name = "shift_wave"
-    seed_block = 19
-
-    def thrust_shift(self, sample: int, observation: np.ndarray, belief: Belief) -> np.ndarray:
-        """The wave at this sample."""
-        wave = square()
-        return np.full(len(observation), DEPTH * wave[sample % wave.size])
-
-
-class TriggeredShift(Cruise):
-    """Thrust to the side that is suspected, at the mission's speed."""
-
     name = "triggered_shift"
-    seed_block = 20
-
-    def thrust_shift(self, sample: int, observation: np.ndarray, belief: Belief) -> np.ndarray:
-        """The shift of the rule."""
-        return shift_to_suspect(belief.log_probability)
-
-
-class SurgeAndShift(TriggeredSurge):
-    """Faster by the odds of a fault of hull or propellers, with thrust to the suspected side."""
-
-    name = "surge_and_shift"
-    seed_block = 21
+    seed_block = 19
 
     def thrust_shift(self, sample: int, observation: np.ndarray, belief: Belief) -> np.ndarray:
         """The shift of the rule."""

@@ -2,8 +2,9 @@ import json
 
 import pytest
 
-from training.studies import thrust_shift
+from training.studies import thrust_shift, thrust_shift_loop
 from training.studies.thrust_shift import ThrustShift, planned_excitations
+from training.studies.thrust_shift_loop import RULES
 
 
 def test_the_study_writes_rates_costs_and_the_loop(tmp_path, monkeypatch):
@@ -15,8 +16,8 @@ def test_the_study_writes_rates_costs_and_the_loop(tmp_path, monkeypatch):
     monkeypatch.setattr(
         thrust_shift, "planned_excitations", lambda: {name: planned[name] for name in names}
     )
-    without_shift = dict.fromkeys(("cruise", "triggered_shift", "shift_wave"), "cruise")
-    monkeypatch.setattr(thrust_shift, "STIMULI_IN_LOOP", without_shift)
+    rules = {name: RULES[name] for name in ("cruise", "triggered_shift", "shift_wave")}
+    monkeypatch.setattr(thrust_shift_loop, "RULES", rules)
     monkeypatch.setattr(thrust_shift, "SEVERITIES", (0.6,))
     thrust_shift.main(ThrustShift(output=tmp_path / "out", vehicles=1, lanes=1))
     results = json.loads((tmp_path / "out" / "results.json").read_text())
