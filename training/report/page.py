@@ -18,6 +18,9 @@ from training.report.figures.registry import draw
 N_PRINTED_COLUMNS = 6
 PRINTED_WIDTH = 120  # characters of a terminal
 MARGIN = "  "  # left of a column
+WIDE = 6  # columns from which long names in a table may break
+LONG_WORD = re.compile(r"\S{21,}")
+JOINT = re.compile(r"(?<=\w)([_:/])(?=\w)")
 # up to the first full stop that ends a sentence
 FIRST_SENTENCE = re.compile(r"(?:Figs?\. |[^.]|\.(?! |$))*")
 
@@ -66,10 +69,13 @@ def _with_code(text: str) -> Markup:
     return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
-def _cell(text: str) -> Markup:
-    """The text of a table's cell: no break within an interval, breaks within long names."""
+def _cell(text: str, n_columns: int) -> Markup:
+    """The text of a cell: no break within an interval; in wide tables breaks within long names."""
     whole_intervals = text.replace("–", "\u2060–\u2060")
-    return Markup(re.sub(r"(?<=\w)([_:/])(?=\w)", r"\1<wbr>", str(_with_code(whole_intervals))))
+    html = str(_with_code(whole_intervals))
+    if n_columns >= WIDE:
+        html = LONG_WORD.sub(lambda word: JOINT.sub(r"\1<wbr>", word[0]), html)
+    return Markup(html)
 
 
 def _write_figure(figure: dict[str, Any], folder: Path) -> str:

@@ -77,11 +77,14 @@ def test_the_first_sentence_is_the_title(caption, title):
     assert FIRST_SENTENCE.match(caption)[0] == title
 
 
-def test_long_names_may_break_and_intervals_may_not(tmp_path):
-    table = {"columns": [LONG], "rows": [["1.0 (0.5–1.5)"], ["runs/a/b"]]}
+@pytest.mark.parametrize(("n_columns", "breaks"), [(3, False), (8, True)])
+def test_long_names_of_wide_tables_may_break_and_intervals_may_not(tmp_path, n_columns, breaks):
+    cells = [LONG, "1.0 (0.5–1.5)", "propeller_loss:port"] + [""] * (n_columns - 3)
+    table = {"columns": ["x"] * n_columns, "rows": [cells]}
     page = written(tmp_path, {"heading": "x", "text": [], "table": table})
-    assert "motor_<wbr>overheating:<wbr>starboard" in page
-    assert "0.5\u2060–\u20601.5" in page and "runs/<wbr>a/<wbr>b" in page
+    assert ("motor_<wbr>overheating:<wbr>starboard" in page) == breaks
+    assert (LONG in page) != breaks
+    assert "0.5\u2060–\u20601.5" in page and "propeller_loss:port" in page
 
 
 def pages_in(file):
