@@ -51,6 +51,7 @@ STIMULI = (
     "standing_surge",
     "two_experiments",
     "triggered_shift",
+    "planner",
 )
 SUITES = (
     "thesis",

@@ -11,6 +11,7 @@ from training.stimuli.learned import (
     LearnedHeld,
 )
 from training.stimuli.open_loop import Constant, Cruise, DOptimal, Multisine, Prbs, Thesis
+from training.stimuli.planner import Planner
 from training.stimuli.standing import StandingSurge
 from training.stimuli.thrust_shift import TriggeredShift
 from training.stimuli.triggered import (
@@ -44,4 +45,5 @@ STIMULI: dict[str, type[Stimulus]] = {
     "standing_surge": StandingSurge,
     "two_experiments": TwoExperiments,
     "triggered_shift": TriggeredShift,
+    "planner": Planner,
 }

@@ -33,10 +33,14 @@ class Standing(ClosedLoop):
 
     def decide(self, observation: np.ndarray, belief: Belief, episode: EpisodeState) -> np.ndarray:
         """The larger of the two offsets, as far as the allowance that is not set aside lasts."""
-        samples_to_come = max(N_SAMPLES - episode.sample, 0)
-        free = np.maximum(episode.allowance - samples_to_come * self.standing**2, 0.0)
+        free = self.free_allowance(episode)
         offset = np.maximum(self.surge(belief, free, episode), self.standing)
         return np.minimum(offset, np.sqrt(free + self.standing**2))
+
+    def free_allowance(self, episode: EpisodeState) -> np.ndarray:
+        """The allowance that is not set aside, (n_lanes,) [m^2/s^2 times samples]."""
+        samples_to_come = max(N_SAMPLES - episode.sample, 0)
+        return np.maximum(episode.allowance - samples_to_come * self.standing**2, 0.0)
 
     @abstractmethod
     def surge(self, belief: Belief, free: np.ndarray, episode: EpisodeState) -> np.ndarray:
