@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from tyro.conf import arg
 
 from auv_fault_env.errors import finite_in_range, known_name, whole_number
@@ -75,8 +76,8 @@ def study(arguments: Planning, points: Sequence[Point]) -> dict[str, Any]:
     """Rows of the table, and the page."""
     lanes = lanes_of(arguments)
     truth = lane_truth(lanes.conditions, lanes.episodes[FAULTY]).at_instants
-    reference = None
-    rows = []
+    reference: np.ndarray | None = None
+    rows: list[dict[str, Any]] = []
     for point, runs in read_runs(arguments.cache, points, lanes, arguments.workers):
         threshold = threshold_at(runs[THRESHOLD].log_normal, HOUR)
         found = detected(runs[FAULTY], threshold.value, truth.fault, truth.onset)
@@ -88,7 +89,11 @@ def study(arguments: Planning, points: Sequence[Point]) -> dict[str, Any]:
             name: float(times[0, truth.fault == classes().index(name)].mean())
             for name in SUBSETS["confounded"]
         }
-        row = {"healthy_rms": cost, "threshold": threshold.value, "by_class": by_class}
+        row: dict[str, Any] = {
+            "healthy_rms": cost,
+            "threshold": threshold.value,
+            "by_class": by_class,
+        }
         rows.append(point._asdict() | row | figures)
     return {
         "points": rows,
