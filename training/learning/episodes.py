@@ -3,9 +3,8 @@
 Half of the lanes has the thesis' stimulus, a quarter random missions, a quarter such missions with
 rests; the last two have manoeuvres. Half of each has realism 1, the others one that is drawn for
 all of them, with all imperfections or with some: a diagnoser that has met only all of them together
-takes a reading that is better than usual for a failed sensor. In a part of the rests the readings
-are zero, as in a log that begins before its sensors do. The vehicle of a vehicle file has random
-missions in place of the thesis' stimulus.
+takes a reading that is better than usual for a failed sensor. The vehicle of a vehicle file has
+random missions in place of the thesis' stimulus.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -31,15 +30,14 @@ N_SAMPLES = 600  # 60 s
 # for the cards of weights
 KINDS = (
     "half with the thesis' stimulus, a quarter with random missions and manoeuvres, a quarter with "
-    "such missions that begin or end at rest, some with sensors off there; half with realism 1, a "
-    "sixth ideal, a third with realism up to 2, of which half with some of the imperfections"
+    "such missions that begin or end at rest; half with realism 1, a sixth ideal, a third with "
+    "realism up to 2, of which half with some of the imperfections"
 )
 IDEAL = 1 / 3  # probability that vehicles with a drawn realism are ideal
 PARTLY_IDEAL = 1 / 3  # that they have some of the imperfections
 LARGEST_REALISM = 2.0  # of all that are not ideal, uniform
 AT_REST = 0.5  # probability of a rest, at the start and at the end alike, on missions with rests
 REST = (0.05, 0.4)  # share of an episode
-SENSORS_OFF = 0.5  # probability that the sensors are off in a part of a rest
 CONSTANT = 0.6  # share of the missions with rests that have one speed throughout
 
 
@@ -56,7 +54,6 @@ class Course(NamedTuple):
     missions: Sequence[Mission] | None  # None for those of the fleet's sampler
     actions: np.ndarray | None  # (n_samples, n_lanes, 3), see `roll_out`
     start: np.ndarray  # (n_lanes,) end of the rest at the start [s]
-    end: np.ndarray  # (n_lanes,) start of the rest at the end [s]
 
 
 def training_episodes(
@@ -126,23 +123,7 @@ def _rollout(
     events, faults = with_unknown_faults(events, unknown, random, vehicle)
     fleet = vehicle.fleet(len(lanes), *realism, faults)
     rollout = roll_out(fleet, lanes, N_SAMPLES, course.actions, events, course.missions)
-    observations = with_sensors_off(rollout.observations, course, random)
-    return rollout._replace(observations=vehicle.as_logged(observations))
-
-
-def with_sensors_off(
-    observations: np.ndarray, course: Course, random: np.random.Generator
-) -> np.ndarray:
-    """Observations (n_samples, n_lanes, n_channels), zero in the outer part of some rests."""
-    n_samples, n_lanes, _ = observations.shape
-    time = np.arange(n_samples)[:, None] * SAMPLE_TIME
-    duration = n_samples * SAMPLE_TIME
-    is_off = random.uniform(size=(2, n_lanes)) < SENSORS_OFF
-    share_at_start, share_at_end = is_off * random.uniform(size=(2, n_lanes))
-    switched_on = share_at_start * course.start
-    switched_off = duration - share_at_end * (duration - course.end)
-    is_on = (time >= switched_on) & (time < switched_off)
-    return np.where(is_on[:, :, None], observations, np.float32(0.0))
+    return rollout._replace(observations=vehicle.as_logged(rollout.observations))
 
 
 def without_gaps(observations: np.ndarray) -> np.ndarray:
@@ -164,20 +145,12 @@ def later(events: Events, delay: np.ndarray) -> Events:
 
 def thesis_course(lanes: range, vehicle: LoggedVehicle = THESIS) -> Course:
     """The thesis' speed changes."""
-    return without_rests([MISSIONS["thesis"]] * len(lanes), None, len(lanes))
+    return Course([MISSIONS["thesis"]] * len(lanes), None, np.zeros(len(lanes)))
 
 
 def random_course(lanes: range, vehicle: LoggedVehicle = THESIS) -> Course:
     """Random missions, and manoeuvres on half of them."""
-    return without_rests(None, waves(lanes, N_SAMPLES, vehicle), len(lanes))
-
-
-def without_rests(
-    missions: Sequence[Mission] | None, actions: np.ndarray | None, n_lanes: int
-) -> Course:
-    """A course in motion from the start to the end."""
-    start = np.zeros(n_lanes)
-    return Course(missions, actions, start, start + N_SAMPLES * SAMPLE_TIME)
+    return Course(None, waves(lanes, N_SAMPLES, vehicle), np.zeros(len(lanes)))
 
 
 def waves(lanes: range, n_samples: int, vehicle: LoggedVehicle) -> np.ndarray:
@@ -210,7 +183,7 @@ def course_with_rests(
     time = np.arange(n_samples)[:, None] * SAMPLE_TIME
     is_moving = (time >= start) & (time < end)
     actions = waves(lanes, n_samples, vehicle) * is_moving[:, :, None]
-    return Course(missions, actions, start, end)
+    return Course(missions, actions, start)
 
 
 def _with_rests(legs: np.ndarray, start_speed: float, start: float, end: float) -> Mission:

@@ -22,6 +22,7 @@ from training.learning.reproducible import one_thread
 from training.logged_vehicle import THESIS, LoggedVehicle
 from training.seeds import SPAN
 
+NETWORKS = 3  # of successive seeds, on the same episodes
 SETS = 4  # simulated sets of episodes per epoch
 VALIDATION_SETS = 2  # to validate and to calibrate on
 REPLAY_EPOCHS = 6  # the last, from whose single samples the encoder learns
@@ -29,7 +30,12 @@ ENCODER_EPOCHS = 6  # in which the encoder learns alone
 
 
 class IntegratedTrainer:
-    """An encoder, then a memory behind it, with learning rates that fall to zero as a cosine."""
+    """Several networks, of which the one with the best validation loss is taken.
+
+    They have the episodes in common, which take most of the time; each has its own initial weights
+    and order of the samples. What they differ by is what the seed decides. The learning rates fall
+    to zero as a cosine over all epochs.
+    """
 
     epochs = 16
     patience = 16
@@ -38,13 +44,13 @@ class IntegratedTrainer:
         "single, compound, incipient, intermittent, repaired and unknown faults, healthy vehicles, "
         "default band, noise and disturbance; "
         f"validated and calibrated on {VALIDATION_SETS * LANES} such episodes each, with seeds of "
-        "their own"
+        f"their own; the best of {NETWORKS} networks on the same episodes"
     )
 
     def __init__(self, seed: int, vehicle: LoggedVehicle = THESIS) -> None:
         self.seed = seed
         self.vehicle = vehicle
-        self.learner = Learner(seed, vehicle.is_symmetric)
+        self.learners = [Learner(seed + k, vehicle.is_symmetric) for k in range(NETWORKS)]
         self.validation: list[EpisodeSet] = []
         self.replay: deque[EpisodeSet] = deque(maxlen=REPLAY_EPOCHS * SETS)
         self.next_epoch = -1
@@ -56,15 +62,16 @@ class IntegratedTrainer:
         memory_losses = []
         if not self.replay:
             self._refill_replay(number)
-        random = np.random.default_rng([self.seed, number, 1])
+        order = [np.random.default_rng([learner.seed, number, 1]) for learner in self.learners]
         with one_thread():
             for k, episodes in enumerate(self._sets_of(number)):
                 progress = min((number + k / SETS) / self.epochs, 1.0)
                 fall = 0.5 * (1.0 + cos(pi * progress))
                 self.replay.append(replay_samples(episodes, k))
-                encoder_losses += self.learner.train_encoder(self.replay, fall, random)
-                if number >= ENCODER_EPOCHS:
-                    memory_losses += self.learner.train_memory(episodes, fall, random)
+                for learner, random in zip(self.learners, order, strict=True):
+                    encoder_losses += learner.train_encoder(self.replay, fall, random)
+                    if number >= ENCODER_EPOCHS:
+                        memory_losses += learner.train_memory(episodes, fall, random)
         loss = float(np.mean(memory_losses or encoder_losses))
         # the name in the cards of the weights
         return {"loss": loss, "glance_loss": float(np.mean(encoder_losses))}
@@ -94,29 +101,54 @@ class IntegratedTrainer:
             self.replay.extend(replay_samples(episodes, k) for k, episodes in enumerate(sets))
 
     def validate(self) -> dict[str, float]:
-        """Both losses on the validation seeds."""
+        """Both losses of the best network on the validation seeds, and the loss of every one."""
+        losses = self._validation_losses()
+        class_loss, severity_loss = min(losses)
+        figures = {"loss": class_loss, "severity_loss": severity_loss}
+        for learner, (loss, _) in zip(self.learners, losses, strict=True):
+            figures[f"loss_of_seed_{learner.seed}"] = loss
+        return figures
+
+    def _validation_losses(self) -> list[tuple[float, float]]:
+        """Losses of class and severity of each network."""
         if not self.validation:
             self.validation = list(self._simulated("validation", validation_seeds()))
         with one_thread():
-            class_loss, severity_loss = self.learner.validate(self.validation)
-        return {"loss": class_loss, "severity_loss": severity_loss}
+            return [learner.validate(self.validation) for learner in self.learners]
 
     def state(self) -> dict[str, np.ndarray]:
-        """Weights and moments, by name."""
-        return self.learner.training.state()
+        """Weights and moments of all networks, by number and name."""
+        return {
+            f"{k}.{name}": tensor
+            for k, learner in enumerate(self.learners)
+            for name, tensor in learner.training.state().items()
+        }
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Take over a result of `state`."""
-        self.learner.training.restore(state)
+        for k, learner in enumerate(self.learners):
+            prefix = f"{k}."
+            own = {name: state[name] for name in state if name.startswith(prefix)}
+            learner.training.restore({name.removeprefix(prefix): own[name] for name in own})
 
     def finish(self) -> tuple[Integrated, dict[str, Any]]:
-        """The network, calibrated, and the losses of the calibration."""
+        """The best network calibrated, and for all of them the losses on the calibration seeds."""
+        validation = self._validation_losses()
+        best = validation.index(min(validation))
         sets = list(self._simulated("calibration", validation_seeds()))
         with one_thread():
-            figures = self.learner.calibrate(sets)
+            calibrated = [learner.calibrate(sets) for learner in self.learners]
+        losses = [figures["calibration_loss"] for figures in calibrated]
+        seeds = {
+            "seed_of_weights": self.learners[best].seed,
+            "validation_losses_of_seeds": [loss for loss, _ in validation],
+            "calibration_losses_of_seeds": losses,
+            "spread_of_calibration_losses": max(losses) - min(losses),
+        }
+        weights = self.learners[best].network.tensors()
         vehicle = self.vehicle
-        weights = self.learner.network.tensors()
-        return Integrated(vehicle.vehicle, weights, classes(), vehicle.bank), figures
+        diagnoser = Integrated(vehicle.vehicle, weights, classes(), vehicle.bank)
+        return diagnoser, calibrated[best] | seeds
 
 
 def validation_seeds() -> list[int]:

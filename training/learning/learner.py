@@ -1,4 +1,4 @@
-"""The integrated network in training, on features of simulated episodes."""
+"""One network in training, on features that it may share with others."""
 
 from collections.abc import Iterable, Sequence
 from itertools import chain
@@ -35,6 +35,7 @@ class Learner:
     """
 
     def __init__(self, seed: int, is_symmetric: bool = True) -> None:
+        self.seed = seed
         self.is_symmetric = is_symmetric
         with torch.random.fork_rng():
             torch.manual_seed(seed)

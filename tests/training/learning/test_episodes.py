@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auv_fault_env import CATALOGUE, UNMODELLED, Fleet, classes, layout
-from auv_fault_env.channels import CHANNELS, INDEX
+from auv_fault_env.channels import INDEX
 from auv_fault_env.faults import matrices
 from auv_fault_env.missions import MISSIONS
 from auv_fault_env.parameters import PARAMETERS
@@ -17,7 +17,6 @@ from training.learning.episodes import (
     drawn_realism,
     later,
     training_episodes,
-    with_sensors_off,
 )
 from training.learning.unknown_faults import random_fault, with_unknown_faults
 from training.rollouts import roll_out
@@ -84,23 +83,6 @@ def test_missions_with_rests_begin_and_end_at_rest_or_have_one_speed():
     np.testing.assert_array_equal(begins_at_rest, course.start > 0.0)
     speeds = [len(set(speed) - {0.0}) for speed in mission.T.tolist()]
     assert 0.5 < np.mean(np.array(speeds) == 1) < 0.7
-
-
-def test_sensors_are_off_at_rest_alone_and_in_some_rests():
-    course = course_with_rests(range(400))
-    observations = np.ones((600, 400, len(CHANNELS)), np.float32)
-    seen = with_sensors_off(observations, course, np.random.default_rng(0))
-    assert seen.dtype == np.float32
-    is_off = (seen == 0.0).all(axis=2)
-    np.testing.assert_array_equal(is_off, (seen == 0.0).any(axis=2))
-    time = np.arange(600)[:, None] * 0.1
-    assert not (is_off & (time >= course.start) & (time < course.end)).any()
-    begins_at_rest = course.start > 0.0
-    assert 0.4 < is_off[0, begins_at_rest].mean() < 0.6
-    ends_at_rest = course.end < 60.0
-    assert 0.4 < is_off[-1, ends_at_rest].mean() < 0.6
-    # once on, and once off: no sensor is off in the middle of a rest
-    assert (np.diff(is_off.astype(int), axis=0) != 0).sum(axis=0).max() <= 2
 
 
 def test_no_fault_begins_at_rest_before_the_mission():

@@ -27,7 +27,12 @@ def small(monkeypatch):
     monkeypatch.setattr("training.learning.episodes.N_SAMPLES", 60)
 
 
-def test_a_restored_trainer_goes_on_bit_for_bit():
+@pytest.fixture
+def two_networks(monkeypatch):
+    monkeypatch.setattr(integrated, "NETWORKS", 2)
+
+
+def test_a_restored_trainer_goes_on_bit_for_bit(two_networks):
     trainer = IntegratedTrainer(3)
     restored = IntegratedTrainer(3)
     trainer.epoch(0)
@@ -38,27 +43,50 @@ def test_a_restored_trainer_goes_on_bit_for_bit():
         np.testing.assert_array_equal(restored.state()[name], tensor, strict=True)
 
 
-def test_memory_learns_only_after_the_encoder():
+def test_memory_learns_only_after_the_encoder(two_networks):
     trainer = IntegratedTrainer(0)
     at_start = trainer.state()
     trainer.epoch(0)
     after = trainer.state()
-    assert np.array_equal(after["memory.weight_hh_l0"], at_start["memory.weight_hh_l0"])
-    assert not np.array_equal(after["encoder.0.weight"], at_start["encoder.0.weight"])
+    assert np.array_equal(after["1.memory.weight_hh_l0"], at_start["1.memory.weight_hh_l0"])
+    assert not np.array_equal(after["1.encoder.0.weight"], at_start["1.encoder.0.weight"])
     trainer.epoch(1)
     later = trainer.state()
-    assert not np.array_equal(later["memory.weight_hh_l0"], after["memory.weight_hh_l0"])
+    assert not np.array_equal(later["1.memory.weight_hh_l0"], after["1.memory.weight_hh_l0"])
 
 
-def test_the_diagnoser_has_the_calibrated_weights(monkeypatch):
+def test_the_first_network_learns_what_it_learns_alone(monkeypatch):
+    states = []
+    for n_networks in (1, 2):
+        monkeypatch.setattr(integrated, "NETWORKS", n_networks)
+        trainer = IntegratedTrainer(5)
+        trainer.epoch(0)
+        trainer.epoch(1)
+        states.append(trainer.state())
+    alone, together = states
+    assert len(together) == 2 * len(alone)
+    for name, tensor in alone.items():
+        np.testing.assert_array_equal(together[name], tensor, strict=True)
+    assert not np.array_equal(together["1.encoder.0.weight"], together["0.encoder.0.weight"])
+
+
+def test_the_weights_are_those_of_the_better_seed_and_the_card_has_all(two_networks, monkeypatch):
     monkeypatch.setattr("training.learning.episodes.N_SAMPLES", 250)  # some have a fault by then
     trainer = IntegratedTrainer(7)
     trainer.epoch(0)
+    with torch.no_grad():
+        trainer.learners[0].network.opinion.bias[3] = 9.0  # a class out of nowhere
+    validation = trainer.validate()
+    assert validation["loss"] == validation["loss_of_seed_8"] < validation["loss_of_seed_7"]
     diagnoser, figures = trainer.finish()
     assert diagnoser.trained_classes == CLASSES
-    assert figures["calibration_loss"] <= figures["calibration_loss_before"]
-    assert float(diagnoser.tensors()["sharpness"][0]) == pytest.approx(figures["sharpness"])
-    np.testing.assert_array_equal(diagnoser.tensors()["trust"], trainer.state()["trust"])
+    assert figures["seed_of_weights"] == 8
+    assert figures["validation_losses_of_seeds"][1] == validation["loss"]
+    losses = figures["calibration_losses_of_seeds"]
+    assert figures["calibration_loss"] == losses[1] <= figures["calibration_loss_before"]
+    assert figures["spread_of_calibration_losses"] == abs(losses[0] - losses[1]) > 0.0
+    assert np.array_equal(diagnoser.tensors()["trust"], trainer.state()["1.trust"])
+    assert not np.array_equal(diagnoser.tensors()["trust"], trainer.state()["0.trust"])
 
 
 def test_epochs_and_purposes_learn_from_different_episodes():

@@ -39,7 +39,7 @@ N_SAMPLES = 80
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
-    for name, value in dict(LANES=8, SETS=1, VALIDATION_SETS=1).items():
+    for name, value in dict(LANES=8, SETS=1, VALIDATION_SETS=1, NETWORKS=1).items():
         monkeypatch.setattr(integrated, name, value)
     monkeypatch.setattr(integrated, "ENCODER_EPOCHS", 0)
     monkeypatch.setattr(learner, "ENCODER_STEPS", 2)
