@@ -15,12 +15,11 @@ from diagnosers import Belief
 from training.stimuli.base import LARGEST_OFFSET, MISSION_SPEED
 from training.stimuli.closed_loop import EpisodeState
 from training.stimuli.planner_model import (
-    MOST_LOG_ODDS,
     force_shares,
     noises,
     scores,
 )
-from training.stimuli.standing import Standing
+from training.stimuli.standing import StandingSurge
 from training.stimuli.triggered_surge import is_of_hull_or_propellers
 
 DECISION = round(SAMPLE_RATE)  # samples between decisions
@@ -37,21 +36,18 @@ class PlannerMemory(NamedTuple):
     planned: np.ndarray  # (n_lanes,) offset [m/s], `OF_BASE` for that of the base rule
 
 
-class Planner(Standing):
-    """Each second the base rule, or an offset that surely costs less if the base rule follows.
+class Planner(StandingSurge):
+    """The base rule, and each second a larger offset where it surely costs less than the rule.
 
-    The base rule stands ahead by `standing_share` of the budget and goes faster in proportion to
-    the odds of a fault of hull or propellers: at odds of one to four by half the budget. In the
-    rollouts an offset is held for two seconds, over the classes of hull and propellers with their
-    probabilities and severities in the belief, and with the same noise for all candidates. The
-    cost is the time until isolation if a fault is there, and squared offsets at a price if none
-    is. So it goes ahead of the base rule where a fault would otherwise stay hidden for long: a
-    slight one, or at a low speed.
+    The base rule is `StandingSurge`. In the rollouts an offset is held for two seconds and the base
+    rule follows, over the classes of hull and propellers with their probabilities and severities
+    in the belief, with the same noise for all candidates. The cost is the time until isolation if
+    a fault is there, and squared offsets at a price, set by the budget, if none is. So it goes
+    ahead of the base rule where a fault would otherwise stay hidden for long: a slight one, or at
+    a low speed.
 
     It assumes that evidence grows with the fourth power of the speed, and that the odds of the
-    belief are right. `standing_share` and `PRICE` were chosen on validation seeds with
-    `filter_bank`, so that healthy vehicles get a fifth of a budget of 0.25 m/s, and the rest lasts
-    until a fault that grows slowly is isolated.
+    belief are right. `PRICE` was chosen on validation seeds with `filter_bank`.
 
     When it misleads: the model does not see how one fault is told from another, no class but
     those of hull and propellers, and no transients, which make the first second of a fault. A
@@ -61,9 +57,6 @@ class Planner(Standing):
 
     name = "planner"
     seed_block = 20
-    standing_share = 0.18
-    gain: ClassVar[float] = 2.0
-    """Offset of the base rule at even odds as a multiple of the budget."""
     candidates: ClassVar[tuple[float, ...]] = (OF_BASE, 0.1, 0.175, LARGEST_OFFSET)
     """Offsets to try [m/s], first `OF_BASE` for the base rule alone."""
 
@@ -71,21 +64,15 @@ class Planner(Standing):
         """Nothing planned."""
         return PlannerMemory(np.full(n_lanes, OF_BASE))
 
-    def surge(self, belief: Belief, free: np.ndarray, episode: EpisodeState) -> np.ndarray:
-        """The offset of the base rule by the odds of a fault of hull or propellers."""
-        log_odds = np.minimum(log_odds_of_force(belief.log_probability), MOST_LOG_ODDS)
-        return np.minimum(self.gain * self.budget * np.exp(log_odds), LARGEST_OFFSET)
-
     def decide(self, observation: np.ndarray, belief: Belief, episode: EpisodeState) -> np.ndarray:
-        """The planned offset, or that of the base rule, as far as the allowance lasts."""
+        """The planned offset as far as the allowance lasts, or that of the base rule if larger."""
         base = super().decide(observation, belief, episode)
         free = self.free_allowance(episode)
         memory: PlannerMemory = episode.memory
         if episode.sample % DECISION == 0:
             memory.planned[:] = self._plan(observation, belief, free * SAMPLE_TIME)
         affordable = np.minimum(memory.planned, np.sqrt(free + self.standing**2))
-        planned = np.maximum(affordable, self.standing)
-        return np.where(memory.planned == OF_BASE, base, planned)
+        return np.maximum(affordable, base)
 
     def _plan(self, observation: np.ndarray, belief: Belief, free: np.ndarray) -> np.ndarray:
         """The best candidate of each lane, (n_lanes,); `free` is in m^2/s."""
@@ -105,7 +92,7 @@ class Planner(Standing):
             observation[:, MISSION_SPEED].astype(np.float64),
             free,
             self.standing,
-            self.gain * self.budget,
+            self.gain,
             held,
             PRICE / self.budget,
             noises(),

@@ -14,7 +14,7 @@ import numpy as np
 from auv_fault_env.compiling import kernel, scalar
 from auv_fault_env.faults import CATALOGUE
 from auv_fault_env.physics import clipped
-from training.stimuli.base import LARGEST_OFFSET
+from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET
 
 # nat/s at 1 m/s of a fault that doubles the force: what the log odds of `filter_bank` gain after
 # the first second, on validation seeds under the conditions of the suite `ideal`
@@ -39,7 +39,7 @@ class BaseRule(NamedTuple):
     """What the rule that follows a candidate goes by."""
 
     standing: float  # m/s
-    gain: float  # m/s at even odds
+    gain: float  # of `triggered_surge.surge_offset`
     free: float  # m^2/s, allowance beyond the standing offsets
 
 
@@ -73,8 +73,8 @@ def force_shares(names: tuple[str, ...]) -> np.ndarray:
 
 @scalar
 def base_offset(log_odds, base):
-    """The offset of the base rule [m/s]: standing, and more by the odds while allowance is free."""
-    eager = base.gain * math.exp(min(log_odds, MOST_LOG_ODDS))
+    """The offset of `StandingSurge` at these odds [m/s]."""
+    eager = base.gain * math.sqrt(base.free / EPISODE_TIME) * math.exp(min(log_odds, MOST_LOG_ODDS))
     return max(
         min(eager, LARGEST_OFFSET, affordable_offset(base.free, base.standing)), base.standing
     )
@@ -109,8 +109,7 @@ def follow(log_odds, force, has_fault, speed, mission, held, base, noise):
     force
         Share of the force that the fault changes, or would.
     held
-        Offset of the first `HOLD` steps, at least the standing one [m/s]; below zero that of the
-        base rule.
+        Least offset of the first `HOLD` steps [m/s]; below zero the base rule alone decides.
     base
         The `BaseRule` of the other steps.
     noise
@@ -121,10 +120,9 @@ def follow(log_odds, force, has_fault, speed, mission, held, base, noise):
     free = base.free
     spent = 0.0
     for k in range(noise.size):
-        if held >= 0.0 and k < HOLD:
-            offset = max(min(held, affordable_offset(free, standing)), standing)
-        else:
-            offset = base_offset(log_odds, BaseRule(standing, base.gain, free))
+        offset = base_offset(log_odds, BaseRule(standing, base.gain, free))
+        if k < HOLD:
+            offset = max(offset, min(held, affordable_offset(free, standing)))
         free = max(free - STEP * (offset * offset - standing * standing), 0.0)
         spent += STEP * offset * offset
         speed += FOLLOWING * (mission + offset - speed)
@@ -162,7 +160,7 @@ def scores(
     standing
         Offset of the base rule on a healthy vehicle [m/s].
     gain
-        Offset of the base rule at even odds, if there were no largest one [m/s].
+        Of the base rule, see `triggered_surge.surge_offset`.
     held
         The candidates, (n_candidates,) [m/s]; below zero the base rule alone.
     price

@@ -5,6 +5,7 @@ import numpy as np
 from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.faults import classes
 from diagnosers import Belief
+from training.stimuli import planner
 from training.stimuli.base import LARGEST_OFFSET, N_SAMPLES
 from training.stimuli.planner import DECISION, Planner
 from training.stimuli.planner_model import (
@@ -18,6 +19,7 @@ from training.stimuli.planner_model import (
     noises,
     scores,
 )
+from training.stimuli.standing import StandingSurge
 
 N_CLASSES = len(classes())
 DRAG = classes().index("increased_drag")
@@ -58,11 +60,8 @@ WANDERING = -2.0 + 2.0 * np.sin(np.arange(N_SAMPLES) / 40.0)
 
 
 def test_with_its_base_rule_as_the_only_candidate_it_is_that_rule():
-    log_odds = np.linspace(-6.0, 1.0, 40)
-    standing = Planner.standing_share * 0.1
-    by_odds = np.clip(Planner.gain * 0.1 * np.exp(log_odds), standing, LARGEST_OFFSET)
-    found = offsets(OnlyBase(0.1), log_odds)
-    np.testing.assert_allclose(found, np.tile(by_odds, (len(SPEEDS), 1)).T, rtol=1e-6)
+    found = offsets(OnlyBase(0.1), WANDERING)
+    np.testing.assert_array_equal(found, offsets(StandingSurge(0.1), WANDERING))
 
 
 def test_it_stands_on_a_sure_vehicle_and_never_spends_more_than_the_budget():
@@ -74,17 +73,30 @@ def test_it_stands_on_a_sure_vehicle_and_never_spends_more_than_the_budget():
         np.testing.assert_allclose(sure, Planner.standing_share * budget)
 
 
-def test_it_goes_ahead_of_its_base_rule_where_a_fault_would_stay_hidden():
+LOW_PRICE = 0.02  # s/m
+
+
+class Timid(Planner):
+    """A planner whose base rule hardly surges at odds below one."""
+
+    gain = 0.5
+
+
+def test_it_goes_ahead_of_its_base_rule_where_a_fault_would_stay_hidden(monkeypatch):
+    monkeypatch.setattr(planner, "PRICE", LOW_PRICE)
     suspected = np.full(30, -1.5)
-    slowest, _, fastest = offsets(Planner(0.2), suspected)[0]
-    assert slowest > offsets(OnlyBase(0.2), suspected).max()
+    slowest, _, fastest = offsets(Timid(0.2), suspected)[0]
+    assert slowest >= min(one for one in Planner.candidates if one > 0.0)
     assert slowest >= fastest
     # a dearer offset needs higher odds
-    assert offsets(Planner(0.02), suspected)[0, 0] < 0.02
+    monkeypatch.setattr(planner, "PRICE", 100.0)
+    assert offsets(Timid(0.2), suspected)[0, 0] < 0.1
+    assert (offsets(Planner(0.2), suspected) >= offsets(OnlyBase(0.2), suspected)).all()
 
 
-def test_an_offset_stays_for_a_second_and_an_episode_repeats():
-    stimulus = Planner(0.2)
+def test_an_offset_stays_for_a_second_and_an_episode_repeats(monkeypatch):
+    monkeypatch.setattr(planner, "PRICE", LOW_PRICE)
+    stimulus = Timid(0.2)
     log_odds = np.where(np.arange(40) % DECISION == 0, -1.5, -12.0)
     found = offsets(stimulus, log_odds)
     np.testing.assert_array_equal(found[:DECISION, 0], np.full(DECISION, found[0, 0]))
