@@ -49,7 +49,7 @@ class Planner(StandingSurge):
     It assumes that evidence grows with the fourth power of the speed, and that the odds of the
     belief are right. `PRICE` was chosen on validation seeds with `filter_bank`.
 
-    When it misleads: the model does not see how one fault is told from another, no class but
+    When it misleads: the model does not see how one fault is separated from another, no class but
     those of hull and propellers, and no transients, which make the first second of a fault. A
     diagnoser whose odds are higher on healthy vehicles makes it spend more there. Beyond
     `EPISODE_TIME` it surges only with what is left of the budget, and then not at all.

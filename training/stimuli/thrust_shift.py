@@ -1,8 +1,8 @@
 """The stimulus that shifts thrust between the sides, at constant total thrust and constant speed.
 
 A propeller that thrusts more loads its motor more. So a change of its load, which is a fault of the
-propeller, is told from a change of the motor, of friction and of sensors, which is none; the speed
-does it too, at more energy. Faults of hull and paddle wheel stay as hard to see.
+propeller, differs from a change of the motor, of friction or of sensors. A change of the speed
+shows that, too, at more energy. Faults of hull and paddle wheel stay as hard to see.
 """
 
 from functools import cache

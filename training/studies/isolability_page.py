@@ -34,7 +34,7 @@ def page(results: Results) -> dict[str, Any]:
 
 
 def _summary(results: Results) -> list[str]:
-    """Which classes are told apart soonest and latest, and how much a stimulus can help."""
+    """Which classes are separated soonest and latest, and how much a stimulus can help."""
     names = results["classes"]
     rates = results["rates"][STIMULUS]
     rivals = {name: least_rival(rates, k) for k, name in enumerate(names)}

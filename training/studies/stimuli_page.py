@@ -33,11 +33,6 @@ COSTS = {
 }
 COST_COLUMNS = [column for column, _ in COSTS.values()]
 SUBSET_WORDS = {"all": "", "confounded": ", classes alike in cruise"}
-# the stimuli with known onset: name in the results, name on the page
-KNOWN_ONSET_NAMES = {
-    "told the onset": "onset known",
-    "told, without budget": "onset known, without budget",
-}
 # targets, as shares of the isolation time under the thesis' stimulus and in cruise, of the budget
 OF_THESIS = 1 / 2
 OF_CRUISE = 1 / 3
@@ -249,11 +244,8 @@ def _figure_cells(figure: Mapping[str, Any]) -> list[str]:
 
 def known_onset(results: Results, budget: str) -> dict[str, Any]:
     """What a known onset would achieve."""
-    figures = results["budgets"][budget]["behaviour"]["told"]
-    rows = [
-        [KNOWN_ONSET_NAMES.get(name, name), *_figure_cells(figures[name])]
-        for name in _by_mean(figures)
-    ]
+    figures = results["budgets"][budget]["behaviour"]["known_onset"]
+    rows = [[name, *_figure_cells(figures[name])] for name in _by_mean(figures)]
     text = (
         f"Faults of hull and propellers, {results['lanes']} vehicles of each class, with "
         f"{results['diagnoser']}. With the onset known the vehicle goes {LARGEST_OFFSET} m/s "

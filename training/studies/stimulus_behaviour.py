@@ -27,8 +27,8 @@ from training.metrics.records import HORIZON, PERSISTENCE, Truth
 from training.seeds import seeds
 from training.stimuli import STIMULI, Stimulus
 from training.stimuli.base import LARGEST_OFFSET
+from training.stimuli.known_onset import FasterFromOnset
 from training.stimuli.open_loop import Cruise
-from training.stimuli.told_onset import FasterFromOnset
 from training.stimuli.triggered_surge import is_of_hull_or_propellers
 from training.studies.stimulus_comparisons import (
     paired_figures,
@@ -56,7 +56,7 @@ EPISODE_CLASSES = (
 )
 PLOTTED_EVERY = 2
 # budget [m/s] of the stimuli with known onset, as the results name them; None for that of all
-KNOWN_ONSET_BUDGETS = {"told the onset": None, "told, without budget": LARGEST_OFFSET}
+KNOWN_ONSET_BUDGETS = {"onset known": None, "onset known, without budget": LARGEST_OFFSET}
 
 
 class ClosedLoopRun(NamedTuple):
@@ -153,10 +153,10 @@ def behaviour(
     -------
     behaviour
         around_onset: see `offsets_around_onset`. healthy: lanes, how many, and share, see
-        `budget_shares`. told: figures (`stimulus_comparisons.paired_figures`) of the isolation time
-        of faults of hull and propellers, under the faulty stimuli, in cruise, and with known onset
-        (`FasterFromOnset`). episodes: stimulus, the last of the faulty stimuli, and drawn, see
-        `median_episodes`.
+        `budget_shares`. known_onset: figures (`stimulus_comparisons.paired_figures`) of the
+        isolation time of faults of hull and propellers, under the faulty stimuli, in cruise, and
+        with known onset (`FasterFromOnset`). episodes: stimulus, the last of the faulty stimuli,
+        and drawn, see `median_episodes`.
     """
     conditions = load(IDEAL).conditions
     faulty = faulty_lanes(conditions, PER_CLASS, seed)
@@ -185,7 +185,7 @@ def behaviour(
     }
     return {
         "around_onset": offsets_around_onset(shown_runs, truth.fault, truth.onset),
-        "told": _known_onset_figures(faulty_runs, truth, threshold, seed),
+        "known_onset": _known_onset_figures(faulty_runs, truth, threshold, seed),
         "healthy": {
             "lanes": len(healthy),
             "share": budget_shares(mean_squares, budget, seed),

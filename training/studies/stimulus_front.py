@@ -13,7 +13,7 @@ the results a triple is a figure and the ends of its 95 % interval::
                      faulty (`stimulus_front_scores.cost`), fronts (by cost, whether no other point
                      improves it in both), and rates (by mean time between false alarms)
       rates          threshold, is_extrapolated, detection [s], isolated (share), false_alarms,
-                     isolation and of_told (`compared` with `REFERENCE` and `TOLD`)
+                     isolation and of_known_onset (`compared` with `REFERENCE` and `KNOWN_ONSET`)
     equal_cost       {stimulus: {healthy cost [m/s]: `compared` with `REFERENCE`, or None}}
 """
 
@@ -31,8 +31,8 @@ from training.benchmark.suites import IDEAL
 from training.benchmark.trials import FAULTY, lane_truth
 from training.known_names import SUITES
 from training.stimuli.base import BUDGET
+from training.stimuli.known_onset import FasterFromOnset
 from training.stimuli.open_loop import Cruise, Thesis
-from training.stimuli.told_onset import FasterFromOnset
 from training.studies.run import command_line, run_study
 from training.studies.stimulus_comparisons import AGENT, LEARNED, SUBSETS, pareto_front
 from training.studies.stimulus_front_page import page
@@ -46,11 +46,11 @@ from training.studies.stimulus_front_runs import (
 )
 from training.studies.stimulus_front_scores import RATES, at_costs, compared, point_scores
 
-# the stimulus without an offset, the one of the thesis at its strength, and one that is told the
+# the stimulus without an offset, the one of the thesis at its strength, and one that knows the
 # onset: all others are compared with these
 PASSIVE = Point(Cruise.name, 0.0)
 REFERENCE = Point(Thesis.name, BUDGET)
-TOLD = Point(FasterFromOnset.name, 0.1)
+KNOWN_ONSET = Point(FasterFromOnset.name, 0.1)
 RANKED_AT = next(iter(RATES))
 # costs of the fronts, on healthy vehicles
 COSTS = ("rms", "energy")
@@ -60,7 +60,7 @@ STRENGTHS = {
     **dict.fromkeys(("triggered_d_optimal", "triggered_surge"), (0.05, 0.1, 0.2)),
     **dict.fromkeys(("standing_surge", "two_experiments"), (0.05, 0.1, 0.15, 0.2)),
     "learned": (0.05, 0.1),
-    "told_onset": (0.05, 0.1, 0.25),
+    "known_onset": (0.05, 0.1, 0.25),
 }
 MAIN_POINTS = tuple(
     Point(name, strength).label for name, strengths in STRENGTHS.items() for strength in strengths
@@ -127,7 +127,7 @@ def main(arguments: StimulusFront) -> None:
     if arguments.suite not in SUITES:
         allowed = f"one of {', '.join(SUITES)}"
         raise refusal("suite", arguments.suite, allowed, "name one")
-    chosen = [PASSIVE, REFERENCE, TOLD, *map(point_of, arguments.points)]
+    chosen = [PASSIVE, REFERENCE, KNOWN_ONSET, *map(point_of, arguments.points)]
     points = list(dict.fromkeys(chosen))
     run_study("stimulus_front", arguments, lambda _: study(arguments, points), page)
 
@@ -185,7 +185,7 @@ def _of(groups: Sequence[Group], point: Point) -> Group:
 def _row(group: Group, groups: Sequence[Group], seed: int) -> dict[str, Any]:
     """A point of the results."""
     reference = _of(groups, REFERENCE)
-    told = _of(groups, TOLD)
+    with_onset = _of(groups, KNOWN_ONSET)
     rates = {}
     for rate in RATES:
         of_members = [member.scores["rates"][rate] for member in group.members]
@@ -197,7 +197,7 @@ def _row(group: Group, groups: Sequence[Group], seed: int) -> dict[str, Any]:
             "isolated": float(np.mean([one["isolated"] for one in of_members])),
             "false_alarms": [one["false_alarms"] for one in of_members],
             "isolation": compared(times, reference.times(rate), seed),
-            "of_told": compared(times, told.times(rate), seed)["ratio"],
+            "of_known_onset": compared(times, with_onset.times(rate), seed)["ratio"],
         }
     return {
         "stimulus": group.stimulus,
@@ -212,7 +212,7 @@ def _row(group: Group, groups: Sequence[Group], seed: int) -> dict[str, Any]:
 def mark_fronts(rows: Sequence[dict[str, Any]]) -> None:
     """Write into the rows, by cost, whether no other point improves a point in both.
 
-    The reference that is told the onset does not compete.
+    The reference that knows the onset does not compete.
     """
     competing = [row for row in rows if row["stimulus"] != FasterFromOnset.name]
     for row in rows:

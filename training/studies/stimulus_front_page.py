@@ -9,7 +9,7 @@ from training.report.colours import COLOURS
 from training.report.sections import figure_section, table_section
 
 Results = Mapping[str, Any]
-TOLD = "told_onset"
+KNOWN_ONSET = "known_onset"
 NOT_ITS_COST = "–"
 COST_LABELS = {
     "rms": "offset on healthy vehicles, RMS [m/s]",
@@ -38,7 +38,7 @@ def page(results: Results) -> dict[str, Any]:
 def summary(results: Results) -> list[str]:
     """Which stimuli are on the front, and the soonest of them beside the thesis' stimulus."""
     rate = _rate(results)
-    competing = [point for point in results["points"] if point["stimulus"] != TOLD]
+    competing = [point for point in results["points"] if point["stimulus"] != KNOWN_ONSET]
     front = [point for point in competing if point["fronts"]["rms"]]
     names = ", ".join(dict.fromkeys(point["stimulus"] for point in front))
     best = min(front, key=lambda point: point["rates"][rate]["isolation"]["mean"][0])
@@ -66,8 +66,8 @@ def introduction(results: Results) -> list[str]:
     costs = (
         "Costs are relative to the passive run, `cruise`, on the same vehicles. The root mean "
         "square of the offset on healthy vehicles is the cost that counts: faults are rare. "
-        f"Intervals are 95 % paired bootstrap intervals over vehicles. `{TOLD}` is told the onset "
-        "and does not compete."
+        "Intervals are 95 % paired bootstrap intervals over vehicles. "
+        f"`{KNOWN_ONSET}` knows the onset and does not compete."
     )
     return [vehicles, costs]
 
@@ -82,7 +82,7 @@ def _triple(triple: Sequence[float], sign: str = "") -> str:
 
 
 def _place(point: Mapping[str, Any], key: str = "rms") -> str:
-    if point["stimulus"] == TOLD:
+    if point["stimulus"] == KNOWN_ONSET:
         return "does not compete"
     return "on the front" if point["fronts"][key] else "dominated"
 
@@ -127,22 +127,22 @@ def front_figure(results: Results) -> dict[str, Any]:
             "on_front": [point["fronts"][key] for key in COST_LABELS],
         }
         for point in results["points"]
-        if point["stimulus"] != TOLD
+        if point["stimulus"] != KNOWN_ONSET
     ]
-    told = [point for point in results["points"] if point["stimulus"] == TOLD]
-    best = min(point["rates"][rate]["isolation"]["ratio"][0] for point in told)
+    with_onset = [point for point in results["points"] if point["stimulus"] == KNOWN_ONSET]
+    best = min(point["rates"][rate]["isolation"]["ratio"][0] for point in with_onset)
     names = dict.fromkeys(point["stimulus"] for point in points)
     data = {
         "points": points,
         "labels": list(COST_LABELS.values()),
-        "told": best,
+        "known_onset": best,
         "colours": dict(zip(names, cycle(COLOURS), strict=False)),
     }
     caption = (
         f"Isolation time at one false alarm per {rate} as a share of that under `thesis`, with its "
         "paired interval, against what a stimulus costs healthy vehicles; down and left is better. "
         "Filled points are on the front, hollow ones are dominated. A line joins the strengths of "
-        "a stimulus. Dashed: told the onset, its best."
+        "a stimulus. Dashed: onset known, its best."
     )
     return figure_section("Isolation against cost", "stimulus_front", "front", caption, data)
 
@@ -185,7 +185,7 @@ def cost_table(results: Results, part: str) -> dict[str, Any]:
 
 
 def rate_table(results: Results) -> dict[str, Any]:
-    """Isolation and the ratio to the told onset at every rate of false alarms."""
+    """Isolation and the ratio to the known onset at every rate of false alarms."""
     rates = list(results["points"][0]["rates"])
     rows = []
     for point in results["points"]:
@@ -193,13 +193,17 @@ def rate_table(results: Results) -> dict[str, Any]:
         for rate in rates:
             at_rate = point["rates"][rate]
             mark = " *" if at_rate["is_extrapolated"] else ""
-            row += [f"{at_rate['isolation']['mean'][0]:.2f}{mark}", _triple(at_rate["of_told"])]
+            row += [
+                f"{at_rate['isolation']['mean'][0]:.2f}{mark}",
+                _triple(at_rate["of_known_onset"]),
+            ]
         counted = point["rates"][rates[0]]["false_alarms"]
         row.append(" + ".join(str(one["count"]) for one in counted))
         rows.append(row)
     hours = results["points"][0]["rates"][rates[0]]["false_alarms"][0]["hours"]
     text = (
-        f"Isolation time [s] and its ratio to that of `{TOLD}` at the same rate of false alarms. "
+        f"Isolation time [s] and its ratio to that of `{KNOWN_ONSET}` at the same rate of false "
+        "alarms. "
         "* The hours do not suffice to count so few alarms; the threshold is extrapolated with an "
         "exponential tail of the lowest log p(normal) of each vehicle. The last column: false "
         f"alarms on the {hours:.1f} h of healthy vehicles that set no threshold, at one per "
@@ -207,6 +211,6 @@ def rate_table(results: Results) -> dict[str, Any]:
     )
     columns = ["stimulus", "budget [m/s]"]
     for rate in rates:
-        columns += [f"one per {rate} [s]", f"× {TOLD}"]
+        columns += [f"one per {rate} [s]", f"× {KNOWN_ONSET}"]
     heading = "At fewer false alarms"
     return table_section(heading, [*columns, "false alarms"], rows, text)

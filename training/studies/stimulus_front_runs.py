@@ -31,7 +31,7 @@ from training.benchmark.trials import COUNTING, FAULTY, LANES_PER_TRIAL, THRESHO
 from training.benchmark.workers import with_catalogue
 from training.metrics.records import concatenate_lanes
 from training.stimuli import STIMULI, Stimulus
-from training.stimuli.told_onset import NEVER, FasterFromOnset
+from training.stimuli.known_onset import NEVER, FasterFromOnset
 from training.studies import stimulus_behaviour
 from training.studies.stimulus_behaviour import record_closed_loop
 

@@ -340,8 +340,8 @@ def results(stimuli):
             "lanes": 4,
             "share": budget_shares({name: np.full((1, 4), 0.001) for name in runs}, 0.05, 0),
         },
-        "told": paired_figures(
-            {name: times(np.full(6, 9.0)) for name in (*runs, "cruise", "told the onset")}, 0
+        "known_onset": paired_figures(
+            {name: times(np.full(6, 9.0)) for name in (*runs, "cruise", "onset known")}, 0
         ),
         "episodes": {
             "stimulus": stimuli[-1],

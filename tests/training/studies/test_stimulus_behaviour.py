@@ -13,7 +13,7 @@ from training.benchmark.suites import load
 from training.benchmark.trials import FAULTY, Entrant, Trial, simulate_trial
 from training.seeds import purpose_of
 from training.stimuli import STIMULI
-from training.stimuli.told_onset import FasterFromOnset
+from training.stimuli.known_onset import FasterFromOnset
 from training.studies import stimulus_behaviour
 from training.studies.stimulus_behaviour import (
     EPISODE_CLASSES,
@@ -151,14 +151,14 @@ def test_on_healthy_vehicles_the_thesis_spends_all_and_a_trigger_little(monkeypa
     )
     size = np.array(results["around_onset"]["absolute"]["increased_drag"]["thesis"])
     assert size.max() <= 0.05 + 1e-4 and size.min() > 0.03
-    known_onset = results["told"]
+    known_onset = results["known_onset"]
     assert list(known_onset) == [
         "thesis",
         "greedy",
         "cruise",
-        "told the onset",
-        "told, without budget",
+        "onset known",
+        "onset known, without budget",
     ]
-    assert known_onset["told, without budget"]["difference"]["cruise"][0] < -1.0
+    assert known_onset["onset known, without budget"]["difference"]["cruise"][0] < -1.0
     again = behaviour(["greedy"], ["greedy"], 0.05, "filter_bank", -6.0, 1, 0)
     assert again["healthy"]["share"]["greedy"] == share["greedy"]

@@ -14,7 +14,7 @@ from training.benchmark.trials import COUNTING, FAULTY, THRESHOLD
 from training.metrics.records import HIGHEST_THRESHOLD
 from training.stimuli import STIMULI
 from training.stimuli.base import BUDGET
-from training.stimuli.told_onset import NEVER
+from training.stimuli.known_onset import NEVER
 from training.studies import stimulus_front, stimulus_front_runs
 from training.studies.stimulus_comparisons import AGENT
 from training.studies.stimulus_front import Member, StimulusFront, grouped, main, mark_fronts
@@ -144,7 +144,7 @@ def test_a_point_is_on_the_front_of_a_cost_unless_another_one_improves_it_in_bot
         row("dear", 0.1, 5.0, 6.0),
         row("cheap", 0.05, 6.0, 6.0),
         row("best", 0.07, 7.0, 4.0),
-        row("told_onset", 0.0, 0.0, 1.0),
+        row("known_onset", 0.0, 0.0, 1.0),
     ]
     mark_fronts(rows)
     assert [one["fronts"]["rms"] for one in rows] == [True, False, True, True, False]
@@ -183,7 +183,7 @@ def test_a_point_is_a_stimulus_and_its_budget_and_all_else_is_refused():
             point_of(text)
 
 
-def test_a_file_is_of_one_point_and_its_vehicles_and_the_told_onset_is_theirs(
+def test_a_file_is_of_one_point_and_its_vehicles_and_the_known_onset_is_theirs(
     tmp_path,
 ):
     lanes = lanes_of(suites.load("ideal"), CLASSES, 2, 3, 0.1, 0)
@@ -193,7 +193,7 @@ def test_a_file_is_of_one_point_and_its_vehicles_and_the_told_onset_is_theirs(
     more = lanes_of(suites.load("ideal"), CLASSES, 2, 4, 0.1, 0)
     again = {path_of(tmp_path, job) for job in jobs_of(points[0], more)}
     assert len(again & paths) == 2  # the faulty ones and those for thresholds
-    faulty, counting, _ = jobs_of(Point("told_onset", 0.1), lanes)
+    faulty, counting, _ = jobs_of(Point("known_onset", 0.1), lanes)
     onset = [episode.schedule[0].onset for episode in lanes.episodes[FAULTY]]
     np.testing.assert_allclose(faulty.stimulus.onset, onset)
     assert set(counting.stimulus.onset) == {NEVER}
@@ -244,7 +244,7 @@ def test_a_small_study_goes_on_where_it_stopped(tmp_path, monkeypatch):
     monkeypatch.setattr(stimulus_front_runs, "DIAGNOSER", "limits")
     stimulus_front_runs.loop_code.cache_clear()
     first, _ = study(tmp_path)
-    assert list(first) == [("cruise", 0.0), ("thesis", BUDGET), ("told_onset", 0.1)]
+    assert list(first) == [("cruise", 0.0), ("thesis", BUDGET), ("known_onset", 0.1)]
     files = {path: path.stat().st_mtime_ns for path in (tmp_path / "cache").glob("*.npz")}
     assert len(files) == 3 * 3
     second, results = study(tmp_path, "constant:0.05", "multisine:0")
@@ -267,9 +267,9 @@ def test_a_small_study_goes_on_where_it_stopped(tmp_path, monkeypatch):
     assert (tmp_path / "run" / "figures" / "front.png").is_file()
 
 
-def test_the_default_points_are_stimuli_that_exist_and_the_told_onset():
+def test_the_default_points_are_stimuli_that_exist_and_the_known_onset():
     names = {point_of(text).stimulus for text in stimulus_front.MAIN_POINTS}
-    assert names <= {*STIMULI, "told_onset"}
+    assert names <= {*STIMULI, "known_onset"}
     assert set(CLASSES) <= set(classes())
 
 

@@ -13,19 +13,19 @@ Points = Sequence[Mapping[str, Any]]
 
 
 def stimulus_front(
-    points: Points, labels: Sequence[str], told: float, colours: Mapping[str, str]
+    points: Points, labels: Sequence[str], known_onset: float, colours: Mapping[str, str]
 ) -> Figure:
     """Isolation time as a share of that under the thesis' stimulus, a panel for each cost.
 
     Each point has stimulus, isolation (value, low, high), and by cost, in the order of their
-    labels, costs and on_front (bool). `told` is the isolation of the told onset.
+    labels, costs and on_front (bool). `known_onset` is the isolation with the known onset.
     """
     figure, axes = new_panels(5.6, 1, len(labels), sharey=True, squeeze=False)
     for panel, (axis, label) in enumerate(zip(axes[0], labels, strict=True)):
         _front(axis, points, panel)
         for name, colour in colours.items():
             _stimulus(axis, [one for one in points if one["stimulus"] == name], panel, colour)
-        axis.axhline(told, color=TRUTH, lw=0.9, ls="--", label="told the onset")
+        axis.axhline(known_onset, color=TRUTH, lw=0.9, ls="--", label="onset known")
         axis.set(xlabel=label)
         axis.margins(0.06)
     axes[0][0].set_ylabel("isolation time, share of that under thesis")

@@ -1,4 +1,4 @@
-"""A reference that no vehicle can have: it is told when the fault begins."""
+"""A reference that no vehicle can have: it knows when the fault begins."""
 
 from dataclasses import dataclass, field
 
@@ -26,7 +26,7 @@ class FasterFromOnset(ClosedLoop):
         Onset of each lane [s], (n_lanes,); `NEVER` without a fault.
     """
 
-    name = "told_onset"
+    name = "known_onset"
     onset: np.ndarray = field(kw_only=True)
 
     def decide(self, observation: np.ndarray, belief: Belief, episode: EpisodeState) -> np.ndarray:
