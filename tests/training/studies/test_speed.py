@@ -127,7 +127,8 @@ def results_with(comparison):
 
 
 def test_shares_of_a_profile_add_up():
-    _, batch, single = page(results_with([]))["sections"]
+    row = {"what": "Propulsion-v0, single", "rate": 2.0, "ratio": 1.0, "to": "", "target": ""}
+    _, batch, single = page(results_with([row | {"met": None}]))["sections"]
     for section in (batch, single):
         assert [row[-1] for row in section["table"]["rows"]] == ["75.0 %", "25.0 %", "100.0 %"]
 
