@@ -82,7 +82,8 @@ def summary(scores: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> list[str]:
     """How the first network of each table compares with the filter bank."""
     sentences = ["The networks of the thesis were asked for the modes of their own tables only."]
     for number, by_kind in scores.items():
-        network, mark = ENTRANTS[number][0], ENTRANTS[number][-1]
+        network = ENTRANTS[number][0]
+        mark = ENTRANTS[number][-1]
         shares = {
             name: " and ".join(
                 percent(of[name]["isolation"]["probability"]) for of in by_kind.values()

@@ -377,8 +377,7 @@ def test_a_copy_goes_on_alike(copied):
     episode(env, steps=7)
     twin = copied(env)
     for action in actions(9):
-        one, two = env.step(action), twin.step(action)
-        assert data_equivalence(one, two, exact=True)
+        assert data_equivalence(env.step(action), twin.step(action), exact=True)
 
 
 def warnings_of_checker(env):
