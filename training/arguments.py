@@ -20,13 +20,14 @@ from training.known_names import (
     TRAINABLE,
 )
 
+FEWEST_HOURS = 0.05
 MOST_HOURS = 1000.0  # of healthy operation, for which `training.benchmark.plan` has seeds
 LAST_OFFSET = 90_000_000  # the parts of the validation suite are 100 million seeds apart
 LAST_BOOTSTRAP_SEED = 10_000_000  # from it the seeds of the bounds' lanes are counted
 LARGEST_BUDGET = 1.0  # m/s, the largest speed command
 
 Seed = Annotated[int, whole(0, 2**62)]
-Hours = Annotated[float, number(0.05, MOST_HOURS)]
+Hours = Annotated[float, number(FEWEST_HOURS, MOST_HOURS)]
 Factor = Annotated[float, number(0.0, 10.0)]
 Count = Annotated[int, whole(1, 10**9)]
 # without the word None, which tyro writes into the help otherwise
@@ -176,6 +177,47 @@ class Benchmark:
 
 
 @dataclass(frozen=True)
+class Submit:
+    """Score a diagnoser from elsewhere on a suite of seeds that its digest and a nonce choose."""
+
+    target: Annotated[Positional[str], arg(metavar="TARGET")]
+    """module:Class, FILE.py:Class or FILE.onnx. This runs its code, in processes of its own; what
+    it prints is not shown."""
+    files: tuple[Path, ...] = ()
+    """Further files that FILE.py needs, beside it or below; no others are there when it runs."""
+    digest: bool = False
+    """Print the digest of the submission, to publish it before the nonce is known, and stop."""
+    nonce: Annotated[str | None, arg(metavar="TEXT")] = None
+    """What nobody could know when the digest was published; random if not given."""
+    nonce_from: Annotated[str | None, arg(metavar="TEXT")] = None
+    """Where somebody else has published the nonce; the row is unverified without."""
+    suite: Annotated[str, listed(*SUITES)] = "standard"
+    """Frozen suite (docs/suites.md) whose recipe the suite of fresh seeds has."""
+    lanes: Count = 360
+    """Faulty episodes."""
+    hours: Hours = 20.0
+    """Healthy operation on which the thresholds are set [h]."""
+    counting_hours: Hours = 20.0
+    """Other healthy operation on which false alarms are counted [h]."""
+    time_limit: Annotated[float, number(1.0, 1e6)] = 900.0
+    """Most time that the diagnoser may take at once, for a trial say [s]."""
+    workers: Annotated[int | None, whole(1, 10_000)] = None
+    """Processes at work; one per core if not given. The figures are the same for any number."""
+    output: OptionalPath = None
+    """File to write, default runs/submit/NAME-SUITE.json; one that exists is not replaced."""
+
+
+@dataclass(frozen=True)
+class Leaderboard:
+    """Write the tables of docs/leaderboard.md from the rows of `auv-fault submit`."""
+
+    rows: Path = Path("docs/leaderboard")
+    """Folder of the rows."""
+    page: Path = Path("docs/leaderboard.md")
+    """Page between whose marks the tables stand."""
+
+
+@dataclass(frozen=True)
 class Export:
     """Write a trained network as ONNX, and beside it an episode to try it on."""
 
@@ -275,6 +317,8 @@ COMMANDS: dict[str, type] = {
     "train-stimulus": TrainStimulus,
     "validate": Validate,
     "benchmark": Benchmark,
+    "submit": Submit,
+    "leaderboard": Leaderboard,
     "export": Export,
     "calibrate": Calibrate,
     "diagnose": Diagnose,

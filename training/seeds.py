@@ -1,9 +1,14 @@
 """Seeds by purpose, in disjoint ranges: nothing is tuned on what it is scored on."""
 
+import hashlib
+
 from auv_fault_env.errors import known_name, refusal
 
 SPAN = 10**9  # seeds of a purpose; up to there they belong to examples and to the user
 PURPOSES = ("training", "calibration", "validation", "test")
+FIRST_DRAWN = 2**61  # beyond the seeds of every purpose: those that a digest chooses
+DRAWN_TOGETHER = 2**24
+N_DRAWS = 2**37
 # the purposes by the names of the parts of a data set
 SPLITS = {"train": "training"} | {purpose: purpose for purpose in PURPOSES[1:]}
 
@@ -32,3 +37,13 @@ def purpose_of(seed: int) -> str | None:
     """
     block = seed // SPAN - 1
     return PURPOSES[block] if 0 <= block < len(PURPOSES) else None
+
+
+def drawn_seeds(key: str) -> range:
+    """`DRAWN_TOGETHER` seeds of no purpose, which the SHA-256 of the key chooses.
+
+    Who does not know the key cannot know the seeds. Two keys share seeds with odds of 1 to 2^37.
+    """
+    number = int.from_bytes(hashlib.sha256(key.encode()).digest())
+    first = FIRST_DRAWN + DRAWN_TOGETHER * (number % N_DRAWS)
+    return range(first, first + DRAWN_TOGETHER)

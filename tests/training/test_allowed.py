@@ -69,7 +69,7 @@ def test_every_range_is_checked_in_one_line_before_any_work(tmp_path, capsys, na
         if not isinstance(one, Range):
             continue
         option = field.replace("_", "-")
-        required = {"train": ["integrated"], "export": ["integrated"]}
+        required = {"train": ["integrated"], "export": ["integrated"], "submit": ["m:C"]}
         folder = ["folder"] if "folder" in kind.__dataclass_fields__ else []
         for word in outside(one):
             words = [name, *required.get(name, folder), f"--{option}={word}"]

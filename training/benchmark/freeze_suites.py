@@ -7,7 +7,7 @@ Sampling them anew gives the same files, unless a sampler or the catalogue of fa
 """
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -181,18 +181,25 @@ def recipes() -> dict[str, Recipe]:
 
 
 def frozen(name: str, recipe: Recipe) -> Suite:
-    """The suite of a recipe, in random order so that each k-th episode is a fair sample."""
+    """The suite of a recipe with its test seeds."""
     first = BLOCKS[name] * BLOCK
-    chosen = seeds("test", len(recipe.cells), first)
     healthy = {
         "threshold": seeds("test", 1, THRESHOLD)[0],
         "counting": seeds("test", 1, first + BLOCK // 2)[0],
     }
+    return sampled(name, recipe, seeds("test", len(recipe.cells), first), healthy)
+
+
+def sampled(name: str, recipe: Recipe, chosen: range, healthy: Mapping[str, int]) -> Suite:
+    """The suite of a recipe, a seed per episode, at most one for each cell.
+
+    The order is random, so that each k-th episode, or the first ones, are a fair sample.
+    """
     order = np.random.default_rng(chosen[0]).permutation(len(recipe.cells))
     missions = map(rounded, recipe.conditions.sample_missions(chosen))
     schedules = [
         recipe.schedule(first_event(seed, *recipe.cells[k]), seed)
-        for seed, k in zip(chosen, order, strict=True)
+        for seed, k in zip(chosen, order[: len(chosen)], strict=True)
     ]
     episodes = tuple(map(Episode, chosen, schedules, missions))
     return Suite(name, ABOUT[name], recipe.conditions, healthy, episodes)

@@ -114,17 +114,24 @@ def abstention(assessment: Assessment, unknown: int) -> dict[str, Any]:
     }
 
 
-def declared(faulty: FaultyOutcome, truth: LaneTruth, unknown: int, seed: int) -> dict[str, Any]:
-    """Shares of the lanes by what is declared, and the time to the right declaration [s]."""
+def judged(
+    faulty: FaultyOutcome, truth: LaneTruth, unknown: int
+) -> tuple[declaration.Declarations, Times]:
+    """What is declared on each lane, and the times to the right declaration [s]."""
     first = declaration.declare(faulty.fault, faulty.log_fault)
     onset = truth.at_instants.onset
-    judged = declaration.judge(first, truth.right_classes, onset, HORIZON, unknown)
-    times = declaration.time_to_right(first, judged, onset, HORIZON)
+    declarations = declaration.judge(first, truth.right_classes, onset, HORIZON, unknown)
+    return declarations, declaration.time_to_right(first, declarations, onset, HORIZON)
+
+
+def declared(faulty: FaultyOutcome, truth: LaneTruth, unknown: int, seed: int) -> dict[str, Any]:
+    """Shares of the lanes by what is declared, and the time to the right declaration [s]."""
+    declarations, times = judged(faulty, truth, unknown)
     return {
-        "right": float(judged.right.mean()),
-        "wrong": float(judged.wrong.mean()),
-        "unknown": float(judged.abstained.mean()),
-        "never": float(judged.never.mean()),
+        "right": float(declarations.right.mean()),
+        "wrong": float(declarations.wrong.mean()),
+        "unknown": float(declarations.abstained.mean()),
+        "never": float(declarations.never.mean()),
         "time_to_right": metrics.restricted_mean(times),
         "time_to_right_interval": interval(times.time, seed),
     }

@@ -169,8 +169,16 @@ class Suite:
             _check_seed("seed of an episode", episode.seed, self.purpose)
             _check_faults(episode, last_onset)
 
+    @property
+    def content_hash(self) -> str:
+        """The hash of its content, whether it is in a file or not."""
+        return digest(self._body())
+
     def text(self) -> str:
         """The file: all of its content, and the hash of that."""
+        return sealed(self._body())
+
+    def _body(self) -> str:
         conditions = asdict(self.conditions)
         if self.conditions.whole_missions is None:
             del conditions["whole_missions"]
@@ -183,8 +191,7 @@ class Suite:
         }
         lines = [f" {json.dumps(key)}: {json.dumps(value)}," for key, value in header.items()]
         rows = ",\n".join(f"  {json.dumps(_row(episode))}" for episode in self.episodes)
-        body = "\n".join(["{", *lines, f' "episodes": [\n{rows}\n ],', ""])
-        return sealed(body)
+        return "\n".join(["{", *lines, f' "episodes": [\n{rows}\n ],', ""])
 
 
 def _check_seed(thing: str, seed: Any, purpose: str) -> None:

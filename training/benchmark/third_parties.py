@@ -4,6 +4,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from tqdm import tqdm
 
@@ -14,6 +15,21 @@ from training.benchmark.failures import CallFailed, note_failure, one_line
 from training.benchmark.own_process import call_in_own_process
 
 
+class Party(Protocol):
+    """Something from outside the package that makes a diagnoser; it can be pickled."""
+
+    @property
+    def target(self) -> str:
+        """Its place, as it was named."""
+
+    @property
+    def source(self) -> Path:
+        """The file that the diagnoser comes from."""
+
+    def __call__(self) -> Diagnoser:
+        """A diagnoser."""
+
+
 @dataclass(frozen=True)
 class OwnProcess:
     """What makes the diagnoser of a third party, to be called in a process of its own only.
@@ -21,12 +37,12 @@ class OwnProcess:
     Attributes
     ----------
     party
-        The place of its class.
+        Makes it, such as the place of its class.
     time_limit
         Most seconds that it may take for a trial, and for what comes before and after the trials.
     """
 
-    party: ThirdParty
+    party: Party
     time_limit: float
 
     def __call__(self) -> Diagnoser:
@@ -35,12 +51,12 @@ class OwnProcess:
 
     @property
     def target(self) -> str:
-        """The place of the class, as it was named."""
+        """The place of the diagnoser, as it was named."""
         return self.party.target
 
     @property
     def source(self) -> Path:
-        """The file with the class."""
+        """The file that the diagnoser comes from."""
         return self.party.source
 
 

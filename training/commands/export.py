@@ -5,7 +5,6 @@ its columns, its inputs and its origin. ``docs/examples/onnx_runner.py`` runs it
 """
 
 import io
-import os
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from training.formats.onnx_export import (
     n_columns,
     to_onnx,
 )
+from training.report.whole_file import write_whole
 
 
 def main(arguments: Export) -> None:
@@ -38,18 +38,3 @@ def main(arguments: Export) -> None:
     outputs = ", ".join(graph.outputs)
     print(f"{output}: {len(model) / 1e3:.0f} kB, {inputs} in, {outputs} out")
     print(f"try it: python docs/examples/onnx_runner.py {output}")
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that it is complete at any time, the old or the new one."""
-    aside = path.with_name(f".{path.name}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            aside.write_bytes(content)
-            os.replace(aside, path)
-        finally:
-            aside.unlink(missing_ok=True)
-    except OSError as error:
-        allowed = f"a place that can be written ({error.strerror or error})"
-        raise refusal("output", str(path), allowed, "choose another --output") from None

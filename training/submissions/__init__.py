@@ -1,0 +1,1 @@
+"""Scores of submitted diagnosers on suites that nobody knew before, and the page of them."""
