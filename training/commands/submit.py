@@ -7,7 +7,7 @@ from pathlib import Path
 from auv_fault_env.errors import refusal
 from training.arguments import Submit
 from training.commands.benchmark import ALL_CORES
-from training.report.cells import file_name
+from training.report.cells import counted, file_name
 from training.report.page import print_tables
 from training.report.run_folder import provenance
 from training.report.sections import table_section
@@ -23,20 +23,21 @@ NONCE_BYTES = 16
 
 def main(arguments: Submit) -> None:
     """Score the submission and write its row, or print its digest."""
+    recipe = Recipe(arguments.suite, arguments.lanes, arguments.hours, arguments.counting_hours)
     with tempfile.TemporaryDirectory() as folder:
         submission = submission_of(arguments.target, arguments.files, Path(folder).resolve())
-        print(f"submission: {submission.digest}, {len(submission.files)} files")
+        print(f"submission: {submission.digest}, {counted(len(submission.files), 'file')}")
+        print(f"recipe: {recipe.about}")
         if not arguments.digest:
-            _score(arguments, submission)
+            _score(arguments, recipe, submission)
 
 
-def _score(arguments: Submit, submission: Submission) -> None:
+def _score(arguments: Submit, recipe: Recipe, submission: Submission) -> None:
     if arguments.nonce is None and arguments.nonce_from is not None:
         thing = "nonce-from"
         raise refusal(thing, arguments.nonce_from, "the origin of --nonce", "give the nonce too")
     if arguments.output is not None:
         _require_new(arguments.output)
-    recipe = Recipe(arguments.suite, arguments.lanes, arguments.hours, arguments.counting_hours)
     nonce = os.urandom(NONCE_BYTES).hex() if arguments.nonce is None else arguments.nonce
     draw = Draw(recipe, submission.digest, nonce)
     limit = arguments.time_limit
@@ -73,5 +74,4 @@ def _require_new(output: Path) -> None:
 
 def _print(row: Row) -> None:
     cells = [[heading, cell(row.figures[key])] for key, (heading, cell) in COLUMNS.items()]
-    heading = f"{row.name}, recipe of {row.recipe.suite}, {row.recipe.lanes} faulty episodes"
-    print_tables([table_section(heading, ["figure", "value (95 %)"], cells)])
+    print_tables([table_section(row.name, ["figure", "value (95 %)"], cells)])

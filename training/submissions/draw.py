@@ -36,6 +36,14 @@ class Recipe:
             value = finite_in_range(name, getattr(self, name), FEWEST_HOURS, MOST_HOURS)
             object.__setattr__(self, name, value)
 
+    @property
+    def about(self) -> str:
+        """The recipe in words."""
+        return (
+            f"{self.suite}, {self.lanes} faulty episodes, thresholds on {self.hours:g} h, "
+            f"false alarms counted on other {self.counting_hours:g} h"
+        )
+
 
 @dataclass(frozen=True)
 class Draw:

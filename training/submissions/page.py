@@ -107,9 +107,7 @@ def _section(recipe: Recipe, rows: Mapping[Path, Row], folder: Path) -> str:
     of_origin += ["scored by version, code", "row"]
     commands = "".join(f"    {command(row)}\n" for _, row in ascending)
     return (
-        f"\n### Recipe of `{recipe.suite}`, {recipe.lanes} faulty episodes\n\n"
-        f"Thresholds on {recipe.hours:g} h, false alarms counted on other "
-        f"{recipe.counting_hours:g} h, at the threshold for one false alarm per hour.\n\n"
+        f"\n### Recipe {recipe.about}\n\n"
         f"{markdown_table(headings, figures)}\n\n"
         f"{markdown_table(of_origin, origins)}\n\n{commands}\n"
     )

@@ -177,8 +177,9 @@ def test_the_digest_is_printed_without_running_anything(mine, capfd):
     (mine / "mine.py").write_text("raise SystemExit(9)")
     code, path = submit(mine, "--digest")
     assert code == 0 and not path.exists()
-    shown = capfd.readouterr().out.split()
-    assert len(shown[1].strip(",")) == 64
+    submission, recipe = capfd.readouterr().out.splitlines()
+    assert len(submission.split()[1].strip(",")) == 64
+    assert recipe.startswith("recipe: thesis, 3 faulty episodes, thresholds on 0.05 h")
 
 
 def test_the_page_is_written_from_rows(mine, here, capfd):
