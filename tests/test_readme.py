@@ -54,7 +54,7 @@ COMMAND_LINES = [
 
 @pytest.mark.parametrize(("code", "output"), EXAMPLES, ids=lambda text: text.split("\n")[0])
 def test_example_prints_what_is_shown(code, output):
-    for module in re.findall("^import (gym_electric_motor)", code, re.MULTILINE):
+    for module in re.findall("^import (gym_electric_motor|mujoco)", code, re.MULTILINE):
         pytest.importorskip(module)  # of an extra
     run = subprocess.run(
         [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True
