@@ -42,7 +42,8 @@ dist: .venv/.dev
 	@$(BIN)/python -m hatchling build -c -d dist
 
 bench: .venv/.all
-	@$(BIN)/python -m training.studies.speed
+	@$(BIN)/python -m training.studies.speed --history docs/speed_history.jsonl
+	@$(BIN)/python -m training.studies.speed_history
 	@$(BIN)/python -m training.studies.filter_speed
 
 # Libraries warn of themselves, so that warnings are no errors; whether all has passed the last line says.

@@ -99,6 +99,6 @@ def _command(name: str, arguments: Any) -> str:
     words = []
     for option, value in options.items():
         values = value if isinstance(value, tuple) else (value,)
-        if values:
+        if values and value is not None:
             words.append(" ".join([f"--{option.replace('_', '-')}", *map(str, values)]))
     return " ".join([STUDY + name, *words])

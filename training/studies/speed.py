@@ -26,6 +26,7 @@ import numpy as np
 
 from auv_fault_env.errors import finite_in_range, whole_number
 from training.report.sections import table_section
+from training.studies import speed_history
 from training.studies.run import command_line, run_study
 from training.studies.speed_profiles import ENVIRONMENT, batch_profile, single_profile
 from training.studies.speed_runs import (
@@ -70,6 +71,8 @@ class Speed:
     """Seed of the environments and of the actions."""
     output: Path = Path("runs/speed")
     """Folder of the report; an earlier run there is replaced."""
+    history: Path | None = None
+    """File to which the ratios are added, see `training.studies.speed_history`."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +162,8 @@ def report(arguments: Speed, size: Size) -> None:
     """Measure, and write results and page."""
     whole_number("repeats", arguments.repeats)
     finite_in_range("seed", arguments.seed, 0, 2**31)
+    if arguments.history is not None and arguments.history.exists():
+        speed_history.read(arguments.history)
     run_study("speed", arguments, lambda folder: measure(arguments, size), page)
 
 
@@ -168,12 +173,16 @@ def measure(arguments: Speed, size: Size) -> dict[str, Any]:
     repeats = arguments.repeats
     rates = rates_in_turn(compared_runs(seed, size), repeats, size.seconds, "comparison")
     profile_seconds = size.seconds / 3
+    rows = comparison_rows(rates, size)
+    if arguments.history is not None:
+        ratios = {name: row["ratio"] for name, row in zip(rates, rows, strict=True)}
+        speed_history.append(arguments.history, machine(), ratios)
     return {
         "seed": seed,
         "repeats": repeats,
         "size": asdict(size),
         "machine": machine(),
-        "comparison": comparison_rows(rates, size),
+        "comparison": rows,
         "rates": rates,
         "batch_profile": batch_profile(seed, repeats, size.lanes, size.episode, profile_seconds),
         "single_profile": single_profile(seed, repeats, size.episode, profile_seconds),
