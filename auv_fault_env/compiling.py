@@ -4,32 +4,41 @@ The cache folder is named by a digest of the kernel's file and of every file of 
 imports, because numba itself notices edits of the kernel's own file alone. The path of the files is
 not in the name, so that all clones and installations of a user share what one has compiled.
 
-A kernel that calls another kernel uses one of two copies of it: in the process that compiles both
-the one compiled by itself, in later processes the one compiled with the caller. The copies may fuse
-multiplications and additions differently. A kernel that calls only inlined functions always gives
-the same.
+What a kernel calls is a part of it (`parts`): compiled with it, from its source, whether the other
+function is a kernel too or not.
 """
 
 import ast
 import atexit
 import contextlib
 import hashlib
+import logging
 import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
-from numba import config, njit, types
+from numba import config, types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
 from numba.extending import intrinsic
 
-OPTIONS = dict(error_model="numpy", fastmath={"contract"}, nogil=True)
+from auv_fault_env.parts import CompiledFunction
+
+OPTIONS = dict(nopython=True, error_model="numpy", fastmath={"contract"}, nogil=True)
+LOGGER = logging.getLogger("auv_fault_env")
 OWN_PACKAGES = frozenset({"auv_fault_env", "diagnosers", "training"})
 
-# `inlined` for loops that belong to a kernel, `scalar` for arithmetic of single numbers
-inlined = scalar = njit(forceinline=True, **OPTIONS)
+
+def scalar(function):
+    """Compile arithmetic of single numbers, inlined wherever a compiled function calls it."""
+    return CompiledFunction(function, targetoptions=OPTIONS | {"forceinline": True})
+
+
+def part(function):
+    """Compile loops that kernels call; a kernel has one copy, however often it calls them."""
+    return CompiledFunction(function, targetoptions=dict(OPTIONS))
 
 
 @intrinsic
@@ -137,19 +146,29 @@ class SharedCacheImpl(CompileResultCacheImpl):
 
 
 class SharedCache(FunctionCache):
-    """A cache on disk whose damaged files are replaced; a disk that is full is not an error."""
+    """A cache on disk whose damaged files are replaced; a disk that is full is not an error.
+
+    Where it has nothing, a warning is logged with the `notice`, if any.
+    """
 
     _impl_class = SharedCacheImpl
 
+    def __init__(self, function, notice):
+        super().__init__(function)
+        self.notice = notice
+
     def load_overload(self, signature, target_context):
         """The compiled code; None where there is none that can be read."""
+        compiled = None
         try:
-            return super().load_overload(signature, target_context)
+            compiled = super().load_overload(signature, target_context)
         # whatever unpickling the half of a file raises
         except Exception:
             with contextlib.suppress(OSError):
                 self.flush()
-            return None
+        if compiled is None and self.notice:
+            LOGGER.warning("compiling %s, once for this version", self.notice)
+        return compiled
 
     def save_overload(self, signature, compiled):
         """Write the compiled code if there is room."""
@@ -157,15 +176,20 @@ class SharedCache(FunctionCache):
             super().save_overload(signature, compiled)
 
 
-def kernel(function):
-    """Compile a loop over lanes and cache it on disk."""
+def kernel(function=None, *, notice=""):
+    """Compile a loop over lanes and cache it on disk.
+
+    `notice` says what is compiled and about how long that takes, where it takes seconds.
+    """
+    if function is None:
+        return partial(kernel, notice=notice)
     folder = cache_folder(digest(Path(function.__code__.co_filename).resolve()))
     cache_before = config.CACHE_DIR
     config.CACHE_DIR = str(folder)
     try:
-        dispatcher = njit(**OPTIONS)(function)
+        dispatcher = CompiledFunction(function, targetoptions=dict(OPTIONS))
         # as its method enable_caching does
-        dispatcher._cache = SharedCache(function)
+        dispatcher._cache = SharedCache(function, notice)
         return dispatcher
     finally:
         config.CACHE_DIR = cache_before

@@ -157,7 +157,7 @@ def start_shaft(block, k, shaft, first_state, shaft_speed, speed, constants):
     block[(first_state + row.VOLTAGE) * LANES + k] = voltage
 
 
-@kernel
+@kernel(notice="the simulator: about 5 s")
 def start_episodes(
     state,
     started,
@@ -190,7 +190,7 @@ def start_episodes(
         column = block[k:]
         key = state.key[lane:]
         step = state.step[lane:]
-        if effects.size:
+        if effects is not None:
             surroundings.start_surroundings(column, 1, key, step, effects)
         beta = block[row.PORT_SHAFT * LANES + k] + block[row.STARBOARD_SHAFT * LANES + k]
         alpha = block[row.ALPHA * LANES + k]
@@ -214,7 +214,7 @@ def start_episodes(
         normal = scratch[row.DISTURBANCE_NORMAL * LANES]
         block[row.DISTURBANCE * LANES + k] = shared.disturbance_std * normal
         lanes.write_true_values(column, scratch, 1)
-        if effects.size:
+        if effects is not None:
             sensors.start_history(column, scratch, 1, effects)
             sensors.read_real_sensors(column, scratch, 1, key, step, limits, effects)
         else:

@@ -150,7 +150,7 @@ class Fleet:
         self._shift, self._latency = healthy_spread(realism, effects)
         self._realism = kernel_values(realism, effects, full_scale_factors(self.vehicle))
         self._always_real = realism > 0.0 and bool(effects)
-        self.effects = np.empty(0)
+        self.effects = None
         self.constants = np.array(plant_constants(self.vehicle, disturbance))
         limits = [(channel.low, channel.high) for channel in channels_of(self.vehicle).values()]
         self.limits = np.array(limits)
@@ -320,9 +320,9 @@ class Fleet:
             or self._changes_signal[faults].any()
             or self.plan.healthy[:, SIGNAL_PARAMETERS].any()
         )
-        if is_needed and not self.effects.size:
+        if is_needed and self.effects is None:
             self._fill_history()
-        self.effects = self._realism if is_needed else np.empty(0)
+        self.effects = self._realism if is_needed else None
 
     def _fill_history(self):
         """Let the signals of the sensors be what they are now since long ago."""

@@ -259,13 +259,13 @@ def step_block(
         count += step[k] >= next_update[k]
     write_commands(block, width, actions[first:], limits)
     run_controllers(block, width, constants)
-    if effects.size:
+    if effects is not None:
         advance_surroundings(block, width, key, step, effects)
     sample_normals(scratch, width, key, step)
     prepare_step(block, scratch, width, constants)
     advance_motion(block, scratch, width)
     write_true_values(block, scratch, width)
-    if effects.size:
+    if effects is not None:
         read_real_sensors(block, scratch, width, key, step, limits, effects)
     else:
         read_sensors(block, scratch, width, key, step, limits)
@@ -292,7 +292,8 @@ def step_blocks(
     """One sample of the blocks `first` to `last` - 1; returns how many lanes need an update.
 
     It takes plain arrays, constants too: unpacking named tuples costs more than a lane's step.
-    `effects` is `realism.kernel_values`, or empty where no lane needs it. Threads may share the
+    `effects` is `realism.kernel_values`, or None where no lane needs it: then nothing of it is
+    compiled. Threads may share the
     blocks, because it releases the interpreter's lock.
     """
     shared = physics.constants_from_array(constants)

@@ -155,7 +155,7 @@ class SingleLaneTruth:
         """A new dictionary of label, severity by class, onset [s], parameters and state by name."""
         if self._changes != self._fleet.changes:
             self._read_faults()
-        if self._fleet.effects.size:  # then heat changes parameters at every step
+        if self._fleet.effects is not None:  # then heat changes parameters at every step
             self._read_parameters()
         values = self._fleet.state.memory.take(self._state_places)
         return {

@@ -212,7 +212,7 @@ class FilterBank(Bank):
     def _initial_filters(self, severity: np.ndarray, table: HypothesisTable) -> np.ndarray:
         """Means and packed covariances before any observation, (n_lanes, N_MOMENTS, n_filters)."""
         filters = np.zeros((len(severity), algebra.N_MOMENTS, table.hypothesis.size))
-        variances = [covariance_row(i, i, algebra.N_STATES) for i in range(SEVERITY)]
+        variances = [covariance_row.py_func(i, i, algebra.N_STATES) for i in range(SEVERITY)]
         for subsystem in OWN_PARAMETERS:
             first = int(table.first_filter[subsystem])
             last = int(table.first_filter[subsystem + 1])

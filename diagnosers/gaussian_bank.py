@@ -77,7 +77,7 @@ class GaussianBank(Bank):
         log_posterior[:, 0] = 0.0
         severity = prior_severity(prior, table)
         filters = np.zeros((n_lanes, algebra.N_MOMENTS, n_filters))
-        variances = [algebra.covariance_row(i, i, N_STATES) for i in range(SEVERITY)]
+        variances = [algebra.covariance_row.py_func(i, i, N_STATES) for i in range(SEVERITY)]
         for subsystem in OWN_PARAMETERS:
             first = int(table.first_filter[subsystem])
             last = int(table.first_filter[subsystem + 1])
@@ -120,7 +120,9 @@ class GaussianBank(Bank):
         normal_filter = np.repeat(first[:-1], np.diff(first))
         severity = prior_severity(state.prior[lanes], table)
         filters = state.filters[lanes][:, :, normal_filter]
-        of_severity = [algebra.covariance_row(SEVERITY, i, N_STATES) for i in range(SEVERITY)]
+        of_severity = [
+            algebra.covariance_row.py_func(SEVERITY, i, N_STATES) for i in range(SEVERITY)
+        ]
         filters[:, of_severity] = 0.0
         filters[:, SEVERITY] = severity[:, 0, table.hypothesis]
         filters[:, algebra.SEVERITY_VARIANCE] = severity[:, 1, table.hypothesis]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.compiling import fused, inlined, scalar
+from auv_fault_env.compiling import fused, part, scalar
 from auv_fault_env.noise import logarithm
 
 
@@ -77,7 +77,7 @@ def variance_after_walk(variance, prior, walk):
     return variance + step if variance > 0.0 else 0.0
 
 
-@inlined
+@part
 def mix(columns, work):
     """Mix each filter with ``work.normal``, by ``work.mixing_probability``.
 
@@ -101,7 +101,7 @@ def mix(columns, work):
             x[i, c] += probability[c] * (normal[i, c] - x[i, c])
 
 
-@inlined
+@part
 def walk_severity(columns, walk, work):
     """Let the severities walk over a sample, towards the variance of those that begin."""
     first, last = columns
@@ -111,7 +111,7 @@ def walk_severity(columns, walk, work):
         x[row, c] = variance_after_walk(x[row, c], work.normal[row, c], walk)
 
 
-@inlined
+@part
 def forget_state(columns, state, memory, added, work):
     """Let a state decay to `memory` of itself, and add the variance `added` (n_columns,)."""
     first, last = columns
@@ -127,7 +127,7 @@ def forget_state(columns, state, memory, added, work):
         x[covariance_row(state, state, n_states), c] += added[c]
 
 
-@inlined
+@part
 def relax_state(columns, state, memory, variance, work):
     """Let a state decay to `memory` of itself, towards its stationary `variance`."""
     first, last = columns
@@ -136,7 +136,7 @@ def relax_state(columns, state, memory, variance, work):
     forget_state(columns, state, memory, work.added, work)
 
 
-@inlined
+@part
 def replace_severity(columns, work):
     """Replace mean and variance of the severities by ``work.severity``; the other states follow.
 
@@ -174,7 +174,7 @@ def replace_severity(columns, work):
         x[severity, c] = mean[c]
 
 
-@inlined
+@part
 def clip_deviations(columns, deviations, work):
     """Keep the healthy deviations, a range of states, where no parameter changes its sign."""
     first, last = columns
@@ -184,7 +184,7 @@ def clip_deviations(columns, deviations, work):
             x[i, c] = min(max(x[i, c], -MAX_DEVIATION), MAX_DEVIATION)
 
 
-@inlined
+@part
 def covary(columns, gradient, work):
     """Fill ``work.covariance`` of the states with a quantity of that gradient."""
     first, last = columns
@@ -199,7 +199,7 @@ def covary(columns, gradient, work):
             covariance[i, c] = total
 
 
-@inlined
+@part
 def compute_variance(columns, gradient, work):
     """Fill ``work.variance_by_states`` of a quantity of that gradient, after `covary`."""
     first, last = columns
@@ -211,7 +211,7 @@ def compute_variance(columns, gradient, work):
         work.variance_by_states[c] = variance
 
 
-@inlined
+@part
 def update_states(columns, innovation, work):
     """Update the states by an innovation of ``work.covariance`` with them, by ``work.gain``."""
     first, last = columns
@@ -228,7 +228,7 @@ def update_states(columns, innovation, work):
                 x[row, c] -= gain[c] * covariance[i, c] * covariance[j, c]
 
 
-@inlined
+@part
 def condition(columns, measurement, work):
     """Condition every filter on a measurement where available; add its log density to the evidence.
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_fault_env.faults import CATALOGUE, Fault, classes, matrices
+from auv_fault_env.light import light
 from auv_fault_env.parameters import HULL, PARAMETERS, SENSOR, SHAFT, SIDES
 
 SURGE, PORT, STARBOARD = range(3)
@@ -46,6 +47,7 @@ INPUT_PARAMETERS: dict[int, tuple[str, ...]] = {
 N_PARAMETER_ROWS = max(map(len, OWN_PARAMETERS.values()))
 
 
+@light
 class HypothesisTable(NamedTuple):
     """The hypotheses for the kernel; the first, and each subsystem's first filter, is normal.
 

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.channels import READINGS
-from auv_fault_env.compiling import inlined, kernel, scalar
+from auv_fault_env.compiling import kernel, part, scalar
+from auv_fault_env.light import light, lightened
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import RPM
 from diagnosers.bank import algebra, motor, surge
@@ -28,6 +29,7 @@ MOTOR_CHANNEL = (
 MEAN, VARIANCE, LEAST = range(3)
 
 
+@light
 class BankState(NamedTuple):
     """State of a bank, lane first; NaN where nothing has been read."""
 
@@ -52,7 +54,7 @@ def log_sum(log_a, log_b):
     return high
 
 
-@inlined
+@part
 def switch_severity(h, probability, old, new, table, walk):
     """Mix the severity of a hypothesis of one lane with the prior; it began with that probability.
 
@@ -69,7 +71,7 @@ def switch_severity(h, probability, old, new, table, walk):
     new.severity[VARIANCE, h] = algebra.variance_after_walk(variance, prior_variance, walk)
 
 
-@inlined
+@part
 def switch_hypotheses(old, new, table, walk, switch_probability):
     """Let hypotheses of one lane begin: posterior, severities, and the probability of this onset.
 
@@ -89,7 +91,7 @@ def switch_hypotheses(old, new, table, walk, switch_probability):
         switch_probability[h] = probability
 
 
-@inlined
+@part
 def begin_filters(subsystem, old, table, work):
     """Fill the columns of a subsystem from the state, and what mixing needs."""
     n_lanes = np.uint64(old.age.size)
@@ -108,7 +110,7 @@ def begin_filters(subsystem, old, table, work):
     replace_severities(subsystem, old.severity, table, work)
 
 
-@inlined
+@part
 def replace_severities(subsystem, severity, table, work):
     """Replace the severities of a subsystem's filters by those of their hypotheses.
 
@@ -125,7 +127,7 @@ def replace_severities(subsystem, severity, table, work):
     algebra.replace_severity(columns_of(subsystem, table, n_lanes), work)
 
 
-@inlined
+@part
 def mix_filters(subsystem, old, new, table, walk, work):
     """Fill the columns of a subsystem: filters mixed with the normal one, severities updated."""
     columns = columns_of(subsystem, table, old.age.size)
@@ -135,7 +137,7 @@ def mix_filters(subsystem, old, new, table, walk, work):
     replace_severities(subsystem, new.severity, table, work)
 
 
-@inlined
+@part
 def update_severity(subsystem, new, table, work):
     """Set the severities of the hypotheses to those that their filters of a subsystem have now."""
     n_lanes = np.uint64(new.age.size)
@@ -152,7 +154,7 @@ def update_severity(subsystem, new, table, work):
             new.severity[lane, VARIANCE, h] = x[variance_row, c]
 
 
-@inlined
+@part
 def begin_shaft_speeds(subsystem, old, sample, table, work):
     """Fill the shaft speeds before the sample; the normal filter's replaces a silent reading."""
     n_lanes = np.uint64(old.age.size)
@@ -169,7 +171,7 @@ def begin_shaft_speeds(subsystem, old, sample, table, work):
             work.shaft_speed_before[f * n_lanes + lane] = max(before, 0.0)
 
 
-@inlined
+@part
 def update_motor(subsystem, old, new, sample, table, constants, work):
     """Take all filters of one motor through a sample."""
     n_lanes = np.uint64(old.age.size)
@@ -190,7 +192,7 @@ def update_motor(subsystem, old, new, sample, table, constants, work):
     update_severity(subsystem, new, table, work)
 
 
-@inlined
+@part
 def gather_shaft(shaft, subsystem, old, table, work):
     """Fill a motor's shaft speeds for each surge filter, (4, n_columns), see `surge.RPM_NOW`."""
     n_lanes = np.uint64(old.age.size)
@@ -209,7 +211,7 @@ def gather_shaft(shaft, subsystem, old, table, work):
             shaft[surge.RPM_STD, c] = work.shaft_speed_noise[motor_column]
 
 
-@inlined
+@part
 def update_surge(old, new, sample, table, constants, work):
     """Take all surge filters through a sample."""
     columns = columns_of(SURGE, table, old.age.size)
@@ -221,7 +223,7 @@ def update_surge(old, new, sample, table, constants, work):
     update_severity(SURGE, new, table, work)
 
 
-@inlined
+@part
 def update_posterior(log_posterior, filter_of, evidence):
     """Bayes' rule over the hypotheses of one lane, normalised."""
     highest = -np.inf
@@ -238,7 +240,7 @@ def update_posterior(log_posterior, filter_of, evidence):
         log_posterior[h] -= highest + math.log(total)
 
 
-@inlined
+@part
 def fill_belief(log_posterior, severity, class_index, log_probability, mean, std):
     """Fill a lane's belief: sums over the hypotheses of a class, and moments of its severity."""
     log_probability[:] = IMPOSSIBLE
@@ -260,7 +262,7 @@ def fill_belief(log_posterior, severity, class_index, log_probability, mean, std
         std[k] = math.sqrt(max(variance, 0.0))
 
 
-@inlined
+@part
 def update_belief(lane, belief_lane, new, table, belief, work):
     """Update the posterior of a lane of a pack, and fill the belief of that lane."""
     log_posterior = new.log_posterior[lane]
@@ -279,19 +281,21 @@ def update_belief(lane, belief_lane, new, table, belief, work):
 @scalar
 def lanes_of(state, lanes):
     """Some lanes of a state (a slice), or one of them (its index), as views."""
-    return BankState(
-        state.log_posterior[lanes],
-        state.severity[lanes],
-        state.filters[lanes],
-        state.shaft_speed[lanes],
-        state.readings[lanes],
-        state.healthy[lanes],
-        state.prior[lanes],
-        state.age[lanes],
+    return lightened(
+        BankState(
+            state.log_posterior[lanes],
+            state.severity[lanes],
+            state.filters[lanes],
+            state.shaft_speed[lanes],
+            state.readings[lanes],
+            state.healthy[lanes],
+            state.prior[lanes],
+            state.age[lanes],
+        )
     )
 
 
-@inlined
+@part
 def begin_sample(observation, old, new, sample, table, constants, work):
     """Fill the sample and the last readings, and let hypotheses switch, on the lanes of a pack."""
     fill_sample(observation, old.readings, constants.sensors, sample)
@@ -302,7 +306,7 @@ def begin_sample(observation, old, new, sample, table, constants, work):
         switch_hypotheses(old_lane, new_lane, table, constants.walk, work.switch_probability[lane])
 
 
-@kernel
+@kernel(notice="the Gaussian bank: about 15 s")
 def step_lanes(first, last, old, new, observation, table, constants, belief, work, sample):
     """Take the lanes from `first` to before `last` through a sample: fill `new` and `belief`.
 

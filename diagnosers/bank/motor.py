@@ -7,7 +7,7 @@ current. The voltage's noise enters both, so the measurements are first decorrel
 import numpy as np
 
 from auv_fault_env import physics
-from auv_fault_env.compiling import fused, inlined, scalar
+from auv_fault_env.compiling import fused, part, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import RPM
 from diagnosers.bank.algebra import Measurement, condition, severity_rows
@@ -51,7 +51,7 @@ STANDING_STD = 15.0  # rpm, of the prediction there
 UNKNOWN_STD = 1e4  # rpm, of the prediction before the first voltage reading
 
 
-@inlined
+@part
 def apply_severity(r, healthy, columns, work):
     """Set parameter r from its healthy value (n_columns,) and the severity, and its derivative."""
     first, last = columns
@@ -63,7 +63,7 @@ def apply_severity(r, healthy, columns, work):
         work.parameters[r, c] = healthy[c] + x[severity, c] * by_severity
 
 
-@inlined
+@part
 def set_parameters(columns, first_deviation, work):
     """Set the parameters to the filters' means, and their derivatives by severity.
 
@@ -125,7 +125,7 @@ def predict_readings(parameters, c, voltage_shift, water, work):
     return predicted, rpm_reading, reading_of(parameters, CURRENT, c, current)
 
 
-@inlined
+@scalar
 def predict(model, parameters, columns, voltage_shift, water, work, out):
     """Fill out (3, n_columns) with what the model, such as `predict_readings`, predicts."""
     first, last = columns
@@ -134,7 +134,7 @@ def predict(model, parameters, columns, voltage_shift, water, work, out):
         out[SHAFT_SPEED, c], out[RPM_READING, c], out[CURRENT_READING, c] = prediction
 
 
-@inlined
+@part
 def differences(columns, work, by_rpm, by_current):
     """Fill the forward differences (n_columns,) of the predicted readings of rpm and current."""
     first, last = columns
@@ -145,7 +145,7 @@ def differences(columns, work, by_rpm, by_current):
         by_current[c] = (perturbed[CURRENT_READING, c] - predicted[CURRENT_READING, c]) / STEP
 
 
-@inlined
+@part
 def perturb_severity(columns, work):
     """Fill the parameters that a prediction uses at `STEP` more of the severity."""
     first, last = columns
@@ -155,7 +155,7 @@ def perturb_severity(columns, work):
             work.perturbed_parameters[r, c] = work.parameters[r, c] + step
 
 
-@inlined
+@scalar
 def linearise(model, columns, first_deviation, by_voltage, water, work):
     """Fill the predicted readings, and their gradients by deviations, severity and voltage.
 
@@ -185,7 +185,7 @@ def linearise(model, columns, first_deviation, by_voltage, water, work):
     differences(columns, work, work.gradient[severity], work.current_gradient[severity])
 
 
-@inlined
+@part
 def decorrelate(columns, work):
     """Fill innovations and variances; subtract from the current what the rpm reading explains."""
     first, last = columns
@@ -226,7 +226,7 @@ def decorrelate(columns, work):
             work.current_gradient[i, c] -= work.ratio[c] * work.gradient[i, c]
 
 
-@inlined
+@part
 def shift_innovation(columns, sign, work):
     """Add ``sign * gradient @ mean`` to the current's innovation: 1 before an update, -1 after."""
     first, last = columns
@@ -237,7 +237,7 @@ def shift_innovation(columns, sign, work):
             work.innovation[SECOND, c] += shift
 
 
-@inlined
+@part
 def estimate_shaft_speed(columns, measured_share, by_voltage, voltage_std, work):
     """Fill the shaft speed [rad/s] of every filter, its slope by severity and its noise [rpm].
 
@@ -263,7 +263,7 @@ def estimate_shaft_speed(columns, measured_share, by_voltage, voltage_std, work)
         work.shaft_speed_noise[c] = std / gain
 
 
-@inlined
+@part
 def gather_readings(columns, sample, channel, work):
     """Fill readings and availability."""
     for k in range(3):
@@ -279,7 +279,7 @@ def gather_readings(columns, sample, channel, work):
         )
 
 
-@inlined
+@part
 def replace_voltage(columns, sample, channel, work):
     """Take the last voltage reading for a silent one; fill the variance of rpm beside the noise."""
     first, last = columns
@@ -299,7 +299,7 @@ def replace_voltage(columns, sample, channel, work):
                 work.available[OF_VOLTAGE, c] = 1.0
 
 
-@inlined
+@part
 def measurements(work):
     """The measurements of rpm and of current."""
     innovation = work.innovation
@@ -311,7 +311,7 @@ def measurements(work):
     return rpm, current
 
 
-@inlined
+@part
 def update(columns, sample, channel, water, work):
     """Take the filters of a motor, whose first reading is `channel`, through one sample."""
     by_voltage = work.by_voltage

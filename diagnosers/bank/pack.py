@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_fault_env.compiling import inlined, scalar
+from auv_fault_env.compiling import part, scalar
+from auv_fault_env.light import light
 from diagnosers.bank.algebra import N_STATES, moments_of
 from diagnosers.bank.hypotheses import N_PARAMETER_ROWS, HypothesisTable
 
@@ -69,7 +70,9 @@ OWN_SINGLE_ROWS = (*SINGLE_ROWS, "ratio", "rpm_variance")
 EFFECTS = ("slope", "offset")  # of the severity on the parameters: tables of the hypotheses
 # memory of one step of a pack; nothing in it outlives the step. `states` are their indices, a tuple
 # so that loops over them have a constant length.
-Work = namedtuple("Work", (*N_ROWS, *OWN_SINGLE_ROWS, *EFFECTS, "switch_probability", "states"))
+Work = light(
+    namedtuple("Work", (*N_ROWS, *OWN_SINGLE_ROWS, *EFFECTS, "switch_probability", "states"))
+)
 _of_thread = threading.local()
 
 
@@ -136,7 +139,7 @@ def columns_of(subsystem, table, n_lanes):
     return first * lanes, last * lanes
 
 
-@inlined
+@part
 def broadcast(of_lane, columns, out):
     """Copy the value of each lane (n_lanes,) to all its columns of a range of out (n_columns,)."""
     first, last = columns
@@ -148,7 +151,7 @@ def broadcast(of_lane, columns, out):
             out[c] = of_lane[lane]
 
 
-@inlined
+@part
 def gather(subsystem, old, table, work):
     """Fill the columns of a subsystem from the lanes' filters and healthy vehicles."""
     n_lanes = np.uint64(old.age.size)
@@ -165,7 +168,7 @@ def gather(subsystem, old, table, work):
         broadcast(old.healthy[:, parameter], columns, work.healthy[r])
 
 
-@inlined
+@part
 def scatter(new, work):
     """Fill the lanes' filters and shaft speeds from all columns; 0 is that of surge filters."""
     n_lanes = np.uint64(new.age.size)

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.channels import COMMANDS, READINGS
-from auv_fault_env.compiling import inlined, scalar
+from auv_fault_env.compiling import part, scalar
+from auv_fault_env.light import light
 
 # channels of an observation
 FIRST_READING = len(COMMANDS)
@@ -23,6 +24,7 @@ MIN_PROBABILITY = 0.01  # of a lost or of an available sample of a faulty sensor
 MIN_GAIN = 1e-3
 
 
+@light
 class Sample(NamedTuple):
     """The readings of one sample of a pack, (N_READINGS, n_lanes) if nothing else is said.
 
@@ -49,7 +51,7 @@ def new_sample(n_lanes: int) -> Sample:
     return Sample(*numbers, *flags, np.zeros(n_lanes), np.zeros(n_lanes, bool))
 
 
-@inlined
+@part
 def fill_readings(observation, last, sensors, sample):
     """Fill what does not depend on the spacing of values, see `fill_sample`."""
     for lane in range(len(last)):
@@ -79,7 +81,7 @@ def log_spacing(value, spacing, noise):
     return math.log(max(size * FLOAT32_STEP, spacing))
 
 
-@inlined
+@part
 def fill_sample(observation, last, sensors, sample):
     """Fill a sample from the observation (n_lanes, n_channels), where NaN means no reading.
 
@@ -95,7 +97,7 @@ def fill_sample(observation, last, sensors, sample):
             )
 
 
-@inlined
+@part
 def keep_readings(sample, readings):
     """Keep the last readings of a sample, (n_lanes, N_READINGS); NaN where there never was any."""
     for lane in range(len(readings)):
@@ -104,7 +106,7 @@ def keep_readings(sample, readings):
             readings[lane, channel] = sample.reading[channel, lane] if has_value else np.nan
 
 
-@inlined
+@part
 def condition_on_availability(parameters, columns, sensor, sample, channel, available, evidence):
     """Fill which filters take the reading for available (1, else 0); add the log probability.
 

@@ -4,7 +4,7 @@ As `kalman.SurgeFilter`, with the accelerometer as a second measurement, of the 
 sample's end, and the thrust from the shaft speeds of the motor filters.
 """
 
-from auv_fault_env.compiling import inlined, scalar
+from auv_fault_env.compiling import part, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers.bank.algebra import (
     Measurement,
@@ -35,7 +35,7 @@ THRUST, THRUST_SLOPE, THRUST_VARIANCE = range(3)
 HALF_SAMPLE = 0.5 * SAMPLE_TIME
 
 
-@inlined
+@part
 def set_parameters(columns, work):
     """Set the parameters to the filters' means, and their derivatives by severity."""
     first, last = columns
@@ -58,7 +58,7 @@ def drag_of(parameters, c, work):
     return parameters[ALPHA, c] + parameters[GAMMA, c] * work.deflection[c]
 
 
-@inlined
+@part
 def compute_thrust(columns, opening, work):
     """Fill ``work.thrust``, of which the sample's start has the share `opening`."""
     first, last = columns
@@ -92,7 +92,7 @@ def compute_thrust(columns, opening, work):
         thrust[THRUST_VARIANCE, c] = variance
 
 
-@inlined
+@part
 def compute_process_noise(columns, work):
     """Fill the variance of the speed by the rpm counters and the thrust between two readings."""
     first, last = columns
@@ -108,7 +108,7 @@ def compute_process_noise(columns, work):
         work.variance[0, c] = SAMPLE_TIME * SAMPLE_TIME * variance
 
 
-@inlined
+@part
 def predict_speed(columns, work):
     """Advance the mean speed over the sample by the midpoint rule; fill its gradient."""
     first, last = columns
@@ -138,7 +138,7 @@ def predict_speed(columns, work):
         x[U, c] = u + SAMPLE_TIME * at_middle
 
 
-@inlined
+@part
 def predict_covariance(columns, work):
     """Advance the covariance over the sample, in which only the speed changes."""
     first, last = columns
@@ -156,7 +156,7 @@ def predict_covariance(columns, work):
         x[covariance_row(U, U, n_states), c] = variance
 
 
-@inlined
+@part
 def expect_speed(columns, work):
     """Fill innovation, variance and gradient of the paddle wheel's reading."""
     first, last = columns
@@ -178,7 +178,7 @@ def expect_speed(columns, work):
         work.variance[0, c] = parameters[SPEED + NOISE, c] ** 2
 
 
-@inlined
+@part
 def expect_acceleration(columns, work):
     """Fill innovation, variance and gradient of the accelerometer's reading."""
     first, last = columns
@@ -213,13 +213,13 @@ def expect_acceleration(columns, work):
         work.variance[0, c] = noise + gain * gain * work.thrust[THRUST_VARIANCE, c]
 
 
-@inlined
+@part
 def expected_measurement(work):
     """The measurement that the last expectation filled."""
     return Measurement(work.gradient, work.innovation[0], work.variance[0], work.available[0])
 
 
-@inlined
+@part
 def update(columns, sample, constants, work):
     """Take all surge filters through one sample, with the shaft speeds of `RPM_NOW` and others."""
     available = work.available[0]

@@ -6,7 +6,7 @@ Readings have heavy tails, deviations of the healthy vehicle change slowly, and 
 import math
 from typing import NamedTuple
 
-from auv_fault_env.compiling import inlined
+from auv_fault_env.compiling import part
 from auv_fault_env.noise import logarithm
 from diagnosers.bank.algebra import (
     LOG_TWO_PI,
@@ -39,7 +39,7 @@ class Tails(NamedTuple):
     scale: float
 
 
-@inlined
+@part
 def merge(source, target, share, work):
     """Let a column hold the moments of a mixture of itself and another, which has that share."""
     x = work.filters
@@ -52,7 +52,7 @@ def merge(source, target, share, work):
         x[i, target] += share * (x[i, source] - x[i, target])
 
 
-@inlined
+@part
 def walk_deviations(columns, healthy_variance, memory, work):
     """Let the healthy vehicle's deviations change slowly, and those of a hypothesis that began.
 
@@ -70,7 +70,7 @@ def walk_deviations(columns, healthy_variance, memory, work):
             forget_state(columns, i, memory, work.added, work)
 
 
-@inlined
+@part
 def condition(columns, measurement, tails, work):
     """Condition every filter on a measurement where available; add its log density to the evidence.
 
@@ -100,7 +100,7 @@ def condition(columns, measurement, tails, work):
     update_states(columns, innovation, work)
 
 
-@inlined
+@part
 def keep_standardised(columns, row, work):
     """Keep the last standardised innovation as that of a reading."""
     first, last = columns

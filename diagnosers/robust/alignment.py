@@ -7,13 +7,15 @@ healthy counter's is the class `unknown`: its motor's readings are no evidence f
 
 import numpy as np
 
-from auv_fault_env.compiling import inlined, scalar
+from auv_fault_env.channels import CHANNELS
+from auv_fault_env.compiling import part, scalar
 from auv_fault_env.physics import RPM
 from diagnosers.bank.hypotheses import PORT, STARBOARD
 from diagnosers.bank.kernel import MOTOR_CHANNEL
 from diagnosers.bank.motor import OF_RPM, OF_VOLTAGE, predict_shaft_speed, shaft_of
 from diagnosers.bank.sensors import FIRST_READING
 
+N_CHANNELS = len(CHANNELS)
 LARGEST_LATENCY = 2  # samples, twice that of healthy counters
 N_LATENCIES = 6  # that are compared, from none
 N_EARLIER = 2  # voltage and current
@@ -28,7 +30,7 @@ LATE_EVIDENCE = 2.0  # of a sample, for a change of the motor that no fault make
 START_MISFIT = 500.0
 
 
-@inlined
+@part
 def align(observation, old, new, aligned):
     """Fill ``aligned``, the observation with voltages and currents as late as the shaft speeds.
 
@@ -36,14 +38,16 @@ def align(observation, old, new, aligned):
     their age, the last first. NaN means no reading.
     """
     for lane in range(len(observation)):
-        aligned[lane] = observation[lane]
+        for channel in range(N_CHANNELS):
+            aligned[lane, channel] = observation[lane, channel]
         for subsystem in (PORT, STARBOARD):
             side = subsystem - PORT
             latency = np.uint64(min(old.latency[lane, side], LARGEST_LATENCY))
             for k in range(N_EARLIER):
                 channel = FIRST_READING + MOTOR_CHANNEL[subsystem] + k
                 readings = new.earlier[lane, side, k]
-                readings[1:] = old.earlier[lane, side, k, :-1]
+                for age in range(1, N_LATENCIES):
+                    readings[age] = old.earlier[lane, side, k, age - 1]
                 readings[0] = observation[lane, channel]
                 aligned[lane, channel] = readings[latency]
 
@@ -55,7 +59,7 @@ def better_latency(latency, misfit):
     return best if misfit[best] < CLEARLY_LESS * misfit[np.uint64(latency)] else latency
 
 
-@inlined
+@part
 def compare_latencies(subsystem, old, new, sample, column, water, work):
     """Fill ``new.latency`` by how well the voltages of several samples predict the shaft speed.
 
@@ -66,7 +70,8 @@ def compare_latencies(subsystem, old, new, sample, column, water, work):
     for lane in range(len(column)):
         c = column[lane]
         misfit = new.misfit[lane, side]
-        misfit[:] = old.misfit[lane, side]
+        for latency in range(N_LATENCIES):
+            misfit[latency] = old.misfit[lane, side, latency]
         is_read = not (sample.silent[rpm_channel, lane] or sample.resting[rpm_channel, lane])
         voltages = new.earlier[lane, side, OF_VOLTAGE]
         if is_read and not np.isnan(voltages).any():
@@ -79,7 +84,7 @@ def compare_latencies(subsystem, old, new, sample, column, water, work):
         new.latency[lane, side] = better_latency(old.latency[lane, side], misfit)
 
 
-@inlined
+@part
 def judge_latencies(columns, subsystem, new, table, work):
     """Replace the evidence of a motor whose shaft speed is later than that of healthy counters.
 

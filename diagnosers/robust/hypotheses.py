@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.faults import CATALOGUE, NORMAL, UNKNOWN, classes
+from auv_fault_env.light import light
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.realism import SURROUNDINGS
 from diagnosers.bank.hypotheses import (
@@ -56,6 +57,7 @@ OTHERS: dict[str, Other] = {
 }
 
 
+@light
 class HypothesisTable(NamedTuple):
     """The hypotheses for the kernel; the first, and each subsystem's first filter, is normal.
 

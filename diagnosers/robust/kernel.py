@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_fault_env.channels import READINGS
-from auv_fault_env.compiling import inlined, kernel, scalar
+from auv_fault_env.compiling import kernel, part, scalar
+from auv_fault_env.light import light, lightened
 from auv_fault_env.physics import RPM
 from diagnosers.bank.algebra import clip_deviations, covariance_row, mix, walk_severity
 from diagnosers.bank.hypotheses import PORT, STARBOARD, SURGE
@@ -23,7 +24,7 @@ from diagnosers.bank.kernel import (
     update_severity,
 )
 from diagnosers.bank.pack import columns_of, filters_of, scatter
-from diagnosers.bank.sensors import NOISE_STD, keep_readings
+from diagnosers.bank.sensors import N_READINGS, NOISE_STD, keep_readings
 from diagnosers.bank.surge import DEVIATIONS
 from diagnosers.kalman import START_SPEED_STD
 from diagnosers.robust import algebra, motor, surge
@@ -43,6 +44,7 @@ FIRST_NOISE_SAMPLES = 20.0  # that the assumed noise counts as, when that of a s
 SETTLING_SAMPLES = 20  # before these readings are evidence: one wrong one may have set the states
 
 
+@light
 class BankState(NamedTuple):
     """State of a bank, lane first; NaN where nothing has been read."""
 
@@ -66,7 +68,7 @@ class BankState(NamedTuple):
     age: np.ndarray  # (n_lanes,), samples so far
 
 
-@inlined
+@part
 def switch_hypotheses(old, new, table, walk, switch_probability, return_probability):
     """Let hypotheses of one lane begin and end: posterior, severities, and probabilities of both.
 
@@ -92,7 +94,7 @@ def switch_hypotheses(old, new, table, walk, switch_probability, return_probabil
     forget_evidence(new.log_posterior, table)
 
 
-@inlined
+@part
 def forget_evidence(log_posterior, table):
     """Let the odds of each hypothesis to normal fall towards those without any evidence.
 
@@ -106,7 +108,7 @@ def forget_evidence(log_posterior, table):
         log_posterior[h] -= table.forgetting * max(excess, 0.0)
 
 
-@inlined
+@part
 def mix_filters(subsystem, old, new, table, constants, work):
     """Fill the columns of a subsystem: filters mixed with the normal one, and it with them."""
     n_lanes = np.uint64(old.age.size)
@@ -123,7 +125,7 @@ def mix_filters(subsystem, old, new, table, constants, work):
     replace_severities(subsystem, new.severity, table, work)
 
 
-@inlined
+@part
 def mix_back(subsystem, lane, n_lanes, table, work):
     """Mix into the normal filter of a lane those of the hypotheses that end, with their weights.
 
@@ -145,7 +147,7 @@ def mix_back(subsystem, lane, n_lanes, table, work):
             algebra.merge(f * n_lanes + lane, normal, of_filter / total, work)
 
 
-@inlined
+@part
 def adapt_walk(subsystem, state, channel, column, old, new, sample, table, constants, work):
     """Move the variance of a walking state's steps to the squared steps in a filter.
 
@@ -167,7 +169,7 @@ def adapt_walk(subsystem, state, channel, column, old, new, sample, table, const
         new.walk[lane, column] = min(max(variance, least), most)
 
 
-@inlined
+@part
 def adapt_noise(subsystem, first_channel, n_readings, old, new, table, constants, work):
     """Move the variance of a subsystem's noise to what the innovations of the best filter show.
 
@@ -192,7 +194,7 @@ def adapt_noise(subsystem, first_channel, n_readings, old, new, table, constants
             new.innovation[lane, channel] = innovation
 
 
-@inlined
+@part
 def update_motor(subsystem, old, new, sample, table, constants, work):
     """Take all filters of one motor through a sample."""
     n_lanes = np.uint64(old.age.size)
@@ -234,7 +236,7 @@ def update_motor(subsystem, old, new, sample, table, constants, work):
     update_severity(subsystem, new, table, work)
 
 
-@inlined
+@part
 def forget_speed(sample, table, work):
     """Let the speed of idle lanes be unknown: what comes next may be another part of a log."""
     first, last = filters_of(SURGE, table)
@@ -247,7 +249,7 @@ def forget_speed(sample, table, work):
                 work.filters[row, c] = max(work.filters[row, c], START_SPEED_STD**2)
 
 
-@inlined
+@part
 def update_surge(old, new, sample, table, constants, work):
     """Take all surge filters through a sample."""
     columns = columns_of(SURGE, table, old.age.size)
@@ -276,26 +278,28 @@ def update_surge(old, new, sample, table, constants, work):
 @scalar
 def lanes_of(state, lanes):
     """Some lanes of a state (a slice), or one of them (its index), as views."""
-    return BankState(
-        state.log_posterior[lanes],
-        state.severity[lanes],
-        state.filters[lanes],
-        state.shaft_speed[lanes],
-        state.readings[lanes],
-        state.spacing[lanes],
-        state.healthy[lanes],
-        state.prior[lanes],
-        state.walk[lanes],
-        state.noise_ratio[lanes],
-        state.innovation[lanes],
-        state.earlier[lanes],
-        state.latency[lanes],
-        state.misfit[lanes],
-        state.age[lanes],
+    return lightened(
+        BankState(
+            state.log_posterior[lanes],
+            state.severity[lanes],
+            state.filters[lanes],
+            state.shaft_speed[lanes],
+            state.readings[lanes],
+            state.spacing[lanes],
+            state.healthy[lanes],
+            state.prior[lanes],
+            state.walk[lanes],
+            state.noise_ratio[lanes],
+            state.innovation[lanes],
+            state.earlier[lanes],
+            state.latency[lanes],
+            state.misfit[lanes],
+            state.age[lanes],
+        )
     )
 
 
-@inlined
+@part
 def mark_resting(old, sample, table, constants):
     """Mark the readings of motors that stand, and of a vehicle that may: no evidence.
 
@@ -336,10 +340,12 @@ def motor_stands(lane, channel, shaft_speed, sample, constants):
     return reads_zero and not turned and not is_driven
 
 
-@inlined
+@part
 def begin_sample(observation, old, new, sample, table, constants, work):
     """Fill the sample and the last readings, and let hypotheses switch, on the lanes of a pack."""
-    new.spacing[:] = old.spacing
+    for lane in range(len(observation)):
+        for channel in range(N_READINGS):
+            new.spacing[lane, channel] = old.spacing[lane, channel]
     sensors = constants.bank.sensors
     align(observation, old, new, work.aligned)
     fill_sample(work.aligned, old.readings, new.spacing, old.noise_ratio, sensors, sample)
@@ -358,7 +364,7 @@ def begin_sample(observation, old, new, sample, table, constants, work):
         )
 
 
-@inlined
+@part
 def temper(log_probability, temperature, class_temperature):
     """Bring the odds of a fault, and of each fault to the others, closer to 1; 1 changes nothing.
 
@@ -377,7 +383,7 @@ def temper(log_probability, temperature, class_temperature):
         log_probability[k] = log_share + log_odds + log_probability[0]
 
 
-@kernel
+@kernel(notice="the filter bank: about 20 s")
 def step_lanes(first, last, old, new, observation, table, constants, belief, work, sample):
     """Take the lanes from `first` to before `last` through a sample: fill `new` and `belief`.
 

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from auv_fault_env import physics
-from auv_fault_env.compiling import inlined, scalar
+from auv_fault_env.compiling import part, scalar
 from auv_fault_env.physics import RPM
 from diagnosers.bank.algebra import Measurement, covariance_row
 from diagnosers.bank.motor import (
@@ -57,7 +57,7 @@ START_VOLTAGE_STD = 100.0  # V, before the first reading
 JUMP = 9.0  # squared standard deviations, beyond which the voltage has jumped
 
 
-@inlined
+@part
 def condition_on_voltage(columns, sample, channel, tails, work):
     """Let the voltage walk and perhaps jump over the sample, and condition on its reading."""
     first, last = columns
@@ -92,7 +92,7 @@ def condition_on_voltage(columns, sample, channel, tails, work):
     end_zero(columns, sample, channel, work)
 
 
-@inlined
+@part
 def imply_voltage(columns, sample, channel, maximum_voltage, work):
     """Set a voltage that does not arrive to what current and shaft speed imply, about.
 
@@ -128,7 +128,7 @@ def predict_readings(parameters, c, voltage_shift, water, work):
     return predicted, rpm_reading, reading_of(parameters, CURRENT, c, current)
 
 
-@inlined
+@part
 def compute_innovations(columns, constants, work):
     """Fill innovations and variances of rpm and current.
 
@@ -163,7 +163,7 @@ def compute_innovations(columns, constants, work):
         work.expected_std[c] = 2.0 * math.sqrt(variance[SECOND, c])
 
 
-@inlined
+@part
 def follow_jump(columns, work):
     """Let the voltage have changed within the noise of its reading where the shaft speed jumped.
 
@@ -183,7 +183,7 @@ def follow_jump(columns, work):
         work.filters[row, c] += work.available[OF_RPM, c] * work.available[OF_VOLTAGE, c] * walk
 
 
-@inlined
+@part
 def widen_voltage(columns, sample, channel, maximum_voltage, work):
     """Add to the walk of voltages that are not read, or read with much noise."""
     first, last = columns
@@ -199,7 +199,7 @@ def widen_voltage(columns, sample, channel, maximum_voltage, work):
             work.added[c] += NOISY_WALK * (noise * noise - healthy_noise * healthy_noise)
 
 
-@inlined
+@part
 def stop_shafts(columns, sample, channel, work):
     """Let the shaft speed of motors at rest be zero."""
     first, last = columns
@@ -212,7 +212,7 @@ def stop_shafts(columns, sample, channel, work):
                 work.shaft_speed_noise[c] = work.parameters[SPEED + NOISE, c]
 
 
-@inlined
+@part
 def keep_rpm_share(columns, work):
     """Fill the share of the measured shaft speed in the estimate: an outlier measures nothing."""
     first, last = columns
@@ -220,7 +220,7 @@ def keep_rpm_share(columns, work):
         work.rpm_share[c] = work.available[OF_RPM, c] * work.weight[c]
 
 
-@inlined
+@part
 def restore_evidence(columns, sample, channel, fastest, work):
     """Forget the evidence of a reading that alone determines a voltage which is not read.
 
@@ -236,7 +236,7 @@ def restore_evidence(columns, sample, channel, fastest, work):
     replace_evidence(columns, is_silent, work.evidence_before, work)
 
 
-@inlined
+@part
 def update(columns, sample, channel, walk, constants, work):
     """Take the filters of a motor, whose first reading is `channel`, through one sample."""
     first, last = columns

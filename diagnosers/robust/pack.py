@@ -5,6 +5,7 @@ from collections import namedtuple
 import numpy as np
 
 from auv_fault_env.channels import CHANNELS
+from auv_fault_env.light import light
 from diagnosers.bank.pack import (
     EFFECTS,
     SINGLE_ROWS,
@@ -34,9 +35,11 @@ OWN_SINGLE_ROWS = (
 CHANGES = ("spread", "water")  # of the states, when a hypothesis begins and while it lasts
 PROBABILITIES = ("switch_probability", "return_probability")  # (n_lanes, n_hypotheses)
 OF_LANES = ("aligned", "best_column")  # see `alignment.align` and `alignment.compare_latencies`
-Work = namedtuple(
-    "Work",
-    (*N_ROWS, *OWN_SINGLE_ROWS, *EFFECTS, *CHANGES, *PROBABILITIES, *OF_LANES, "states"),
+Work = light(
+    namedtuple(
+        "Work",
+        (*N_ROWS, *OWN_SINGLE_ROWS, *EFFECTS, *CHANGES, *PROBABILITIES, *OF_LANES, "states"),
+    )
 )
 
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from auv_fault_env.compiling import inlined, scalar
+from auv_fault_env.compiling import part, scalar
 from diagnosers.bank.sensors import (
     N_READINGS,
     NOISE,
@@ -31,7 +31,7 @@ def spacing_of_values(spacing, now, before):
     return difference if difference > 0.0 and is_less else spacing
 
 
-@inlined
+@part
 def fill_sample(observation, last, spacing, noise_ratio, sensors, sample):
     """Fill a sample from the observation (n_lanes, n_channels), where NaN means no reading.
 
@@ -62,7 +62,7 @@ def fill_sample(observation, last, spacing, noise_ratio, sensors, sample):
             sample.log_spacing[channel, lane] = log_spacing(value, step, noise)
 
 
-@inlined
+@part
 def keep_evidence(columns, work):
     """Keep the evidence from before a reading."""
     first, last = columns
@@ -70,7 +70,7 @@ def keep_evidence(columns, work):
         work.evidence_before[c] = work.evidence[c]
 
 
-@inlined
+@part
 def replace_evidence(columns, lanes, evidence, work):
     """Let the evidence be another one on some lanes, (n_lanes,)."""
     first, last = columns
@@ -81,7 +81,7 @@ def replace_evidence(columns, lanes, evidence, work):
                 work.evidence[c] = evidence[c]
 
 
-@inlined
+@part
 def begin_zero(columns, sample, channel, sensor, available, work):
     """Find the evidence of readings of exactly zero, which is a probability and not a density.
 
@@ -103,7 +103,7 @@ def begin_zero(columns, sample, channel, sensor, available, work):
                     available[c] = 0.0
 
 
-@inlined
+@part
 def end_zero(columns, sample, channel, work):
     """Let the evidence of readings of exactly zero be what `begin_zero` has found."""
     replace_evidence(columns, sample.zero[channel], work.evidence_of_zero, work)

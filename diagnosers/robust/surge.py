@@ -7,7 +7,7 @@ zero offset and the vehicle's attitude, and the slow error of the paddle wheel. 
 
 import numpy as np
 
-from auv_fault_env.compiling import inlined
+from auv_fault_env.compiling import part
 from diagnosers.bank.algebra import forget_state, relax_state
 from diagnosers.bank.pack import broadcast
 from diagnosers.bank.sensors import condition_on_availability
@@ -40,7 +40,15 @@ STANDING = 0.1
 STANDING_STD = 0.03
 
 
-@inlined
+@part
+def add_water(columns, work):
+    """Add the variance of the speed by a change of the water's current."""
+    first, last = columns
+    for c in range(first, last):
+        work.variance[0, c] += work.water[c]
+
+
+@part
 def add_to_speed(columns, work):
     """Add the paddle wheel's slow error, and what it misses where it may stand."""
     first, last = columns
@@ -54,7 +62,7 @@ def add_to_speed(columns, work):
         work.variance[0, c] += (standing * STANDING_STD) ** 2 + excess
 
 
-@inlined
+@part
 def add_to_acceleration(columns, work):
     """Add the accelerometer's error by its zero offset and the vehicle's attitude."""
     first, last = columns
@@ -66,7 +74,7 @@ def add_to_acceleration(columns, work):
         work.variance[0, c] += work.excess[ACCELERATION_CHANNEL, c]
 
 
-@inlined
+@part
 def hold_at_rest(columns, sample, available):
     """Let a paddle wheel that may stand hold the speed low."""
     first, last = columns
@@ -77,7 +85,7 @@ def hold_at_rest(columns, sample, available):
             available[first + lane : last : n_lanes] = 1.0
 
 
-@inlined
+@part
 def update(columns, sample, walk, constants, work):
     """Take all surge filters through one sample, with the shaft speeds of `RPM_NOW` and others."""
     available = work.available[0]
@@ -94,7 +102,7 @@ def update(columns, sample, walk, constants, work):
     relax_state(columns, PADDLE, constants.paddle_memory, constants.paddle_variance, work)
     compute_thrust(columns, constants.bank.opening, work)
     compute_process_noise(columns, work)
-    work.variance[0, columns[0] : columns[1]] += work.water[columns[0] : columns[1]]
+    add_water(columns, work)
     predict_speed(columns, work)
     work.gradient[TILT : PADDLE + 1, columns[0] : columns[1]] = 0.0
     predict_covariance(columns, work)

@@ -8,10 +8,12 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 from auv_fault_env.channels import COMMANDS
+from auv_fault_env.compiling import SharedCache
 from auv_fault_env.errors import InputError
 from auv_fault_env.faults import CATALOGUE, Fault, classes
 from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MISSIONS
+from auv_fault_env.parts import PartLibrary
 from auv_fault_env.schedules import FaultEvent, ScheduleSampler
 from diagnosers import make
 from diagnosers.bank import algebra, kernel, motor, pack, sensors, surge
@@ -330,5 +332,8 @@ def test_the_bank_is_one_kernel_so_that_compiling_it_anew_changes_no_bit():
     names = [name for module in modules for name in vars(module).values()]
     compiled = {function for function in names if isinstance(function, Dispatcher)}
     assert len(compiled) > 30
-    called = {function for function in compiled if not function.targetoptions.get("forceinline")}
-    assert called == {kernel.step_lanes}
+    cached = {function for function in compiled if isinstance(function._cache, SharedCache)}
+    assert cached == {kernel.step_lanes}
+    # of all others it makes a part of itself
+    parts = [one.library for function in compiled for one in function.part.overloads.values()]
+    assert all(isinstance(library, PartLibrary) for library in parts)

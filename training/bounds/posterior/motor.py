@@ -8,7 +8,8 @@ import math
 from collections import namedtuple
 
 from auv_fault_env import physics
-from auv_fault_env.compiling import inlined, kernel, scalar
+from auv_fault_env.compiling import kernel, part, scalar
+from auv_fault_env.light import light
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import RPM
 from diagnosers.bank.algebra import (
@@ -70,10 +71,10 @@ N_ROWS = {
     "severity": 2,
     "predicted": 1,
 }
-MotorWork = namedtuple("MotorWork", (*N_ROWS, *SINGLE_ROWS, "slope", "offset", "states"))
+MotorWork = light(namedtuple("MotorWork", (*N_ROWS, *SINGLE_ROWS, "slope", "offset", "states")))
 
 
-@inlined
+@part
 def set_parameters(columns, work):
     """Set the parameters to the filters' means, and their derivatives by severity."""
     first, last = columns
@@ -94,7 +95,7 @@ def voltage_of(c, voltage, by_start, work):
     return voltage + by_start * work.filters[START_VOLTAGE, c]
 
 
-@inlined
+@part
 def predict(parameters, columns, start_shift, voltage, by_start, water, work, out):
     """Fill the shaft speed [rad/s] after a sample (n_columns,), from a shifted one before it."""
     first, last = columns
@@ -104,7 +105,7 @@ def predict(parameters, columns, start_shift, voltage, by_start, water, work, ou
         out[c] = physics.shaft_speed_after(start, side, work.surge_speed[c], 0.0, SAMPLE_TIME)
 
 
-@inlined
+@part
 def difference(columns, step, work, out):
     """Fill the forward difference (n_columns,) of the predicted shaft speed."""
     first, last = columns
@@ -134,7 +135,7 @@ def start_std(c, voltage, shaft_speed, work):
     return std * resistance / (flux * flux) if is_near and shaft_speed * RPM < STANDING else 0.0
 
 
-@inlined
+@part
 def advance(columns, voltage, by_start, water, work):
     """Take means and covariances over a sample, in which only the shaft speed changes."""
     first, last = columns
@@ -175,7 +176,7 @@ def advance(columns, voltage, by_start, water, work):
         x[W, c] = now[c]
 
 
-@inlined
+@part
 def clear_gradient(columns, work):
     """Set the gradients of a measurement to zero."""
     first, last = columns
@@ -184,7 +185,7 @@ def clear_gradient(columns, work):
             work.gradient[i, c] = 0.0
 
 
-@inlined
+@part
 def expect_rpm(columns, work):
     """Fill innovation, variance and gradient of the rpm reading."""
     first, last = columns
@@ -202,7 +203,7 @@ def expect_rpm(columns, work):
         work.variance[0, c] = work.parameters[SPEED + NOISE, c] ** 2
 
 
-@inlined
+@part
 def expect_current(columns, voltage, by_start, work):
     """Fill innovation, variance and gradient of the current's reading."""
     first, last = columns
@@ -235,7 +236,7 @@ def expect_current(columns, voltage, by_start, work):
         work.variance[0, c] = parameters[CURRENT + NOISE, c] ** 2
 
 
-@inlined
+@part
 def expect_voltage(columns, voltage, by_start, work):
     """Fill innovation, variance and gradient of the voltage's reading."""
     first, last = columns
