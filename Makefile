@@ -45,6 +45,7 @@ bench: .venv/.all
 	@$(BIN)/python -m training.studies.speed --history docs/speed_history.jsonl
 	@$(BIN)/python -m training.studies.speed_history
 	@$(BIN)/python -m training.studies.filter_speed
+	@$(BIN)/python -m training.studies.cold_start
 
 # Libraries warn of themselves, so that warnings are no errors; whether all has passed the last line says.
 REPORT := -W default -o junit_family=xunit1 --junit-xml

@@ -98,7 +98,7 @@ class Fleet:
     state, plan, catalogue
         What the kernels share, see `layout`.
     effects
-        `realism.kernel_values`, or empty as long as no lane needs them.
+        `realism.kernel_values`, or None as long as no lane needs them.
     limits
         Full scale of the channels, (n_channels, 2).
     constants

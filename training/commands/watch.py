@@ -9,7 +9,7 @@ from training.extras import import_from_extra
 
 HOST = "127.0.0.1"  # the page is for this machine alone
 NOTICE = (
-    "compiling simulator, filter bank and advice: about a minute at the first start, "
+    "compiling simulator, filter bank and advice: about half a minute at the first start, "
     "then a few seconds"
 )
 MOST_PAGES = 50  # about 1 MiB each

@@ -39,7 +39,7 @@ def test_the_first_line_says_what_is_compiled_and_how_long_it_takes():
         [*WATCH, "--port", "0"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=HERS
     ) as server:
         assert server.stderr.readline() == f"auv-fault watch: {NOTICE}\n"
-        assert "about a minute" in NOTICE
+        assert "about half a minute" in NOTICE
         assert server.stdout.readline().startswith("http://")
         server.send_signal(signal.SIGINT)
         assert "Traceback" not in server.stderr.read()

@@ -146,7 +146,10 @@ def beliefs(log: Log, name: str, vehicle: VehicleFile, weights: Path | None = No
     diagnoser = diagnoser_for(name, vehicle, resolutions(log, vehicle), weights)
     shape = len(log.time), len(diagnoser.classes)
     along = Belief(*(np.zeros(shape, np.float32) for _ in Belief._fields))
-    with tqdm(total=shape[0], desc=log.name, unit="sample", unit_scale=True, leave=False) as bar:
+    # the delay: a line about what is compiled comes before the bar, not in it
+    with tqdm(
+        total=shape[0], desc=log.name, unit="sample", unit_scale=True, leave=False, delay=1.0
+    ) as bar:
         for segment in log.segments:
             begin = segment.start
             for part in _beliefs_in_parts(diagnoser, log.observation[segment]):
