@@ -56,7 +56,7 @@ def monitored(script, settings=SETTINGS, **more):
 
 def after(monitor, n_samples, now=0.0):
     for k in range(n_samples):
-        monitor.hear(READINGS, 0.1 * k)
+        monitor.update(READINGS, 0.1 * k)
     return {one.name: one for one in monitor.statuses(0.1 * (n_samples - 1) + now)}
 
 
@@ -144,9 +144,9 @@ def test_an_unknown_fault_is_said_of_the_whole():
 def test_without_readings_the_diagnosis_is_stale():
     monitor, diagnoser = monitored(lambda k: ("normal", 0.99))
     assert {one.level for one in monitor.statuses(5.0)} == {STALE}
-    monitor.hear(np.full(len(CHANNELS), np.nan), 5.0)
+    monitor.update(np.full(len(CHANNELS), np.nan), 5.0)
     assert {one.level for one in monitor.statuses(5.0)} == {STALE} and not diagnoser.heard
-    monitor.hear(READINGS, 5.0)
+    monitor.update(READINGS, 5.0)
     assert {one.level for one in monitor.statuses(7.0)} == {OK}
     assert {one.level for one in monitor.statuses(7.1)} == {STALE}
 
@@ -154,14 +154,14 @@ def test_without_readings_the_diagnosis_is_stale():
 def test_lost_messages_are_predicted_and_hasty_ones_left_out():
     monitor, diagnoser = monitored(lambda k: ("normal", 0.99))
     for time in (0.0, 0.02, 0.1, 0.5):
-        monitor.hear(READINGS + time, time)
+        monitor.update(READINGS + time, time)
     heard = np.array(diagnoser.heard)
     assert len(heard) == 6 and np.isnan(heard[2:5]).all()
     np.testing.assert_allclose(heard[[0, 1, 5], 0], [0.0, 0.1, 0.5])
     assert diagnoser.n_resets == 1
-    monitor.hear(READINGS, 6.0)
+    monitor.update(READINGS, 6.0)
     assert diagnoser.n_resets == 2 and len(diagnoser.heard) == 7
-    monitor.hear(READINGS, 3.0)
+    monitor.update(READINGS, 3.0)
     assert diagnoser.n_resets == 3 and len(diagnoser.heard) == 8
 
 
@@ -169,7 +169,7 @@ def test_lost_messages_are_predicted_and_hasty_ones_left_out():
 def test_another_number_of_readings_is_refused(readings):
     monitor, diagnoser = monitored(lambda k: ("normal", 0.99))
     with pytest.raises(InputError, match="number of readings"):
-        monitor.hear(readings, 0.0)
+        monitor.update(readings, 0.0)
     assert not diagnoser.heard
 
 

@@ -97,7 +97,7 @@ class Monitor:
     sides: Sequence[str] = SIDES
     memory: Memory = field(default_factory=Memory)
 
-    def hear(self, readings: Sequence[float], time: float) -> None:
+    def update(self, readings: Sequence[float], time: float) -> None:
         """Take a message: a number per channel of `CHANNELS`, NaN without a reading, and a time.
 
         Messages come every 0.1 s; one that comes sooner is left out, and over those that are lost

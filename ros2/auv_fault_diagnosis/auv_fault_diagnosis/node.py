@@ -1,6 +1,6 @@
 """The ROS 2 node: readings in, diagnostics out.
 
-It hears `readings` (std_msgs/Float64MultiArray) at 10 Hz: one number per channel of
+It subscribes to `readings` (std_msgs/Float64MultiArray) at 10 Hz: one number per channel of
 `auv_fault_env.CHANNELS`, in that order and in its units, NaN where there is no reading.
 """
 
@@ -64,7 +64,7 @@ def prepare(node: Node) -> None:
 
     def on_readings(message: Float64MultiArray) -> None:
         try:
-            monitor.hear(message.data, now())
+            monitor.update(message.data, now())
         except InputError as error:
             node.get_logger().error(str(error))
 
