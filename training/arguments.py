@@ -115,11 +115,9 @@ class TrainStimulus:
     """Folder of policy, card and report, runs/train-stimulus-DIAGNOSER-SEED if not given."""
     seed: Seed = 0
     """Seed of all that is random."""
-    budget: Annotated[float, number(0.001, LARGEST_BUDGET)] = 0.1
-    """Greatest root mean square of the speed offsets [m/s]; it learns smaller budgets as well."""
     diagnoser: Annotated[str, listed(*COMPETITORS)] = "filter_bank"
     """Diagnoser whose beliefs it sees."""
-    steps: Count = 650_000
+    steps: Count = 10_000_000
     """Decisions to train on, one second each, rounded up to whole epochs."""
     install: bool = False
     """Copy policy and card into the package; works on a finished run too."""

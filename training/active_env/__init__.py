@@ -6,7 +6,7 @@ name ``training.active_env:auv_fault_env/ActiveDiagnosis-v0``, for `gym.make` an
 
 import gymnasium as gym
 
-from training.active_env.rewards import Decision, log_probability_gain
+from training.active_env.rewards import Decision, delay_penalty, log_probability_gain
 from training.active_env.single import ActiveDiagnosisEnv
 from training.active_env.vector import MAX_DECISIONS, ActiveDiagnosisVectorEnv
 from training.stimuli.policy_inputs import BOUNDS
@@ -17,6 +17,7 @@ __all__ = [
     "ActiveDiagnosisEnv",
     "ActiveDiagnosisVectorEnv",
     "Decision",
+    "delay_penalty",
     "log_probability_gain",
 ]
 NAME = "auv_fault_env/ActiveDiagnosis-v0"

@@ -1,5 +1,6 @@
 """Rewards of the active environment: what a decision led to, and functions of it."""
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -9,6 +10,9 @@ from auv_fault_env.errors import refusal
 from auv_fault_env.importable import found
 from diagnosers import Belief
 from training.stimuli.policy_inputs import FLOOR
+
+# log p(normal) at which a fault counts as detected
+DETECTED = math.log(0.02)
 
 
 class Decision(NamedTuple):
@@ -43,6 +47,21 @@ def log_probability_gain(decision: Decision) -> np.ndarray:
     """
     after = _score(decision.belief, decision.true_class)
     return after - _score(decision.belief_before, decision.true_class_before)
+
+
+def delay_penalty(decision: Decision) -> np.ndarray:
+    """Minus the time for which a fault is not diagnosed, (n_lanes,), -1 to 0 [s].
+
+    Without a fault it is 0. With one it is -1 for a belief in `normal`, and rises to 0 with the
+    probability of the true class and, where that is most probable, with the evidence against
+    `normal`: until its log probability is `DETECTED`, about where an alarm is raised. So the
+    rewards of an episode sum to about minus the isolation time.
+    """
+    log_probability = decision.belief.log_probability
+    lanes = np.arange(len(log_probability))
+    detected = np.clip(log_probability[:, 0] / DETECTED, 0.0, 1.0)
+    isolated = np.exp(log_probability[lanes, decision.true_class])
+    return np.where(decision.true_class > 0, detected * isolated - 1.0, 0.0)
 
 
 def _score(belief: Belief, true_class: np.ndarray) -> np.ndarray:

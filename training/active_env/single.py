@@ -34,7 +34,7 @@ class ActiveDiagnosisEnv(WithFleet, WithSpec, gym.Env):
     do not repeat it.
 
     ## Observation Space
-    `Box(30)`, float32, named by `FEATURES`, bounded by `training.stimuli.policy_inputs.BOUNDS`.
+    `Box(31)`, float32, named by `FEATURES`, bounded by `training.stimuli.policy_inputs.BOUNDS`.
     A class that joins the catalogue before adds one `log_odds:CLASS`, before that of `unknown`. A
     policy of a training with fewer classes takes its features by name. Speeds are relative to the
     vehicle's largest speed.
@@ -49,6 +49,7 @@ class ActiveDiagnosisEnv(WithFleet, WithSpec, gym.Env):
     | `last_offset` | the last action, 0 at the start |
     | `time` | log(1 + time since the start [s]) |
     | `left` | log(1 + time [s]) for which the allowance covers a relative offset of 0.25 |
+    | `budget` | log of the relative budget in units of 0.0762, within those of 0.02 to 0.4 |
 
     ## Rewards
     ``l(after) - l(before) - cost_weight * (mean squared deviation of the true speed from the

@@ -262,6 +262,7 @@ class ActiveDiagnosisVectorEnv(AutoresetVectorEnv):
             self._last_action,
             self._n_decisions * DECISION_TIME,
             np.maximum(allowance, 0.0) / self._scale**2,
+            self.budget / self._scale,
         )
 
     def _information(self) -> dict[str, Any]:

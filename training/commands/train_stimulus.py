@@ -1,4 +1,4 @@
-"""``auv-fault train-stimulus``: a policy that chooses the speed, within a budget.
+"""``auv-fault train-stimulus``: a policy that chooses the speed, within any budget.
 
 It runs and continues as ``auv-fault train``: checkpoint and TensorBoard log are in
 ``OUTPUT-unfinished`` until the end, and after an interruption the same command continues after the
@@ -27,7 +27,7 @@ from training.report.run_folder import provenance, run_folder, write_json
 from training.stimuli.policy import LearnedPolicy, policy_name
 
 # all arguments that the policy depends on
-SETTINGS = ("diagnoser", "budget", "seed", "steps")
+SETTINGS = ("diagnoser", "seed", "steps")
 
 
 def main(arguments: TrainStimulus) -> None:
@@ -41,7 +41,7 @@ def main(arguments: TrainStimulus) -> None:
 def make_trainer(arguments: TrainStimulus) -> StimulusTrainer:
     """The trainer of these arguments; an unknown diagnoser is refused."""
     diagnoser = known_name("diagnoser", arguments.diagnoser, ranked())
-    return StimulusTrainer(arguments.seed, arguments.budget, diagnoser, arguments.steps)
+    return StimulusTrainer(arguments.seed, diagnoser, arguments.steps)
 
 
 def _run(
@@ -99,7 +99,7 @@ def write_run(
     """Write policy, card and report."""
     policy.save(folder / f"{name}.safetensors")
     write_json(folder / f"{name}.json", training_card)
-    title = f"Training of a stimulus for {policy.diagnoser} within {policy.budget:g} m/s"
+    title = f"Training of a stimulus for {policy.diagnoser}"
     results = page(training_card) | {"title": title}
     write_json(folder / "results.json", results)
     write_report(results, folder)

@@ -38,7 +38,8 @@ from diagnosers.raw_network import COLUMNS, PORT, SCALE, SPEED, STARBOARD, RawNe
 from diagnosers.shafts import with_equal_readings
 from training.active_env.vector import ActiveDiagnosisVectorEnv
 from training.rollouts import manoeuvres, roll_out
-from training.stimuli.policy import LAYERS, LearnedPolicy
+from training.stimuli.base import BUDGET
+from training.stimuli.policy import LAYERS, REACH, LearnedPolicy
 from training.stimuli.policy_inputs import feature_names as feature_names_of_policy
 
 Tensors = tuple[Tensor, ...]
@@ -256,15 +257,14 @@ class PolicyGraph(Graph):
     outputs = ("action",)
     about = (
         "features: of training.stimuli.policy_inputs, at every sample; the commanded speed is then "
-        "the mission's plus the action times `amplitude` [m/s]"
+        "the mission's plus the action times `reach` times the budget [m/s]"
     )
 
     def __init__(self, source: LearnedPolicy):
         super().__init__(source, **source.tensors)
         self.inputs = {"features": source.features}
         self.tensors = source.tensors
-        settings = ("diagnoser", "budget", "amplitude")
-        self.notes = {name: getattr(source, name) for name in settings}
+        self.notes = {"diagnoser": source.diagnoser, "reach": REACH}
 
     def forward(self, features: Tensor) -> Tensor:
         """The action."""
@@ -276,14 +276,15 @@ class PolicyGraph(Graph):
 
     def episode(self, seed: int) -> dict[str, np.ndarray]:
         """The features (n_decisions, 1, n_features) of a vehicle that follows the policy."""
-        env = ActiveDiagnosisVectorEnv(diagnoser=self.source.diagnoser, budget=self.source.budget)
+        env = ActiveDiagnosisVectorEnv(diagnoser=self.source.diagnoser, budget=BUDGET)
         names = feature_names_of_policy(env.classes)
         columns = [names.index(name) for name in self.source.features]
         rows = []
         observation, _ = env.reset(seed=seed)
         for _ in range(EXAMPLE_DECISIONS):
             rows.append(observation[:, columns])
-            observation, *_ = env.step(self.source.action(rows[-1]))
+            offset = REACH * BUDGET * self.source.action(rows[-1])
+            observation, *_ = env.step(offset / env.amplitude)
         env.close()
         return {"features": np.stack(rows)}
 

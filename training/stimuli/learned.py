@@ -13,11 +13,10 @@ from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 from diagnosers import Belief, storage
 from diagnosers.filter_bank import FilterBank
 from diagnosers.kalman import Estimate, ParameterFilter
-from training.metrics.declaration import DECLARATION_PROBABILITY
+from training.stimuli.base import LARGEST_OFFSET
 from training.stimuli.closed_loop import ClosedLoop, EpisodeState
-from training.stimuli.declaration import UNDECLARED, Declaration
 from training.stimuli.light_bank import restrict_belief
-from training.stimuli.policy import LearnedPolicy, policy_name
+from training.stimuli.policy import REACH, LearnedPolicy, policy_name
 from training.stimuli.policy_inputs import policy_features
 
 
@@ -26,16 +25,16 @@ class LearnedMemory:
     """The memory of an episode."""
 
     estimate: Estimate  # of the parameter filter
-    declaration: Declaration
-    action: np.ndarray  # the current one, (n_lanes,)
+    offset: np.ndarray  # the current one, (n_lanes,) [m/s]
     seen_classes: list[int]  # columns of the policy's classes in the belief
 
 
 class Learned(ClosedLoop):
     """The policy of a training with `auv-fault train-stimulus`; the policies come with the package.
 
-    It ends with the first declaration, as the episodes of its training did. Those had one decision
-    per second; here the policy decides at every sample.
+    The budget is among the inputs of the policy, which has learned those of
+    `training.stimuli.policy_inputs.BUDGETS`. Its training had one decision per second; here it
+    decides at every sample.
 
     The training had the beliefs of one filter bank on simulated vehicles at 0.2 to 0.5 m/s. Beside
     another diagnoser, with other beliefs, a policy may excite without a reason, or not excite where
@@ -63,37 +62,35 @@ class Learned(ClosedLoop):
         return hashlib.sha256(self._path.read_bytes()).hexdigest()
 
     def initial_memory(self, n_lanes: int) -> LearnedMemory:
-        """The prior estimate, no declaration, no action."""
+        """The prior estimate, no offset."""
         names = classes()
         return LearnedMemory(
             ParameterFilter().initial(n_lanes),
-            Declaration(n_lanes, DECLARATION_PROBABILITY),
             np.zeros(n_lanes),
             [names.index(name) for name in self._policy.classes],
         )
 
     def decide(self, observation: np.ndarray, belief: Belief, episode: EpisodeState) -> np.ndarray:
-        """The offset of the current action, until a fault is declared."""
+        """The offset of the current action."""
         memory: LearnedMemory = episode.memory
         reading = np.asarray(observation, np.float64)
         memory.estimate = ParameterFilter().update(memory.estimate, reading)
-        memory.declaration.update(belief.log_probability)
         if episode.sample % self.samples_per_decision == 0:
             allowance = episode.allowance * SAMPLE_TIME
             features = policy_features(
                 restrict_belief(belief),
                 memory.estimate,
                 observation,
-                memory.action,
+                memory.offset / LARGEST_OFFSET,
                 np.full(len(allowance), episode.sample * SAMPLE_TIME),
                 allowance,
+                self.budget,
                 memory.seen_classes,
             )
             action = self._policy.action(features)[:, 0].astype(np.float64)
-            largest = np.sqrt(allowance) / self._policy.amplitude
-            memory.action = np.clip(action, -largest, largest)
-        is_undeclared = memory.declaration.declared == UNDECLARED
-        return np.where(is_undeclared, self._policy.amplitude * memory.action, 0.0)
+            largest = np.minimum(np.sqrt(allowance), LARGEST_OFFSET)
+            memory.offset = np.clip(REACH * self.budget * action, -largest, largest)
+        return memory.offset
 
 
 def _learned_again(training_seed: int) -> type[Learned]:

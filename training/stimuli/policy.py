@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from auv_fault_env.channels import MAXIMUM_COMMAND
-from auv_fault_env.errors import finite_in_range, refusal
+from auv_fault_env.errors import refusal
 from auv_fault_env.faults import NORMAL, classes
 from diagnosers import storage
 from diagnosers.networks.class_list import SHIPPED_CLASSES, check_class_list
@@ -16,6 +15,7 @@ from training.stimuli.policy_inputs import FEATURES, classes_of, feature_names
 
 LAYERS = ("first", "second", "action")
 HIDDEN = 64
+REACH = 5.0  # offset of the action 1 in units of the budget
 
 
 def policy_shapes(n_features: int) -> storage.Shapes:
@@ -35,16 +35,17 @@ def policy_name(diagnoser: str, seed: int) -> str:
 
 @dataclass(frozen=True)
 class LearnedPolicy:
-    """Two hidden layers, all tanh, from the features of the active environment to its action.
+    """Two hidden layers, all tanh, from the features of the active environment to an action.
+
+    An action is an offset in units of `REACH` times the budget, which is among the features: one
+    policy serves all of `training.stimuli.policy_inputs.BUDGETS`.
 
     Beside another diagnoser than that of its training, with other beliefs, it may excite without a
-    reason. The mean over its training episodes keeps the budget, not every single one.
+    reason.
     """
 
     tensors: dict[str, np.ndarray]  # weights and biases, float32, shaped as `policy_shapes`
     diagnoser: str  # name of that beside which it has learned
-    budget: float  # root mean square of the speed offsets in its training [m/s]
-    amplitude: float  # speed offset of the action 1 [m/s]
     classes: tuple[str, ...] = SHIPPED_CLASSES  # of its training, whose log odds it sees
 
     def __post_init__(self):
@@ -75,7 +76,7 @@ class LearnedPolicy:
 
     def save(self, path: str | Path) -> None:
         """Write a safetensors file for `load`; its header names the features in their order."""
-        settings = ("features", "diagnoser", "budget", "amplitude")
+        settings = ("features", "diagnoser")
         header = {name: getattr(self, name) for name in settings}
         storage.write(path, self.tensors, header)
 
@@ -97,13 +98,9 @@ class LearnedPolicy:
         diagnoser = header.get("diagnoser")
         if not isinstance(diagnoser, str):
             raise refusal(f"diagnoser of the policy {path}", diagnoser, "a name", remedy)
-        speeds = {}
-        for name in ("budget", "amplitude"):
-            thing = f"{name} of the policy {path}"
-            speeds[name] = finite_in_range(thing, header.get(name), 0.001, MAXIMUM_COMMAND)
         storage.check_tensors(path, tensors, policy_shapes(len(features)))
         check_class_list(trained_classes, classes())
-        return cls(tensors, diagnoser, **speeds, classes=trained_classes)
+        return cls(tensors, diagnoser, trained_classes)
 
 
 def _first_difference(features: Any) -> Any:

@@ -1,4 +1,4 @@
-"""The inputs of a policy: belief, estimates with their uncertainty, mission and allowance."""
+"""The inputs of a policy: belief, estimates with their uncertainty, mission and budget."""
 
 import math
 from collections.abc import Sequence
@@ -11,14 +11,27 @@ from auv_fault_env.faults import UNKNOWN
 from diagnosers import Belief
 from diagnosers.kalman import Estimate
 from diagnosers.networks.class_list import SHIPPED_CLASSES
-from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET, MISSION_SPEED
+from training.stimuli.base import BUDGET, EPISODE_TIME, LARGEST_OFFSET, MISSION_SPEED
 
 # nats: log odds count within +-20, and log probabilities from -20 on, in the reward too
 FLOOR = -20.0
 HIGHEST_ODDS = math.asinh(-FLOOR)
 LAST_TIME = math.log1p(600.0)
 HIGHEST_ALLOWANCE = math.log1p(EPISODE_TIME * (MAXIMUM_COMMAND / LARGEST_OFFSET) ** 2)
+# m/s, least and largest budget that a policy learns; beyond them it acts as at the nearer one
+BUDGETS = (0.02, 0.4)
 SPEED = INDEX["speed"]
+
+
+def compressed_budget(budget: np.ndarray | float) -> np.ndarray:
+    """The log of a budget [m/s] in units of `BUDGET`, at least that of the least of `BUDGETS`."""
+    return np.log(np.maximum(budget, BUDGETS[0]) / BUDGET)
+
+
+def budget_of(compressed: np.ndarray) -> np.ndarray:
+    """The budget [m/s] behind a compressed one."""
+    return BUDGET * np.exp(np.asarray(compressed, np.float64))
+
 
 LOG_ODDS = "log_odds:"
 LOG_ODDS_BOUNDS = (-HIGHEST_ODDS, HIGHEST_ODDS)
@@ -33,6 +46,7 @@ OTHER_BOUNDS: dict[str, tuple[float, float]] = {
     "last_offset": (-1.0, 1.0),
     "time": (0.0, LAST_TIME),
     "left": (0.0, HIGHEST_ALLOWANCE),
+    "budget": (float(compressed_budget(BUDGETS[0])), float(compressed_budget(BUDGETS[1]))),
 }
 
 
@@ -94,6 +108,7 @@ def policy_features(
     last_action: np.ndarray,
     time: np.ndarray,
     allowance: np.ndarray,
+    budget: np.ndarray | float,
     seen_classes: Sequence[int] | slice = slice(None),
 ) -> np.ndarray:
     """The features in the order of `feature_names`, clipped to their bounds.
@@ -108,6 +123,8 @@ def policy_features(
         Since the start of the episode, (n_lanes,) [s].
     allowance
         Squared offsets that the budget has left, (n_lanes,) [m^2/s].
+    budget
+        Root mean square of the offsets over `EPISODE_TIME`, (n_lanes,) or of all lanes [m/s].
     seen_classes
         Columns of the classes that the agent sees in the belief, (n_seen,). A class that it does
         not see only lowers the odds of `normal`, as any fault does.
@@ -129,6 +146,7 @@ def policy_features(
         last_action,
         np.log1p(time),
         compressed_allowance(allowance),
+        np.broadcast_to(compressed_budget(budget), lanes.shape),
     ]
     log_odds = compressed_log_odds(belief.log_probability[:, seen_classes])
     features = np.concatenate([log_odds, np.stack(columns, axis=1)], axis=1)

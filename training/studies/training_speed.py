@@ -7,6 +7,7 @@ diagnoser and learning included; judge them by their ratio.
 import time
 from collections.abc import Callable
 
+import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import SubprocVecEnv
 
@@ -20,6 +21,7 @@ from training.studies.run import command_line
 PROCESSES = 2
 # decisions of each single environment between two updates
 STEPS = 128
+ENVIRONMENT_DECISIONS = 30  # of every vehicle
 
 
 def single_environment() -> ActiveDiagnosisEnv:
@@ -41,12 +43,31 @@ def fleet_rate() -> float:
     return trainer.decisions / seconds_of(lambda: trainer.epoch(1))
 
 
+def environment_rate() -> float:
+    """Decisions per second of the environment of the training alone, without any learning."""
+    env = StimulusTrainer(0).env
+    still = np.zeros((env.num_envs, 1), np.float32)
+    env.reset()
+    env.step(still)
+    seconds = seconds_of(lambda: [env.step(still) for _ in range(ENVIRONMENT_DECISIONS)])
+    return ENVIRONMENT_DECISIONS * env.num_envs / seconds
+
+
 def single_rate() -> float:
     """Decisions per second of the same PPO on single environments in processes."""
     env = SubprocVecEnv([single_environment] * PROCESSES)
     decisions = 2 * STEPS * PROCESSES
     try:
-        model = PPO(Agent, env, stimulus.RATE, n_steps=STEPS, device="cpu", **SETTINGS)
+        network = {"n_truth": 0}
+        model = PPO(
+            Agent,
+            env,
+            stimulus.RATE,
+            n_steps=STEPS,
+            policy_kwargs=network,
+            device="cpu",
+            **SETTINGS,
+        )
         model.learn(STEPS * PROCESSES)
         return decisions / seconds_of(lambda: model.learn(decisions))
     finally:
@@ -61,6 +82,7 @@ def main() -> None:
     print(f"single environments in {PROCESSES} processes: {single:,.0f} decisions per second")
     rate = f"{fleet:,.0f} decisions per second, {ratio:.1f} times as many"
     print(f"fleet of {stimulus.LANES}: {rate}")
+    print(f"its environment alone: {environment_rate():,.0f} decisions per second")
 
 
 if __name__ == "__main__":

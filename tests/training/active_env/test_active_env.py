@@ -83,11 +83,13 @@ def test_gymnasium_finds_it_by_the_name_of_its_module():
 def test_spaces_and_features_are_the_documented_ones():
     env = gym.make(NAME)
     assert (
-        env.observation_space.shape == (len(FEATURES),) == (30,)
+        env.observation_space.shape == (len(FEATURES),) == (31,)
         and env.observation_space.dtype == np.float32
     )
     assert np.isfinite([env.observation_space.low, env.observation_space.high]).all()
-    assert FEATURES[:2] == ("log_odds:normal", "log_odds:increased_drag") and FEATURES[-1] == "left"
+    assert (
+        FEATURES[:2] == ("log_odds:normal", "log_odds:increased_drag") and FEATURES[-1] == "budget"
+    )
     assert tuple(BOUNDS) == FEATURES and all(low < high for low, high in BOUNDS.values())
     for name in FEATURES[len(classes()) :]:
         assert f"`{name}`" in ActiveDiagnosisEnv.__doc__

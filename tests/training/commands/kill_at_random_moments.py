@@ -50,7 +50,7 @@ def prepare(logs: Path) -> dict[str, list[str]]:
         "simulate": "simulate --vehicles 2 --duration 5".split(),
         "benchmark": benchmark.split(),
         "train": ["train", "integrated"],
-        "train-stimulus": "train-stimulus --steps 128 --budget 0.05".split(),
+        "train-stimulus": "train-stimulus --steps 128".split(),
         "calibrate": ["calibrate", "--vehicle", str(vehicle), *map(str, paths)],
     }
 

@@ -26,7 +26,7 @@ from training.formats.onnx_export import (
 )
 from training.rollouts import manoeuvres, roll_out
 from training.stimuli import policy_inputs
-from training.stimuli.policy import LearnedPolicy, policy_shapes
+from training.stimuli.policy import REACH, LearnedPolicy, policy_shapes
 
 onnxruntime = pytest.importorskip("onnxruntime")
 RUNNER = Path(__file__).parents[3] / "docs" / "examples" / "onnx_runner.py"
@@ -43,9 +43,9 @@ def policy():
     random = np.random.default_rng(0)
     tensors = {
         name: random.normal(0.0, 0.3, shape).astype(np.float32)
-        for name, shape in policy_shapes(29).items()
+        for name, shape in policy_shapes(30).items()
     }
-    return LearnedPolicy(tensors, "cusum", 0.0762, 0.25)
+    return LearnedPolicy(tensors, "cusum")
 
 
 @pytest.fixture(scope="module", params=[*GRAPHS, "policy"])
@@ -193,7 +193,7 @@ def test_weights_of_ones_own_are_exported_from_their_file(tmp_path):
     policy().save(tmp_path / "policy.safetensors")
     saved = graph_of(str(tmp_path / "policy.safetensors"))
     assert digest(saved.tensors) == digest(policy().tensors)
-    assert json.loads(metadata(saved)["amplitude"]) == 0.25
+    assert json.loads(metadata(saved)["reach"]) == REACH
 
 
 @pytest.mark.parametrize(

@@ -91,9 +91,7 @@ def toy_stimulus_trainer(arguments):
 
         def policy(self):
             save = toy_trainer.ToyDiagnoser(self.weights).save
-            return SimpleNamespace(
-                save=save, features=[], diagnoser=arguments.diagnoser, budget=arguments.budget
-            )
+            return SimpleNamespace(save=save, features=[], diagnoser=arguments.diagnoser)
 
         def finish(self):
             return self.policy(), {}

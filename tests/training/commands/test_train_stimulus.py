@@ -7,19 +7,19 @@ import json
 import numpy as np
 import pytest
 
+from auv_fault_env import classes
 from diagnosers import storage
 from training import cli
-from training.learning import stimulus
+from training.learning import budgeted, stimulus
 from training.learning.checkpoint import FILE, LOG
 from training.learning.reproducible import seeded_generators
-from training.learning.stimulus import SETTINGS, VALIDATION_DECISIONS, StimulusTrainer
+from training.learning.stimulus import SETTINGS, StimulusTrainer
 from training.seeds import purpose_of
 from training.stimuli.policy import LearnedPolicy
 from training.stimuli.policy_inputs import BOUNDS
 
-SMALL = dict(
-    LANES=4, ROLLOUT=8, ROLLOUTS=2, VALIDATION_LANES=3, MAX_DECISIONS=10, VALIDATION_DECISIONS=10
-)
+N_DECISIONS = 8
+SMALL = dict(LANES=4, ROLLOUTS=2, VALIDATION_LANES=3, N_DECISIONS=N_DECISIONS, DEMONSTRATED=10)
 SMALL["SETTINGS"] = SETTINGS | {"n_epochs": 2, "batch_size": 16}
 NAME = "stimulus-filter_bank-0"
 EPOCHS = 3
@@ -31,6 +31,7 @@ def small():
     with pytest.MonkeyPatch.context() as patch:
         for name, value in SMALL.items():
             patch.setattr(stimulus, name, value)
+        patch.setattr(budgeted, "N_DECISIONS", N_DECISIONS)
         yield
 
 
@@ -40,8 +41,6 @@ def run(output, *arguments):
             "train-stimulus",
             "--output",
             str(output),
-            "--budget",
-            "0.05",
             "--steps",
             STEPS,
             *arguments,
@@ -80,7 +79,7 @@ def test_run_is_complete_and_its_policy_can_be_loaded(whole):
     assert {path.name for path in whole.iterdir()} == files
     assert list(whole.parent.iterdir()) == [whole]
     policy = LearnedPolicy.load(whole / f"{NAME}.safetensors")
-    assert (policy.diagnoser, policy.budget, policy.amplitude) == ("filter_bank", 0.05, 0.25)
+    assert policy.diagnoser == "filter_bank" and policy.classes == classes()
     action = policy.action(np.transpose(list(BOUNDS.values())))
     assert action.shape == (2, 1) and np.abs(action).max() <= 1.0
     assert "Learning curve" in (whole / "index.html").read_text()
@@ -88,18 +87,14 @@ def test_run_is_complete_and_its_policy_can_be_loaded(whole):
 
 def test_card_tells_how_the_policy_was_made(whole):
     made = card(whole)
-    command = (
-        f"auv-fault train-stimulus --diagnoser filter_bank --budget 0.05 --seed 0 --steps {STEPS}"
-    )
+    command = f"auv-fault train-stimulus --diagnoser filter_bank --seed 0 --steps {STEPS}"
     assert made["command"] == command
     assert (made["epochs"], len(made["history"]), made["seed"]) == (EPOCHS, EPOCHS, 0)
     assert made["features"] == list(BOUNDS)
-    assert (
-        made["figures"].keys() == {"price", "decisions_per_second"}
-        and made["figures"]["decisions_per_second"] > 0
-    )
+    assert made["figures"].keys() == {"decisions_per_second"}
+    assert made["figures"]["decisions_per_second"] > 0
     assert made["validation"] == made["history"][made["best_epoch"] - 1]["validation"]
-    assert {"loss", "delay", "rms", "price", "approx_kl"} < made["history"][0]["train"].keys()
+    assert {"loss", "delay", "healthy_share", "approx_kl"} < made["history"][0]["train"].keys()
     assert made["versions"]["torch"] and made["versions"]["stable-baselines3"]
 
 
@@ -120,7 +115,6 @@ def test_broken_off_run_goes_on_bit_for_bit(whole, tmp_path, monkeypatch, capsys
     assert {path.name for path in output.with_name("run-unfinished").iterdir()} == {FILE, LOG}
     for name, other, kept, asked in (
         ("seed", "1", "0", "1"),
-        ("budget", "0.04", "0.05", "0.04"),
         ("steps", "64", STEPS, "64"),
         ("diagnoser", "integrated", "'filter_bank'", "'integrated'"),
     ):
@@ -169,23 +163,19 @@ def test_a_trainer_learns_and_restores_all_that_the_next_epoch_needs():
 
 def test_validation_counts_one_whole_episode_of_each_vehicle(monkeypatch):
     seen = []
-    for name, value in dict(VALIDATION_DECISIONS=VALIDATION_DECISIONS, VALIDATION_LANES=12).items():
-        monkeypatch.setattr(stimulus, name, value)
-    monkeypatch.setattr(
-        stimulus, "figures", lambda outcomes, budget: seen.extend(outcomes) or {"loss": budget}
-    )
-    trainer = StimulusTrainer(0, budget=0.05)
-    assert trainer.validate() == {"loss": 0.05}
+    monkeypatch.setattr(stimulus, "VALIDATION_LANES", 12)
+    monkeypatch.setattr(stimulus, "figures", lambda outcomes: seen.extend(outcomes) or {"loss": 1})
+    trainer = StimulusTrainer(0)
+    assert trainer.validate() == {"loss": 1}
     assert sorted(outcome.lane for outcome in seen) == list(range(12))
-    assert all(outcome.decisions == VALIDATION_DECISIONS or outcome.declared for outcome in seen)
-    assert len(trainer.validation_env.outcomes.ended) > 12
+    assert all(outcome.healthy_time + outcome.delay <= N_DECISIONS for outcome in seen)
 
 
 def test_training_and_validation_have_seeds_of_their_own(monkeypatch):
     trainer = StimulusTrainer(0)
     used = []
     for env in (trainer.env, trainer.validation_env):
-        fleet = env.venv.env.fleet
+        fleet = env.env.fleet
         reset = fleet.reset
         monkeypatch.setattr(
             fleet,
@@ -216,9 +206,6 @@ def test_global_generators_are_left_as_they_were():
 
 
 BAD = {
-    "budget": (["--budget", "0"], "budget: got 0.0; allowed is a number from 0.001 to 1"),
-    "negative budget": (["--budget", "-0.1"], "budget: got -0.1"),
-    "no number": (["--budget", "nan"], "budget: got nan"),
     "diagnoser": (
         ["--diagnoser", "filter_bnak"],
         "diagnoser: got 'filter_bnak'",

@@ -10,13 +10,12 @@ from auv_fault_env.channels import INDEX
 from auv_fault_env.errors import InputError
 from diagnosers import Belief, make, storage
 from training.active_env import FEATURES as ENV_FEATURES
-from training.active_env.vector import ActiveDiagnosisVectorEnv
-from training.learning.constraint import ConstrainedVecEnv
-from training.sb3 import FleetVecEnv
+from training.learning.budgeted import BudgetedVecEnv
 from training.stimuli import STIMULI
+from training.stimuli.base import LARGEST_OFFSET, N_SAMPLES
 from training.stimuli.learned import Learned, LearnedHeld
 from training.stimuli.light_bank import light_bank
-from training.stimuli.policy import LearnedPolicy, policy_shapes
+from training.stimuli.policy import REACH, LearnedPolicy, policy_shapes
 from training.studies.stimulus_comparisons import LEARNED as SEEDS_OF_TRAINING
 
 SEEDS = (3, 4, 5)
@@ -34,23 +33,21 @@ def random_policy(seed, scale=0.3):
     random = np.random.default_rng(seed)
     tensors = {
         name: random.normal(0.0, scale, shape).astype(np.float32)
-        for name, shape in policy_shapes(29).items()
+        for name, shape in policy_shapes(30).items()
     }
-    return LearnedPolicy(tensors, "filter_bank", 0.1, 0.25)
+    return LearnedPolicy(tensors, "filter_bank")
 
 
 @pytest.fixture
 def policy(tmp_path, monkeypatch):
     monkeypatch.setattr(storage, "WEIGHTS", tmp_path)
-    made = random_policy(0, 0.12)
+    made = random_policy(0, 0.06)
     made.save(tmp_path / "stimulus-filter_bank-0.safetensors")
     return made
 
 
 def test_it_acts_as_the_policy_does_in_its_environment(policy):
-    env = ConstrainedVecEnv(
-        FleetVecEnv(ActiveDiagnosisVectorEnv(3, diagnoser=light_bank(), budget=0.1))
-    )
+    env = BudgetedVecEnv(3, light_bank(), np.full(3, 0.1))
     env.venv._seeds = list(SEEDS)
     env.venv._options = [
         {"schedule": s, "mission": m} for s, m in zip(SCHEDULES, MISSIONS, strict=True)
@@ -72,24 +69,27 @@ def test_it_acts_as_the_policy_does_in_its_environment(policy):
             command = reading[:, INDEX["mission_speed"]] + offset
             reading = fleet.step(np.column_stack([command, np.zeros((3, 2))]))
         # actions are float32 there
-        np.testing.assert_allclose(reading, env.venv.env._readings, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(reading, env.env._readings, rtol=1e-5, atol=1e-5)
     assert moved / (10 * DECISIONS) > 0.01
 
 
-def test_it_ends_with_the_first_declaration(policy):
+def test_offsets_scale_with_the_budget_and_keep_to_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(storage, "WEIGHTS", tmp_path)
+    eager = random_policy(0)
+    eager.tensors["action_bias"][:] = 100.0
+    eager.save(tmp_path / "stimulus-filter_bank-0.safetensors")
     n_classes = len(classes())
-    doubt, sure = np.full((2, 2, n_classes), -5.0)
-    # declared on the first lane alone
-    sure[0, classes().index("sensor:port_voltage")] = sure[1, 0] = -0.01
-    reading = Fleet(2).reset([1, 2], schedules=[(), ()], missions=[0.3, 0.3])
-    stimulus = Learned(0.1)
-    nothing = np.zeros((2, n_classes))
-    offsets = [stimulus.offset(k, reading, Belief(doubt, nothing, nothing)) for k in range(10)]
-    assert np.all(offsets[-1] != 0.0)
-    offsets = [stimulus.offset(k, reading, Belief(sure, nothing, nothing)) for k in range(10, 41)]
-    assert np.all(np.array(offsets)[:9, 0] != 0.0)
-    np.testing.assert_array_equal(np.array(offsets)[9:, 0], 0.0)
-    assert np.all(np.array(offsets)[:, 1] != 0.0)
+    reading = Fleet(1).reset([1], schedules=[()], missions=[0.3])
+    nothing = np.zeros((1, n_classes))
+    doubt = Belief(np.full((1, n_classes), -np.log(n_classes)), nothing, nothing)
+    for budget in (0.02, 0.04):
+        stimulus = Learned(budget)
+        offsets = np.array([stimulus.offset(k, reading, doubt)[0] for k in range(100)])
+        assert offsets[0] == pytest.approx(REACH * budget)
+        assert np.square(offsets).sum() <= N_SAMPLES * budget**2 * (1.0 + 1e-9)
+        assert offsets[-1] < 0.1 * offsets[0]
+    largest = Learned(0.4).offset(0, reading, doubt)
+    assert largest[0] == LARGEST_OFFSET
 
 
 def test_it_is_asked_at_every_sample_and_may_be_held_for_a_second(policy):

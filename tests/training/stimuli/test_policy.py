@@ -19,10 +19,11 @@ from training.stimuli.policy_inputs import FEATURES, HIGH, LOW
 
 @pytest.fixture(scope="module")
 def agent():
-    spaces = gym.spaces.Box(LOW, HIGH), gym.spaces.Box(-1.0, 1.0, (1,))
+    with_truth = np.append(LOW, 0.0).astype(np.float32), np.append(HIGH, 1.0).astype(np.float32)
+    spaces = gym.spaces.Box(*with_truth), gym.spaces.Box(-1.0, 1.0, (1,))
     with torch.random.fork_rng():
         torch.manual_seed(3)
-        agent = Agent(*spaces, lambda _: 1e-3)
+        agent = Agent(*spaces, lambda _: 1e-3, n_truth=1)
         for parameter in agent.parameters():
             torch.nn.init.normal_(parameter, std=0.3)
     return agent
@@ -30,7 +31,7 @@ def agent():
 
 @pytest.fixture
 def policy(agent):
-    return LearnedPolicy(agent.policy_tensors(), "filter_bank", 0.0762, 0.25)
+    return LearnedPolicy(agent.policy_tensors(), "filter_bank")
 
 
 @pytest.fixture
@@ -38,13 +39,17 @@ def features():
     return np.random.default_rng(0).uniform(LOW, HIGH, (50, len(FEATURES))).astype(np.float32)
 
 
+def predicted(agent, features):
+    """Actions of the agent without noise; the truth does not count."""
+    truth = np.random.default_rng(1).uniform(size=(len(features), 1)).astype(np.float32)
+    return agent.predict(np.hstack([features, truth]), deterministic=True)[0]
+
+
 def test_actions_are_the_deterministic_ones_of_the_agent(agent, policy, features):
     action = policy.action(features)
     assert action.shape == (50, 1) and action.dtype == np.float32
     assert np.ptp(action) > 0.5 and np.abs(action).max() <= 1.0
-    np.testing.assert_allclose(
-        action, agent.predict(features, deterministic=True)[0], rtol=0, atol=1e-6
-    )
+    np.testing.assert_allclose(action, predicted(agent, features), rtol=0, atol=1e-6)
 
 
 def test_one_lane_is_as_many(policy, features):
@@ -56,7 +61,7 @@ def test_a_copy_outlives_later_training(agent, policy, features):
     before = policy.action(features)
     with torch.no_grad():
         agent.action_net[0].bias += 1.0
-    after = agent.predict(features, deterministic=True)[0]
+    after = predicted(agent, features)
     with torch.no_grad():
         agent.action_net[0].bias -= 1.0
     assert np.abs(after - before).max() > 0.1
@@ -67,7 +72,7 @@ def test_file_gives_the_same_policy(policy, features, tmp_path):
     path = tmp_path / "policy.safetensors"
     policy.save(path)
     loaded = LearnedPolicy.load(path)
-    assert (loaded.diagnoser, loaded.budget, loaded.amplitude) == ("filter_bank", 0.0762, 0.25)
+    assert (loaded.diagnoser, loaded.classes) == (policy.diagnoser, policy.classes)
     np.testing.assert_array_equal(loaded.action(features), policy.action(features))
 
 
@@ -84,23 +89,18 @@ def test_loader_needs_no_stable_baselines3(policy, tmp_path):
 
 
 def header(**changes):
-    return {
-        "features": FEATURES,
-        "diagnoser": "filter_bank",
-        "budget": 0.05,
-        "amplitude": 0.25,
-    } | changes
+    return {"features": FEATURES, "diagnoser": "filter_bank"} | changes
 
 
 SWAPPED = [FEATURES[1], FEATURES[0], *FEATURES[2:]]
 WRONG = {
     "fewer features": (
         header(features=FEATURES[:-1]),
-        r"features of the policy .*: got '28 features'; allowed is the 29 ",
+        r"features of the policy .*: got '29 features'; allowed is the 30 ",
     ),
     "other order": (
         header(features=SWAPPED),
-        r"got \"29 features, number 1 'log_odds:increased_drag'\"",
+        r"got \"30 features, number 1 'log_odds:increased_drag'\"",
     ),
     "a diagnoser's weights": (
         {"diagnoser": "integrated", "settings": {}},
@@ -108,11 +108,6 @@ WRONG = {
     ),
     "no object": ([1, 2], "features of the policy .*: got None"),
     "diagnoser": (header(diagnoser=3), "diagnoser of the policy .*: got 3"),
-    "budget": (
-        header(budget=0),
-        "budget of the policy .*: got 0; allowed is a number from 0.001 to 1",
-    ),
-    "amplitude": (header(amplitude="much"), "amplitude of the policy .*: got 'much'"),
 }
 
 
@@ -134,8 +129,8 @@ def test_other_tensors_are_refused(agent, tmp_path):
         with pytest.raises(InputError, match=r"tensors of .*allowed is its architecture"):
             LearnedPolicy.load(tmp_path / "policy.safetensors")
         with pytest.raises(InputError, match="tensors of the policy"):
-            LearnedPolicy(wrong, "filter_bank", 0.05, 0.25)
-    assert {name: tensor.shape for name, tensor in tensors.items()} == policy_shapes(29)
+            LearnedPolicy(wrong, "filter_bank")
+    assert {name: tensor.shape for name, tensor in tensors.items()} == policy_shapes(30)
 
 
 def test_a_damaged_file_is_refused(policy, tmp_path):
@@ -148,7 +143,7 @@ def test_a_damaged_file_is_refused(policy, tmp_path):
         LearnedPolicy.load(path)
 
 
-@pytest.mark.parametrize("shape", [(29,), (2, 28), (1, 2, 29)])
+@pytest.mark.parametrize("shape", [(30,), (2, 29), (1, 2, 30)])
 def test_features_of_another_shape_are_refused(policy, shape):
     with pytest.raises(InputError, match="shape of the features"):
         policy.action(np.zeros(shape))
