@@ -96,14 +96,14 @@ def _section(recipe: Recipe, rows: Mapping[Path, Row], folder: Path) -> str:
             f"`{row.digest[:SHOWN]}`",
             _origin_of_nonce(row),
             str(row.seeds["faulty"]["first"]),
-            f"{row.update['p50_us']:.0f}, {row.update['p99_us']:.0f}",
+            f"{row.update['p50_us']:.0f}",
             f"{row.scored_by['version']}, `{row.scored_by['code']}`",
             f"[{path.name}]({path.relative_to(folder).as_posix()})",
         ]
         for path, row in ascending
     ]
     headings = ["diagnoser", *(heading for heading, _ in COLUMNS.values())]
-    of_origin = ["diagnoser", "submission", "nonce", "first seed", "update, median and p99 [µs]"]
+    of_origin = ["diagnoser", "submission", "nonce", "first seed", "update, median [µs]"]
     of_origin += ["scored by version, code", "row"]
     commands = "".join(f"    {command(row)}\n" for _, row in ascending)
     return (
