@@ -59,7 +59,7 @@ STRENGTHS = {
     **dict.fromkeys(("thesis", "constant", "multisine", "d_optimal"), (0.025, 0.05, BUDGET, 0.1)),
     **dict.fromkeys(("triggered_d_optimal", "triggered_surge"), (0.05, 0.1, 0.2)),
     **dict.fromkeys(("standing_surge", "two_experiments"), (0.05, 0.1, 0.15, 0.2)),
-    "learned": (0.05, 0.1),
+    "learned": (0.05, 0.1, 0.2, 0.4),
     "known_onset": (0.05, 0.1, 0.25),
 }
 MAIN_POINTS = tuple(
