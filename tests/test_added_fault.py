@@ -14,7 +14,7 @@ from training.benchmark.suites import load
 
 # where the whole missions of the thresholds are of minutes, under the stimulus learned
 SHORT_MISSIONS = 4_900_067_132
-FEATURES = 30
+FEATURES = 31
 ADDED = ["ice_on_hull", "hot_motors"]
 LAST = [*ADDED, "unknown"]
 
