@@ -281,7 +281,7 @@ def update_belief(lane, belief_lane, new, table, belief, work):
 @scalar
 def lanes_of(state, lanes):
     """Some lanes of a state (a slice), or one of them (its index), as views."""
-    return lightened(
+    return lightened(  # type: ignore[call-arg]
         BankState(
             state.log_posterior[lanes],
             state.severity[lanes],

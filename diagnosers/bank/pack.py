@@ -70,9 +70,8 @@ OWN_SINGLE_ROWS = (*SINGLE_ROWS, "ratio", "rpm_variance")
 EFFECTS = ("slope", "offset")  # of the severity on the parameters: tables of the hypotheses
 # memory of one step of a pack; nothing in it outlives the step. `states` are their indices, a tuple
 # so that loops over them have a constant length.
-Work = light(
-    namedtuple("Work", (*N_ROWS, *OWN_SINGLE_ROWS, *EFFECTS, "switch_probability", "states"))
-)
+Work = namedtuple("Work", (*N_ROWS, *OWN_SINGLE_ROWS, *EFFECTS, "switch_probability", "states"))
+light(Work)
 _of_thread = threading.local()
 
 

@@ -278,7 +278,7 @@ def update_surge(old, new, sample, table, constants, work):
 @scalar
 def lanes_of(state, lanes):
     """Some lanes of a state (a slice), or one of them (its index), as views."""
-    return lightened(
+    return lightened(  # type: ignore[call-arg]
         BankState(
             state.log_posterior[lanes],
             state.severity[lanes],

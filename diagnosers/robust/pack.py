@@ -35,12 +35,11 @@ OWN_SINGLE_ROWS = (
 CHANGES = ("spread", "water")  # of the states, when a hypothesis begins and while it lasts
 PROBABILITIES = ("switch_probability", "return_probability")  # (n_lanes, n_hypotheses)
 OF_LANES = ("aligned", "best_column")  # see `alignment.align` and `alignment.compare_latencies`
-Work = light(
-    namedtuple(
-        "Work",
-        (*N_ROWS, *OWN_SINGLE_ROWS, *EFFECTS, *CHANGES, *PROBABILITIES, *OF_LANES, "states"),
-    )
+Work = namedtuple(
+    "Work",
+    (*N_ROWS, *OWN_SINGLE_ROWS, *EFFECTS, *CHANGES, *PROBABILITIES, *OF_LANES, "states"),
 )
+light(Work)
 
 
 def workspace(table: HypothesisTable, n_lanes: int) -> Work:
