@@ -9,7 +9,7 @@ import gymnasium as gym
 from training.active_env.rewards import Decision, delay_penalty, log_probability_gain
 from training.active_env.single import ActiveDiagnosisEnv
 from training.active_env.vector import MAX_DECISIONS, ActiveDiagnosisVectorEnv
-from training.stimuli.policy_inputs import BOUNDS
+from training.stimuli.policy_inputs import FEATURES
 
 __all__ = [
     "FEATURES",
@@ -21,7 +21,6 @@ __all__ = [
     "log_probability_gain",
 ]
 NAME = "auv_fault_env/ActiveDiagnosis-v0"
-FEATURES = tuple(BOUNDS)  # of an observation, with the catalogue of the package
 
 gym.register(
     id=NAME,

@@ -37,7 +37,9 @@ def main(arguments: Calibrate) -> None:
         raise refusal("logs", 0, "at least one healthy log", "name them after the options")
     with run_folder(arguments.output, "calibrate", arguments) as folder:
         calibration, quality, results = calibrate(arguments)
-        vehicle = replace(calibration.vehicle, diagnoser=quality.diagnoser)
+        vehicle = replace(
+            calibration.vehicle, diagnoser=quality.diagnoser, poor_fit=quality.poor_fit
+        )
         write_vehicle(folder / "vehicle.toml", vehicle, comments(calibration, quality))
         write_json(folder / "results.json", results)
         write_report(results, folder)

@@ -29,7 +29,7 @@ from training.field.diagnosis.diagnosis import (
 from training.field.diagnosis.indicators import course_of, indicators_during
 from training.field.diagnosis.load_limits import Limits, is_overloaded, load_limits
 from training.field.diagnosis.log_figure import DiagnosedLog, log_figure
-from training.field.diagnosis.page import REPAIRS, VERDICTS, Setting, page
+from training.field.diagnosis.page import POOR_FIT, REPAIRS, VERDICTS, Setting, page
 from training.field.diagnosis.stream import close_quietly, follow
 from training.field.logs.log import Log, read_log
 from training.field.vehicle_file import VehicleFile, read_vehicle
@@ -50,6 +50,8 @@ CELLS += ["raised_by"]  # of the last alarm
 def main(arguments: Diagnose) -> int:
     """Diagnose; the exit code is that of the worst verdict: 0 healthy, 2 unusable, 3 a fault."""
     vehicle = read_vehicle(arguments.vehicle)
+    if vehicle.poor_fit:
+        print(f"auv-fault diagnose: warning: {POOR_FIT}: {vehicle.poor_fit}", file=sys.stderr)
     why = "as `--diagnoser` says" if arguments.diagnoser else "as the vehicle file says"
     arguments = replace(arguments, diagnoser=arguments.diagnoser or vehicle.diagnoser)
     weights = arguments.weights

@@ -48,8 +48,10 @@ GENERAL = {
     "hotel_load": "W",
     "battery": "Wh",
     "diagnoser": "",
+    "poor_fit": "",
 }
-VEHICLE_KEYS = ("sample_rate", "hotel_load", "battery", "diagnoser")  # as in `VehicleFile`
+# as in `VehicleFile`
+VEHICLE_KEYS = ("sample_rate", "hotel_load", "battery", "diagnoser", "poor_fit")
 TABLES = ("vehicle", "parameters", "healthy_band", "noise", "time", "channels", "relations")
 COLUMN = ("column", "unit", "scale", "offset", "times")
 
@@ -99,6 +101,8 @@ class VehicleFile:
         What `diagnose` uses unless another is named, of `DIAGNOSERS`; calibration chooses it.
     relations
         Of its readings on healthy logs, for the diagnoser `residuals`; None before calibration.
+    poor_fit
+        Why the calibration calls its fit poor, of which `diagnose` warns; empty otherwise.
     """
 
     vehicle: Vehicle
@@ -111,6 +115,7 @@ class VehicleFile:
     battery: float = 0.0
     diagnoser: str = VEHICLE_DIAGNOSERS[0]
     relations: RelationModel | None = None
+    poor_fit: str = ""
 
     def __post_init__(self):
         _check_channels(self.columns, self.shafts)
@@ -128,6 +133,8 @@ class VehicleFile:
         finite_in_range("hotel_load [W]", self.hotel_load, 0.0, 1e6)
         finite_in_range("battery [Wh]", self.battery, 0.0, 1e9)
         known_name("diagnoser", self.diagnoser, DIAGNOSERS)
+        if not isinstance(self.poor_fit, str):
+            raise refusal("poor_fit", self.poor_fit, "a text", "calibrate the vehicle again")
         object.__setattr__(self, "band", {**BAND, **self.band})
         object.__setattr__(self, "noise", {**NOISE, **self.noise})
 
@@ -266,6 +273,8 @@ def as_toml(vehicle: VehicleFile, comments: Mapping[str, str] = MappingProxyType
     }
     preset = min(changes, key=lambda name: len(changes[name]))
     general = {key: getattr(vehicle, key) for key in ("shafts", *VEHICLE_KEYS)}
+    if not vehicle.poor_fit:
+        del general["poor_fit"]
     tables = {
         "vehicle": {"name": vehicle.vehicle.name, "preset": preset} | general,
         "parameters": changes[preset],

@@ -23,11 +23,6 @@ def plant_faults() -> tuple[str, ...]:
     return tuple(fault.name for fault in faults if not fault.component.startswith("sensor:"))
 
 
-def plant_prior() -> dict[str, float]:
-    """The prior of the faults in training episodes: those of the plant, equally likely."""
-    return {CATALOGUE[name].diagnosis: 1.0 for name in plant_faults()}
-
-
 def light_classes() -> tuple[str, ...]:
     """`normal`, the classes of which the light bank has hypotheses, and `unknown`."""
     diagnoses = [CATALOGUE[name].diagnosis for name in (*plant_faults(), *SENSOR_FAULTS)]

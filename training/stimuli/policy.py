@@ -10,8 +10,8 @@ import numpy as np
 from auv_fault_env.errors import refusal
 from auv_fault_env.faults import NORMAL, classes
 from diagnosers import storage
-from diagnosers.networks.class_list import SHIPPED_CLASSES, check_class_list
-from training.stimuli.policy_inputs import FEATURES, classes_of, feature_names
+from diagnosers.networks.class_list import check_class_list
+from training.stimuli.policy_inputs import CLASSES, FEATURES, classes_of, feature_names
 
 LAYERS = ("first", "second", "action")
 HIDDEN = 64
@@ -46,7 +46,7 @@ class LearnedPolicy:
 
     tensors: dict[str, np.ndarray]  # weights and biases, float32, shaped as `policy_shapes`
     diagnoser: str  # name of that beside which it has learned
-    classes: tuple[str, ...] = SHIPPED_CLASSES  # of its training, whose log odds it sees
+    classes: tuple[str, ...] = CLASSES  # of its training, whose log odds it sees
 
     def __post_init__(self):
         storage.check_tensors("the policy", self.tensors, policy_shapes(len(self.features)))

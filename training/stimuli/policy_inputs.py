@@ -23,16 +23,6 @@ BUDGETS = (0.02, 0.4)
 SPEED = INDEX["speed"]
 
 
-def compressed_budget(budget: np.ndarray | float) -> np.ndarray:
-    """The log of a budget [m/s] in units of `BUDGET`, at least that of the least of `BUDGETS`."""
-    return np.log(np.maximum(budget, BUDGETS[0]) / BUDGET)
-
-
-def budget_of(compressed: np.ndarray) -> np.ndarray:
-    """The budget [m/s] behind a compressed one."""
-    return BUDGET * np.exp(np.asarray(compressed, np.float64))
-
-
 LOG_ODDS = "log_odds:"
 LOG_ODDS_BOUNDS = (-HIGHEST_ODDS, HIGHEST_ODDS)
 OTHER_BOUNDS: dict[str, tuple[float, float]] = {
@@ -46,7 +36,7 @@ OTHER_BOUNDS: dict[str, tuple[float, float]] = {
     "last_offset": (-1.0, 1.0),
     "time": (0.0, LAST_TIME),
     "left": (0.0, HIGHEST_ALLOWANCE),
-    "budget": (float(compressed_budget(BUDGETS[0])), float(compressed_budget(BUDGETS[1]))),
+    "budget": (math.log(BUDGETS[0] / BUDGET), math.log(BUDGETS[1] / BUDGET)),
 }
 
 
@@ -68,14 +58,10 @@ def feature_bounds(n_classes: int) -> tuple[np.ndarray, np.ndarray]:
     return low, high
 
 
-# of the policies that come with the package
-FEATURES = feature_names(SHIPPED_CLASSES)
-LOW, HIGH = feature_bounds(len(SHIPPED_CLASSES))
-# of the active environment: a policy that was trained there sees the log odds of `unknown` too
-BOUNDS = {
-    name: OTHER_BOUNDS.get(name, LOG_ODDS_BOUNDS)
-    for name in feature_names((*SHIPPED_CLASSES, UNKNOWN))
-}
+# of the active environment, and of the policies that come with the package
+CLASSES = (*SHIPPED_CLASSES, UNKNOWN)
+BOUNDS = {name: OTHER_BOUNDS.get(name, LOG_ODDS_BOUNDS) for name in feature_names(CLASSES)}
+FEATURES = tuple(BOUNDS)
 
 
 def compressed_log_odds(log_probability: np.ndarray) -> np.ndarray:
@@ -99,6 +85,16 @@ def compressed_allowance(allowance: np.ndarray) -> np.ndarray:
 def allowance_of(compressed: np.ndarray) -> np.ndarray:
     """The allowance [m^2/s] behind a compressed one."""
     return np.expm1(compressed) * LARGEST_OFFSET**2
+
+
+def compressed_budget(budget: np.ndarray | float) -> np.ndarray:
+    """The log of a budget [m/s] in units of `BUDGET`, at least that of the least of `BUDGETS`."""
+    return np.log(np.maximum(budget, BUDGETS[0]) / BUDGET)
+
+
+def budget_of(compressed: np.ndarray) -> np.ndarray:
+    """The budget [m/s] behind a compressed one."""
+    return BUDGET * np.exp(np.asarray(compressed, np.float64))
 
 
 def policy_features(

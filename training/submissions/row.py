@@ -25,6 +25,9 @@ from training.submissions.submission import digest_of
 
 SHA = re.compile(r"[0-9a-f]{64}")
 LARGEST = 1e9  # of a figure
+# of a row in the leaderboard: faulty episodes, and healthy operation for each purpose [h]
+LEAST_LANES = 100
+LEAST_HOURS = 2.0
 LONGEST_TEXT = 500
 UPDATE = ("p50_us", "p99_us", "many_lanes_us")
 SCORED_BY = ("version", "revision", "code")
@@ -117,13 +120,14 @@ def read(path: Path) -> Row:
 
 
 def read_all(folder: Path) -> dict[Path, Row]:
-    """All rows of a folder by file; a submission that is there twice is refused."""
+    """All rows of a folder by file; one on too few episodes, or there twice, is refused."""
     if not folder.is_dir():
         raise refusal("rows", str(folder), "a folder of rows", "check the path")
     rows: dict[Path, Row] = {}
     scored: dict[tuple[str, str], Path] = {}
     for path in sorted(folder.glob("*.json")):
         row = read(path)
+        _check_size(path, row.recipe)
         for identity in (row.digest, row.name):
             earlier = scored.setdefault((identity, row.recipe.suite), path)
             if earlier != path:
@@ -132,6 +136,14 @@ def read_all(folder: Path) -> dict[Path, Row]:
                 raise refusal(thing, identity, allowed, "keep one of them")
         rows[path] = row
     return rows
+
+
+def _check_size(path: Path, recipe: Recipe) -> None:
+    hours = min(recipe.hours, recipe.counting_hours)
+    if recipe.lanes < LEAST_LANES or hours < LEAST_HOURS:
+        got = f"{recipe.lanes} faulty episodes, {recipe.hours:g} h and {recipe.counting_hours:g} h"
+        allowed = f"at least {LEAST_LANES} episodes, {LEAST_HOURS:g} h and {LEAST_HOURS:g} h"
+        raise refusal(f"row {path}", got, allowed, "score it again on more")
 
 
 def _parsed(content: Any) -> Row:

@@ -107,6 +107,13 @@ def test_poor_log_is_calibrated_as_far_as_it_goes(paths, tmp_path):
     file = read_vehicle(folder / "vehicle.toml")
     assert file.vehicle == read_vehicle(tmp_path / "poor.toml").vehicle
     assert file.noise["speed"] == pytest.approx(0.01, rel=0.15)
+    assert "no relations" in file.poor_fit or "filter bank" in file.poor_fit
+
+
+def test_a_good_fit_is_no_warning(paths, tmp_path):
+    _, folder = run(tmp_path, *paths)
+    assert read_vehicle(folder / "vehicle.toml").poor_fit == ""
+    assert "poor_fit" not in (folder / "vehicle.toml").read_text()
 
 
 @pytest.mark.parametrize(

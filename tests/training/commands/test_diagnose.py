@@ -49,6 +49,19 @@ def test_the_worst_verdict_is_the_exit_code(folder, tmp_path, all_three, capsys)
     assert "broken.csv" in capsys.readouterr().out
 
 
+def test_a_poor_fit_is_a_warning_and_stands_in_the_report(folder, tmp_path, capsys):
+    assert run(folder, tmp_path / "good", "healthy") == 0
+    assert "warning" not in capsys.readouterr().err
+    write_vehicle(tmp_path / "v.toml", replace(VEHICLE, poor_fit="no relations without speed"))
+    settings = Diagnose(
+        vehicle=tmp_path / "v.toml", logs=(folder / "healthy.csv",), output=tmp_path / "poor"
+    )
+    assert diagnose.main(settings) == 0
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "warning" in line]
+    assert line.endswith("alarms on healthy logs are likely: no relations without speed")
+    assert "Do not trust a verdict" in (tmp_path / "poor" / "index.html").read_text()
+
+
 def test_the_results_name_verdict_time_class_side_severity_and_load(all_three):
     results = json.loads((all_three[1] / "results.json").read_text())
     healthy, faulty, broken = results["verdicts"]
@@ -167,6 +180,8 @@ def test_a_stream_has_the_diagnoser_of_the_vehicle_file(related, monkeypatch, ca
     answers = [json.loads(line) for line in captured.out.splitlines()]
     for answer in answers:
         assert (answer["raised_by"] is not None) == answer["alarm"]
+        # it estimates none
+        assert answer["severity"] is None and answer["severity_95"] is None
     assert "(limit " in answers[-1]["raised_by"]
 
 

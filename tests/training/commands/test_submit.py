@@ -182,7 +182,9 @@ def test_the_digest_is_printed_without_running_anything(mine, capfd):
     assert recipe.startswith("recipe: thesis, 3 faulty episodes, thresholds on 0.05 h")
 
 
-def test_the_page_is_written_from_rows(mine, here, capfd):
+def test_the_page_is_written_from_rows(mine, here, capfd, monkeypatch):
+    monkeypatch.setattr(row, "LEAST_LANES", 1)
+    monkeypatch.setattr(row, "LEAST_HOURS", 0.01)
     (mine / "rows").mkdir()
     assert submit(mine, output="rows/row.json")[0] == 0
     (mine / "page.md").write_text(f"before\n{page.BEGIN}{page.END}after\n")

@@ -74,6 +74,7 @@ def some_vehicle():
         hotel_load=12.5,
         battery=np.float64(800.1),
         diagnoser="cusum",
+        poor_fit='likely mistakes: "speed"; a \\ and µ',
     )
 
 

@@ -33,7 +33,7 @@ def random_policy(seed, scale=0.3):
     random = np.random.default_rng(seed)
     tensors = {
         name: random.normal(0.0, scale, shape).astype(np.float32)
-        for name, shape in policy_shapes(30).items()
+        for name, shape in policy_shapes(31).items()
     }
     return LearnedPolicy(tensors, "filter_bank")
 

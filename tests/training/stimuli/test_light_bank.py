@@ -5,7 +5,8 @@ import numpy as np
 from auv_fault_env import FaultEvent, Fleet, classes
 from auv_fault_env.missions import follow_mission
 from diagnosers import check_diagnoser, make
-from training.stimuli.light_bank import light_bank, light_classes, plant_prior, restrict_belief
+from training.learning.budgeted import speed_dependent_classes
+from training.stimuli.light_bank import light_bank, light_classes, restrict_belief
 
 IS_MISSING = np.array([name not in light_classes() for name in classes()])
 
@@ -16,7 +17,7 @@ def test_it_has_the_classes_of_all_and_the_filters_of_few():
     assert bank.classes == whole.classes
     filters = [one.hypotheses().hypothesis.size for one in (bank, whole)]
     assert filters[0] < filters[1] / 8
-    assert set(plant_prior()) < set(light_classes()) < set(classes())
+    assert set(speed_dependent_classes()) < set(light_classes()) < set(classes())
     check_diagnoser(bank)
 
 

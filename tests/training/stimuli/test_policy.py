@@ -14,7 +14,9 @@ from auv_fault_env.errors import InputError
 from diagnosers import storage
 from training.learning.agent import Agent
 from training.stimuli.policy import LearnedPolicy, policy_shapes
-from training.stimuli.policy_inputs import FEATURES, HIGH, LOW
+from training.stimuli.policy_inputs import BOUNDS, FEATURES
+
+LOW, HIGH = np.array(list(BOUNDS.values()), np.float32).T
 
 
 @pytest.fixture(scope="module")
@@ -96,11 +98,11 @@ SWAPPED = [FEATURES[1], FEATURES[0], *FEATURES[2:]]
 WRONG = {
     "fewer features": (
         header(features=FEATURES[:-1]),
-        r"features of the policy .*: got '29 features'; allowed is the 30 ",
+        r"features of the policy .*: got '30 features'; allowed is the 31 ",
     ),
     "other order": (
         header(features=SWAPPED),
-        r"got \"30 features, number 1 'log_odds:increased_drag'\"",
+        r"got \"31 features, number 1 'log_odds:increased_drag'\"",
     ),
     "a diagnoser's weights": (
         {"diagnoser": "integrated", "settings": {}},
@@ -130,7 +132,7 @@ def test_other_tensors_are_refused(agent, tmp_path):
             LearnedPolicy.load(tmp_path / "policy.safetensors")
         with pytest.raises(InputError, match="tensors of the policy"):
             LearnedPolicy(wrong, "filter_bank")
-    assert {name: tensor.shape for name, tensor in tensors.items()} == policy_shapes(30)
+    assert {name: tensor.shape for name, tensor in tensors.items()} == policy_shapes(31)
 
 
 def test_a_damaged_file_is_refused(policy, tmp_path):
@@ -143,7 +145,7 @@ def test_a_damaged_file_is_refused(policy, tmp_path):
         LearnedPolicy.load(path)
 
 
-@pytest.mark.parametrize("shape", [(30,), (2, 29), (1, 2, 30)])
+@pytest.mark.parametrize("shape", [(31,), (2, 30), (1, 2, 31)])
 def test_features_of_another_shape_are_refused(policy, shape):
     with pytest.raises(InputError, match="shape of the features"):
         policy.action(np.zeros(shape))

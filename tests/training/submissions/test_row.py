@@ -95,7 +95,21 @@ def test_a_file_that_is_no_row_is_refused_in_one_line(tmp_path, text):
     assert "\n" not in str(refused.value)
 
 
-def test_the_best_of_many_nonces_is_no_row(tmp_path):
+@pytest.fixture
+def small(monkeypatch):
+    """Rows of few episodes are taken."""
+    monkeypatch.setattr(row, "LEAST_LANES", 1)
+    monkeypatch.setattr(row, "LEAST_HOURS", 0.01)
+
+
+def test_a_row_of_few_episodes_is_refused(tmp_path):
+    path = written(tmp_path, made())
+    with pytest.raises(InputError, match=r"4 faulty episodes, 0.1 h and 0.05 h.*at least 100"):
+        row.read_all(tmp_path)
+    assert row.read(path) == made()
+
+
+def test_the_best_of_many_nonces_is_no_row(tmp_path, small):
     written(tmp_path, made(), "a.json")
     written(tmp_path, made(name="other", nonce="better"), "b.json")
     with pytest.raises(InputError, match="one row of a submission"):
@@ -107,7 +121,7 @@ def test_the_best_of_many_nonces_is_no_row(tmp_path):
     assert len(row.read_all(tmp_path)) == 2
 
 
-def test_the_table_has_the_best_first_and_says_which_nonces_are_unverified(tmp_path):
+def test_the_table_has_the_best_first_and_says_which_nonces_are_unverified(tmp_path, small):
     (tmp_path / "rows").mkdir()
     written(tmp_path / "rows", made("slow", 9.0, nonce_from="a `page` | elsewhere"), "a.json")
     quick = made("quick", 2.0, files=FILES | {"mine.py": "5" * 64})

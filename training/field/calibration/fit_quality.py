@@ -36,6 +36,11 @@ class FitQuality(NamedTuple):
         parts = [*self.reasons, self.remedy, f"diagnose uses {self.diagnoser}"]
         return f"fit: {self.level}: " + "; ".join(filter(None, parts))
 
+    @property
+    def poor_fit(self) -> str:
+        """Why the fit is poor; empty for another one."""
+        return "; ".join(self.reasons) if self.level == POOR else ""
+
     def in_doubt(self, subjects: Sequence[str]) -> "FitQuality":
         """The quality where mistakes in these are likely: the constants follow from them."""
         if not subjects:

@@ -17,6 +17,7 @@ from training.report.sections import Section, table_section
 
 LEAST_PROBABILITY = 1e-3  # of a class in the table
 N_FAULTS = 2  # faults in the summary
+POOR_FIT = "the fit of this vehicle is poor, alarms on healthy logs are likely"
 DRAG = name_of(PUSH)
 VERDICTS = "Verdicts"
 DETAILS = "Logs in detail"
@@ -70,6 +71,8 @@ def summary(setting: Setting, named: Sequence[tuple[str, Verdict]]) -> list[str]
     sentences += [_fault_sentence(name, verdict) for name, verdict in faulty[:N_FAULTS]]
     if len(faulty) > N_FAULTS:
         sentences.append("The table of the verdicts has the other logs with a fault.")
+    if setting.vehicle.poor_fit:
+        sentences.append(f"Do not trust a verdict: {POOR_FIT}: {setting.vehicle.poor_fit}.")
     if counts[HEALTHY]:
         sentences.append(
             "Healthy means that no alarm was raised; small faults, and those of parts at rest, "

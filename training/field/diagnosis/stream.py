@@ -314,20 +314,23 @@ class Stream:
         log_probability, mean, std = (values[0] for values in self._belief)
         alarm = self._n_low >= self._persistence
         k = 1 + int(log_probability[1:].argmax()) if alarm else 0
-        severity = float(mean[k])
-        margin = TWO_SIDED * float(std[k])
-        low = max(severity - margin, 0.0)
-        high = min(severity + margin, 1.0)
-        answer = {
+        answer: dict[str, Any] = {
             "time": round(self.time, 6),
             "p_normal": math.exp(log_probability[0]),
             "class": self._diagnoser.classes[k],
-            "severity": round(severity, 4),
-            "severity_95": [round(low, 4), round(high, 4)],
+            "severity": None,
+            "severity_95": None,
             "alarm": alarm,
         }
         if isinstance(self._diagnoser, Residuals):
             answer["raised_by"] = strongest_rule(self._diagnoser) if alarm else None
+            return answer
+        severity = float(mean[k])
+        margin = TWO_SIDED * float(std[k])
+        low = max(severity - margin, 0.0)
+        high = min(severity + margin, 1.0)
+        answer["severity"] = round(severity, 4)
+        answer["severity_95"] = [round(low, 4), round(high, 4)]
         return answer
 
 
