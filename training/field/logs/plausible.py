@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,10 +16,20 @@ from training.field.vehicle_file import VehicleFile, unit_of
 IMPOSSIBLE = 2.0  # times the largest value that sensor or vehicle can reach
 # share of impossible values from which the unit is wrong
 WRONG_UNIT = 0.05
-DISAGREEMENT = 3.0  # factor between two readings from which one may be in another unit
-AGREEMENT = 2.0  # factor between two readings up to which a unit explains them
 LEAST_SHARE = 0.02  # of the largest magnitude, below which a typical reading is in another unit
 TURNING = 0.1  # of the largest shaft speed, above which a shaft turns
+
+
+class Disagreement(NamedTuple):
+    """Factors between two readings."""
+
+    least: float  # from which one may be in another unit
+    explained: float  # up to which a unit explains them
+
+
+OF_PRESET = Disagreement(3.0, 2.0)
+# a knot is 1.9 times a metre per second; no fault of the catalogue changes a speed by as much
+OF_CALIBRATED = Disagreement(1.6, 1.2)
 
 
 def largest_magnitudes(vehicle: Vehicle) -> dict[str, float]:
@@ -147,6 +158,7 @@ def _remark_disagreement(
     values: Mapping[str, np.ndarray], vehicle: VehicleFile, remarks: list[str]
 ) -> None:
     """Remark where speed or voltage disagree with the shaft speed by a factor as of a unit."""
+    disagreement = OF_PRESET if vehicle.relations is None else OF_CALIBRATED
     for side in SIDES:
         rpm = f"{side}_rpm"
         per_rpm = {
@@ -158,9 +170,9 @@ def _remark_disagreement(
             ratio = _typical_ratio(values.get(channel), values.get(rpm), scale)
             if ratio:
                 ratios[channel] = ratio
-        explanation = _explanation(ratios, rpm, values, vehicle)
+        explanation = _explanation(ratios, rpm, values, vehicle, disagreement.explained)
         for channel, ratio in ratios.items():
-            if not 1 / DISAGREEMENT < ratio < DISAGREEMENT:
+            if not 1 / disagreement.least < ratio < disagreement.least:
                 remark = f"{channel} is {ratio:.3g} times what {rpm} gives with these constants"
                 remarks.append(f"{remark}{explanation}; are the units right?")
 
@@ -183,7 +195,11 @@ def _is_turning(rpm: np.ndarray) -> np.ndarray:
 
 
 def _explanation(
-    ratios: Mapping[str, float], rpm: str, values: Mapping[str, np.ndarray], vehicle: VehicleFile
+    ratios: Mapping[str, float],
+    rpm: str,
+    values: Mapping[str, np.ndarray],
+    vehicle: VehicleFile,
+    explained: float,
 ) -> str:
     """The unit of one channel with which all agree and are within reach, if it is the only one."""
     if not ratios:
@@ -205,7 +221,7 @@ def _explanation(
                 ratio / factor if changed == rpm else ratio * factor if changed == one else ratio
                 for one, ratio in ratios.items()
             )
-            agrees = all(1 / AGREEMENT < ratio < AGREEMENT for ratio in new_ratios)
+            agrees = all(1 / explained < ratio < explained for ratio in new_ratios)
             is_likely = all(LEAST_SHARE < share < 1.0 for share in new_shares.values())
             if unit != now and agrees and is_likely:
                 name = "shaft speed" if changed == rpm else changed

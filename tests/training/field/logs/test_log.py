@@ -10,6 +10,8 @@ from training.field.logs.log import Log, read_log
 from training.field.vehicle_file import Column, VehicleFile
 from training.logged_vehicle import observations_of
 
+from ..calibration.test_relation_fit import model
+
 INDEX = {name: k for k, name in enumerate(CHANNELS)}
 # the thesis' vehicle at 0.4 m/s
 SPEED = 0.4 + 0.001 * np.arange(7)
@@ -273,6 +275,20 @@ def test_disagreeing_units_are_reported_with_an_explanation(tmp_path, columns, w
     )
     assert len(log.remarks) == 1
     assert re.match(words, log.remarks[0])
+
+
+def test_a_calibrated_vehicle_is_compared_more_closely(tmp_path):
+    speed = np.resize(SPEED, 150)
+    calibrated = replace(vehicle(), relations=model())
+    assert read(tmp_path, 0.1 * np.arange(150), calibrated, u=speed).remarks == ()
+    # in knots, where the vehicle file says m/s
+    for settings, n_remarks in ((vehicle(), 0), (calibrated, 1)):
+        log = read(tmp_path, 0.1 * np.arange(150), settings, u=speed * 3600 / 1852)
+        assert len(log.remarks) == n_remarks
+    assert re.match(
+        r"speed is [12]\.\d+ times what port_rpm gives .* as if with speed in kn; are",
+        log.remarks[0],
+    )
 
 
 def test_vehicle_without_thrust_is_not_compared(tmp_path):
