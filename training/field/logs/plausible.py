@@ -85,6 +85,7 @@ def plausible_values(
         allowed = "at least one number in a column of a reading"
         raise refusal("log", "no reading", allowed, "check its columns")
     _remark_disagreement(values, vehicle, remarks)
+    _remark_turned_sign(values, remarks)
     return values
 
 
@@ -175,6 +176,20 @@ def _remark_disagreement(
             if not 1 / disagreement.least < ratio < disagreement.least:
                 remark = f"{channel} is {ratio:.3g} times what {rpm} gives with these constants"
                 remarks.append(f"{remark}{explanation}; are the units right?")
+
+
+def _remark_turned_sign(values: Mapping[str, np.ndarray], remarks: list[str]) -> None:
+    """Remark a current that is mostly negative while its shaft turns forward."""
+    for side in SIDES:
+        current = values.get(f"{side}_current")
+        rpm = values.get(f"{side}_rpm")
+        if current is None or rpm is None:
+            continue
+        is_driven = np.isfinite(current) & _is_turning(rpm) & (rpm > 0.0)
+        if is_driven.any() and np.median(current[is_driven]) < 0.0:
+            remarks.append(
+                f"{side}_current: negative while its shaft turns forward; is its sign right?"
+            )
 
 
 def _typical_ratio(column: np.ndarray | None, rpm: np.ndarray | None, scale: float) -> float | None:

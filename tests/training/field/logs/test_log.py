@@ -291,6 +291,17 @@ def test_a_calibrated_vehicle_is_compared_more_closely(tmp_path):
     )
 
 
+@pytest.mark.parametrize(("sign", "n_remarks"), [(1.0, 0), (-1.0, 1)])
+def test_a_current_with_the_wrong_sign_gets_a_remark(tmp_path, sign, n_remarks):
+    settings = vehicle(port_current=Column("i"))
+    current = sign * (0.8 + 0.01 * np.arange(150))
+    # a braking shaft may feed back for a while
+    current[:20] *= -1.0
+    log = read(tmp_path, 0.1 * np.arange(150), settings, i=current)
+    words = "port_current: negative while its shaft turns forward; is its sign right?"
+    assert list(log.remarks) == [words] * n_remarks
+
+
 def test_vehicle_without_thrust_is_not_compared(tmp_path):
     settings = replace(vehicle(), vehicle=replace(PRESETS["thesis1992"], beta=0.0))
     assert read(tmp_path, 0.1 * np.arange(150), settings).remarks == ()
