@@ -96,7 +96,7 @@ class ActiveDiagnosisEnv(WithFleet, WithSpec, gym.Env):
     * `declare`: probability, 0.5 or more, by default 0.9.
     * `reward`: a function of a `training.active_env.Decision` that returns the reward of each lane,
       or its place ``"module:function"``. `training.active_env.log_probability_gain` is the reward
-      without the cost.
+      without the cost, `training.active_env.delay_penalty` minus the time without a diagnosis.
     * `thrust_shift`: whether there is a second action, see Action Space.
     * `preset`, `sensor_noise`, `disturbance`, `healthy_band`, `realism`, `imperfections`,
       `schedules`, `missions`, `truth` as in `auv_fault_env/Propulsion-v0`; those that are sampled

@@ -102,7 +102,7 @@ def toy_stimulus_trainer(arguments):
 def calibrated(arguments):
     """The result of a calibration that has fitted nothing."""
     calibration = SimpleNamespace(vehicle=VEHICLE, reached=(), is_fitted=lambda name: False)
-    quality = SimpleNamespace(diagnoser="filter_bank", line="fit: poor")
+    quality = SimpleNamespace(diagnoser="filter_bank", line="fit: poor", poor_fit="few logs")
     return calibration, quality, {"sections": [], "mistakes": []}
 
 
