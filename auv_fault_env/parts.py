@@ -95,7 +95,7 @@ class CompiledFunction(CPUDispatcher):
         self.part = Part(function, locals, targetoptions, PartCompiler)
 
     def compile(self, sig):
-        """Compile for these types, an eighth sooner than with the collector of garbage."""
+        """Compile for these types, with the collector of garbage paused."""
         with collector_paused():
             return super().compile(sig)
 

@@ -46,7 +46,7 @@ class BudgetedVecEnv(VecEnvWrapper):
 
     Vehicles have the faults of hull, propellers and paddle wheel that a speed offset separates. An
     episode lasts `EPISODE_TIME`. Its budget is drawn from `BUDGETS`, evenly on a log scale, so that
-    one policy learns them all; or each lane has its given one.
+    one policy learns them all.
 
     An action is an offset in units of `REACH` times the budget, so that exploration grows with what
     may be spent. None goes beyond the allowance, as in `training.stimuli.closed_loop`; the features
@@ -66,20 +66,12 @@ class BudgetedVecEnv(VecEnvWrapper):
     ----------
     n_lanes, diagnoser
         As of `ActiveDiagnosisVectorEnv`.
-    budgets
-        Of the episodes of each lane [m/s], (n_lanes,).
     noise
         Variance of the noise in the actions, which is not charged: else exploration would spend
         what the policy may spend.
     """
 
-    def __init__(
-        self,
-        n_lanes: int,
-        diagnoser: Diagnoser | str,
-        budgets: np.ndarray | None = None,
-        noise: float = 0.0,
-    ):
+    def __init__(self, n_lanes: int, diagnoser: Diagnoser | str, noise: float = 0.0):
         prior = dict.fromkeys(speed_dependent_classes(), 1.0)
         env = ActiveDiagnosisVectorEnv(
             n_lanes,
@@ -91,7 +83,6 @@ class BudgetedVecEnv(VecEnvWrapper):
         )
         self.env = env
         self.n_truth = len(env.classes) + 2
-        self._budgets = budgets
         self.noise = noise
         self._random = np.random.default_rng(0)
         self.outcomes: list[Outcome] = []
@@ -124,8 +115,7 @@ class BudgetedVecEnv(VecEnvWrapper):
     def _begin(self, lanes: np.ndarray) -> None:
         """Draw the budgets of new episodes and read their truth."""
         least, largest = np.log(BUDGETS)
-        drawn = np.exp(self._random.uniform(least, largest, len(lanes)))
-        self.budget[lanes] = drawn if self._budgets is None else self._budgets[lanes]
+        self.budget[lanes] = np.exp(self._random.uniform(least, largest, len(lanes)))
         self.allowance[lanes] = EPISODE_TIME * self.budget[lanes] ** 2
         for sums in (self._time, self._delay, self._healthy_time, self._healthy_cost):
             sums[lanes] = 0.0

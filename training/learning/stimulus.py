@@ -29,7 +29,7 @@ BATCH = 8320  # a sixteenth of a rollout
 RATE = 2e-4  # of Adam in the first epoch; it falls evenly to `LAST_RATE` of that
 LAST_RATE = 0.1
 DIVERGENCE = 0.02  # nats, of the policy from that before the update, which it ends
-# per decision; with 0.95 the policy spends too little, for a cost counts more than a delay later
+# per decision; with less a cost counts more than the delay later that it shortens
 DISCOUNT = 0.99
 TRACE = 0.95  # lambda of the generalised advantages
 VALIDATION_LANES = 1024

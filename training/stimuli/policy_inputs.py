@@ -82,19 +82,9 @@ def compressed_allowance(allowance: np.ndarray) -> np.ndarray:
     return np.log1p(allowance / LARGEST_OFFSET**2)
 
 
-def allowance_of(compressed: np.ndarray) -> np.ndarray:
-    """The allowance [m^2/s] behind a compressed one."""
-    return np.expm1(compressed) * LARGEST_OFFSET**2
-
-
 def compressed_budget(budget: np.ndarray | float) -> np.ndarray:
     """The log of a budget [m/s] in units of `BUDGET`, at least that of the least of `BUDGETS`."""
     return np.log(np.maximum(budget, BUDGETS[0]) / BUDGET)
-
-
-def budget_of(compressed: np.ndarray) -> np.ndarray:
-    """The budget [m/s] behind a compressed one."""
-    return BUDGET * np.exp(np.asarray(compressed, np.float64))
 
 
 def policy_features(

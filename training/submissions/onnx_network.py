@@ -90,12 +90,12 @@ class OnnxNetwork(Recursive):
         if self.n_numbers:
             fed[STATE] = state
         outputs = [entry.name for entry in self.session.get_outputs()]
-        told: Mapping[str, np.ndarray] = dict(
+        answers: Mapping[str, np.ndarray] = dict(
             zip(outputs, self.session.run(outputs, fed), strict=True)
         )
-        log_probability, mean, std = (told[name].astype(np.float64) for name in Belief._fields)
+        log_probability, mean, std = (answers[name].astype(np.float64) for name in Belief._fields)
         log_probability -= np.logaddexp.reduce(log_probability, axis=1, keepdims=True)
-        return told.get(NEXT_STATE, state), Belief(log_probability, mean, std)
+        return answers.get(NEXT_STATE, state), Belief(log_probability, mean, std)
 
     def _refuse(self, thing: str, got: Any, allowed: str) -> None:
         raise refusal(f"{thing} of {self.path.name}", got, allowed, "export it so")

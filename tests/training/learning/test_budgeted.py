@@ -8,6 +8,7 @@ import pytest
 from auv_fault_env import classes
 from diagnosers import Belief, Recursive
 from training.active_env.rewards import DETECTED
+from training.learning import budgeted
 from training.learning.budgeted import (
     ALLOWANCE,
     BUDGET,
@@ -19,7 +20,7 @@ from training.learning.budgeted import (
 from training.learning.outcomes import PRICE
 from training.stimuli.base import EPISODE_TIME, LARGEST_OFFSET
 from training.stimuli.policy import REACH
-from training.stimuli.policy_inputs import BUDGETS, budget_of
+from training.stimuli.policy_inputs import BUDGETS, compressed_budget
 from training.studies.stimulus_comparisons import SUBSETS
 
 GONE = [{"fault": "propeller_loss:port", "onset": 0.0, "severity": 1.0}]
@@ -39,15 +40,22 @@ class Certain(Recursive):
         return state, Belief(sure, np.zeros_like(sure), np.zeros_like(sure))
 
 
-def begun(schedule=(), budget=0.1, n_lanes=3, diagnoser="null"):
-    budgets = None if budget is None else np.full(n_lanes, budget)
-    env = BudgetedVecEnv(n_lanes, diagnoser, budgets)
-    env.seed(1)
-    env.set_options({"schedule": list(schedule), "mission": 0.4})
-    return env, env.reset()
+@pytest.fixture
+def begun(monkeypatch):
+    """Begins episodes of one budget, or of drawn ones; returns environment and observation."""
+
+    def begin(schedule=(), budget=0.1, n_lanes=3, diagnoser="null"):
+        budgets = BUDGETS if budget is None else (budget, budget)
+        monkeypatch.setattr(budgeted, "BUDGETS", budgets)
+        env = BudgetedVecEnv(n_lanes, diagnoser)
+        env.seed(1)
+        env.set_options({"schedule": list(schedule), "mission": 0.4})
+        return env, env.reset()
+
+    return begin
 
 
-def test_a_healthy_vehicle_pays_for_its_offsets_and_a_faulty_one_does_not():
+def test_a_healthy_vehicle_pays_for_its_offsets_and_a_faulty_one_does_not(begun):
     actions = np.array([[0.0], [0.1], [-0.2]], np.float32)
     relative_cost = np.square(REACH * actions[:, 0])
     healthy, _ = begun()
@@ -59,7 +67,7 @@ def test_a_healthy_vehicle_pays_for_its_offsets_and_a_faulty_one_does_not():
         assert 0.95 < undiagnosed.min() == undiagnosed.max() < 1.0
 
 
-def test_a_fault_costs_the_time_until_the_right_diagnosis():
+def test_a_fault_costs_the_time_until_the_right_diagnosis(begun):
     still = np.zeros((3, 1), np.float32)
     env, _ = begun([GONE[0] | {"onset": 1.5}], diagnoser=Certain())
     rewards = [env.step(still)[1] for _ in range(3)]
@@ -70,7 +78,7 @@ def test_a_fault_costs_the_time_until_the_right_diagnosis():
     assert rewards == pytest.approx([0.0, -1.0, -1.0], abs=1e-6)
 
 
-def test_detection_counts_up_to_its_level():
+def test_detection_counts_up_to_its_level(begun):
     class Doubtful(Certain):
         def step(self, state, observation):
             state, belief = super().step(state, observation)
@@ -85,7 +93,7 @@ def test_detection_counts_up_to_its_level():
     np.testing.assert_allclose(reward, 0.5 * 0.6 - 1.0, rtol=1e-5)
 
 
-def test_no_episode_overdraws_its_budget_and_the_next_begins_with_all_of_it():
+def test_no_episode_overdraws_its_budget_and_the_next_begins_with_all_of_it(begun):
     env, first = begun(budget=0.02)
     left = ALLOWANCE - env.n_truth
     whole = 0.02**2 * EPISODE_TIME
@@ -105,7 +113,7 @@ def test_no_episode_overdraws_its_budget_and_the_next_begins_with_all_of_it():
     np.testing.assert_array_equal(observation[:, left], first[:, left])
 
 
-def test_an_offset_stays_within_reach_allowance_and_the_largest():
+def test_an_offset_stays_within_reach_allowance_and_the_largest(begun):
     env, _ = begun(budget=0.02)
     offsets = env.clipped_offsets(np.array([[1.0], [-0.5], [0.0]], np.float32))
     np.testing.assert_allclose(offsets[:, 0], [0.02 * REACH, -0.01 * REACH, 0.0], rtol=1e-6)
@@ -116,18 +124,20 @@ def test_an_offset_stays_within_reach_allowance_and_the_largest():
     assert env.clipped_offsets(np.ones((3, 1), np.float32)) == pytest.approx(LARGEST_OFFSET)
 
 
-def test_budgets_are_drawn_from_the_seed_and_shown():
+def test_budgets_are_drawn_from_the_seed_and_shown(begun):
     env, first = begun(budget=None, n_lanes=300)
     _, again = begun(budget=None, n_lanes=300)
     np.testing.assert_array_equal(first, again)
-    np.testing.assert_allclose(budget_of(first[:, BUDGET - env.n_truth]), env.budget, rtol=1e-5)
+    seen = first[:, BUDGET - env.n_truth]
+    np.testing.assert_allclose(seen, compressed_budget(env.budget), rtol=1e-5, atol=1e-6)
+    assert np.ptp(seen) == pytest.approx(math.log(BUDGETS[1] / BUDGETS[0]), rel=0.05)
     least, largest = BUDGETS
     assert least < env.budget.min() < 1.1 * least
     assert 0.9 * largest < env.budget.max() < largest
     assert np.median(env.budget) == pytest.approx(math.sqrt(least * largest), rel=0.2)
 
 
-def test_the_truth_is_behind_the_features():
+def test_the_truth_is_behind_the_features(begun):
     env, first = begun([GONE[0] | {"onset": 2.0, "severity": 1.0}])
     truth = first[:, -env.n_truth :]
     assert truth[0, :-2].argmax() == LOST and truth[0, :-2].sum() == 1.0
@@ -140,7 +150,7 @@ def test_the_truth_is_behind_the_features():
     assert first.shape[1] == env.observation_space.shape[0]
 
 
-def test_the_last_observation_of_an_episode_has_its_own_truth():
+def test_the_last_observation_of_an_episode_has_its_own_truth(begun):
     env, _ = begun(GONE)
     for _ in range(N_DECISIONS):
         observation, _, done, infos = env.step(np.zeros((3, 1), np.float32))
@@ -152,7 +162,7 @@ def test_the_last_observation_of_an_episode_has_its_own_truth():
     assert observation[:, -1].max() < 0.0
 
 
-def test_outcomes_count_delay_and_healthy_cost():
+def test_outcomes_count_delay_and_healthy_cost(begun):
     env, _ = begun([GONE[0] | {"onset": 30.0}])
     for _ in range(N_DECISIONS):
         env.step(np.full((3, 1), 0.1, np.float32))
@@ -164,7 +174,7 @@ def test_outcomes_count_delay_and_healthy_cost():
         assert per_second == pytest.approx((0.1 * REACH * 0.1) ** 2, rel=1e-4)
 
 
-def test_a_reset_discards_the_outcomes():
+def test_a_reset_discards_the_outcomes(begun):
     env, _ = begun()
     for _ in range(N_DECISIONS):
         env.step(np.zeros((3, 1), np.float32))

@@ -6,6 +6,7 @@ import torch
 
 from auv_fault_env import classes
 from diagnosers import Belief
+from training.learning.agent import LOG_STD
 from training.learning.budgeted import BudgetedVecEnv
 from training.learning.imitation import demonstrate, imitate, rule
 from training.learning.reproducible import seeded_generators
@@ -88,7 +89,7 @@ def test_returns_are_discounted_sums_of_the_rewards_that_follow():
     noise = np.random.default_rng(0)
     rewards = []
     for action in demonstration.actions.reshape(70, 3, 1).numpy():
-        shaken = action + 0.12 * noise.standard_normal(action.shape)
+        shaken = action + np.exp(LOG_STD) * noise.standard_normal(action.shape)
         rewards.append(env.step(np.clip(shaken, -1.0, 1.0).astype(np.float32))[1])
     for first in (20, 62):
         expected = sum(0.5**k * rewards[first + k] for k in range(min(30, 65 - first)))

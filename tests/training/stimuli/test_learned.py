@@ -10,6 +10,7 @@ from auv_fault_env.channels import INDEX
 from auv_fault_env.errors import InputError
 from diagnosers import Belief, make, storage
 from training.active_env import FEATURES as ENV_FEATURES
+from training.learning import budgeted
 from training.learning.budgeted import BudgetedVecEnv
 from training.stimuli import STIMULI
 from training.stimuli.base import LARGEST_OFFSET, N_SAMPLES
@@ -46,8 +47,9 @@ def policy(tmp_path, monkeypatch):
     return made
 
 
-def test_it_acts_as_the_policy_does_in_its_environment(policy):
-    env = BudgetedVecEnv(3, light_bank(), np.full(3, 0.1))
+def test_it_acts_as_the_policy_does_in_its_environment(policy, monkeypatch):
+    monkeypatch.setattr(budgeted, "BUDGETS", (0.1, 0.1))
+    env = BudgetedVecEnv(3, light_bank())
     env.venv._seeds = list(SEEDS)
     env.venv._options = [
         {"schedule": s, "mission": m} for s, m in zip(SCHEDULES, MISSIONS, strict=True)

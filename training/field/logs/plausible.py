@@ -28,7 +28,8 @@ class Disagreement(NamedTuple):
 
 
 OF_PRESET = Disagreement(3.0, 2.0)
-# a knot is 1.9 times a metre per second; no fault of the catalogue changes a speed by as much
+# a metre per second is 1.9 knots; twice the drag, or one lost propeller of two, is a factor of 1.4;
+# where the only propeller is lost, the remark is a false one
 OF_CALIBRATED = Disagreement(1.6, 1.2)
 
 
