@@ -6,8 +6,9 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import redirect_stderr, suppress
 from importlib.metadata import PackageNotFoundError, version
+from io import StringIO
 from typing import Any
 
 import tyro
@@ -28,14 +29,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parse_and_run(arguments: Sequence[str] | None, output: Terminal, errors: Terminal) -> int:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    if arguments == ["--version"]:
+    if arguments[:1] == ["--version"]:
         print(f"auv-fault {_version()}")
         return 0
     if not arguments:
         with suppress(SystemExit):
             _parse(["--help"])
         return BAD_INPUT
-    command = _parse(arguments)
+    if (command := _parse(arguments)) is None:
+        return BAD_INPUT
     output.escapes = True
     errors.escapes = True
     name = next(name for name, kind in COMMANDS.items() if isinstance(command, kind))
@@ -50,10 +52,23 @@ def _parse_and_run(arguments: Sequence[str] | None, output: Terminal, errors: Te
 
 
 def _parse(arguments: list[str]) -> Any:
-    """The arguments of the command; `SystemExit` after help or an error."""
-    return tyro.extras.subcommand_cli_from_dict(
-        COMMANDS, prog="auv-fault", description=DESCRIPTION, args=arguments
-    )
+    """The arguments of the command; None after a line of error, `SystemExit` after help."""
+    message = StringIO()
+    try:
+        with redirect_stderr(message):
+            return tyro.extras.subcommand_cli_from_dict(
+                COMMANDS, prog="auv-fault", description=DESCRIPTION, args=arguments
+            )
+    except SystemExit as end:
+        if not end.code:
+            raise
+    # not for --help, which does not wait for numba
+    from training.wrong_words import refusal_of_command
+
+    name = arguments[0] if arguments[0] in COMMANDS else ""
+    error = refusal_of_command("auv-fault", arguments, COMMANDS, message.getvalue())
+    print(f"{f'auv-fault {name}'.rstrip()}: {error}", file=sys.stderr)
+    return None
 
 
 def _version() -> str:

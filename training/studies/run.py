@@ -3,7 +3,9 @@
 import functools
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, redirect_stderr
 from dataclasses import asdict
+from io import StringIO
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -13,6 +15,7 @@ from auv_fault_env.errors import InputError
 from training.report.page import print_tables, write_report
 from training.report.run_folder import STUDY, run_folder, write_json
 from training.terminal import BAD_INPUT, Terminal, run_guarded
+from training.wrong_words import refusal_of_words
 
 Report = Mapping[str, Any]
 
@@ -31,14 +34,26 @@ def command_line(main: Callable[..., None]) -> NoReturn:
     program = STUDY + Path(sys.argv[0]).stem
 
     def command(output: Terminal, errors: Terminal) -> int:
+        message = StringIO()
+        parsing = ExitStack()
+
         @functools.wraps(main)
         def study(*arguments: Any, **options: Any) -> None:
+            parsing.close()
             output.escapes = True
             errors.escapes = True
             main(*arguments, **options)
 
         try:
-            tyro.cli(study, prog=program, config=(tyro.conf.OmitArgPrefixes,))
+            with parsing:
+                parsing.enter_context(redirect_stderr(message))
+                tyro.cli(study, prog=program, config=(tyro.conf.OmitArgPrefixes,))
+        except SystemExit as end:
+            if not end.code or not message.getvalue():
+                raise
+            error = refusal_of_words(program, sys.argv[1:], main, message.getvalue())
+            print(f"{program}: {error}", file=sys.stderr)
+            return BAD_INPUT
         except InputError as error:
             print(f"{program}: {error}", file=sys.stderr)
             return BAD_INPUT
