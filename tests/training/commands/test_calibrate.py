@@ -86,8 +86,13 @@ def test_leave_one_out_is_printed_for_every_mission(paths, tmp_path, capfd):
 def test_single_mission_is_calibrated_without_a_check(paths, tmp_path, capfd):
     code, folder = run(tmp_path, *paths[:2])
     assert code == 0
-    assert json.loads((folder / "results.json").read_text())["leave_one_out"] == []
-    assert "one mission only" in (folder / "index.html").read_text()
+    results = json.loads((folder / "results.json").read_text())
+    assert results["leave_one_out"] == [] and results["fit_quality"]["time_in_alarm"] is None
+    page = (folder / "index.html").read_text()
+    assert "one mission only" in page and "How much the missions differ" not in page
+    printed = capfd.readouterr().out
+    assert "Leaving one mission out" not in printed and "of the healthy time" not in printed
+    assert "one log cannot show how far healthy missions differ" in printed.split("\n")[-2]
 
 
 def test_poor_log_is_calibrated_as_far_as_it_goes(paths, tmp_path):

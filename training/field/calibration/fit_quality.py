@@ -17,6 +17,10 @@ BANK = VEHICLE_DIAGNOSERS[0]
 GOOD = "good"
 USABLE = "usable"
 POOR = "poor"
+ONE_LOG = (
+    "one log cannot show how far healthy missions differ, and so not how often they would alarm"
+)
+MORE_LOGS = "name three or more healthy logs"
 
 
 class FitQuality(NamedTuple):
@@ -25,8 +29,9 @@ class FitQuality(NamedTuple):
     level: str  # `GOOD`, `USABLE` or `POOR`
     diagnoser: str  # for this vehicle
     reasons: tuple[str, ...]
-    remedy: str = ""  # of a poor fit
-    time_in_alarm: float | None = None  # share of the healthy logs, of the filter bank
+    remedy: str = ""  # of a poor fit, and of one to a single log
+    # share of the healthy logs, of the filter bank; None for a single log
+    time_in_alarm: float | None = None
     # that the relations find, relative, by residual; None without relations
     smallest_changes: Mapping[str, float] | None = None
 
@@ -55,11 +60,25 @@ def fit_quality(logs: Sequence[Log], vehicle: VehicleFile) -> FitQuality:
 
     `GOOD` if the filter bank raises no alarm on these logs, to which its constants were fitted,
     `USABLE` if it does but the relations find changes of useful size
-    (`sensitivity.LARGEST_CHANGE`), else `POOR`.
+    (`sensitivity.LARGEST_CHANGE`), else `POOR`. After a single log it is `USABLE` at best, for
+    nothing shows how far healthy missions differ.
 
     Misleads: the logs are those of the fit. A condition that they do not contain, such as another
     payload or colder water, can raise alarms nevertheless.
     """
+    quality = _quality_on(logs, vehicle)
+    if len(logs) > 1 or quality.time_in_alarm is None:
+        return quality
+    return quality._replace(
+        level=USABLE if quality.level == GOOD else quality.level,
+        reasons=(ONE_LOG, *quality.reasons[1:]),
+        remedy="; ".join(filter(None, [quality.remedy, MORE_LOGS])),
+        time_in_alarm=None,
+    )
+
+
+def _quality_on(logs: Sequence[Log], vehicle: VehicleFile) -> FitQuality:
+    """The quality by these logs, however few; what the bank does on them is the first reason."""
     share, of_bank = _time_in_alarm(logs, vehicle)
     model = vehicle.relations
     changes = None if model is None else model.smallest_changes()

@@ -53,7 +53,7 @@ def page(
         unidentified_section([parameter for parameter in parameters if parameter.why]),
         left_out_section(logs, left_out),
         readings_section(logs[0].name, samples, calibration),
-        missions_section(calibration),
+        missions_section(calibration) if len(logs) > 1 else None,
         sides_section(calibration),
         noise_section(samples, calibration),
         remarks_section(logs),
@@ -148,7 +148,14 @@ def unidentified_section(parameters: Sequence[ParameterFit]) -> Section | None:
 
 
 def left_out_section(logs: Sequence[Log], left_out: Sequence[LeftOut]) -> Section:
-    """Each mission predicted by the fit to the others."""
+    """Each mission predicted by the fit to the others; a sentence for a single one."""
+    heading = "Leaving one mission out"
+    if not left_out:
+        text = (
+            "There is one mission only, so that none can be left out, and nothing shows how well "
+            "the fit predicts another: name more logs."
+        )
+        return {"heading": heading, "text": [text]}
     kinds = [kind for kind in KINDS if any(kind in row.error for row in left_out)]
     text = (
         "Root mean square of reading minus simulation on a mission, by the fit to all missions / "
@@ -156,12 +163,10 @@ def left_out_section(logs: Sequence[Log], left_out: Sequence[LeftOut]) -> Sectio
         "mission, so the disturbance is in its error; shaft speed and current are simulated from "
         "the voltage."
     )
-    if not left_out:
-        text = "There is one mission only, so that none can be left out: name more logs."
     units = [f"{kind} [{UNITS[kind]}]" for kind in kinds]
     rows = [_left_out_row(logs[row.mission].name, row, kinds) for row in left_out]
     columns = ["mission", *units, "largest change"]
-    return table_section("Leaving one mission out", columns, rows, text)
+    return table_section(heading, columns, rows, text)
 
 
 def _left_out_row(mission: str, row: LeftOut, kinds: Sequence[str]) -> list[str]:
@@ -292,10 +297,8 @@ def _residual_cells(errors: np.ndarray | None, mission: np.ndarray) -> list[str]
     known = errors[is_known]
     mission = mission[is_known]
     means = [known[mission == number].mean() for number in np.unique(mission)]
-    return [
-        f"{np.sqrt(np.mean(known**2)):.3g}",
-        f"{min(means):+.2g} to {max(means):+.2g}",
-    ]
+    ends = f"{min(means):+.2g} to {max(means):+.2g}" if len(means) > 1 else f"{means[0]:+.2g}"
+    return [f"{np.sqrt(np.mean(known**2)):.3g}", ends]
 
 
 def remarks_section(logs: Sequence[Log]) -> Section | None:

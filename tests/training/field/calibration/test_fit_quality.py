@@ -19,7 +19,7 @@ UNLIKE = replace(OFF, torque_constant=0.5 * OFF.torque_constant)
 
 
 def quality_of(**changes):
-    return fit_quality(logs_of(1), replace(FILE, **changes))
+    return fit_quality(logs_of(2), replace(FILE, **changes))
 
 
 def without(*absent):
@@ -33,6 +33,17 @@ def test_the_bank_diagnoses_the_vehicle_that_it_knows():
     assert quality.smallest_changes == model().smallest_changes()
     assert quality.line.startswith("fit: good: ") and "drag" in quality.line
     assert quality.line.endswith("diagnose uses filter_bank")
+
+
+def test_a_single_log_shows_no_share_of_alarms_and_no_good_fit():
+    quality = fit_quality(logs_of(1), replace(FILE, relations=model()))
+    assert (quality.level, quality.diagnoser) == (USABLE, "filter_bank")
+    assert quality.time_in_alarm is None and "of the healthy time" not in quality.line
+    assert quality.line.startswith("fit: usable: one log cannot show how far healthy missions")
+    assert "drag" in quality.line and "; name three or more healthy logs; " in quality.line
+    unlike = fit_quality(logs_of(1), replace(FILE, vehicle=UNLIKE, relations=model()))
+    assert (unlike.level, unlike.diagnoser) == (USABLE, "residuals")
+    assert unlike.time_in_alarm is None and "of the healthy time" not in unlike.line
 
 
 def test_likely_mistakes_make_the_fit_poor_and_come_first():
