@@ -288,7 +288,7 @@ class EssoOsaka:
 
 @dataclass(frozen=True)
 class Vehicle:
-    """Propose a vehicle file for `calibrate` and `diagnose` from a log, with reasons."""
+    """Propose a vehicle file from a log. Exit code: 0 the file reads the log, 2 it does not yet."""
 
     action: Annotated[Positional[Literal["init"]], arg(metavar="ACTION")]
     """init: propose a file."""

@@ -105,6 +105,39 @@ def test_bad_input_is_one_line_without_a_traceback(tmp_path):
     )
 
 
+@pytest.mark.parametrize(
+    ("words", "refused"),
+    [
+        (["vehicle", "init", "no.csv"], "log: got 'no.csv'"),
+        (["calibrate", "--vehicle", "no.toml", "log.csv"], "vehicle file: got 'no.toml'"),
+        (["calibrate", "--vehicle", "v.toml", "no.csv"], "log: got 'no.csv'"),
+        (["diagnose", "--vehicle", "no.toml", "log.csv"], "vehicle file: got 'no.toml'"),
+        (["diagnose", "--vehicle", "v.toml", "no.csv", "nor.csv"], "log: got 'no.csv'"),
+        (["simulate", "--vehicle", "no.toml"], "vehicle file: got 'no.toml'"),
+        (["simulate", "--schedule", "no.json"], "schedule file: got 'no.json'"),
+        (["train", "integrated", "--vehicle", "no.toml"], "vehicle file: got 'no.toml'"),
+        (["train", "no-such"], "diagnoser to train: got 'no-such'"),
+        (["benchmark", "--suite", "no.json"], "suite: got 'no.json'"),
+        (["benchmark", "--diagnoser", "no.py:Class"], "no.py:Class'; allowed is what can be"),
+        (["submit", "no.py:Class"], "submission: got 'no.py'"),
+        (["export", "no-such"], "network to export: got 'no-such'"),
+        (["haizhe", "no"], "data folder: got 'no'"),
+        (["esso-osaka", "no"], "data folder: got 'no'"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_inputs_are_checked_before_the_output(tmp_path, monkeypatch, capsys, words, refused):
+    monkeypatch.chdir(tmp_path)
+    channels = "".join(f'[channels.{name}]\ncolumn = "{name}"\n' for name in ("speed", "port_rpm"))
+    (tmp_path / "v.toml").write_text(f"[vehicle]\nsample_rate = 10.0\n{channels}")
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken" / "mine").touch()
+    assert cli.main([*words, "--output", "taken"]) == 2
+    error = capsys.readouterr().err.split("\r")[-1].lstrip()
+    assert error.count("\n") == 1
+    assert error.startswith(f"auv-fault {words[0]}: ") and refused in error
+
+
 def test_termination_leaves_nothing(tmp_path):
     process = subprocess.Popen(
         [

@@ -25,8 +25,8 @@ from training.field.calibration.mistakes.section import HEADING
 from training.field.calibration.page import REPAIRS, page, plain
 from training.field.calibration.relation_fit import fit_relations
 from training.field.calibration.samples import samples_of
-from training.field.logs.log import read_log
-from training.field.vehicle_file import read_vehicle, write_vehicle
+from training.field.logs.log import Log, read_log
+from training.field.vehicle_file import VehicleFile, read_vehicle, write_vehicle
 from training.report.page import print_tables, write_report
 from training.report.run_folder import run_folder, write_json
 
@@ -35,8 +35,9 @@ def main(arguments: Calibrate) -> None:
     """Fit, check, and write vehicle.toml, results and report."""
     if not arguments.logs:
         raise refusal("logs", 0, "at least one healthy log", "name them after the options")
+    vehicle, logs = read_inputs(arguments)
     with run_folder(arguments.output, "calibrate", arguments) as folder:
-        calibration, quality, results = calibrate(arguments)
+        calibration, quality, results = calibrate(arguments, vehicle, logs)
         vehicle = replace(
             calibration.vehicle, diagnoser=quality.diagnoser, poor_fit=quality.poor_fit
         )
@@ -50,14 +51,21 @@ def main(arguments: Calibrate) -> None:
     print(quality.line)
 
 
-def calibrate(arguments: Calibrate) -> tuple[Calibration, FitQuality, dict[str, Any]]:
-    """The calibration, how well it knows the vehicle, and all results as plain data."""
+def read_inputs(arguments: Calibrate) -> tuple[VehicleFile, list[Log]]:
+    """The vehicle file to start from, and the logs with their paths as names."""
     vehicle = read_vehicle(arguments.vehicle)
     if len(set(map(os.path.realpath, arguments.logs))) < len(arguments.logs):
         names = [str(path) for path in arguments.logs]
         raise refusal("logs", names, "each log once", "leave the repetitions out")
     with tqdm(arguments.logs, "reading", unit="log", leave=False, file=sys.stderr) as paths:
         logs = [read_log(path, vehicle)._replace(name=printable(str(path))) for path in paths]
+    return vehicle, logs
+
+
+def calibrate(
+    arguments: Calibrate, vehicle: VehicleFile, logs: Sequence[Log]
+) -> tuple[Calibration, FitQuality, dict[str, Any]]:
+    """The calibration, how well it knows the vehicle, and all results as plain data."""
     findings = find_mistakes(logs, vehicle)
     warn(findings)
     samples = samples_of(logs)

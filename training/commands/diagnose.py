@@ -31,6 +31,7 @@ from training.field.diagnosis.load_limits import Limits, is_overloaded, load_lim
 from training.field.diagnosis.log_figure import DiagnosedLog, log_figure
 from training.field.diagnosis.page import POOR_FIT, REPAIRS, VERDICTS, Setting, page
 from training.field.diagnosis.stream import close_quietly, follow
+from training.field.logs.files import first_bytes
 from training.field.logs.log import Log, read_log
 from training.field.vehicle_file import VehicleFile, read_vehicle
 from training.metrics import running_maximum
@@ -59,6 +60,11 @@ def main(arguments: Diagnose) -> int:
     if not arguments.follow and not arguments.logs:
         remedy = "name one, or add --follow to read standard input"
         raise refusal("logs", [], "at least one log", remedy)
+    if arguments.follow and arguments.logs:
+        remedy = "leave them out, or leave out --follow"
+        shown = " ".join(map(str, arguments.logs))
+        raise refusal("logs", shown, "none with --follow, which reads standard input", remedy)
+    require_one_of(arguments.logs)
     healthy_logs = [read_log(path, vehicle) for path in arguments.healthy]
     if arguments.diagnoser == Residuals.name:
         vehicle = replace(vehicle, relations=with_healthy_logs(vehicle.relations, healthy_logs))
@@ -77,6 +83,18 @@ def main(arguments: Diagnose) -> int:
         verdicts = write_verdicts(folder, arguments.logs, setting, limits)
     print(f"\nreport: {arguments.output / 'index.html'}")
     return max(EXIT_CODES[verdict.verdict] for verdict in verdicts)
+
+
+def require_one_of(paths: Sequence[Path]) -> None:
+    """Refuse logs of which none can be opened; where some can, the others get a verdict each."""
+    errors = []
+    for path in paths:
+        try:
+            first_bytes(path)
+        except InputError as error:
+            errors.append(str(error))
+    if errors and len(errors) == len(paths):
+        raise InputError("; ".join(errors))
 
 
 def follow_input(

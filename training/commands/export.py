@@ -25,9 +25,9 @@ def main(arguments: Export) -> None:
     """Write the ONNX file, and the episode as .npz of the same name."""
     name = Path(arguments.name).name.removesuffix(WEIGHTS)
     output = arguments.output or Path("runs") / f"{name}.onnx"
+    graph = graph_of(arguments.name)
     if output.suffix != ".onnx":
         raise refusal("output", str(output), "a file that ends in .onnx", "add the ending")
-    graph = graph_of(arguments.name)
     model = to_onnx(graph)
     episode = graph.episode(arguments.seed)
     archive = io.BytesIO()

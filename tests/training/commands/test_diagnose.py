@@ -205,8 +205,9 @@ def test_where_the_bank_refuses_a_healthy_log_residuals_are_the_remedy(related, 
         (("nowhere", "broken"), {}, "nowhere.csv"),
         (("healthy",), {"diagnoser": "filterbank"}, "did you mean 'filter_bank'"),
         (("healthy",), {"healthy": (Path("nowhere.csv"),)}, "nowhere.csv"),
+        (("healthy",), {"follow": True}, "healthy.csv'; allowed is none with --follow"),
     ],
-    ids=["no log", "none", "none usable", "diagnoser", "healthy"],
+    ids=["no log", "none", "none usable", "diagnoser", "healthy", "log and stream"],
 )
 def test_bad_input_is_refused_in_one_line_and_nothing_is_written(
     folder, tmp_path, logs, settings, words

@@ -57,12 +57,21 @@ def test_every_column_is_printed_and_the_file_reads_its_log(tmp_path, capsys):
     assert "# [channels.port_voltage]" in output.read_text()
 
 
+def assert_not_read(printed, output, why):
+    """The file is written, and one line of error says what is to be done."""
+    assert f"{output}: " in printed.out and "check the file before you use it" in printed.out
+    assert "tried" not in printed.out
+    start = f"auv-fault vehicle: {output} is written but does not read the log: {why}"
+    assert printed.err.startswith(start) and printed.err.count("\n") == 1
+    assert printed.err.endswith("; complete the file by hand, see docs/vehicle.md\n")
+
+
 def test_file_without_a_channel_is_written_to_be_filled_in(tmp_path, capsys):
     log = tmp_path / "log.csv"
     log.write_text("\n".join(["t,depth", *(f"{k / 10},{k % 7}" for k in range(200))]))
     output = tmp_path / "vehicle.toml"
-    assert cli.main(["vehicle", "init", str(log), "--output", str(output)]) == 0
-    assert "no column is a reading" in capsys.readouterr().out
+    assert cli.main(["vehicle", "init", str(log), "--output", str(output)]) == 2
+    assert_not_read(capsys.readouterr(), output, "no column is a reading")
     text = output.read_text()
     assert "\n[channels" not in text
     assert text.count("# [channels.") == 9
@@ -73,9 +82,8 @@ def test_no_rate_is_stated_where_the_time_cannot_be_read(tmp_path, capsys):
     rows = [f"tick {k},{k % 7},{k % 5 + 0.1}" for k in range(200)]
     log.write_text("\n".join(["Time,u_mps,motor_current", *rows]))
     output = tmp_path / "vehicle.toml"
-    assert cli.main(["vehicle", "init", str(log), "--output", str(output)]) == 0
-    printed = capsys.readouterr().out
-    assert "fails      the file does not read this log: 'Time' cannot be read as a time" in printed
+    assert cli.main(["vehicle", "init", str(log), "--output", str(output)]) == 2
+    assert_not_read(capsys.readouterr(), output, "'Time' cannot be read as a time")
     assert "sample_rate = 10.0  # Hz; the rate is not known" in output.read_text()
 
 
@@ -83,8 +91,8 @@ def test_log_that_cannot_be_read_with_the_file_is_printed(tmp_path, capsys):
     log = tmp_path / "log.csv"
     log.write_text("\n".join(["t,u", *(f"{k / 10},{k % 7}" for k in range(20))]))
     output = tmp_path / "vehicle.toml"
-    assert cli.main(["vehicle", "init", str(log), "--output", str(output)]) == 0
-    assert "fails      the file does not read this log: log: got" in capsys.readouterr().out
+    assert cli.main(["vehicle", "init", str(log), "--output", str(output)]) == 2
+    assert_not_read(capsys.readouterr(), output, "log: got")
 
 
 def test_existing_file_is_kept(tmp_path, capfd):

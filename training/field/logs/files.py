@@ -41,7 +41,7 @@ def read_table(path: Path) -> Table:
     """Read a log and repair what can be repaired; `InputError` if it holds no table of numbers."""
     path = Path(path)
     log = printable(path.name)
-    start = _start(path)
+    start = first_bytes(path)
     reader = read_bag if start is None else _file_reader(start)
     if reader:
         return reader(path)
@@ -71,8 +71,8 @@ def _reader(readers: dict[bytes, Callable], start: bytes) -> Callable | None:
     return next((readers[known] for known in readers if start.startswith(known)), None)
 
 
-def _start(path: Path) -> bytes | None:
-    """The first bytes of a file; None for a folder that is a bag."""
+def first_bytes(path: Path) -> bytes | None:
+    """The first bytes of a log; None for a folder that is a bag, `InputError` for what is none."""
     try:
         if (path / "metadata.yaml").is_file():
             return None

@@ -19,7 +19,7 @@ def try_on(log: Path, proposal: Proposal) -> Trial:
     """Read the log as the file describes it; a rate that is not that of the rows is a failure."""
     vehicle = proposal.vehicle
     if not proposal.has_reading:
-        return Trial(False, "no column is a reading: fill it in by hand, see docs/vehicle.md")
+        return Trial(False, "no column is a reading")
     if not proposal.rate_is_known:
         return Trial(False, proposal.missing["time"])
     try:
