@@ -1,6 +1,8 @@
 """The check that a diagnoser keeps the rules of `Diagnoser`, on a small fleet."""
 
+import sysconfig
 import tempfile
+import traceback
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -25,6 +27,8 @@ SCHEDULES = (
     (),
     *((FaultEvent(fault, onset=5.0, severity=0.8),) for fault in FAULTS),
 )
+MISSING = "missing"  # the state of a channel that is NaN
+LIBRARIES = tuple(sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib"))
 N_SHORT = 25  # samples of the checks with many runs
 ROUNDING = 1e-6  # networks compute in float32
 BATCH_TOLERANCE = 1e-4
@@ -65,8 +69,18 @@ def _beliefs(diagnoser: Diagnoser, observations: np.ndarray, when: str = "") -> 
     try:
         return [diagnoser.update(observation) for observation in observations]
     except Exception as error:
-        remedy = "take the last reading where one is missing"
+        remedy = f"correct it in {_place_of(error)}"
+        if MISSING in when:
+            remedy = f"take the last reading where one is missing, or {remedy}"
         raise refusal(f"update{when}", error, "a belief", remedy) from error
+
+
+def _place_of(error: Exception) -> str:
+    """File and line where an error was raised, of libraries where they were called."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames[1:] if not frame.filename.startswith(LIBRARIES)]
+    place = (own or frames)[-1]
+    return f"{Path(place.filename).name}, line {place.lineno}"
 
 
 def _stacked(beliefs: Iterable[Belief]) -> np.ndarray:
@@ -198,7 +212,7 @@ def _check_channels(diagnoser: Diagnoser, observations: np.ndarray) -> None:
     """Each channel missing (NaN) or dropped (zero) for a whole run, and all at some samples."""
     names = list(CHANNELS)
     for value, state, channels in (
-        (np.nan, "missing", names),
+        (np.nan, MISSING, names),
         (0.0, "dropped", READINGS),
     ):
         for name in channels:

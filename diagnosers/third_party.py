@@ -46,7 +46,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from auv_fault_env.errors import InputError, refusal
+from auv_fault_env.errors import InputError, known_name, refusal
 from diagnosers.diagnoser import Diagnoser
 from diagnosers.sample_adapter import SampleAdapter
 
@@ -104,7 +104,13 @@ class ThirdParty:
                 allowed = f"what can be imported, {TARGET_FORM}"
                 raise refusal(thing, error, allowed, "check the name of the module") from error
             raise self._failure(error, f"what can be imported, {TARGET_FORM}") from error
-        diagnoser_class = getattr(module, name, None)
+        if not hasattr(module, name):
+            found = [one for one, value in vars(module).items() if _is_own_class(value, module)]
+            if not found:
+                remedy = "define it there, or name another file or module"
+                raise refusal(f"class of {place}", name, "a class, and it has none", remedy)
+            known_name(f"class of {place}", name, found)
+        diagnoser_class = getattr(module, name)
         if not isinstance(diagnoser_class, type):
             allowed = f"a class, {TARGET_FORM}"
             raise refusal(thing, diagnoser_class, allowed, "check the name of the class")
@@ -133,7 +139,8 @@ class ThirdParty:
 
     def _check_place(self, place: str) -> None:
         """Refuse a target that names neither a module nor a file that exists."""
-        is_there = _is_file(Path(place)) if place.endswith(".py") else place[:1] not in ("", ".")
+        check_names_a_class("diagnoser", self.target, TARGET_FORM)
+        is_there = _is_file(Path(place)) if place.endswith(".py") else place[:1] != "."
         if not is_there:
             allowed = f"what can be imported, {TARGET_FORM}"
             raise refusal("diagnoser", self.target, allowed, "check the path")
@@ -143,10 +150,28 @@ class ThirdParty:
         return ForeignCodeError(str(refusal(f"diagnoser {self.target}", got, allowed, remedy)))
 
 
+def check_names_a_class(thing: str, target: str, forms: str) -> None:
+    """Refuse a target without the name of a class behind its place.
+
+    >>> check_names_a_class("diagnoser", "mine.py", TARGET_FORM)  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ...
+    auv_fault_env.errors.InputError: diagnoser: got 'mine.py'; ...; name its class: mine.py:Class
+    """
+    place, _, name = target.rpartition(":")
+    if not place or not name:
+        remedy = f"name its class: {target.partition(':')[0] or 'module'}:Class"
+        raise refusal(thing, target, f"what can be imported, {forms}", remedy)
+
+
 def installed_third_parties() -> list[tuple[str, ThirdParty]]:
     """Names and places of the diagnosers that installed packages declare; nothing is imported."""
     points = entry_points(group=ENTRY_POINT_GROUP)
     return [(point.name, ThirdParty(point.value)) for point in points]
+
+
+def _is_own_class(value: Any, module: ModuleType) -> bool:
+    return isinstance(value, type) and value.__module__ == module.__name__
 
 
 def _is_file(path: Path) -> bool:

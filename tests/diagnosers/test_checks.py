@@ -111,6 +111,16 @@ class Touchy(Mine):
         return super().update(observation)
 
 
+class Failing(Mine):
+    def update(self, observation):
+        raise ValueError("a mistake of its own")
+
+
+class FailingInLibrary(Mine):
+    def update(self, observation):
+        return np.linalg.inv(np.zeros((2, 2)))
+
+
 class Careless(Mine):
     def update(self, observation):
         n_lanes = len(self.running.observation)
@@ -174,6 +184,21 @@ def test_a_broken_diagnoser_is_caught_in_one_line(case):
         check_diagnoser(broken())
     text = str(caught.value)
     assert "\n" not in text and "got" in text and "allowed is" in text
+
+
+@pytest.mark.parametrize("broken", [Failing, FailingInLibrary])
+def test_a_mistake_in_update_is_told_by_its_place(broken):
+    with pytest.raises(InputError) as caught:
+        check_diagnoser(broken())
+    line = broken.update.__code__.co_firstlineno + 1
+    assert str(caught.value).endswith(
+        f"; allowed is a belief; correct it in test_checks.py, line {line}"
+    )
+
+
+def test_a_missing_reading_that_breaks_update_gets_its_remedy():
+    with pytest.raises(InputError, match="; take the last reading where one is missing, or corr"):
+        check_diagnoser(Touchy())
 
 
 @pytest.mark.usefixtures("registered")

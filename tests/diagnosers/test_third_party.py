@@ -37,7 +37,8 @@ class Theirs:
 BROKEN = {
     "exits": ("raise SystemExit(3)", "SystemExit"),
     "stumbles": ("import nowhere_at_all", "No module named 'nowhere_at_all'"),
-    "is_empty": ("", "None; allowed is a class"),
+    "is_empty": ("", "got 'Mine'; allowed is a class, and it has none"),
+    "is_mistyped": ("class Mien: ...", "allowed is one of Mien; did you mean 'Mien'?"),
     "is_no_class": ("Mine = 3", "3; allowed is a class"),
     "raises": (
         "class Mine:\n    def __init__(self):\n        raise RuntimeError('no\\nidea')",
@@ -108,7 +109,7 @@ def test_what_is_broken_is_refused_in_one_line(place, name):
     text, word = BROKEN[name]
     with pytest.raises(InputError) as refused:
         ThirdParty(f"{written(place, name, text)}:Mine")()
-    assert word in str(refused.value) and f"{name}.py:Mine" in str(refused.value)
+    assert word in str(refused.value) and f"{name}.py" in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
@@ -129,6 +130,12 @@ def test_what_is_not_there_is_refused_in_one_line(target):
     with pytest.raises(InputError, match="what can be imported, module:Class or path/to/file") as e:
         ThirdParty(target)()
     assert not isinstance(e.value, ForeignCodeError)
+
+
+@pytest.mark.parametrize("target", ["mine.py", "mine.py:"])
+def test_a_file_without_its_class_is_told_to_name_one(target):
+    with pytest.raises(InputError, match=r"; name its class: \S*mine\.py:Class$"):
+        ThirdParty(target)()
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from auv_fault_env.errors import refusal
 from diagnosers import Diagnoser
-from diagnosers.third_party import TARGET_FORM, ThirdParty
+from diagnosers.third_party import TARGET_FORM, ThirdParty, check_names_a_class
 from training.benchmark.third_parties import Party
 from training.submissions.onnx_network import OnnxNetwork
 
@@ -122,6 +122,7 @@ def submission_of(target: str, further: Iterable[Path], folder: Path) -> Submiss
         shown = source.name
     elif place.endswith(".py"):
         source = Path(place)
+        check_names_a_class("submission", target, FORMS)
         shown = f"{source.name}:{class_name}"
     else:
         return _of_module(target, place, further)
@@ -135,6 +136,7 @@ def submission_of(target: str, further: Iterable[Path], folder: Path) -> Submiss
 
 
 def _of_module(target: str, module: str, further: Iterable[Path]) -> Submission:
+    check_names_a_class("submission", target, FORMS)
     package = module.partition(".")[0]
     try:
         spec = importlib.util.find_spec(package) if package else None

@@ -142,7 +142,8 @@ def test_an_onnx_network_is_scored(mine, here):
     ("target", "more", "words"),
     [
         ("absent.py:Mine", (), "check the path"),
-        ("mine.py:Absent", (), "check the name of the class"),
+        ("mine.py:Absent", (), "class of mine.py: got 'Absent'; allowed is one of "),
+        ("mine.py", (), "mine.py:Class"),
         ("mine.py:NoDiagnoser", (), "reset and update"),
         ("mine.py:Told", (), "set_truth"),
         ("mine.py:Mixed", (), "keep lanes apart"),

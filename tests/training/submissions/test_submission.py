@@ -79,6 +79,7 @@ def test_all_files_of_the_package_of_a_module_belong_to_it(place, tmp_path, monk
         ("nowhere_at_all.module:Mine", (), "check the name of the module"),
         ("", (), "what can be imported"),
         (":Mine", (), "what can be imported"),
+        ("{place}/mine.py", (), "name its class: .*/mine.py:Class"),
         ("{place}/absent.py:Mine", (), "a file: module:Class or"),
         ("{place}/absent.onnx", (), "a file: module:Class or"),
         ("{place}/mine.py:Mine", ("absent.txt",), "absent.txt"),
