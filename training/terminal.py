@@ -3,6 +3,7 @@
 import errno
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from io import StringIO, TextIOWrapper
@@ -73,7 +74,8 @@ class Terminal:
 def terminal() -> Iterator[tuple[Terminal, Terminal]]:
     """Standard output and standard error as `Terminal` each, until the context ends.
 
-    Characters that the encoding of standard output lacks are replaced.
+    Characters that the encoding of standard output lacks are replaced, and numerical warnings of
+    libraries are not shown.
     """
     _open_standard_descriptors()
     output = Terminal(sys.stdout or Closed(), kept="\n\t")
@@ -81,8 +83,27 @@ def terminal() -> Iterator[tuple[Terminal, Terminal]]:
     errors = Terminal(sys.stderr or Closed(), kept="\n\t\r")
     if isinstance(output.stream, TextIOWrapper):
         output.stream.reconfigure(errors="replace")
-    with redirect_stdout(output), redirect_stderr(errors):
+    with redirect_stdout(output), redirect_stderr(errors), _without_numerical_warnings():
         yield output, errors
+
+
+@contextmanager
+def _without_numerical_warnings() -> Iterator[None]:
+    """Show no warning of an overflow or a mean of nothing: it says nothing to a user.
+
+    Filters decide first, so that tests and ``python -W error`` fail by them.
+    """
+    show = warnings.showwarning
+
+    def show_others(message, category, *arguments, **options):
+        if not issubclass(category, RuntimeWarning):
+            show(message, category, *arguments, **options)
+
+    warnings.showwarning = show_others
+    try:
+        yield
+    finally:
+        warnings.showwarning = show
 
 
 def run_guarded(program: str, command: Callable[[Terminal, Terminal], int]) -> int:

@@ -118,6 +118,20 @@ def test_no_file_takes_the_number_of_a_closed_stream(tmp_path):
     assert done.returncode == 0 and (tmp_path / "data").read_bytes() == b""
 
 
+def test_numerical_warnings_reach_no_terminal_and_others_do():
+    code = (
+        "import warnings, numpy as np\n"
+        "from training.terminal import terminal\n"
+        "with terminal():\n"
+        "    np.array([1e300]) * 1e300; np.mean([])\n"
+        "    warnings.warn('of a library')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    assert done.stderr.count(b"Warning") == 1 and b"UserWarning: of a library" in done.stderr
+    done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True)
+    assert done.returncode == 1
+
+
 def test_a_stream_after_an_error_discards(monkeypatch):
     class Full(io.StringIO):
         def write(self, text):

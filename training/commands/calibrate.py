@@ -70,7 +70,10 @@ def calibrate(
     warn(findings)
     samples = samples_of(logs)
     vehicle = replace(vehicle, relations=fit_relations(logs, vehicle))
-    calibration = calibrate_samples(samples, vehicle)
+    try:
+        calibration = calibrate_samples(samples, vehicle)
+    except InputError as error:
+        raise (_in_doubt(error, findings) if findings else error) from None
     left_out = leave_one_out(samples, calibration, [log.name for log in logs])
     quality = fit_quality(logs, calibration.vehicle).in_doubt([one.subject for one in findings])
     results = page(logs, samples, calibration, left_out, findings)
@@ -87,6 +90,12 @@ def calibrate(
     )
     results["command"] = printable(shlex.join(map(str, command)))
     return calibration, quality, results
+
+
+def _in_doubt(error: InputError, findings: Sequence[Finding]) -> InputError:
+    """The refusal of a fit whose likely cause are mistakes that were warned of."""
+    subjects = ", ".join(dict.fromkeys(one.subject for one in findings))
+    return InputError(f"the fit fails ({error}); settle the warnings on {subjects} first")
 
 
 def warn(findings: Sequence[Finding]) -> None:

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from auv_fault_env.channels import INDEX
+from auv_fault_env.errors import refusal
 from training import cli
+from training.commands import calibrate
 from training.field.vehicle_file import Column, read_vehicle, write_vehicle
 
 from ..field.fleet_logs import VEHICLE, write_log
@@ -161,6 +163,20 @@ def test_likely_mistakes_are_warnings_lines_and_a_section(paths, tmp_path, capfd
     (mistake,) = json.loads((folder / "results.json").read_text())["mistakes"]
     assert mistake["channels"] == ["port_rpm"] and mistake["remedy"] in output.err
     assert ">Likely mistakes</h2>" in (folder / "index.html").read_text()
+
+
+def test_a_fit_that_fails_after_a_warning_names_the_warning(paths, tmp_path, capfd, monkeypatch):
+    def failing(samples, vehicle):
+        raise refusal("inertia", 1e-5, "from 0.000139", "raise it")
+
+    monkeypatch.setattr(calibrate, "calibrate_samples", failing)
+    vehicle = replace(VEHICLE, columns=VEHICLE.columns | {"port_rpm": Column("port_rpm", 1 / 60)})
+    write_vehicle(tmp_path / "vehicle.toml", vehicle)
+    code, folder = run(tmp_path, tmp_path / "vehicle.toml", *paths[1:])
+    assert code == 2 and not folder.exists()
+    error = capfd.readouterr().err.splitlines()[-1]
+    assert "the fit fails (inertia: got 1e-05; " in error
+    assert error.endswith("; settle the warnings on port_rpm first")
 
 
 def test_a_mistake_that_leaves_no_meaning_is_refused(paths, tmp_path, capfd):

@@ -142,7 +142,7 @@ def test_an_onnx_network_is_scored(mine, here):
     ("target", "more", "words"),
     [
         ("absent.py:Mine", (), "check the path"),
-        ("mine.py:Absent", (), "class of mine.py: got 'Absent'; allowed is one of "),
+        ("mine.py:Absent", (), "mine.py: got 'Absent'; allowed is one of "),
         ("mine.py", (), "mine.py:Class"),
         ("mine.py:NoDiagnoser", (), "reset and update"),
         ("mine.py:Told", (), "set_truth"),

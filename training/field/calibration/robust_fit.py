@@ -26,6 +26,7 @@ from training.field.calibration.robust_optimum import (
 
 LARGEST_STD = 0.15  # of an estimate, relative: above, a parameter is not identified
 LEAST_BLOCKS = 4
+LARGEST_VARIANCE = 1e100  # of a unit that lacks information: its square is a number, too
 
 Values = Mapping[str, float]  # by the name of the parameter or the reading
 Residuals = Callable[[Values], np.ndarray]
@@ -148,7 +149,7 @@ def fit_parameters(problem: Problem, names: Sequence[str], near: Values = NOWHER
         quantile=quantile,
         units=np.unique(problem.unit),
         unit_estimates=optimum.point + changes,
-        unit_variances=variances * (optimum.scale / ROBUST) ** 2,
+        unit_variances=_scaled(variances, optimum.scale / ROBUST),
         unidentified={},
     )
 
@@ -183,6 +184,12 @@ def _unit_changes(information: np.ndarray, gradient: np.ndarray) -> tuple[np.nda
     inverse = np.linalg.inv(_invertible(information))
     change = -np.einsum("uij,uj->ui", inverse, gradient)
     return change, np.diagonal(inverse, axis1=1, axis2=2)
+
+
+def _scaled(variances: np.ndarray, factor: float) -> np.ndarray:
+    """The variances for a standard deviation larger by a factor, `LARGEST_VARIANCE` at most."""
+    with np.errstate(over="ignore"):
+        return np.minimum(variances * factor**2, LARGEST_VARIANCE)
 
 
 def _invertible(information: np.ndarray) -> np.ndarray:

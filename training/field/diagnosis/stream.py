@@ -23,6 +23,7 @@ from diagnosers import Diagnoser
 from diagnosers.residuals import Residuals
 from training.field.diagnosis.causes import strongest_rule
 from training.field.diagnosis.diagnosis import TWO_SIDED, diagnoser_for, persistence
+from training.field.diagnosis.stream_notes import Notes
 from training.field.logs.cells import (
     COMMENT_MARKS,
     LONGEST_LINE,
@@ -70,12 +71,13 @@ def follow(
 
     The source is CSV below a header, or JSON objects, with columns as in the vehicle file; `name`
     is the diagnoser's, `weights` the file of its own ones, and the threshold that of log p(normal).
-    `errors` receives a remark on each line or cell that cannot be read. Returns whether there was
+    `errors` receives `Notes` on lines and cells that cannot be read. Returns whether there was
     an alarm. `InputError` if the header lacks a column, or if no line can be read.
     """
     stream = None
+    notes = Notes(errors)
     with suppress(BrokenPipeError, KeyboardInterrupt):
-        for line_number, row in rows(source, vehicle, errors):
+        for line_number, row in rows(source, vehicle, notes):
             try:
                 if stream is None:
                     resolution = printed_resolutions(row, vehicle)
@@ -83,18 +85,24 @@ def follow(
                     stream = Stream(vehicle, diagnoser, threshold)
                 answer = stream.answer(row)
             except BadLine as error:
-                print(f"line {line_number}: {error}; left out", file=errors)
+                leave_out(line_number, error, notes)
                 continue
-            for remark in stream.remarks:
-                print(f"line {line_number}: {remark}; taken as missing", file=errors)
+            for kind, remark in stream.remarks.items():
+                notes.add(line_number, kind, f"{remark}; taken as missing")
             print(json.dumps(answer), file=sink, flush=True)
+    notes.close()
     if stream is None or stream.time is None:
         allowed = "CSV below a header, or JSON objects"
         raise refusal(SOURCE, "no row with a reading", allowed, "check the columns")
     return stream.was_alarmed
 
 
-def rows(source: BinaryIO, vehicle: VehicleFile, errors: TextIO) -> Iterator[tuple[int, Row]]:
+def leave_out(line_number: int, error: BadLine, notes: Notes) -> None:
+    """Note that a line is left out; its kind is the error without the cell that it shows."""
+    notes.add(line_number, str(error).partition(":")[0], f"{error}; left out")
+
+
+def rows(source: BinaryIO, vehicle: VehicleFile, notes: Notes) -> Iterator[tuple[int, Row]]:
     """Line number and cells of every line that can be read, with plain numbers."""
     reader = None
     for line_number, text in lines(source):
@@ -107,7 +115,7 @@ def rows(source: BinaryIO, vehicle: VehicleFile, errors: TextIO) -> Iterator[tup
             if reader is not None and (row := reader.row(text)) is not None:
                 yield line_number, row
         except BadLine as error:
-            print(f"line {line_number}: {error}; left out", file=errors)
+            leave_out(line_number, error, notes)
 
 
 def lines(source: BinaryIO) -> Iterator[tuple[int, str]]:
@@ -250,7 +258,8 @@ class Stream:
         self._limits = {name: IMPOSSIBLE * magnitude for name, magnitude in magnitudes.items()}
         self.time: float | None = None  # of the last line [s]
         self.was_alarmed = False  # ever
-        self.remarks: list[str] = []  # cells of the last line taken as missing, and why
+        # why cells of the last line are taken as missing, by kind
+        self.remarks: dict[str, str] = {}
 
     def answer(self, row: Row) -> dict[str, Any]:
         """The answer to a line; `BadLine` if it has no reading or no time."""
@@ -273,7 +282,7 @@ class Stream:
         self._n_low = 0
 
     def _observation(self, row: Row) -> np.ndarray:
-        self.remarks = []
+        self.remarks = {}
         values = {channel: self._value(channel, row) for channel in self._vehicle.columns}
         if all(math.isnan(values[channel]) for channel in values if channel in READINGS):
             raise BadLine("no reading in it")
@@ -287,9 +296,11 @@ class Stream:
         limit = self._limits[channel]
         if math.isnan(value):
             if cell.lower() not in MISSING:
-                self.remarks.append(f"{channel}: {shown!r}")
+                self.remarks[f"{channel} that is no number"] = f"{channel}: {shown!r}"
         elif abs(value) > limit:
-            self.remarks.append(f"{channel}: {shown!r} is beyond {limit:.3g}")
+            unit = CHANNELS[channel].unit
+            remark = f"{channel}: {shown!r} is beyond {limit:.3g} {unit}; is its unit right?"
+            self.remarks[f"{channel} beyond {limit:.3g} {unit}"] = remark
             value = math.nan
         return value
 

@@ -13,6 +13,7 @@ from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import InputError
 from training.field.diagnosis.diagnosis import THRESHOLDS, beliefs
 from training.field.diagnosis.stream import follow, lines, printed_resolutions, reading_of
+from training.field.diagnosis.stream_notes import Notes
 from training.field.logs.cells import LONGEST_LINE
 from training.field.vehicle_file import Column, write_vehicle
 
@@ -251,6 +252,38 @@ def test_an_impossible_cell_is_reported_and_taken_as_missing(cell, words):
     (rows, errors, _), (blank, silent, _) = (answers(b"\n".join(lines)) for lines in (bad, empty))
     assert rows == blank and not silent
     assert len(errors) == 1 and words in errors[0] and "taken as missing" in errors[0]
+
+
+def test_a_unit_that_is_wrong_in_every_line_is_said_once():
+    run = episode()[:SHORT].copy()
+    run[:, NAMES.index("port_voltage")] += 24.0
+    run[:, NAMES.index("port_voltage")] *= 1000.0
+    rows, errors, _ = answers(csv_lines(run))
+    assert len(rows) == SHORT and len(errors) == 2
+    assert errors[0].startswith("line 2: port_voltage: '2")
+    assert errors[0].endswith(" V; is its unit right?; taken as missing")
+    assert errors[1].startswith("port_voltage beyond ")
+    assert errors[1].endswith(f": in {SHORT - 1} more lines, the last of them {SHORT + 1}")
+
+
+def test_lines_that_are_left_out_for_one_reason_are_said_once_and_another_reason_is_said():
+    good = csv_lines(episode()[:5]).splitlines()
+    bad = [*(b"noon %d" % k + 12 * b",1" for k in range(10)), b"1,2", b"1,2"]
+    _, errors, _ = answers(b"\n".join([*good, *bad]))
+    assert errors == [
+        "line 7: no time in 'time': 'noon 0'; left out",
+        "line 17: 2 cells below a header of 13; left out",
+        "no time in 'time': in 9 more lines, the last of them 16",
+        "2 cells below a header of 13: in one more line, the last of them 18",
+    ]
+
+
+def test_a_kind_of_note_is_said_again_after_lines_without_it():
+    errors = io.StringIO()
+    notes = Notes(errors)
+    for line_number in (1, 2, 90, 191, 192, 193):
+        notes.add(line_number, "kind", "text")
+    assert errors.getvalue().splitlines() == ["line 1: text", "line 191: text"]
 
 
 def test_a_line_without_a_reading_is_left_out():
