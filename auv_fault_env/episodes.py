@@ -7,10 +7,10 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from auv_fault_env import lanes, physics, sensors, surroundings
 from auv_fault_env import layout as row
-from auv_fault_env.compiling import kernel, scalar
+from auv_fault_env.compiling import kernel, part, scalar
 from auv_fault_env.faults import fault_effect
 from auv_fault_env.layout import LANES, SeverityProfile
-from auv_fault_env.parameters import SAMPLE_RATE
+from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME
 
 # values of `FleetState.next_update`: no update to come, and one at once, whatever the severities
 NEVER = np.int64(1 << 60)
@@ -28,10 +28,17 @@ def profile_at(profiles, lane, event):
 
 
 @scalar
+def periods_at(time, profile):
+    """Periods of an intermittent event since its onset, 0 for others; a period never ends late."""
+    since_onset = time - profile.onset
+    return since_onset / profile.period + 1e-9 if profile.period > 0.0 else 0.0
+
+
+@scalar
 def severity_at(time, profile):
     """Severity of an event at `time` [s]: it grows over the ramp, ends, and may be intermittent."""
     since_onset = time - profile.onset
-    periods = since_onset / profile.period + 1e-9 if profile.period > 0.0 else 0.0
+    periods = periods_at(time, profile)
     in_duty = periods - math.floor(periods) <= profile.duty
     is_present = since_onset >= 0.0 and time < profile.end and in_duty
     is_full = since_onset >= profile.ramp
@@ -63,9 +70,16 @@ def next_change(step, time, profile):
         return NEVER
     if time < profile.onset:
         return step_at(profile.onset, step)
-    if profile.period > 0.0 or time < profile.onset + profile.ramp:
+    if time < profile.onset + profile.ramp:
         return step + 1
-    return step_at(profile.end, step)
+    change = profile.end
+    if profile.period > 0.0:
+        start = profile.onset + math.floor(periods_at(time, profile)) * profile.period
+        duty_end = start + profile.duty * profile.period
+        # the event is present up to the end of the duty, and absent from the next step on
+        is_before = time < duty_end + 0.5 * SAMPLE_TIME
+        change = min(change, duty_end if is_before else start + profile.period)
+    return step_at(change, step)
 
 
 @scalar
@@ -83,35 +97,39 @@ def update_severities(lane, step, plan):
     return has_changed, next_update
 
 
-@scalar
-def store_cold_motor(block, k, shaft, cold):
-    """Keep the parameters of one of lane k's motors that change with its temperature."""
-    block[cold * LANES + k] = block[(shaft + row.RESISTANCE) * LANES + k]
-    block[(cold + 1) * LANES + k] = block[(shaft + row.TORQUE_CONSTANT) * LANES + k]
-
-
-@scalar
-def update_parameters(memory, lane, plan, catalogue):
-    """Write the parameters of a lane under its faults, within their physical limits."""
-    b = lane // LANES
+@part
+def update_parameter(memory, lane, p, plan, catalogue):
+    """Write a parameter of a lane under its faults, within its physical limits."""
+    factor = 1.0
+    shift = 0.0
+    for e in range(plan.severity.shape[1]):
+        fault = plan.fault[lane, e]
+        severity = plan.severity[lane, e]
+        if severity > 0.0:
+            scale = catalogue.scale[fault, p]
+            offset = catalogue.offset[fault, p]
+            factor_of_event, shift_of_event = compiled_fault_effect(severity, scale, offset)
+            factor *= factor_of_event
+            shift += shift_of_event
+    value = plan.healthy[lane, p] * factor + shift
+    limited = physics.clipped(value, catalogue.low[p], catalogue.high[p])
+    block = memory[lane // LANES]
     k = lane % LANES
-    for p in range(row.N_PARAMETERS):
-        factor = 1.0
-        shift = 0.0
-        for e in range(plan.severity.shape[1]):
-            fault = plan.fault[lane, e]
-            severity = plan.severity[lane, e]
-            if severity > 0.0:
-                scale = catalogue.scale[fault, p]
-                offset = catalogue.offset[fault, p]
-                factor_of_event, shift_of_event = compiled_fault_effect(severity, scale, offset)
-                factor *= factor_of_event
-                shift += shift_of_event
-        value = plan.healthy[lane, p] * factor + shift
-        limited = physics.clipped(value, catalogue.low[p], catalogue.high[p])
-        memory[b, (row.PARAMETER + p) * LANES + k] = limited
-    store_cold_motor(memory[b], k, row.PORT_SHAFT, row.PORT_COLD)
-    store_cold_motor(memory[b], k, row.STARBOARD_SHAFT, row.STARBOARD_COLD)
+    block[(row.PARAMETER + p) * LANES + k] = limited
+    if row.COLD_ROW[p]:
+        block[row.COLD_ROW[p] * LANES + k] = limited
+
+
+@scalar
+def update_faulty_parameters(memory, lane, plan, catalogue):
+    """Write the parameters of a lane that its faults change."""
+    for e in range(plan.fault.shape[1]):
+        fault = plan.fault[lane, e]
+        if fault >= 0:
+            for i in range(catalogue.changed.shape[1]):
+                p = catalogue.changed[fault, i]
+                if p >= 0:
+                    update_parameter(memory, lane, p, plan, catalogue)
 
 
 @scalar
@@ -133,8 +151,11 @@ def update_lane(state, lane, plan, catalogue):
     step = state.step[lane]
     update_now = state.next_update[lane] == UPDATE_NOW
     has_changed, next_update = update_severities(lane, step, plan)
-    if update_now or has_changed:
-        update_parameters(state.memory, lane, plan, catalogue)
+    if update_now:
+        for p in range(row.N_PARAMETERS):
+            update_parameter(state.memory, lane, p, plan, catalogue)
+    elif has_changed:
+        update_faulty_parameters(state.memory, lane, plan, catalogue)
     next_leg = update_mission_speed(state.memory, lane, step, plan.legs)
     state.next_update[lane] = min(next_update, next_leg)
 

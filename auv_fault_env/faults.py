@@ -234,6 +234,11 @@ def matrices(faults: Iterable[Fault] | None = None) -> Catalogue:
             scale[row, names.index(parameter)] = value
         for parameter, value in fault.offset.items():
             offset[row, names.index(parameter)] = value
+    is_changed = (scale != 1.0) | (offset != 0.0)
+    changed = np.full((len(faults), is_changed.sum(axis=1).max(initial=0)), -1)
+    for row, of_fault in enumerate(is_changed):
+        parameters = np.flatnonzero(of_fault)
+        changed[row, : parameters.size] = parameters
     limits = np.array([(spec.low, spec.high) for spec in PARAMETERS.values()])
     low, high = limits.T.copy()
-    return Catalogue(scale, offset, low, high)
+    return Catalogue(scale, offset, changed, low, high)

@@ -7,10 +7,11 @@ import numpy as np
 from auv_fault_env import layout as row
 from auv_fault_env import physics
 from auv_fault_env.compiling import kernel, scalar
+from auv_fault_env.integration import advance_motions, store_motor, stored_motor
 from auv_fault_env.layout import LANES
 from auv_fault_env.noise import normal_pair, random_bits
 from auv_fault_env.parameters import SAMPLE_TIME
-from auv_fault_env.physics import SUBSTEP, SUBSTEPS, Motion, Motor, clipped
+from auv_fault_env.physics import clipped
 from auv_fault_env.sensors import read_real_sensors, read_sensors
 from auv_fault_env.surroundings import advance_surroundings
 
@@ -19,19 +20,6 @@ from auv_fault_env.surroundings import advance_surroundings
 def shaft_of_lane(block, shaft, k):
     """The `Shaft` of lane k whose parameters begin at row `shaft`."""
     return physics.shaft_at(block, shaft * LANES + k, LANES)
-
-
-@scalar
-def stored_motor(scratch, side, k):
-    """The `Motor` of lane k that `prepare_step` left in the scratch rows."""
-    at = side * LANES + k
-    return Motor(
-        scratch[at],
-        scratch[at + LANES],
-        scratch[at + 2 * LANES],
-        scratch[at + 3 * LANES],
-        scratch[at + 4 * LANES],
-    )
 
 
 @scalar
@@ -105,17 +93,6 @@ def motor_of_lane(block, shaft, state, k, constants):
     return physics.motor(shaft_of_lane(block, shaft, k), constants, voltage)
 
 
-@scalar
-def store_motor(scratch, side, k, coefficients):
-    """Write a `Motor` into the scratch rows."""
-    at = side * LANES + k
-    scratch[at] = coefficients.drive
-    scratch[at + LANES] = coefficients.damping
-    scratch[at + 2 * LANES] = coefficients.coupling
-    scratch[at + 3 * LANES] = coefficients.load
-    scratch[at + 4 * LANES] = coefficients.thrust
-
-
 @kernel
 def prepare_step(block, scratch, width, constants):
     """Write the coefficients of the next sample and advance the disturbance to it."""
@@ -130,36 +107,23 @@ def prepare_step(block, scratch, width, constants):
         scratch[row.DRAG * LANES + k] = alpha + gamma * delta_squared(block, k)
         before = block[row.DISTURBANCE * LANES + k]
         normal = scratch[row.DISTURBANCE_NORMAL * LANES + k]
-        block[row.DISTURBANCE * LANES + k] = memory * before + std * normal
+        disturbance = memory * before + std * normal
+        block[row.DISTURBANCE * LANES + k] = disturbance
+        scratch[row.PUSH * LANES + k] = disturbance
         block[row.PORT_ANGLE * LANES + k] = 0.0
         block[row.STARBOARD_ANGLE * LANES + k] = 0.0
+    for r in range(len(row.MOVING)):
+        for k in range(width):
+            scratch[(row.START + r) * LANES + k] = block[row.MOVING[r] * LANES + k]
 
 
 @kernel
 def advance_motion(block, scratch, width):
-    """Advance speed, shafts and angles of all lanes by one sample, substep after substep."""
-    for s in range(SUBSTEPS):
-        time = SUBSTEP[s]
+    """Advance speed, shafts and angles of all lanes by one sample."""
+    advance_motions(scratch, width)
+    for r in range(len(row.MOVING)):
         for k in range(width):
-            motion = physics.substep(
-                Motion(
-                    block[row.SPEED * LANES + k],
-                    block[row.PORT_SHAFT_SPEED * LANES + k],
-                    block[row.STARBOARD_SHAFT_SPEED * LANES + k],
-                    block[row.PORT_ANGLE * LANES + k],
-                    block[row.STARBOARD_ANGLE * LANES + k],
-                ),
-                scratch[row.DRAG * LANES + k],
-                block[row.DISTURBANCE * LANES + k],
-                stored_motor(scratch, row.PORT_MOTOR, k),
-                stored_motor(scratch, row.STARBOARD_MOTOR, k),
-                time,
-            )
-            block[row.SPEED * LANES + k] = motion.speed
-            block[row.PORT_SHAFT_SPEED * LANES + k] = motion.port_shaft_speed
-            block[row.STARBOARD_SHAFT_SPEED * LANES + k] = motion.starboard_shaft_speed
-            block[row.PORT_ANGLE * LANES + k] = motion.port_angle
-            block[row.STARBOARD_ANGLE * LANES + k] = motion.starboard_angle
+            block[row.MOVING[r] * LANES + k] = scratch[(row.MOTION + r) * LANES + k]
 
 
 @scalar

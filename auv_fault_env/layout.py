@@ -60,17 +60,31 @@ STARBOARD_TEMPERATURE = SURROUNDINGS + 6
 # of motors as cold as the water: resistance, then torque constant
 PORT_COLD = SURROUNDINGS + 7
 STARBOARD_COLD = SURROUNDINGS + 9
+# by parameter the row of its value in cold motors, 0 for other parameters
+COLD_ROW = np.zeros(N_PARAMETERS, np.int64)
+for first, cold in ((PORT_SHAFT, PORT_COLD), (STARBOARD_SHAFT, STARBOARD_COLD)):
+    COLD_ROW[first - PARAMETER + RESISTANCE] = cold
+    COLD_ROW[first - PARAMETER + TORQUE_CONSTANT] = cold + 1
 # the last signals of each sensor, in a circle
 HISTORY = SURROUNDINGS + 11
 N_HISTORY = LONGEST_LATENCY + 1
 N_ROWS = HISTORY + N_READINGS * N_HISTORY
 
-# Scratch rows of one call: coefficients of both motors, drag of the hull, ten normals, the signals
-# that the sensors convert, the sine of a ripple.
-PORT_MOTOR = 0
-STARBOARD_MOTOR = 5
-DRAG = 10
-NORMAL = 11
+# rows of a `Motion`
+MOVING = (SPEED, PORT_SHAFT_SPEED, STARBOARD_SHAFT_SPEED, PORT_ANGLE, STARBOARD_ANGLE)
+
+# Scratch rows of one call. Of `integration`: the motion at the start of the sample, both motors,
+# drag of the hull, disturbance, the motion at the end, and its misfit. Then: ten normals, the
+# signals that the sensors convert, the sine of a ripple.
+START = 0
+PORT_MOTOR = START + len(MOVING)
+STARBOARD_MOTOR = PORT_MOTOR + 5
+DRAG = STARBOARD_MOTOR + 5
+PUSH = DRAG + 1
+MOTION = PUSH + 1
+MISFIT = MOTION + len(MOVING)
+N_INTEGRATION = MISFIT + 1
+NORMAL = N_INTEGRATION
 DISTURBANCE_NORMAL = NORMAL + N_READINGS
 SIGNAL_VALUE = DISTURBANCE_NORMAL + 2
 RIPPLE = SIGNAL_VALUE + N_READINGS
@@ -112,5 +126,6 @@ class Catalogue(NamedTuple):
 
     scale: np.ndarray  # (n_faults, N_PARAMETERS), factors
     offset: np.ndarray  # (n_faults, N_PARAMETERS), shifts
+    changed: np.ndarray  # (n_faults, n), parameters that the fault changes, then -1
     low: np.ndarray  # (N_PARAMETERS,), physical limits
     high: np.ndarray  # (N_PARAMETERS,)

@@ -17,29 +17,15 @@ from typing import NamedTuple
 
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
-from auv_fault_env.compiling import kernel, scalar
+from auv_fault_env.compiling import scalar
 from auv_fault_env.parameters import ENERGY_WEIGHT, SAMPLE_TIME, SHAFT, Vehicle
 
 RPM = 30.0 / math.pi  # rpm per rad/s
 GRAVITY = 9.80665  # m/s^2
 LEAST_SUPPLY = 0.5  # share of its voltage that an empty battery still gives
 
-# Graded substeps: short while the shaft answers a new voltage, long once it has settled. Samples
-# stay within 1e-6 of DOP853 at 1e-11 (tests/auv_fault_env/test_physics.py).
-SUBSTEPS = 8
-GRADING = 1.75
-SUBSTEP = tuple(
-    SAMPLE_TIME * (((k + 1) / SUBSTEPS) ** GRADING - (k / SUBSTEPS) ** GRADING)
-    for k in range(SUBSTEPS)
-)
-# Lobatto points and weights on [0, 1], order 6
-NODE_1 = 0.5 - 0.1 * math.sqrt(5.0)
-NODE_2 = 0.5 + 0.1 * math.sqrt(5.0)
-END_WEIGHT = 1.0 / 12.0
-INNER_WEIGHT = 5.0 / 12.0
 # where tan(y)/y leaves its first branch: the shaft has stopped on the way
 POLE = -(math.pi**2)
-THIRD = 1.0 / 3.0
 
 
 class PlantConstants(NamedTuple):
@@ -131,16 +117,6 @@ class Motor(NamedTuple):
     coupling: float
     load: float
     thrust: float
-
-
-class Motion(NamedTuple):
-    """Surge speed [m/s], shaft speeds [rad/s] and the angles [rad] that the shafts have turned."""
-
-    speed: float
-    port_shaft_speed: float
-    starboard_shaft_speed: float
-    port_angle: float
-    starboard_angle: float
 
 
 @scalar
@@ -256,89 +232,6 @@ def shaft_speed_after(start, side, mean_speed, slope, time):
     below = p + x * q + time * ((0.5 * damping + load) * p - tilt * load)
     stopped = below <= 0.0 or x < POLE
     return 0.0 if stopped else max(start + change / below, 0.0)
-
-
-@scalar
-def shafts_and_acceleration(
-    motion, start, jerk, bend, twist, drag, disturbance, port, starboard, time
-):
-    """Shaft speeds, acceleration and its remainder at `time` [s] within a substep.
-
-    The surge speed follows u' = start + jerk t + bend t^2 + twist t^3.
-    """
-    speed = motion.speed + time * (
-        start + time * (0.5 * jerk + time * (THIRD * bend + time * (0.25 * twist)))
-    )
-    inner = 0.5 * THIRD * jerk + time * (0.25 * THIRD * bend + time * (0.05 * twist))
-    mean = motion.speed + time * (0.5 * start + time * inner)
-    slope = start + time * (0.5 * jerk + time * (0.3 * bend + time * (0.2 * twist)))
-    port_shaft_speed = shaft_speed_after(motion.port_shaft_speed, port, mean, slope, time)
-    starboard_shaft_speed = shaft_speed_after(
-        motion.starboard_shaft_speed, starboard, mean, slope, time
-    )
-    acceleration = surge_acceleration(
-        speed,
-        port_shaft_speed,
-        starboard_shaft_speed,
-        drag,
-        disturbance,
-        port,
-        starboard,
-    )
-    remainder = (acceleration - start - jerk * time) * (1.0 / (time * time))
-    return port_shaft_speed, starboard_shaft_speed, acceleration, remainder
-
-
-@scalar
-def substep(motion, drag, disturbance, port, starboard, time):
-    """The motion after `time` [s]: closed-form shafts at Lobatto points, quadrature of order 6."""
-    u = motion.speed
-    port_0 = motion.port_shaft_speed
-    starboard_0 = motion.starboard_shaft_speed
-    first = surge_acceleration(u, port_0, starboard_0, drag, disturbance, port, starboard)
-    jerk = 2.0 * drag * abs(u) * first
-    jerk += 2.0 * port.thrust * port_0 * shaft_acceleration(port_0, u, port)
-    jerk += 2.0 * starboard.thrust * starboard_0 * shaft_acceleration(starboard_0, u, starboard)
-    t_1 = NODE_1 * time
-    t_2 = NODE_2 * time
-    port_1, starboard_1, second, bend_1 = shafts_and_acceleration(
-        motion, first, jerk, 0.0, 0.0, drag, disturbance, port, starboard, t_1
-    )
-    port_2, starboard_2, third, bend_2 = shafts_and_acceleration(
-        motion, first, jerk, bend_1, 0.0, drag, disturbance, port, starboard, t_2
-    )
-    twist = (bend_2 - bend_1) * (1.0 / (t_2 - t_1))
-    port_3, starboard_3, last, _ = shafts_and_acceleration(
-        motion,
-        first,
-        jerk,
-        bend_1 - twist * t_1,
-        twist,
-        drag,
-        disturbance,
-        port,
-        starboard,
-        time,
-    )
-    end = END_WEIGHT * time
-    inner = INNER_WEIGHT * time
-    speed_ahead = u + end * (first + last) + inner * (second + third)
-    port_angle = motion.port_angle + end * (port_0 + port_3) + inner * (port_1 + port_2)
-    starboard_angle = motion.starboard_angle + end * (starboard_0 + starboard_3)
-    starboard_angle += inner * (starboard_1 + starboard_2)
-    return Motion(speed_ahead, port_3, starboard_3, port_angle, starboard_angle)
-
-
-@kernel
-def advance(motion, drag, disturbance, port, starboard):
-    """The `Motion` one sample later, under a constant disturbance [m/s^2] and two `Motor` s.
-
-    drag is alpha + gamma delta^2 [1/m]. Within 1e-6 of the exact solution for the presets under
-    every fault; a shaft of a tenth of the inertia costs accuracy, not stability.
-    """
-    for k in range(SUBSTEPS):
-        motion = substep(motion, drag, disturbance, port, starboard, SUBSTEP[k])
-    return motion
 
 
 @scalar

@@ -66,18 +66,19 @@ def change_water(block, width, key, step, world, starts):
 @scalar
 def warm_motor(block, k, world, share, shaft, state, temperature_row, cold):
     """Warm one of lane k's motors by the loss of the last sample."""
-    resistance = (shaft + row.RESISTANCE) * LANES + k
+    cold_resistance = block[cold * LANES + k]
     temperature = physics.winding_temperature(
         block[temperature_row * LANES + k],
         block[(state + row.CURRENT) * LANES + k],
-        block[resistance],
+        cold_resistance * (1.0 + world.copper * block[temperature_row * LANES + k]),
         world.thermal_resistance,
         share,
     )
     temperature = min(temperature, world.hottest)
     block[temperature_row * LANES + k] = temperature
+    resistance = (shaft + row.RESISTANCE) * LANES + k
+    block[resistance] = cold_resistance * (1.0 + world.copper * temperature)
     torque_constant = (shaft + row.TORQUE_CONSTANT) * LANES + k
-    block[resistance] = block[cold * LANES + k] * (1.0 + world.copper * temperature)
     cold_torque_constant = block[(cold + 1) * LANES + k]
     block[torque_constant] = cold_torque_constant * (1.0 + world.magnets * temperature)
 

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from auv_fault_env import layout
+from auv_fault_env.compiling import kernel
 from auv_fault_env.errors import known_name, refusal
 from auv_fault_env.faults import classes
 from auv_fault_env.fleet import Fleet
@@ -109,12 +110,19 @@ def worst_class(plan: Severities, class_of_fault: np.ndarray) -> np.ndarray:
 
     Of equally severe faults the first of the schedule counts.
     """
-    true_class = np.zeros(len(plan.fault), np.int64)
-    largest = np.zeros(len(plan.fault))
-    for fault, severity in zip(plan.fault.T, plan.severity.T, strict=True):
-        is_worse = severity > largest
-        true_class = np.where(is_worse, class_of_fault[fault], true_class)
-        largest = np.where(is_worse, severity, largest)
+    return worst_classes(plan.fault, plan.severity, class_of_fault)
+
+
+@kernel
+def worst_classes(fault, severity, class_of_fault):
+    """As `worst_class`, of the arrays of a plan."""
+    true_class = np.zeros(len(fault), np.int64)
+    for lane in range(len(fault)):
+        largest = 0.0
+        for e in range(fault.shape[1]):
+            if severity[lane, e] > largest:
+                largest = severity[lane, e]
+                true_class[lane] = class_of_fault[fault[lane, e]]
     return true_class
 
 

@@ -19,10 +19,17 @@ PACKAGE = Path(compiling.__file__).parent
 ROOTS = (PACKAGE, *(PACKAGE.parent / name for name in ("diagnosers", "training")))
 MODULES = [path for root in ROOTS for path in sorted(root.rglob("*.py"))]
 SCRIPT = """
-from auv_fault_env.physics import Motion, Motor, advance
+import numpy as np
+from auv_fault_env import layout
+from auv_fault_env.integration import advance_motions
 from mine.loop import total
-side = Motor(1000.0, 50.0, 6.0, 0.2, 5e-6)
-print(repr(tuple(advance(Motion(0.3, 20.0, 0.0, 0.0, 0.0), -0.08, 0.0, side, side))))
+scratch = np.zeros((layout.N_INTEGRATION, layout.LANES))
+scratch[: layout.START + 2, 0] = 0.3, 20.0
+for motor in layout.PORT_MOTOR, layout.STARBOARD_MOTOR:
+    scratch[motor : motor + 5, 0] = 1000.0, 50.0, 6.0, 0.2, 5e-6
+scratch[layout.DRAG, 0] = -0.08
+advance_motions(scratch.ravel(), 1)
+print(scratch[layout.MOTION : layout.MISFIT, 0].tolist())
 print(total(3))
 """
 MINE = {  # another package, of whose files only the first is watched by numba itself
@@ -103,7 +110,7 @@ def test_cache_is_used_until_a_compiled_file_is_edited(project):
     assert files
     assert run(project) == first and cached(project) == files
     edit(package / "physics.py", "RPM = 30.0 / math.pi", "RPM = 20.0 / math.pi")
-    # compiled anew; `advance` itself does not use RPM
+    # compiled anew; `advance_motions` itself does not use RPM
     assert run(project) == first and cached(project) > files
     edit(package / "parameters.py", "SAMPLE_RATE = 10.0", "SAMPLE_RATE = 20.0")
     assert run(project)[0] != first[0]

@@ -7,9 +7,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from auv_fault_env import CATALOGUE, FaultEvent, from_json, load_schedule, to_json
+from auv_fault_env import CATALOGUE, FaultEvent, Fleet, from_json, load_schedule, to_json
 from auv_fault_env.env import PropulsionEnv
-from auv_fault_env.schedules import schedule_of
+from auv_fault_env.episodes import UPDATE_NOW, severities_over_time
+from auv_fault_env.schedules import Events, schedule_of
 
 DRAG = "increased_drag"
 
@@ -128,6 +129,49 @@ def test_severity_of_a_class_is_the_largest_of_its_kinds():
         event("sensor_bias:speed", 0.0, 0.3), event("sensor_scale:speed", 0.0, 0.7), steps=1
     )[0]
     assert got["severity"]["sensor:speed"] == 0.7 and sum(got["severity"].values()) == 0.7
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_severities_change_at_every_step_at_which_their_profiles_do(seed):
+    """The fleet computes severities at the steps alone that it has foreseen."""
+    n_lanes = 300
+    rng = np.random.default_rng(seed)
+    tenths = rng.integers(0, 2, n_lanes).astype(bool)
+    period = rng.choice([0.05, 0.1, 0.3, 0.7, 2.3], n_lanes)
+    profile = np.stack(
+        [
+            np.where(tenths, rng.integers(0, 50, n_lanes) / 10, rng.uniform(0.0, 5.0, n_lanes)),
+            rng.uniform(0.1, 1.0, n_lanes),
+            rng.choice([0.0, 0.0, 0.7, 1.03], n_lanes),
+            rng.choice([np.inf, 6.0, 7.77], n_lanes),
+            np.where(rng.random(n_lanes) < 0.7, period, 0.0),
+            rng.choice([0.0, 0.1, 0.3, 1 / 3, 0.5, 0.99, 1.0], n_lanes),
+        ],
+        axis=-1,
+    )[:, None]
+    fleet = Fleet(n_lanes)
+    events = Events(np.zeros((n_lanes, 1), np.int64), profile)
+    fleet.reset(range(n_lanes), schedules=events)
+    expected = severities_over_time(np.arange(100) / 10, profile)
+    updates = 0
+    for step in range(100):
+        updates += int((fleet.state.step >= fleet.state.next_update).sum())
+        fleet.step(np.zeros((n_lanes, 3)))
+        np.testing.assert_allclose(fleet.plan.severity[:, 0], expected[step], atol=1e-15)
+    assert updates < 0.5 * 100 * n_lanes
+
+
+def test_parameters_are_those_of_a_fleet_that_computes_all_of_them_at_every_step():
+    kept = Fleet(64, realism=1.0)
+    renewed = Fleet(64, realism=1.0)
+    action = np.full((64, 3), 0.2)
+    for fleet in (kept, renewed):
+        fleet.reset(range(64))
+    for _ in range(400):
+        renewed.state.next_update[:] = UPDATE_NOW
+        renewed._n_due = 64
+        assert kept.step(action).tobytes() == renewed.step(action).tobytes()
+    np.testing.assert_array_equal(kept.state.memory, renewed.state.memory)
 
 
 def test_more_events_than_the_sampler_draws():
