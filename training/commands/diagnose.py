@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from auv_fault_env.channels import CHANNELS, INDEX
 from auv_fault_env.errors import InputError, refusal
 from auv_fault_env.printable import printable
 from diagnosers.residuals import Residuals
@@ -33,7 +34,8 @@ from training.field.diagnosis.page import POOR_FIT, REPAIRS, VERDICTS, Setting, 
 from training.field.diagnosis.stream import close_quietly, follow
 from training.field.logs.files import first_bytes
 from training.field.logs.log import Log, read_log
-from training.field.vehicle_file import VehicleFile, read_vehicle
+from training.field.logs.plausible import other_unit
+from training.field.vehicle_file import VehicleFile, read_vehicle, unit_of
 from training.metrics import running_maximum
 from training.report.cells import distinct_names
 from training.report.page import print_tables, write_report
@@ -65,7 +67,7 @@ def main(arguments: Diagnose) -> int:
         shown = " ".join(map(str, arguments.logs))
         raise refusal("logs", shown, "none with --follow, which reads standard input", remedy)
     require_one_of(arguments.logs)
-    healthy_logs = [read_log(path, vehicle) for path in arguments.healthy]
+    healthy_logs = [read_checked(path, vehicle) for path in arguments.healthy]
     if arguments.diagnoser == Residuals.name:
         vehicle = replace(vehicle, relations=with_healthy_logs(vehicle.relations, healthy_logs))
         healthy_logs = []
@@ -95,6 +97,26 @@ def require_one_of(paths: Sequence[Path]) -> None:
             errors.append(str(error))
     if errors and len(errors) == len(paths):
         raise InputError("; ".join(errors))
+
+
+def read_checked(path: Path, vehicle: VehicleFile) -> Log:
+    """A log to be diagnosed: refused if a channel is almost surely in another unit.
+
+    Its verdict would be confident and wrong.
+    """
+    log = read_log(path, vehicle)
+    values = {channel: log.observation[:, INDEX[channel]] for channel in vehicle.columns}
+    found = other_unit(values, vehicle)
+    if found is not None:
+        channel, unit = found
+        now = unit_of(vehicle.columns[channel], CHANNELS[channel].unit)
+        raise refusal(
+            f"unit of {channel} in {log.name}",
+            now,
+            f"{unit}, with which speed, voltages and shaft speeds agree throughout the log",
+            f'write unit = "{unit}" in [channels.{channel}] for this log',
+        )
+    return log
 
 
 def follow_input(
@@ -190,7 +212,7 @@ def diagnosed(paths: Sequence[Path], setting: Setting, limits: Limits) -> Iterat
     """Every log with its verdict."""
     for path in paths:
         try:
-            log = read_log(path, setting.vehicle)
+            log = read_checked(path, setting.vehicle)
         except InputError as error:
             yield DiagnosedLog(Verdict(printable(str(path)), UNUSABLE, remarks=(str(error),)))
         else:

@@ -84,6 +84,11 @@ def _origin_of_nonce(row: Row) -> str:
     return f"`{shown}`"
 
 
+def _broken(line: str) -> str:
+    """A command in two lines, which the width of a page holds."""
+    return line.replace(" --suite ", " \\\n        --suite ", 1)
+
+
 def _section(recipe: Recipe, rows: Mapping[Path, Row], folder: Path) -> str:
     ascending = sorted(rows.items(), key=lambda item: item[1].figures["isolation"].value)
     figures = [
@@ -105,7 +110,7 @@ def _section(recipe: Recipe, rows: Mapping[Path, Row], folder: Path) -> str:
     headings = ["diagnoser", *(heading for heading, _ in COLUMNS.values())]
     of_origin = ["diagnoser", "submission", "nonce", "first seed", "update, median [µs]"]
     of_origin += ["scored by version, code", "row"]
-    commands = "".join(f"    {command(row)}\n" for _, row in ascending)
+    commands = "".join(f"    {_broken(command(row))}\n" for _, row in ascending)
     return (
         f"\n### Recipe {recipe.about}\n\n"
         f"{markdown_table(headings, figures)}\n\n"

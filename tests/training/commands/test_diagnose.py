@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from auv_fault_env.channels import INDEX
@@ -169,6 +170,47 @@ def test_the_vehicle_file_chooses_the_diagnoser_and_the_option_overrides_it(
     run(related, tmp_path / "limits", "healthy", diagnoser="limits")
     assert "--diagnoser limits" in (tmp_path / "limits" / "results.json").read_text()
     assert "lasting changes" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("channels", "factor", "place"),
+    [
+        (("speed",), 3600 / 1852, r"unit of speed in other\.csv: got 'm/s'; allowed is kn, "),
+        (
+            ("port_rpm",),
+            np.pi / 30,
+            r"unit of port_rpm in other\.csv: got 'rpm'; allowed is rad/s, ",
+        ),
+    ],
+    ids=["knots", "rad/s"],
+)
+def test_a_log_that_is_surely_in_another_unit_gets_no_verdict(
+    related, tmp_path, channels, factor, place
+):
+    other = np.genfromtxt(related / "healthy.csv", delimiter=",", skip_header=1)[:, 1:]
+    other[:, [INDEX[name] for name in channels]] *= factor
+    write_log(tmp_path / "other.csv", other)
+    settings = Diagnose(
+        vehicle=related / "v.toml", logs=(tmp_path / "other.csv",), output=tmp_path / "out"
+    )
+    with pytest.raises(InputError, match=place + "with which .*; write unit = "):
+        diagnose.main(settings)
+    with pytest.raises(InputError, match=place):
+        healthy = (tmp_path / "other.csv",)
+        run(related, tmp_path / "out", "healthy", healthy=healthy)
+    # beside a log that can be used it is one that cannot
+    logs = (related / "healthy.csv", tmp_path / "other.csv")
+    assert diagnose.main(replace(settings, logs=logs)) == 2
+
+
+def test_a_speed_that_goes_wrong_by_the_factor_of_a_unit_is_a_fault(related, tmp_path):
+    broken = np.genfromtxt(related / "healthy.csv", delimiter=",", skip_header=1)[:, 1:]
+    broken[1200:, INDEX["speed"]] *= 1852 / 3600
+    write_log(tmp_path / "broken.csv", broken)
+    settings = Diagnose(
+        vehicle=related / "v.toml", logs=(tmp_path / "broken.csv",), output=tmp_path / "out"
+    )
+    assert diagnose.main(settings) == 3
 
 
 def test_a_stream_has_the_diagnoser_of_the_vehicle_file(related, monkeypatch, capsys):

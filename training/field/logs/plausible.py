@@ -31,6 +31,9 @@ OF_PRESET = Disagreement(3.0, 2.0)
 # a metre per second is 1.9 knots; twice the drag, or one lost propeller of two, is a factor of 1.4;
 # where the only propeller is lost, the remark is a false one
 OF_CALIBRATED = Disagreement(1.6, 1.2)
+SURELY = 1.08  # of the speed; knots for km/h would be 1.85, feet per second 1.1 times as much
+PARTS = 4  # of a log, which have to agree on a unit
+AGREES = (("", ""),)  # in place of a channel and unit
 
 
 def largest_magnitudes(vehicle: Vehicle) -> dict[str, float]:
@@ -163,20 +166,70 @@ def _remark_disagreement(
     disagreement = OF_PRESET if vehicle.relations is None else OF_CALIBRATED
     for side in SIDES:
         rpm = f"{side}_rpm"
-        per_rpm = {
-            "speed": _speed_per_rpm(vehicle.vehicle),
-            f"{side}_voltage": vehicle.vehicle.torque_constant / RPM,
-        }
-        ratios = {}
-        for channel, scale in per_rpm.items():
-            ratio = _typical_ratio(values.get(channel), values.get(rpm), scale)
-            if ratio:
-                ratios[channel] = ratio
-        explanation = _explanation(ratios, rpm, values, vehicle, disagreement.explained)
+        ratios = _ratios(side, values, vehicle)
+        explained = disagreement.explained
+        units = _explanations(ratios, rpm, values, vehicle, explained, explained)
+        explanation = ""
+        if len(units) == 1:
+            changed, unit = units[0]
+            name = "shaft speed" if changed == rpm else changed
+            explanation = f", as if with {name} in {unit}"
         for channel, ratio in ratios.items():
             if not 1 / disagreement.least < ratio < disagreement.least:
                 remark = f"{channel} is {ratio:.3g} times what {rpm} gives with these constants"
                 remarks.append(f"{remark}{explanation}; are the units right?")
+
+
+def other_unit(values: Mapping[str, np.ndarray], vehicle: VehicleFile) -> tuple[str, str] | None:
+    """A channel and its unit, if it is almost surely in that unit and not in the file's.
+
+    The vehicle is calibrated, and in every part of the log in which a shaft turns that unit, and no
+    other, brings the speed within the factor `SURELY` of what the shaft speed gives, and voltages,
+    which fall across the resistance too, within that of a remark. A fault begins at some time, and
+    its factor is that of no unit. `values` are by channel, (n_rows,).
+    """
+    if vehicle.relations is None:
+        return None
+    found = set()
+    n_rows = len(next(iter(values.values())))
+    for side in SIDES:
+        of_side = set()
+        for k in range(PARTS):
+            rows = slice(k * n_rows // PARTS, (k + 1) * n_rows // PARTS)
+            part = {channel: column[rows] for channel, column in values.items()}
+            ratios = _ratios(side, part, vehicle)
+            if ratios:
+                of_side.add(_explained(ratios, f"{side}_rpm", part, vehicle))
+        if of_side != {AGREES}:
+            found |= of_side
+    if len(found) != 1:
+        return None
+    units = found.pop()
+    return units[0] if len(units) == 1 else None
+
+
+def _explained(
+    ratios: Mapping[str, float], rpm: str, values: Mapping[str, np.ndarray], vehicle: VehicleFile
+) -> tuple[tuple[str, str], ...]:
+    """The changes of a unit that surely explain the ratios; `AGREES` where there is nothing to."""
+    least = OF_CALIBRATED.least
+    if all(1 / least < ratio < least for ratio in ratios.values()):
+        return AGREES
+    return tuple(_explanations(ratios, rpm, values, vehicle, least, SURELY))
+
+
+def _ratios(side: str, values: Mapping[str, np.ndarray], vehicle: VehicleFile) -> dict[str, float]:
+    """Typical ratios of speed and voltage to what the shaft speed of a side gives."""
+    per_rpm = {
+        "speed": _speed_per_rpm(vehicle.vehicle),
+        f"{side}_voltage": vehicle.vehicle.torque_constant / RPM,
+    }
+    ratios = {}
+    for channel, scale in per_rpm.items():
+        ratio = _typical_ratio(values.get(channel), values.get(f"{side}_rpm"), scale)
+        if ratio:
+            ratios[channel] = ratio
+    return ratios
 
 
 def _remark_turned_sign(values: Mapping[str, np.ndarray], remarks: list[str]) -> None:
@@ -210,16 +263,20 @@ def _is_turning(rpm: np.ndarray) -> np.ndarray:
     return is_known & (abs(rpm) > TURNING * fastest)
 
 
-def _explanation(
+def _explanations(
     ratios: Mapping[str, float],
     rpm: str,
     values: Mapping[str, np.ndarray],
     vehicle: VehicleFile,
     explained: float,
-) -> str:
-    """The unit of one channel with which all agree and are within reach, if it is the only one."""
+    of_speed: float,
+) -> list[tuple[str, str]]:
+    """Each channel and unit with which all agree and are within reach.
+
+    Voltages agree within the factor `explained`, the speed within `of_speed`.
+    """
     if not ratios:
-        return ""
+        return []
     reach = _reach(vehicle.vehicle)
     is_turning = _is_turning(values[rpm])
     shares = {
@@ -233,13 +290,17 @@ def _explanation(
         for unit in UNITS[kind]:
             factor = UNITS[kind][unit] / UNITS[kind][now]
             new_shares = shares | {changed: shares[changed] * factor}
-            new_ratios = (
-                ratio / factor if changed == rpm else ratio * factor if changed == one else ratio
+            limits = {one: of_speed if one == "speed" else explained for one in ratios}
+            new_ratios = {
+                one: ratio / factor
+                if changed == rpm
+                else ratio * factor
+                if changed == one
+                else ratio
                 for one, ratio in ratios.items()
-            )
-            agrees = all(1 / explained < ratio < explained for ratio in new_ratios)
+            }
+            agrees = all(1 / limits[one] < ratio < limits[one] for one, ratio in new_ratios.items())
             is_likely = all(LEAST_SHARE < share < 1.0 for share in new_shares.values())
             if unit != now and agrees and is_likely:
-                name = "shaft speed" if changed == rpm else changed
-                explanations.append(f", as if with {name} in {unit}")
-    return explanations[0] if len(explanations) == 1 else ""
+                explanations.append((changed, unit))
+    return explanations
