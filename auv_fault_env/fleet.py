@@ -359,24 +359,26 @@ class Fleet:
         if self._n_due:
             episodes.update_due_lanes(self.state, self.plan, self.catalogue)
             self.changes += 1
+        if actions.shape[1] == len(ACTIONS):
+            return self._advance_blocks(actions)
+        commands = actions[:, : len(ACTIONS)].copy()
+        with self._shifted_thrust(commands, actions[:, -1]):
+            return self._advance_blocks(commands)
+
+    def _advance_blocks(self, commands: np.ndarray) -> np.ndarray:
         observations = np.empty((self.n_lanes, len(CHANNELS)), np.float32)
         self.outcomes = np.empty((4, self.n_lanes))
-        # a copy, to which the rudder may be added
-        commands = actions[:, : len(ACTIONS)].copy()
-        arrays = (
-            *self.state,
-            commands,
-            self.limits,
-            self.constants,
-            self.effects,
-            observations,
-            self.outcomes,
+        self._n_due = self._step_blocks(
+            (
+                *self.state,
+                commands,
+                self.limits,
+                self.constants,
+                self.effects,
+                observations,
+                self.outcomes,
+            )
         )
-        if actions.shape[1] == len(ACTIONS):
-            self._n_due = self._step_blocks(arrays)
-        else:
-            with self._shifted_thrust(commands, actions[:, -1]):
-                self._n_due = self._step_blocks(arrays)
         return observations
 
     @contextmanager
@@ -474,7 +476,7 @@ def actions_of(vehicle: Vehicle, thrust_shift: bool) -> tuple[str, ...]:
 
 
 def checked_actions(actions, shape: tuple[int, ...], names: Sequence[str] = ACTIONS) -> np.ndarray:
-    """The actions as contiguous float64 if they are finite and of that shape, else a refusal.
+    """The actions as a new array of float64 if they are finite and of that shape, else a refusal.
 
     `names` are those of the elements along the last axis.
     """
@@ -482,7 +484,7 @@ def checked_actions(actions, shape: tuple[int, ...], names: Sequence[str] = ACTI
     if getattr(getattr(actions, "dtype", None), "kind", "") in ("c", "m", "M"):
         raise refusal("action", actions, f"real numbers of shape {shape}", _give(names))
     try:
-        actions = np.ascontiguousarray(actions, np.float64)
+        actions = np.array(actions, np.float64, order="C")
     except OverflowError:
         allowed = f"finite numbers of shape {shape}"
         raise refusal("action", "a number beyond 1.8e308", allowed, "check the policy") from None

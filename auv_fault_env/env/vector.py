@@ -21,7 +21,7 @@ from auv_fault_env.env.rewards import RewardWeights, rewards
 from auv_fault_env.errors import known_name
 from auv_fault_env.fleet import Fleet, checked_actions
 from auv_fault_env.missions import Mission, MissionDistribution
-from auv_fault_env.parameters import SAMPLE_RATE, SAMPLE_TIME, Vehicle
+from auv_fault_env.parameters import SAMPLE_TIME, Vehicle
 from auv_fault_env.schedules import Schedule, ScheduleDistribution
 from auv_fault_env.truth import fleet_truth, known_level
 
@@ -109,7 +109,7 @@ class PropulsionVectorEnv(AutoresetVectorEnv):
         actions = checked_actions(actions, self.action_space.shape)
         self._observations = self.fleet.advance(commands(self._action_kind, self.fleet, actions))
         terminated = np.zeros(self.num_envs, bool)
-        truncated = self.fleet.time * SAMPLE_RATE >= self.max_episode_steps
+        truncated = self.fleet.state.step >= self.max_episode_steps
         return rewards(self._weights, self.fleet), terminated, truncated
 
     def _observe(self) -> np.ndarray:
