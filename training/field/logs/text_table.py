@@ -74,11 +74,13 @@ def _cells_by_column(
         skipped.append(row.text)
         return "skip"
 
+    # a thread that still lets go of `skip` when the interpreter ends would abort the process
+    is_long = len(content) > BLOCK
     parse_options = pyarrow.csv.ParseOptions(delimiter=separator, invalid_row_handler=skip)
     try:
         table = pyarrow.csv.read_csv(
             pa.BufferReader(pa.py_buffer(content)),
-            pyarrow.csv.ReadOptions(column_names=names, block_size=BLOCK),
+            pyarrow.csv.ReadOptions(column_names=names, block_size=BLOCK, use_threads=is_long),
             parse_options,
             pyarrow.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string())),
         )
