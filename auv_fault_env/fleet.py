@@ -1,7 +1,6 @@
 """A fleet: many vehicles as arrays, stepped together."""
 
 import itertools
-import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -10,32 +9,30 @@ from contextlib import contextmanager
 import numpy as np
 
 from auv_fault_env import episodes, lanes, layout, sensors
-from auv_fault_env.channels import CHANNELS, COMMANDS, READINGS
+from auv_fault_env.actions import ACTIONS, WITH_SHIFT, actions_of, checked_actions
+from auv_fault_env.channels import CHANNELS
 from auv_fault_env.compiling import n_threads
 from auv_fault_env.errors import (
     finite_in_range,
-    known_name,
     one_per_lane,
     refusal,
     whole_number,
 )
 from auv_fault_env.faults import Fault, classes, matrices
+from auv_fault_env.healthy import HealthyVehicles
 from auv_fault_env.missions import Mission, MissionDistribution, MissionSampler, legs_of, mission_of
 from auv_fault_env.noise import STREAMS, episode_keys, uniforms
 from auv_fault_env.parameters import (
-    HULL,
     PARAMETERS,
     SAMPLE_RATE,
-    SHAFT,
     SIDES,
     Vehicle,
     channels_of,
     full_scale_factors,
-    nominal,
     vehicle_of,
 )
 from auv_fault_env.physics import plant_constants
-from auv_fault_env.realism import healthy_spread, kernel_values, known_effects
+from auv_fault_env.realism import kernel_values, known_effects
 from auv_fault_env.schedules import (
     Events,
     Schedule,
@@ -50,7 +47,6 @@ from auv_fault_env.schedules import (
 from auv_fault_env.thrust_shift import (
     LARGEST_SHIFT,
     RUDDER_PER_SHIFT,
-    THRUST_SHIFT,
     lower_integrals,
     raise_integrals,
 )
@@ -58,8 +54,6 @@ from auv_fault_env.unmodelled import plant_faults
 
 # columns of the parameters that only the kernel with imperfections reads
 SIGNAL_PARAMETERS = slice(layout.SIGNALS - layout.PARAMETER, None)
-ACTIONS = COMMANDS[1:]
-WITH_SHIFT = (*ACTIONS, THRUST_SHIFT)
 PARALLEL_LANES = 512  # below, waking the threads costs more than they save
 
 
@@ -144,10 +138,15 @@ class Fleet:
         self._block_ranges = _block_ranges(n_blocks, parallel)
         self._threads: ThreadPoolExecutor | None = None
         self._process = 0
-        parameters = nominal(self.vehicle, sensor_noise) | _noise_of(noise or {}, sensor_noise)
-        self._nominal = np.array(list(parameters.values()))
-        self._band = healthy_band * _bands(band or {})
-        self._shift, self._latency = healthy_spread(realism, effects)
+        self._healthy = HealthyVehicles(
+            self.vehicle,
+            sensor_noise,
+            healthy_band,
+            band or {},
+            noise or {},
+            realism,
+            effects,
+        )
         self._realism = kernel_values(realism, effects, full_scale_factors(self.vehicle))
         self._always_real = realism > 0.0 and bool(effects)
         self.effects = None
@@ -179,7 +178,7 @@ class Fleet:
         )
         events = no_events(n, 0)
         self.plan = layout.EpisodePlan(
-            healthy=np.tile(self._nominal, (n, 1)),
+            healthy=np.tile(self._healthy.nominal, (n, 1)),
             fault=events.fault,
             profile=events.profile,
             severity=np.zeros((n, 0)),
@@ -221,7 +220,7 @@ class Fleet:
         events, legs = self._possible_plan(schedules, missions, indices.size)
         key = self._next_episode(indices, seeds)
         place = 2.0 * uniforms(key, STREAMS["healthy_parameters"], len(PARAMETERS)) - 1.0
-        self.plan.healthy[indices] = self._drawn(place)
+        self.plan.healthy[indices] = self._healthy.at(place)
         if events is None:
             events = self.schedules.sample_events(key, self.vehicle)
         self._set_events(indices, events)
@@ -235,11 +234,6 @@ class Fleet:
         episodes.start_episodes(self.state, indices, speeds, *shared, *results)
         self.changes += 1
         return observations
-
-    def _drawn(self, place: np.ndarray) -> np.ndarray:
-        """Healthy parameters from uniform numbers in (-1, 1), both (m, n_parameters)."""
-        late = np.floor(0.5 * (1.0 + place) * (self._latency + 1.0))
-        return self._nominal * (1.0 + self._band * place) + self._shift * place + late
 
     def _possible_plan(
         self,
@@ -467,48 +461,6 @@ class Fleet:
         return self.state.step / SAMPLE_RATE
 
 
-def actions_of(vehicle: Vehicle, thrust_shift: bool) -> tuple[str, ...]:
-    """Names of the actions; those of a vehicle with one shaft have no shift of thrust."""
-    if thrust_shift and vehicle.sides != SIDES:
-        allowed = f"the actions {', '.join(ACTIONS)}, as {vehicle.name} has one shaft"
-        raise refusal("action", THRUST_SHIFT, allowed, "leave it out")
-    return WITH_SHIFT if thrust_shift else ACTIONS
-
-
-def checked_actions(actions, shape: tuple[int, ...], names: Sequence[str] = ACTIONS) -> np.ndarray:
-    """The actions as a new array of float64 if they are finite and of that shape, else a refusal.
-
-    `names` are those of the elements along the last axis.
-    """
-    # NumPy would drop the imaginary part, and count the seconds of a date
-    if getattr(getattr(actions, "dtype", None), "kind", "") in ("c", "m", "M"):
-        raise refusal("action", actions, f"real numbers of shape {shape}", _give(names))
-    try:
-        actions = np.array(actions, np.float64, order="C")
-    except OverflowError:
-        allowed = f"finite numbers of shape {shape}"
-        raise refusal("action", "a number beyond 1.8e308", allowed, "check the policy") from None
-    # whatever an object raises that is to be numbers
-    except Exception as error:
-        got = actions if isinstance(error, TypeError | ValueError) else error
-        raise refusal("action", got, f"numbers of shape {shape}", _give(names)) from None
-    if actions.shape != shape:
-        raise refusal("shape of the action", actions.shape, shape, _give(names))
-    if actions.ndim == 1:
-        are_finite = all(map(math.isfinite, actions.tolist()))  # faster for one vehicle
-    else:
-        are_finite = np.isfinite(actions).all()
-    if not are_finite:
-        place = tuple(np.argwhere(~np.isfinite(actions))[0])
-        thing = f"action, {names[place[-1]]}"
-        raise refusal(thing, float(actions[place]), "a finite number", "check the policy")
-    return actions
-
-
-def _give(names: Sequence[str]) -> str:
-    return f"give {', '.join(names)}"
-
-
 def _are_different_lanes(indices: np.ndarray, n_lanes: int) -> bool:
     if indices.ndim != 1 or indices.dtype.kind not in "iu":
         return False
@@ -524,27 +476,6 @@ def _block_ranges(n_blocks: int, parallel: bool) -> list[tuple[int, int]]:
     threads = min(n_threads(), n_blocks) if parallel else 1
     edges = np.linspace(0, n_blocks, threads + 1).astype(int)
     return list(itertools.pairwise(edges.tolist()))
-
-
-def _noise_of(noise: Mapping[str, float], factor: float) -> dict[str, float]:
-    """Parameters of the noise by name, from standard deviations by reading, times a factor."""
-    for reading, std in noise.items():
-        channel = CHANNELS[known_name("reading", reading, READINGS)]
-        finite_in_range(f"noise of {reading}", std, 0.0, channel.high - channel.low)
-    return {f"{reading}_noise": factor * std for reading, std in noise.items()}
-
-
-def _bands(band: Mapping[str, float]) -> np.ndarray:
-    """Relative half-width of the healthy band of every parameter, (n_parameters,)."""
-    for name, width in band.items():
-        known_name("parameter", name, (*HULL, *SHAFT))
-        finite_in_range(f"healthy band of {name}", width, 0.0, 1.0)
-    sides = tuple(f"{side}_" for side in SIDES)
-    bands = []
-    for name, spec in PARAMETERS.items():
-        of_vehicle = name.partition("_")[2] if name.startswith(sides) else name
-        bands.append(band.get(of_vehicle, spec.band))
-    return np.array(bands)
 
 
 def _events_and_legs(

@@ -4,8 +4,9 @@ import gymnasium as gym
 import numpy as np
 
 from auv_fault_env import layout
+from auv_fault_env.actions import ACTIONS, actions_of
 from auv_fault_env.env.interface import box
-from auv_fault_env.fleet import ACTIONS, Fleet, actions_of
+from auv_fault_env.fleet import Fleet
 from auv_fault_env.parameters import Vehicle
 from auv_fault_env.thrust_shift import LARGEST_SHIFT
 

@@ -6,6 +6,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from auv_fault_env.actions import checked_actions
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.env.actions import KINDS, action_space, commands
 from auv_fault_env.env.interface import (
@@ -20,7 +21,7 @@ from auv_fault_env.env.recording import METADATA, Recording, known_render_mode
 from auv_fault_env.env.rewards import RewardWeights, rewards
 from auv_fault_env.env.spec import WithSpec
 from auv_fault_env.errors import known_name
-from auv_fault_env.fleet import Fleet, checked_actions
+from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import MissionDistribution, mission_of
 from auv_fault_env.parameters import Vehicle
 from auv_fault_env.schedules import ScheduleDistribution, schedule_of

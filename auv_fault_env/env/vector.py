@@ -7,6 +7,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
+from auv_fault_env.actions import checked_actions
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.env.actions import KINDS, action_space, commands
 from auv_fault_env.env.autoreset import AutoresetVectorEnv
@@ -19,7 +20,7 @@ from auv_fault_env.env.interface import (
 from auv_fault_env.env.recording import METADATA, Recording, known_render_mode
 from auv_fault_env.env.rewards import RewardWeights, rewards
 from auv_fault_env.errors import known_name
-from auv_fault_env.fleet import Fleet, checked_actions
+from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import Mission, MissionDistribution
 from auv_fault_env.parameters import SAMPLE_TIME, Vehicle
 from auv_fault_env.schedules import Schedule, ScheduleDistribution

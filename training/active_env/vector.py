@@ -9,12 +9,13 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
+from auv_fault_env.actions import ACTIONS, actions_of, checked_actions
 from auv_fault_env.channels import MAXIMUM_COMMAND
 from auv_fault_env.env.autoreset import AutoresetVectorEnv
 from auv_fault_env.env.interface import vehicle_of_argument
 from auv_fault_env.errors import finite_in_range, refusal
 from auv_fault_env.faults import classes
-from auv_fault_env.fleet import ACTIONS, Fleet, actions_of, checked_actions
+from auv_fault_env.fleet import Fleet
 from auv_fault_env.missions import Mission, MissionDistribution, MissionSampler
 from auv_fault_env.noise import STREAMS, uniforms
 from auv_fault_env.parameters import SAMPLE_TIME, Vehicle

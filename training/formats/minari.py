@@ -17,9 +17,9 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from auv_fault_env.actions import ACTIONS
 from auv_fault_env.channels import CHANNELS
 from auv_fault_env.errors import finite_in_range
-from auv_fault_env.fleet import ACTIONS
 from auv_fault_env.missions import Mission
 from auv_fault_env.parameters import SAMPLE_RATE
 from auv_fault_env.schedules import Schedule, to_json
