@@ -140,7 +140,8 @@ def test_the_table_has_the_best_first_and_says_which_nonces_are_unverified(tmp_p
     origins = [line for line in lines if "rows/" in line]
     assert page.UNVERIFIED in origins[0] and page.UNVERIFIED not in origins[1]
     assert "`a 'page' \\| elsewhere`" in origins[1]
-    assert "--files data/weights.bin --suite thesis --lanes 4 --hours 0.1" in shown
+    # in two lines, which the width of a page holds
+    assert "--files data/weights.bin \\\n        --suite thesis --lanes 4 --hours 0.1" in shown
     assert page.with_tables(shown, rows, tmp_path / "page.md") == shown
 
 
