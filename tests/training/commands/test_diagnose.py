@@ -181,8 +181,13 @@ def test_the_vehicle_file_chooses_the_diagnoser_and_the_option_overrides_it(
             np.pi / 30,
             r"unit of port_rpm in other\.csv: got 'rpm'; allowed is rad/s, ",
         ),
+        (
+            ("port_rpm", "starboard_rpm"),
+            np.pi / 30,
+            r"unit of port_rpm in other\.csv: got 'rpm'; allowed is rad/s, ",
+        ),
     ],
-    ids=["knots", "rad/s"],
+    ids=["knots", "rad/s", "rad/s of both"],
 )
 def test_a_log_that_is_surely_in_another_unit_gets_no_verdict(
     related, tmp_path, channels, factor, place

@@ -190,7 +190,7 @@ def other_unit(values: Mapping[str, np.ndarray], vehicle: VehicleFile) -> tuple[
     """
     if vehicle.relations is None:
         return None
-    found = set()
+    found: list[tuple[str, str]] = []
     n_rows = len(next(iter(values.values())))
     for side in SIDES:
         of_side = set()
@@ -200,12 +200,15 @@ def other_unit(values: Mapping[str, np.ndarray], vehicle: VehicleFile) -> tuple[
             ratios = _ratios(side, part, vehicle)
             if ratios:
                 of_side.add(_explained(ratios, f"{side}_rpm", part, vehicle))
-        if of_side != {AGREES}:
-            found |= of_side
-    if len(found) != 1:
-        return None
-    units = found.pop()
-    return units[0] if len(units) == 1 else None
+        if of_side <= {AGREES}:
+            continue
+        units = of_side.pop()
+        if of_side or len(units) != 1:
+            return None
+        found += units
+    # both shaft speeds can be in another unit, or the speed by both
+    kinds = {(channel.rpartition("_")[2], unit) for channel, unit in found}
+    return found[0] if len(kinds) == 1 else None
 
 
 def _explained(
