@@ -27,9 +27,9 @@ def graded_substeps(count: int, grading: float) -> np.ndarray:
 # Samples stay within 1e-6 of DOP853 at 1e-11 (tests/auv_fault_env/test_physics.py).
 COARSE = graded_substeps(4, 1.5)
 FINE = graded_substeps(8, 1.75)
-# share of the speed, by which the coarse substeps err by less than 3e-7
+# of the speed; up to it the coarse substeps err by less than 3e-7
 ALLOWED_MISFIT = 8e-5
-LEAST_SPEED = 0.05  # m/s, of which the share is taken where the vehicle is slower
+LEAST_SPEED = 0.05  # m/s; misfits of slower vehicles are relative to it
 # Lobatto points and weights on [0, 1], order 6
 NODE_1 = 0.5 - 0.1 * math.sqrt(5.0)
 NODE_2 = 0.5 + 0.1 * math.sqrt(5.0)
@@ -91,11 +91,10 @@ def substep(motion, drag, disturbance, port, starboard, time):
     port_0 = motion.port_shaft_speed
     starboard_0 = motion.starboard_shaft_speed
     first = physics.surge_acceleration(u, port_0, starboard_0, drag, disturbance, port, starboard)
-    jerk = 2.0 * drag * abs(u) * first
-    jerk += 2.0 * port.thrust * port_0 * physics.shaft_acceleration(port_0, u, port)
-    jerk += (
-        2.0 * starboard.thrust * starboard_0 * physics.shaft_acceleration(starboard_0, u, starboard)
-    )
+    port_part = port.thrust * port_0 * physics.shaft_acceleration(port_0, u, port)
+    starboard_rate = physics.shaft_acceleration(starboard_0, u, starboard)
+    starboard_part = starboard.thrust * starboard_0 * starboard_rate
+    jerk = 2.0 * (drag * abs(u) * first + port_part + starboard_part)
     t_1 = NODE_1 * time
     t_2 = NODE_2 * time
     port_1, starboard_1, second, bend_1 = shafts_and_acceleration(
