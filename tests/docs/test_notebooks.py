@@ -29,3 +29,9 @@ def test_notebook_runs(path, tmp_path):
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_has_no_outputs(path):
     assert all(cell["outputs"] == [] for cell in code_cells(path))
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_no_cell_ends_with_the_number_of_characters_written(path):
+    for cell in code_cells(path):
+        assert not "".join(cell["source"]).splitlines()[-1].startswith("Path(")
