@@ -6,6 +6,13 @@ named tuple passes an array without those that follow from the others, and its a
 counted: they must live as long as the call that was given them.
 """
 
+from collections.abc import Mapping
+from functools import partial
+from itertools import accumulate
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import typeof
 from numba.core import cgutils, types
 from numba.core.imputils import impl_ret_borrowed, lower_getattr_generic
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
@@ -144,3 +151,132 @@ def light(named_tuple: type) -> type:
         return Light(whole(value, context))
 
     return named_tuple
+
+
+class Memory:
+    """Tables of rows side by side in one array, and a light named tuple of other parts.
+
+    A compiled function knows where each table begins and how long its rows are, so that its loops
+    need not find out whether tables overlap. Tables and parts are attributes.
+
+    Attributes
+    ----------
+    block
+        All rows, (n_rows, row_length), zero at first.
+    tables
+        By name (n_rows, n_columns), or (n_columns,) where the number of rows is given as None.
+    parts
+        The named tuple.
+    """
+
+    def __init__(
+        self,
+        n_rows: Mapping[str, int | None],
+        n_columns: int,
+        row_length: int,
+        parts: NamedTuple,
+    ):
+        last_rows = list(accumulate(1 if n is None else n for n in n_rows.values()))
+        first_rows = [0, *last_rows[:-1]]
+        self.block = np.zeros((last_rows[-1], row_length))
+        self.tables: dict[str, np.ndarray] = {}
+        for (name, n), first, last in zip(n_rows.items(), first_rows, last_rows, strict=True):
+            rows = self.block[first:last, :n_columns]
+            self.tables[name] = rows[0] if n is None else rows
+        self.parts = parts
+        places = zip(n_rows.items(), first_rows, strict=True)
+        places_of_tables = tuple((name, first, n) for (name, n), first in places)
+        self._numba_type_ = MemoryType(places_of_tables, row_length, typeof(parts))
+
+    def __getattr__(self, name: str) -> Any:
+        """A table or a part."""
+        tables = self.__dict__["tables"]
+        return tables[name] if name in tables else getattr(self.parts, name)
+
+
+class MemoryType(types.Type):
+    """The type of a `Memory`: name, first row and number of rows of each table, and the rest."""
+
+    def __init__(
+        self, places: tuple[tuple[str, int, int | None], ...], row_length: int, parts: Light
+    ):
+        self.places = places
+        self.row_length = row_length
+        self.parts = parts
+        super().__init__(f"Memory({places}, {row_length}, {parts})")
+
+    @property
+    def key(self):
+        """What distinguishes it."""
+        return self.places, self.row_length, self.parts
+
+
+@register_model(MemoryType)
+class MemoryModel(models.StructModel):
+    """The address of all rows, and the light named tuple."""
+
+    def __init__(self, manager, memory):
+        members = [("block", types.CPointer(types.float64)), ("parts", memory.parts)]
+        super().__init__(manager, memory, members)
+
+
+@infer_getattr
+class MemoryAttributes(AttributeTemplate):
+    """Tables and parts are attributes."""
+
+    key = MemoryType
+
+    def generic_resolve(self, memory, name):  # type: ignore[override]
+        """Type of an attribute; None if there is none."""
+        for table, _, n_rows in memory.places:
+            if table == name:
+                return types.Array(types.float64, 1 if n_rows is None else 2, "C")
+        return dict(memory.parts.parts()).get(name)
+
+
+@lower_getattr_generic(MemoryType)
+def table_of(context, builder, memory, value, name):
+    """A table that owns no reference, or a part of the named tuple."""
+    model = context.data_model_manager[memory]
+    for table, first_row, n_rows in memory.places:
+        if table == name:
+            block = model.get(builder, value, "block")
+            return _rows(context, builder, memory, block, first_row, n_rows)
+    return part_of(context, builder, memory.parts, model.get(builder, value, "parts"), name)
+
+
+def _rows(context, builder, memory, block, first_row, n_rows):
+    """An array of rows of a memory, with constant shape and strides."""
+    n_columns = memory.row_length
+    shape = (n_columns,) if n_rows is None else (n_rows, n_columns)
+    itemsize = context.get_abi_sizeof(context.get_data_type(types.float64))
+    strides = (itemsize,) if n_rows is None else (itemsize * n_columns, itemsize)
+    number = partial(context.get_constant, types.intp)
+    array = make_array(types.Array(types.float64, len(shape), "C"))(context, builder)
+    populate_array(
+        array,
+        data=builder.gep(block, [number(first_row * n_columns)], inbounds=True),
+        shape=[number(n) for n in shape],
+        strides=[number(n) for n in strides],
+        itemsize=number(itemsize),
+        meminfo=None,
+    )
+    return array._getvalue()
+
+
+@unbox(MemoryType)
+def memory_from_python(memory, python_object, c):
+    """Read a `Memory` of Python, which keeps its arrays."""
+    value = cgutils.create_struct_proxy(memory)(c.context, c.builder)
+    block = types.Array(types.float64, 2, "C")
+    block_object = c.pyapi.object_getattr_string(python_object, "block")
+    native_block = c.unbox(block, block_object)
+    value.block = make_array(block)(c.context, c.builder, native_block.value).data
+    c.context.nrt.decref(c.builder, block, native_block.value)
+    parts_object = c.pyapi.object_getattr_string(python_object, "parts")
+    native_parts = c.unbox(memory.parts, parts_object)
+    value.parts = native_parts.value
+    c.pyapi.decref(block_object)
+    c.pyapi.decref(parts_object)
+    is_error = c.builder.or_(native_block.is_error, native_parts.is_error)
+    return NativeValue(value._getvalue(), is_error=is_error)

@@ -14,7 +14,7 @@ from auv_fault_env.parameters import PARAMETERS, SAMPLE_TIME
 from auv_fault_env.realism import IMPERFECTIONS, SURROUNDINGS
 from diagnosers.bank.algebra import covariance_row
 from diagnosers.bank.base import Bank, BankConstants, Machinery, prior_severity
-from diagnosers.bank.hypotheses import OWN_PARAMETERS, SURGE, current_table
+from diagnosers.bank.hypotheses import OWN_PARAMETERS, SURGE, of_catalogue
 from diagnosers.bank.motor import DEVIATIONS, RESISTANCE, TORQUE_CONSTANT
 from diagnosers.bank.sensors import N_READINGS, new_sample
 from diagnosers.kalman import START_SPEED_STD
@@ -173,7 +173,7 @@ class FilterBank(Bank):
     def hypotheses(self) -> HypothesisTable:
         """The hypotheses of the catalogue as it is now."""
         highest = tuple(high for _, high in self.grades)
-        return current_table(hypothesis_table, highest, self.hazard, self.repair, self.fault_names)
+        return of_catalogue(hypothesis_table, highest, self.hazard, self.repair, self.fault_names)
 
     def table_of(self, state: BankState) -> HypothesisTable:
         """The hypotheses of the catalogue as it is now; a state always has the bank's grades."""

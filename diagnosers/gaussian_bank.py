@@ -14,8 +14,8 @@ from diagnosers.bank.hypotheses import (
     OWN_PARAMETERS,
     SURGE,
     HypothesisTable,
-    current_table,
     hypothesis_table,
+    of_catalogue,
 )
 from diagnosers.bank.kernel import BankState, step_lanes
 from diagnosers.bank.motor import DEVIATIONS
@@ -49,7 +49,7 @@ class GaussianBank(Bank):
     def hypotheses(self, n_grades: int | None = None) -> HypothesisTable:
         """The hypotheses of the catalogue as it is now, by default of the bank's grades."""
         n_grades = len(self.grades) if n_grades is None else n_grades
-        return current_table(hypothesis_table, n_grades, self.hazard, self.fault_names)
+        return of_catalogue(hypothesis_table, n_grades, self.hazard, self.fault_names)
 
     def table_of(self, state: BankState) -> HypothesisTable:
         """The hypotheses of the catalogue as it is now, of as many grades as the state has."""

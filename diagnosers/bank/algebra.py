@@ -2,7 +2,9 @@
 
 A table of filters is an array ``x`` (n_moments, n_columns): the means of the states, then the lower
 triangle of the covariance, row by row. A column is one filter of one lane (`bank.pack`). The loops
-over ``columns``, a range (first, last), vectorise because its numbers are unsigned. ``work`` is the
+over ``columns``, a range (first, last), vectorise because its numbers are unsigned. The compiler
+writes out those over states within them, if the inner one's range depends on the outer one and
+rows are those of `lower_row`: a column's moments are then read and written once. ``work`` is the
 memory of `bank.pack`.
 
 Sources: Blom & Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian
@@ -11,9 +13,6 @@ Jeffrey, "The Logic of Decision", McGraw-Hill 1965, ch. 11 (`replace_severity`).
 """
 
 import math
-from typing import NamedTuple
-
-import numpy as np
 
 from auv_fault_env.compiling import fused, part, scalar
 from auv_fault_env.noise import logarithm
@@ -36,21 +35,16 @@ MIN_VARIANCE = 1e-12  # of a severity; below, it is certain
 LOG_TWO_PI = math.log(2.0 * math.pi)
 
 
-class Measurement(NamedTuple):
-    """One measurement of every filter."""
-
-    gradient: np.ndarray  # (n_states, n_columns), of the prediction by the states
-    innovation: np.ndarray  # (n_columns,)
-    variance: np.ndarray  # (n_columns,), of the noise
-    available: np.ndarray  # (n_columns,), 1 or 0
+@scalar
+def lower_row(i, j, n_states):
+    """Row of the covariance of states i and j, of which j is not above i."""
+    return n_states + i * (i + 1) // 2 + j
 
 
 @scalar
 def covariance_row(i, j, n_states):
     """Row of the covariance of states i and j."""
-    high = max(i, j)
-    low = min(i, j)
-    return n_states + high * (high + 1) // 2 + low
+    return lower_row(max(i, j), min(i, j), n_states)
 
 
 @scalar
@@ -89,15 +83,14 @@ def mix(columns, work):
     normal = work.normal
     probability = work.mixing_probability
     n_states = len(work.states)
-    for i in range(n_states):
-        for j in range(i + 1):
-            row = covariance_row(i, j, n_states)
-            for c in range(first, last):
+    for c in range(first, last):
+        for i in range(n_states):
+            for j in range(i + 1):
+                row = lower_row(i, j, n_states)
                 between = (normal[i, c] - x[i, c]) * (normal[j, c] - x[j, c])
                 mixed = mixed_covariance(x[row, c], normal[row, c], between, probability[c])
                 x[row, c] = mixed
-    for i in range(n_states):
-        for c in range(first, last):
+        for i in range(n_states):
             x[i, c] += probability[c] * (normal[i, c] - x[i, c])
 
 
@@ -146,31 +139,22 @@ def replace_severity(columns, work):
     x = work.filters
     mean = work.severity[0]
     variance = work.severity[1]
-    shift = work.severity_shift
-    growth = work.variance_growth
     n_states = len(work.states)
     severity, variance_row = severity_rows(work)
     for c in range(first, last):
         before = x[variance_row, c]
         scale = 1.0 / before if before > MIN_VARIANCE else 0.0
-        shift[c] = (mean[c] - x[severity, c]) * scale
-        growth[c] = (variance[c] - before) * scale * scale
-    for i in range(severity):
-        row_i = covariance_row(severity, i, n_states)
-        for c in range(first, last):
-            x[i, c] += x[row_i, c] * shift[c]
-        for j in range(i + 1):
-            row = covariance_row(i, j, n_states)
-            row_j = covariance_row(severity, j, n_states)
-            for c in range(first, last):
-                x[row, c] += x[row_i, c] * x[row_j, c] * growth[c]
-    for i in range(severity):
-        row_i = covariance_row(severity, i, n_states)
-        for c in range(first, last):
-            x[row_i, c] *= 1.0 + growth[c] * x[variance_row, c]
-    for c in range(first, last):
-        before = x[variance_row, c]
-        x[variance_row, c] += growth[c] * before * before
+        shift = (mean[c] - x[severity, c]) * scale
+        growth = (variance[c] - before) * scale * scale
+        for i in range(severity):
+            row_i = lower_row(severity, i, n_states)
+            x[i, c] += x[row_i, c] * shift
+            for j in range(i + 1):
+                row_j = lower_row(severity, j, n_states)
+                x[lower_row(i, j, n_states), c] += x[row_i, c] * x[row_j, c] * growth
+        for i in range(severity):
+            x[lower_row(severity, i, n_states), c] *= 1.0 + growth * before
+        x[variance_row, c] += growth * before * before
         x[severity, c] = mean[c]
 
 
@@ -185,65 +169,73 @@ def clip_deviations(columns, deviations, work):
 
 
 @part
-def covary(columns, gradient, work):
-    """Fill ``work.covariance`` of the states with a quantity of that gradient."""
+def covary(columns, work):
+    """Fill ``work.covariance`` of the states with a quantity of the gradient ``work.gradient``.
+
+    Fill ``work.variance_by_states``, the variance of that quantity.
+    """
     first, last = columns
     x = work.filters
+    gradient = work.gradient
     covariance = work.covariance
     n_states = len(work.states)
-    for i in range(n_states):
-        for c in range(first, last):
+    for c in range(first, last):
+        for i in range(n_states):
             total = 0.0
-            for j in range(n_states):
-                total += x[covariance_row(i, j, n_states), c] * gradient[j, c]
+            for j in range(i):
+                total += x[lower_row(i, j, n_states), c] * gradient[j, c]
+            for j in range(i, n_states):
+                total += x[lower_row(j, i, n_states), c] * gradient[j, c]
             covariance[i, c] = total
-
-
-@part
-def compute_variance(columns, gradient, work):
-    """Fill ``work.variance_by_states`` of a quantity of that gradient, after `covary`."""
-    first, last = columns
-    covariance = work.covariance
     for c in range(first, last):
         variance = 0.0
-        for i in range(len(work.states)):
+        for i in range(n_states):
             variance += gradient[i, c] * covariance[i, c]
         work.variance_by_states[c] = variance
 
 
 @part
-def update_states(columns, innovation, work):
+def update_states(columns, work):
     """Update the states by an innovation of ``work.covariance`` with them, by ``work.gain``."""
     first, last = columns
     x = work.filters
     covariance = work.covariance
-    gain = work.gain
     n_states = len(work.states)
-    for i in range(n_states):
-        for c in range(first, last):
-            x[i, c] += gain[c] * covariance[i, c] * innovation[c]
-        for j in range(i + 1):
-            row = covariance_row(i, j, n_states)
-            for c in range(first, last):
-                x[row, c] -= gain[c] * covariance[i, c] * covariance[j, c]
+    for c in range(first, last):
+        for i in range(n_states):
+            share = work.gain[c] * covariance[i, c]
+            x[i, c] += share * work.innovation[c]
+            for j in range(i + 1):
+                x[lower_row(i, j, n_states), c] -= share * covariance[j, c]
 
 
 @part
-def condition(columns, measurement, work):
-    """Condition every filter on a measurement where available; add its log density to the evidence.
+def condition(columns, available, work):
+    """Condition every filter on the measurement where available (1, else 0), (n_columns,).
 
-    An innovation beyond six standard deviations counts as six: one outlier must not decide.
+    Its log density is added to the evidence. ``work.gradient`` is that of the prediction by the
+    states, ``work.variance`` that of the noise. An innovation beyond six standard deviations counts
+    as six: one outlier must not decide.
     """
     first, last = columns
-    gradient, innovation, variance, available = measurement
-    covary(columns, gradient, work)
-    compute_variance(columns, gradient, work)
+    take_available(columns, available, work)
+    covary(columns, work)
     for c in range(first, last):
+        innovation = work.innovation[c]
         # rounding must not make the states' part of the variance negative
-        total = max(variance[c] + work.variance_by_states[c], variance[c])
-        square = min(innovation[c] * innovation[c] / total, MAX_SQUARED_INNOVATION)
-        work.evidence[c] -= available[c] * 0.5 * (LOG_TWO_PI + logarithm(total) + square)
-        work.gain[c] = available[c] / total
+        total = max(work.variance[c] + work.variance_by_states[c], work.variance[c])
+        square = min(innovation * innovation / total, MAX_SQUARED_INNOVATION)
+        density = LOG_TWO_PI + logarithm(total) + square
+        work.evidence[c] -= work.is_available[c] * 0.5 * density
+        work.gain[c] = work.is_available[c] / total
         largest = math.sqrt(MAX_SQUARED_INNOVATION * total)
-        innovation[c] = min(max(innovation[c], -largest), largest)
-    update_states(columns, innovation, work)
+        work.innovation[c] = min(max(innovation, -largest), largest)
+    update_states(columns, work)
+
+
+@part
+def take_available(columns, available, work):
+    """Fill ``work.is_available`` of the measurement."""
+    first, last = columns
+    for c in range(first, last):
+        work.is_available[c] = available[c]

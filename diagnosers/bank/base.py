@@ -16,7 +16,7 @@ from auv_fault_env import parameters as plant
 from auv_fault_env.channels import CHANNELS, COMMANDS, INDEX, READINGS
 from auv_fault_env.compiling import n_threads
 from auv_fault_env.errors import finite_in_range, known_name, pair_in_range, refusal
-from auv_fault_env.faults import CATALOGUE, classes, fault_of
+from auv_fault_env.faults import classes, fault_of
 from auv_fault_env.parameters import (
     PARAMETERS,
     SAMPLE_TIME,
@@ -25,6 +25,7 @@ from auv_fault_env.parameters import (
     vehicle_of,
 )
 from auv_fault_env.physics import PlantConstants, plant_constants
+from diagnosers.bank.hypotheses import of_catalogue, possible_faults
 from diagnosers.bank.pack import pack_size
 from diagnosers.diagnoser import Belief, Recursive
 from diagnosers.kalman import opening_share
@@ -61,7 +62,7 @@ class Machinery(NamedTuple):
         constants: NamedTuple,
     ) -> Belief:
         """Fill the new state from the old one and the observation; the belief of every lane."""
-        shape = len(observation), len(classes())
+        shape = len(observation), len(of_catalogue(classes))
         belief = Belief(np.empty(shape), np.empty(shape), np.empty(shape))
 
         def step_share(first: int, last: int) -> None:
@@ -191,8 +192,7 @@ class Bank(Recursive):
         """The faults that are hypotheses, of the catalogue as it is now."""
         if self.faults is not None:
             return self.faults
-        possible = (fault for fault in CATALOGUE.values() if fault.is_possible(self._nominal))
-        return tuple(fault.name for fault in possible)
+        return of_catalogue(possible_faults, self._nominal)
 
     @cached_property
     def _nominal(self) -> Vehicle:

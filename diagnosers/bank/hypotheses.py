@@ -11,7 +11,7 @@ import numpy as np
 
 from auv_fault_env.faults import CATALOGUE, Fault, classes, matrices
 from auv_fault_env.light import light
-from auv_fault_env.parameters import HULL, PARAMETERS, SENSOR, SHAFT, SIDES
+from auv_fault_env.parameters import HULL, PARAMETERS, SENSOR, SHAFT, SIDES, Vehicle
 
 SURGE, PORT, STARBOARD = range(3)
 N_SUBSYSTEMS = 3
@@ -44,6 +44,7 @@ INPUT_PARAMETERS: dict[int, tuple[str, ...]] = {
     PORT: of_sensors("speed"),
     STARBOARD: of_sensors("speed"),
 }
+INDEX = np.uint64  # of the kernel's filters: unsigned, so that loops vectorise
 N_PARAMETER_ROWS = max(map(len, OWN_PARAMETERS.values()))
 
 
@@ -69,16 +70,21 @@ class HypothesisTable(NamedTuple):
     estimates_speed: np.ndarray  # (n_filters,)
 
 
-_cache: dict[tuple, tuple[tuple[Fault, ...], Any]] = {}  # catalogue and its table
+_cache: dict[tuple, tuple[tuple[Fault, ...], Any]] = {}  # catalogue and what was built of it
 
 
-def current_table(build: Callable[..., Any], *settings: Any) -> Any:
+def of_catalogue(build: Callable[..., Any], *settings: Any) -> Any:
     """``build(*settings)`` of the catalogue as it is now, built anew only when that has changed."""
     key = build, *settings
     catalogue = tuple(CATALOGUE.values())
     if key not in _cache or _cache[key][0] != catalogue:
         _cache[key] = catalogue, build(*settings)
     return _cache[key][1]
+
+
+def possible_faults(vehicle: Vehicle) -> tuple[str, ...]:
+    """Names of the faults of the catalogue that a vehicle can have."""
+    return tuple(fault.name for fault in CATALOGUE.values() if fault.is_possible(vehicle))
 
 
 def hypothesis_table(n_grades: int, hazard: float, faults: Sequence[str]) -> HypothesisTable:
@@ -96,7 +102,7 @@ def hypothesis_table(n_grades: int, hazard: float, faults: Sequence[str]) -> Hyp
     return HypothesisTable(
         log_hazard=np.log(np.concatenate([[1.0 - hazard], hazard * shares(faults, fault)])),
         class_index=np.concatenate([[0], np.array(class_of_fault)[fault]]),
-        grade=np.concatenate([[0], grade]),
+        grade=np.concatenate([[0], grade]).astype(INDEX),
         **of_filters,
         estimates_speed=estimates_speed[of_filters["hypothesis"]],
     )
@@ -130,7 +136,7 @@ def filters_of_faults(subsystem: int, faults: Sequence[str], fault: np.ndarray) 
 def joined(parts: Sequence[Filters], n_hypotheses: int) -> dict[str, np.ndarray]:
     """What a table, such as `HypothesisTable`, says of the filters of all subsystems."""
     first_filter = np.cumsum([0, *(part.hypothesis.size for part in parts)])
-    filter_of = np.zeros((N_SUBSYSTEMS, n_hypotheses), np.int64)
+    filter_of = np.zeros((N_SUBSYSTEMS, n_hypotheses), INDEX)
     parameter = np.zeros((N_SUBSYSTEMS, N_PARAMETER_ROWS), np.int64)
     for subsystem, names in OWN_PARAMETERS.items():
         first, last = first_filter[subsystem : subsystem + 2]
@@ -138,8 +144,8 @@ def joined(parts: Sequence[Filters], n_hypotheses: int) -> dict[str, np.ndarray]
         filter_of[subsystem, parts[subsystem].hypothesis] = range(first, last)
         parameter[subsystem, : len(names)] = parameter_indices(names)
     return dict(
-        first_filter=first_filter.astype(np.uint64),  # unsigned, so that loops vectorise
-        hypothesis=np.concatenate([part.hypothesis for part in parts]),
+        first_filter=first_filter.astype(INDEX),
+        hypothesis=np.concatenate([part.hypothesis for part in parts]).astype(INDEX),
         filter=filter_of,
         parameter=parameter,
         slope=np.concatenate([part.slope for part in parts]).T.copy(),

@@ -13,7 +13,8 @@ from auv_fault_env.physics import RPM
 from diagnosers.bank import algebra, motor, surge
 from diagnosers.bank.algebra import SEVERITY
 from diagnosers.bank.hypotheses import PORT, STARBOARD, SURGE
-from diagnosers.bank.pack import columns_of, filters_of, gather, scatter
+from diagnosers.bank.logarithms import exponential, log_sum, share_of_second
+from diagnosers.bank.pack import column_shift, columns_of, filters_of, gather, scatter
 from diagnosers.bank.sensors import fill_sample, keep_readings
 from diagnosers.diagnoser import IMPOSSIBLE
 
@@ -43,32 +44,25 @@ class BankState(NamedTuple):
     age: np.ndarray  # (n_lanes,), samples so far
 
 
-@scalar
-def log_sum(log_a, log_b):
-    """Logarithm of the sum of two numbers, from their logarithms."""
-    high = max(log_a, log_b)
-    low = min(log_a, log_b)
-    if low > -np.inf:
-        ratio = math.exp(low - high)
-        high += math.log1p(ratio)
-    return high
-
-
 @part
-def switch_severity(h, probability, old, new, table, walk):
-    """Mix the severity of a hypothesis of one lane with the prior; it began with that probability.
+def switch_severities(switch_probability, old, new, table, walk):
+    """Mix the severities of the hypotheses of one lane with the prior, and let them walk.
 
-    Then it walks.
+    switch_probability (n_hypotheses,): that a hypothesis began at this sample; 0 for normal.
     """
-    grade = table.grade[h]
-    prior_variance = old.prior[VARIANCE, grade]
-    mean = old.severity[MEAN, h]
-    distance = old.prior[MEAN, grade] - mean
-    new.severity[MEAN, h] = mean + probability * distance
-    variance = algebra.mixed_covariance(
-        old.severity[VARIANCE, h], prior_variance, distance * distance, probability
-    )
-    new.severity[VARIANCE, h] = algebra.variance_after_walk(variance, prior_variance, walk)
+    switch_probability[0] = 0.0
+    new.severity[:, 0] = 0.0
+    for h in range(1, switch_probability.size):
+        grade = table.grade[h]
+        probability = switch_probability[h]
+        prior_variance = old.prior[VARIANCE, grade]
+        mean = old.severity[MEAN, h]
+        distance = old.prior[MEAN, grade] - mean
+        new.severity[MEAN, h] = mean + probability * distance
+        variance = algebra.mixed_covariance(
+            old.severity[VARIANCE, h], prior_variance, distance * distance, probability
+        )
+        new.severity[VARIANCE, h] = algebra.variance_after_walk(variance, prior_variance, walk)
 
 
 @part
@@ -81,26 +75,26 @@ def switch_hypotheses(old, new, table, walk, switch_probability):
     relative_age = max(1.0, old.age * SAMPLE_TIME / CONSTANT_HAZARD_TIME)
     log_normal = old.log_posterior[0]
     new.log_posterior[0] = log_normal + table.log_hazard[0] / relative_age
-    new.severity[:, 0] = 0.0
-    switch_probability[0] = 0.0
+    log_age = math.log(relative_age)
     for h in range(1, table.log_hazard.size):
-        log_switched = log_normal + table.log_hazard[h] - math.log(relative_age)
-        new.log_posterior[h] = log_sum(old.log_posterior[h], log_switched)
-        probability = math.exp(log_switched - new.log_posterior[h])
-        switch_severity(h, probability, old, new, table, walk)
-        switch_probability[h] = probability
+        before = old.log_posterior[h]
+        log_switched = log_normal + table.log_hazard[h] - log_age
+        new.log_posterior[h] = log_sum(before, log_switched)
+        switch_probability[h] = share_of_second(before, log_switched)
+    switch_severities(switch_probability, old, new, table, walk)
 
 
 @part
 def begin_filters(subsystem, old, table, work):
     """Fill the columns of a subsystem from the state, and what mixing needs."""
-    n_lanes = np.uint64(old.age.size)
+    n_lanes = old.age.size
     first, last = filters_of(subsystem, table)
     mean_row, variance_row = algebra.severity_rows(work)
     gather(subsystem, old, table, work)
     for lane in range(n_lanes):
+        shift = column_shift(lane, subsystem, table, n_lanes)
         for f in range(first, last):
-            c = f * n_lanes + lane
+            c = f + shift
             h = table.hypothesis[f]
             grade = table.grade[h]
             work.normal[mean_row, c] = old.prior[lane, MEAN, grade]
@@ -116,11 +110,12 @@ def replace_severities(subsystem, severity, table, work):
 
     severity is that of `BankState`.
     """
-    n_lanes = np.uint64(len(severity))
+    n_lanes = len(severity)
     first, last = filters_of(subsystem, table)
     for lane in range(n_lanes):
+        shift = column_shift(lane, subsystem, table, n_lanes)
         for f in range(first, last):
-            c = f * n_lanes + lane
+            c = f + shift
             h = table.hypothesis[f]
             work.severity[MEAN, c] = severity[lane, MEAN, h]
             work.severity[VARIANCE, c] = severity[lane, VARIANCE, h]
@@ -140,13 +135,14 @@ def mix_filters(subsystem, old, new, table, walk, work):
 @part
 def update_severity(subsystem, new, table, work):
     """Set the severities of the hypotheses to those that their filters of a subsystem have now."""
-    n_lanes = np.uint64(new.age.size)
+    n_lanes = new.age.size
     x = work.filters
     mean_row, variance_row = algebra.severity_rows(work)
     normal, last = filters_of(subsystem, table)
     for lane in range(n_lanes):
+        shift = column_shift(lane, subsystem, table, n_lanes)
         for f in range(normal + np.uint64(1), last):
-            c = f * n_lanes + lane
+            c = f + shift
             h = table.hypothesis[f]
             grade = table.grade[h]
             mean = max(x[mean_row, c], new.prior[lane, LEAST, grade])
@@ -157,31 +153,34 @@ def update_severity(subsystem, new, table, work):
 @part
 def begin_shaft_speeds(subsystem, old, sample, table, work):
     """Fill the shaft speeds before the sample; the normal filter's replaces a silent reading."""
-    n_lanes = np.uint64(old.age.size)
+    n_lanes = old.age.size
     rpm_channel = MOTOR_CHANNEL[subsystem] + motor.OF_RPM
     normal, last = filters_of(subsystem, table)
     for lane in range(n_lanes):
         of_normal = old.shaft_speed[lane, normal] * RPM
         if sample.silent[rpm_channel, lane] and not math.isnan(of_normal):
             sample.reading[rpm_channel, lane] = of_normal
+        shift = column_shift(lane, subsystem, table, n_lanes)
         for f in range(normal, last):
             before = old.shaft_speed[lane, f]
             if math.isnan(before):
                 before = sample.reading[rpm_channel, lane] / RPM
-            work.shaft_speed_before[f * n_lanes + lane] = max(before, 0.0)
+            c = f + shift
+            work.shaft_speed_before[c] = max(before, 0.0)
 
 
 @part
 def update_motor(subsystem, old, new, sample, table, constants, work):
     """Take all filters of one motor through a sample."""
-    n_lanes = np.uint64(old.age.size)
+    n_lanes = old.age.size
     first, last = filters_of(subsystem, table)
     columns = columns_of(subsystem, table, n_lanes)
     mix_filters(subsystem, old, new, table, constants.walk, work)
     begin_shaft_speeds(subsystem, old, sample, table, work)
     for lane in range(n_lanes):
+        shift = column_shift(lane, subsystem, table, n_lanes)
         for f in range(first, last):
-            c = f * n_lanes + lane
+            c = f + shift
             if table.estimates_speed[f] or sample.silent[SPEED_CHANNEL, lane]:
                 surge_filter = table.filter[SURGE, table.hypothesis[f]]
                 work.surge_speed[c] = old.filters[lane, surge.U, surge_filter]
@@ -195,14 +194,15 @@ def update_motor(subsystem, old, new, sample, table, constants, work):
 @part
 def gather_shaft(shaft, subsystem, old, table, work):
     """Fill a motor's shaft speeds for each surge filter, (4, n_columns), see `surge.RPM_NOW`."""
-    n_lanes = np.uint64(old.age.size)
+    n_lanes = old.age.size
     first, last = filters_of(SURGE, table)
     for lane in range(n_lanes):
+        shift = column_shift(lane, SURGE, table, n_lanes)
+        motor_shift = column_shift(lane, subsystem, table, n_lanes)
         for f in range(first, last):
-            h = table.hypothesis[f]
-            motor_filter = np.uint64(table.filter[subsystem, h])
-            c = f * n_lanes + lane
-            motor_column = motor_filter * n_lanes + lane
+            c = f + shift
+            motor_filter = table.filter[subsystem, table.hypothesis[f]]
+            motor_column = motor_filter + motor_shift
             before = old.shaft_speed[lane, motor_filter]
             now = work.shaft_speed[motor_column] * RPM
             shaft[surge.RPM_NOW, c] = now
@@ -224,54 +224,72 @@ def update_surge(old, new, sample, table, constants, work):
 
 
 @part
-def update_posterior(log_posterior, filter_of, evidence):
-    """Bayes' rule over the hypotheses of one lane, normalised."""
+def update_posterior(lane, log_posterior, n_lanes, table, evidence, share):
+    """Bayes' rule over the hypotheses of one lane of a pack, normalised.
+
+    share (n_hypotheses,) is memory.
+    """
+    surge_shift = column_shift(lane, SURGE, table, n_lanes)
+    port_shift = column_shift(lane, PORT, table, n_lanes)
+    starboard_shift = column_shift(lane, STARBOARD, table, n_lanes)
     highest = -np.inf
     total = 0.0
     for h in range(log_posterior.size):
-        log_likelihood = evidence[filter_of[SURGE, h]]
-        log_likelihood += evidence[filter_of[PORT, h]]
-        log_likelihood += evidence[filter_of[STARBOARD, h]]
+        log_likelihood = evidence[table.filter[SURGE, h] + surge_shift]
+        log_likelihood += evidence[table.filter[PORT, h] + port_shift]
+        log_likelihood += evidence[table.filter[STARBOARD, h] + starboard_shift]
         log_posterior[h] += log_likelihood
         highest = max(highest, log_posterior[h])
     for h in range(log_posterior.size):
-        total += math.exp(log_posterior[h] - highest)
+        share[h] = exponential(log_posterior[h] - highest)
     for h in range(log_posterior.size):
-        log_posterior[h] -= highest + math.log(total)
+        total += share[h]
+    log_total = highest + math.log(total)
+    for h in range(log_posterior.size):
+        log_posterior[h] -= log_total
 
 
 @part
-def fill_belief(log_posterior, severity, class_index, log_probability, mean, std):
-    """Fill a lane's belief: sums over the hypotheses of a class, and moments of its severity."""
-    log_probability[:] = IMPOSSIBLE
+def fill_belief(log_posterior, severity, class_index, share, total, log_probability, mean, std):
+    """Fill a lane's belief: sums over the hypotheses of a class, and moments of its severity.
+
+    share (n_hypotheses,) and total (n_classes,) are memory.
+    """
+    highest = log_probability
+    highest[:] = IMPOSSIBLE
+    total[:] = 0.0
     mean[:] = 0.0
     std[:] = 0.0
     for h in range(log_posterior.size):
+        highest[class_index[h]] = max(highest[class_index[h]], log_posterior[h])
+    for h in range(log_posterior.size):
+        share[h] = exponential(log_posterior[h] - highest[class_index[h]])
+    for h in range(log_posterior.size):
         k = class_index[h]
-        log_probability[k] = log_sum(log_probability[k], log_posterior[h])
-    for h in range(1, log_posterior.size):
-        k = class_index[h]
-        share = math.exp(log_posterior[h] - log_probability[k])
         s = severity[MEAN, h]
-        square = s * s + severity[VARIANCE, h]
-        mean[k] += share * s
-        std[k] += share * square
+        total[k] += share[h]
+        mean[k] += share[h] * s
+        std[k] += share[h] * (s * s + severity[VARIANCE, h])
     for k in range(mean.size):
-        mean[k] = min(mean[k], 1.0)
-        variance = std[k] - mean[k] * mean[k]
-        std[k] = math.sqrt(max(variance, 0.0))
+        if total[k] > 0.0:
+            log_probability[k] += math.log(total[k])
+            mean[k] = min(mean[k] / total[k], 1.0)
+            variance = std[k] / total[k] - mean[k] * mean[k]
+            std[k] = math.sqrt(max(variance, 0.0))
 
 
 @part
 def update_belief(lane, belief_lane, new, table, belief, work):
     """Update the posterior of a lane of a pack, and fill the belief of that lane."""
     log_posterior = new.log_posterior[lane]
-    n_lanes = new.age.size
-    update_posterior(log_posterior, table.filter, work.evidence[lane::n_lanes])
+    share = work.share
+    update_posterior(lane, log_posterior, new.age.size, table, work.evidence, share)
     fill_belief(
         log_posterior,
         new.severity[lane],
         table.class_index,
+        share,
+        work.total,
         belief.log_probability[belief_lane],
         belief.severity_mean[belief_lane],
         belief.severity_std[belief_lane],
@@ -322,6 +340,7 @@ def step_lanes(first, last, old, new, observation, table, constants, belief, wor
         for subsystem in (PORT, STARBOARD):
             update_motor(subsystem, before, after, sample, table, constants, work)
         update_surge(before, after, sample, table, constants, work)
-        scatter(after, work)
+        for subsystem in (SURGE, PORT, STARBOARD):
+            scatter(subsystem, after, table, work)
         for lane in range(n_lanes):
             update_belief(lane, begin + lane, after, table, belief, work)

@@ -4,14 +4,12 @@ From the voltage reading, `physics.shaft_speed_after` predicts the rpm reading, 
 current. The voltage's noise enters both, so the measurements are first decorrelated.
 """
 
-import numpy as np
-
 from auv_fault_env import physics
 from auv_fault_env.compiling import fused, part, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import RPM
-from diagnosers.bank.algebra import Measurement, condition, severity_rows
-from diagnosers.bank.pack import broadcast
+from diagnosers.bank.algebra import condition, severity_rows
+from diagnosers.bank.pack import broadcast, columns_of_lane
 from diagnosers.bank.sensors import (
     BIAS,
     GAIN,
@@ -42,7 +40,7 @@ DEVIATIONS = (TORQUE_CONSTANT, RESISTANCE, COULOMB_FRICTION, C1)
 OF_VOLTAGE, OF_CURRENT, OF_RPM = range(3)
 # rows of `work.predicted`: shaft speed [rad/s], readings of rpm and of current
 SHAFT_SPEED, RPM_READING, CURRENT_READING = range(3)
-# rows of `work.innovation`, `work.variance` and `work.by_voltage`
+# rows of `work.by_voltage`
 FIRST, SECOND = range(2)  # rpm, then current
 STEP = 1e-4  # of the forward differences
 # rpm; below, the shaft may stand, and where it starts to turn no linear model holds
@@ -51,16 +49,13 @@ STANDING_STD = 15.0  # rpm, of the prediction there
 UNKNOWN_STD = 1e4  # rpm, of the prediction before the first voltage reading
 
 
-@part
-def apply_severity(r, healthy, columns, work):
-    """Set parameter r from its healthy value (n_columns,) and the severity, and its derivative."""
-    first, last = columns
-    x = work.filters
+@scalar
+def apply_severity(r, healthy, c, work):
+    """Set parameter r from its healthy value and the severity, and its derivative."""
     severity, _ = severity_rows(work)
-    for c in range(first, last):
-        by_severity = healthy[c] * work.slope[r, c] + work.offset[r, c]
-        work.by_severity[r, c] = by_severity
-        work.parameters[r, c] = healthy[c] + x[severity, c] * by_severity
+    by_severity = healthy * work.slope[r, c] + work.offset[r, c]
+    work.by_severity[r, c] = by_severity
+    work.parameters[r, c] = healthy + work.filters[severity, c] * by_severity
 
 
 @part
@@ -71,14 +66,14 @@ def set_parameters(columns, first_deviation, work):
     """
     first, last = columns
     x = work.filters
+    for r in range(N_MOTOR_ROWS):
+        for c in range(first, last):
+            apply_severity(r, work.healthy[r, c], c, work)
     for k in range(len(DEVIATIONS)):
         row = DEVIATIONS[k]
         for c in range(first, last):
             relative = 1.0 + x[first_deviation + k, c]
-            work.parameters[row, c] = work.healthy[row, c] * relative
-    for r in range(N_MOTOR_ROWS):
-        healthy = work.parameters[r] if r in DEVIATIONS else work.healthy[r]
-        apply_severity(r, healthy, columns, work)
+            apply_severity(row, work.healthy[row, c] * relative, c, work)
 
 
 @scalar
@@ -191,8 +186,6 @@ def decorrelate(columns, work):
     first, last = columns
     parameters = work.parameters
     available = work.available
-    innovation = work.innovation
-    variance = work.variance
     readings = work.readings
     predicted = work.predicted
     for c in range(first, last):
@@ -210,19 +203,21 @@ def decorrelate(columns, work):
         rpm_by_voltage = work.by_voltage[FIRST, c] * voltage_std
         current_by_voltage = work.by_voltage[SECOND, c] * voltage_std
         rpm_variance = rpm_std * rpm_std + rpm_by_voltage * rpm_by_voltage
-        variance[FIRST, c] = rpm_variance + work.rpm_variance[c]
+        variance = rpm_variance + work.rpm_variance[c]
+        work.variance[c] = variance
         shared = fused(rpm_by_voltage, current_by_voltage, current_by_rpm * rpm_std)
-        ratio = available[OF_RPM, c] * shared / variance[FIRST, c]
+        ratio = available[OF_RPM, c] * shared / variance
         current_std = parameters[CURRENT + NOISE, c]
         own = fused(current_std, current_std, current_by_voltage**2)
-        variance[SECOND, c] = own + current_by_rpm**2 - ratio * shared
-        innovation[FIRST, c] = readings[OF_RPM, c] - predicted[RPM_READING, c]
+        work.current_variance[c] = own + current_by_rpm**2 - ratio * shared
+        innovation = readings[OF_RPM, c] - predicted[RPM_READING, c]
+        work.innovation[c] = innovation
         misfit = readings[OF_CURRENT, c] - predicted[CURRENT_READING, c]
-        innovation[SECOND, c] = misfit - ratio * innovation[FIRST, c]
+        work.current_innovation[c] = misfit - ratio * innovation
         work.ratio[c] = ratio
         available[OF_CURRENT, c] *= available[OF_VOLTAGE, c]
-    for i in range(len(work.states)):
-        for c in range(first, last):
+    for c in range(first, last):
+        for i in range(len(work.states)):
             work.current_gradient[i, c] -= work.ratio[c] * work.gradient[i, c]
 
 
@@ -231,10 +226,10 @@ def shift_innovation(columns, sign, work):
     """Add ``sign * gradient @ mean`` to the current's innovation: 1 before an update, -1 after."""
     first, last = columns
     x = work.filters
-    for i in range(len(work.states)):
-        for c in range(first, last):
+    for c in range(first, last):
+        for i in range(len(work.states)):
             shift = sign * work.current_gradient[i, c] * x[i, c]
-            work.innovation[SECOND, c] += shift
+            work.current_innovation[c] += shift
 
 
 @part
@@ -248,7 +243,8 @@ def estimate_shaft_speed(columns, measured_share, by_voltage, voltage_std, work)
     parameters = work.parameters
     by_severity = work.by_severity
     for r in SHAFT_SPEED_ROWS:
-        apply_severity(r, work.healthy[r], columns, work)
+        for c in range(first, last):
+            apply_severity(r, work.healthy[r, c], c, work)
     for c in range(first, last):
         share = measured_share[c]
         gain = max(parameters[SPEED + GAIN, c], MIN_GAIN)
@@ -282,8 +278,7 @@ def gather_readings(columns, sample, channel, work):
 @part
 def replace_voltage(columns, sample, channel, work):
     """Take the last voltage reading for a silent one; fill the variance of rpm beside the noise."""
-    first, last = columns
-    n_lanes = np.uint64(sample.deflection.size)
+    n_lanes = sample.deflection.size
     for lane in range(n_lanes):
         replaced = sample.replaced[channel, lane]
         variance = 0.0
@@ -291,7 +286,8 @@ def replace_voltage(columns, sample, channel, work):
             variance = UNKNOWN_STD**2
         elif sample.reading[channel + OF_RPM, lane] < STANDING:
             variance = STANDING_STD**2
-        for c in range(first + lane, last, n_lanes):
+        first, last = columns_of_lane(lane, columns, n_lanes)
+        for c in range(first, last):
             work.rpm_variance[c] = variance
             # the last voltage may be stale: current and shaft speed imply a better one
             is_implied = work.available[OF_CURRENT, c] * work.available[OF_RPM, c] > 0.0
@@ -300,15 +296,14 @@ def replace_voltage(columns, sample, channel, work):
 
 
 @part
-def measurements(work):
-    """The measurements of rpm and of current."""
-    innovation = work.innovation
-    variance = work.variance
-    available = work.available
-    gradient = work.current_gradient
-    rpm = Measurement(work.gradient, innovation[FIRST], variance[FIRST], available[OF_RPM])
-    current = Measurement(gradient, innovation[SECOND], variance[SECOND], available[OF_CURRENT])
-    return rpm, current
+def take_current(columns, work):
+    """Let the current be the measurement."""
+    first, last = columns
+    for c in range(first, last):
+        work.innovation[c] = work.current_innovation[c]
+        work.variance[c] = work.current_variance[c]
+        for i in range(len(work.states)):
+            work.gradient[i, c] = work.current_gradient[i, c]
 
 
 @part
@@ -320,11 +315,11 @@ def update(columns, sample, channel, water, work):
     replace_voltage(columns, sample, channel, work)
     linearise(predict_readings, columns, 0, by_voltage, water, work)
     decorrelate(columns, work)
-    rpm, current = measurements(work)
-    shift_innovation(columns, 1.0, work)
-    condition(columns, rpm, work)
-    shift_innovation(columns, -1.0, work)
-    condition(columns, current, work)
     rpm_available = work.available[OF_RPM]
+    shift_innovation(columns, 1.0, work)
+    condition(columns, rpm_available, work)
+    shift_innovation(columns, -1.0, work)
+    take_current(columns, work)
+    condition(columns, work.available[OF_CURRENT], work)
     voltage_std = work.parameters[VOLTAGE + NOISE]
     estimate_shaft_speed(columns, rpm_available, by_voltage[FIRST], voltage_std, work)

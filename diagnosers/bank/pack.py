@@ -1,25 +1,28 @@
 """Packs of lanes: the memory in which a bank's kernel works.
 
-A column is one filter of one lane, ``f * n_lanes + lane``: a small bank too has long loops, and the
-columns of a subsystem are a range.
+A column is one filter of one lane: a small bank too has long loops. The columns of a subsystem are
+a range, lane after lane, so that those of each lane are a range too, beside one another as in the
+state.
 """
 
 import math
 import threading
 from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
-from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
 
 from auv_fault_env.compiling import part, scalar
-from auv_fault_env.light import light
+from auv_fault_env.faults import classes
+from auv_fault_env.light import Memory, light
 from diagnosers.bank.algebra import N_STATES, moments_of
-from diagnosers.bank.hypotheses import N_PARAMETER_ROWS, HypothesisTable
+from diagnosers.bank.hypotheses import N_PARAMETER_ROWS, HypothesisTable, of_catalogue
 
-# of a pack, about: enough to hide what starting a loop costs, few enough for the cache
-COLUMNS = 512
+# of a pack, at most if a lane has fewer: enough to hide what starting a loop costs, few enough for
+# the cache. An odd multiple of 8, so that the same column of many rows does not compete for the
+# same place in the cache.
+ROW_LENGTH = 264
 
 
 def table_rows(n_states: int) -> dict[str, int]:
@@ -41,18 +44,19 @@ def table_rows(n_states: int) -> dict[str, int]:
         "perturbed": 3,
         "available": 3,
         "thrust": 3,  # see `bank.surge.THRUST`
-        "innovation": 2,
-        "variance": 2,
         "severity": 2,  # mean and variance
     }
 
 
 # single rows (n_columns,) of the memory of every bank
 SINGLE_ROWS = (
-    "severity_shift",
-    "variance_growth",
-    "variance_by_states",  # of a measurement
+    "innovation",  # of a measurement, and the next three
+    "variance",  # of the noise
+    "is_available",  # 1 or 0
+    "variance_by_states",
     "gain",
+    "current_innovation",  # of the current, which is measured after the rpm
+    "current_variance",
     "unperturbed",
     "evidence",
     "mixing_probability",
@@ -68,21 +72,20 @@ SINGLE_ROWS = (
 N_ROWS = table_rows(N_STATES) | {"by_voltage": 2}
 OWN_SINGLE_ROWS = (*SINGLE_ROWS, "ratio", "rpm_variance")
 EFFECTS = ("slope", "offset")  # of the severity on the parameters: tables of the hypotheses
-# memory of one step of a pack; nothing in it outlives the step. `states` are their indices, a tuple
-# so that loops over them have a constant length.
-Work = namedtuple("Work", (*N_ROWS, *OWN_SINGLE_ROWS, *EFFECTS, "switch_probability", "states"))
-light(Work)
+# of a `Memory`, what is no table of rows: by hypothesis `share`, by class `total`. `states` are
+# their indices, a tuple so that loops over them have a constant length.
+Parts = light(namedtuple("Parts", ("switch_probability", "share", "total", "states")))
 _of_thread = threading.local()
 
 
-def workspace(table: HypothesisTable, n_lanes: int) -> Work:
-    """Memory for a pack, the thread's own."""
+def workspace(table: HypothesisTable, n_lanes: int) -> Memory:
+    """Memory for one step of a pack, the thread's own; nothing in it outlives the step."""
     return kept_workspace(new_workspace, table, n_lanes)
 
 
 def kept_workspace(
-    make: Callable[[NamedTuple, int], NamedTuple], table: NamedTuple, n_lanes: int
-) -> NamedTuple:
+    make: Callable[[NamedTuple, int], Memory], table: NamedTuple, n_lanes: int
+) -> Memory:
     """What ``make(table, n_lanes)`` gave in this thread; made anew for another table or size."""
     kept = _of_thread.__dict__.setdefault("workspaces", {})
     slope, size, work = kept.get(make, (None, 0, None))
@@ -92,35 +95,57 @@ def kept_workspace(
     return work
 
 
-def new_workspace(table: HypothesisTable, n_lanes: int) -> Work:
+def new_workspace(table: HypothesisTable, n_lanes: int) -> Memory:
     """Memory for a pack: the table's effects of severity, all else zero."""
-    return Work(
-        **new_rows(N_ROWS, OWN_SINGLE_ROWS, table.hypothesis.size * n_lanes),
-        **repeated_effects(table, n_lanes),
-        switch_probability=np.zeros((n_lanes, table.log_hazard.size)),
+    n_hypotheses = table.log_hazard.size
+    parts = Parts(
+        switch_probability=np.zeros((n_lanes, n_hypotheses)),
+        share=np.zeros(n_hypotheses),
+        total=np.zeros(len(of_catalogue(classes))),
         states=tuple(range(N_STATES)),
     )
+    return memory_of(N_ROWS, OWN_SINGLE_ROWS, EFFECTS, table, n_lanes, parts)
 
 
-def new_rows(
-    n_rows: Mapping[str, int], single_rows: Sequence[str], n_columns: int
-) -> dict[str, np.ndarray]:
-    """Tables (n_rows, n_columns) and single rows (n_columns,) by name, zeros side by side."""
-    last_rows = list(accumulate(n_rows.values()))
-    memory = np.zeros((last_rows[-1] + len(single_rows), n_columns))
-    tables = zip(n_rows.items(), last_rows, strict=True)
-    rows = {name: memory[last - n : last] for (name, n), last in tables}
-    return rows | {name: memory[row] for row, name in enumerate(single_rows, last_rows[-1])}
+def memory_of(
+    n_rows: Mapping[str, int],
+    single_rows: Sequence[str],
+    of_table: Sequence[str],
+    table: NamedTuple,
+    n_lanes: int,
+    parts: NamedTuple,
+) -> Memory:
+    """Memory for a pack with tables of rows by name, single rows, and these of the hypotheses."""
+    repeats = {name: repeated(getattr(table, name), table, n_lanes) for name in of_table}
+    of_hypotheses = {name: len(rows) if rows.ndim == 2 else None for name, rows in repeats.items()}
+    rows = {**n_rows, **dict.fromkeys(single_rows), **of_hypotheses}
+    memory = new_memory(rows, table.hypothesis.size * n_lanes, parts)
+    for name, values in repeats.items():
+        memory.tables[name][:] = values
+    return memory
 
 
-def repeated_effects(table: NamedTuple, n_lanes: int) -> dict[str, np.ndarray]:
-    """The tables `EFFECTS` of the hypotheses, (n_rows, n_columns)."""
-    return {name: np.repeat(getattr(table, name), n_lanes, axis=1) for name in EFFECTS}
+def new_memory(n_rows: Mapping[str, int | None], n_columns: int, parts: NamedTuple) -> Memory:
+    """Memory of zeros with these tables, see `auv_fault_env.light.Memory`."""
+    return Memory(n_rows, n_columns, row_length(n_columns), parts)
+
+
+def row_length(n_columns: int) -> int:
+    """Length of the rows of a memory: few different ones, because each is compiled for itself."""
+    doublings = max(0, math.ceil(math.log2(n_columns / ROW_LENGTH)))
+    return ROW_LENGTH << doublings
+
+
+def repeated(of_filters: np.ndarray, table: NamedTuple, n_lanes: int) -> np.ndarray:
+    """What is said of each filter (..., n_filters), of each column of a pack (..., n_columns)."""
+    of_subsystems = np.split(of_filters, table.first_filter[1:-1].astype(np.int64), axis=-1)
+    repeats = (*[1] * (of_filters.ndim - 1), n_lanes)
+    return np.concatenate([np.tile(one, repeats) for one in of_subsystems], axis=-1)
 
 
 def pack_size(n_lanes: int, n_filters: int) -> int:
     """Lanes of a pack, the same for all packs of a share: at least 1, at most `n_lanes` if any."""
-    n_packs = max(1, math.ceil(n_lanes / max(1, COLUMNS // n_filters)))
+    n_packs = max(1, math.ceil(n_lanes / max(1, ROW_LENGTH // n_filters)))
     return max(1, math.ceil(n_lanes / n_packs))
 
 
@@ -138,29 +163,43 @@ def columns_of(subsystem, table, n_lanes):
     return first * lanes, last * lanes
 
 
+@scalar
+def columns_of_lane(lane, columns, n_lanes):
+    """Range of a lane's columns among those of a subsystem."""
+    first, last = columns
+    n_filters = (last - first) // np.uint64(n_lanes)
+    begin = first + np.uint64(lane) * n_filters
+    return begin, begin + n_filters
+
+
+@scalar
+def column_shift(lane, subsystem, table, n_lanes):
+    """What to add to a filter of a subsystem, as counted among all, for its column on a lane."""
+    first, last = filters_of(subsystem, table)
+    return first * (np.uint64(n_lanes) - np.uint64(1)) + np.uint64(lane) * (last - first)
+
+
 @part
 def broadcast(of_lane, columns, out):
     """Copy the value of each lane (n_lanes,) to all its columns of a range of out (n_columns,)."""
-    first, last = columns
-    n_lanes = np.uint64(of_lane.size)
-    n_filters = (last - first) // n_lanes
+    n_lanes = of_lane.size
     for lane in range(n_lanes):
-        for f in range(n_filters):
-            c = first + f * n_lanes + lane
+        first, last = columns_of_lane(lane, columns, n_lanes)
+        for c in range(first, last):
             out[c] = of_lane[lane]
 
 
 @part
 def gather(subsystem, old, table, work):
     """Fill the columns of a subsystem from the lanes' filters and healthy vehicles."""
-    n_lanes = np.uint64(old.age.size)
+    n_lanes = old.age.size
     first, last = filters_of(subsystem, table)
     columns = columns_of(subsystem, table, n_lanes)
     for i in range(old.filters.shape[1]):
         for lane in range(n_lanes):
+            shift = column_shift(lane, subsystem, table, n_lanes)
             for f in range(first, last):
-                c = f * n_lanes + lane
-                work.filters[i, c] = old.filters[lane, i, f]
+                work.filters[i, f + shift] = old.filters[lane, i, f]
         broadcast(old.filters[:, i, first], columns, work.normal[i])
     for r in range(N_PARAMETER_ROWS):
         parameter = table.parameter[subsystem, r]
@@ -168,15 +207,14 @@ def gather(subsystem, old, table, work):
 
 
 @part
-def scatter(new, work):
-    """Fill the lanes' filters and shaft speeds from all columns; 0 is that of surge filters."""
-    n_lanes = np.uint64(new.age.size)
-    n_filters = np.uint64(new.shaft_speed.shape[1])
+def scatter(subsystem, new, table, work):
+    """Fill the lanes' filters and shaft speeds of a subsystem; 0 is that of surge filters."""
+    n_lanes = new.age.size
+    first, last = filters_of(subsystem, table)
     for lane in range(n_lanes):
-        for f in range(n_filters):
-            c = f * n_lanes + lane
-            new.shaft_speed[lane, f] = work.shaft_speed[c]
+        shift = column_shift(lane, subsystem, table, n_lanes)
+        for f in range(first, last):
+            new.shaft_speed[lane, f] = work.shaft_speed[f + shift]
         for i in range(new.filters.shape[1]):
-            for f in range(n_filters):
-                c = f * n_lanes + lane
-                new.filters[lane, i, f] = work.filters[i, c]
+            for f in range(first, last):
+                new.filters[lane, i, f] = work.filters[i, f + shift]

@@ -8,6 +8,7 @@ import numpy as np
 from auv_fault_env.channels import COMMANDS, READINGS
 from auv_fault_env.compiling import part, scalar
 from auv_fault_env.light import light
+from diagnosers.bank.pack import columns_of_lane
 
 # channels of an observation
 FIRST_READING = len(COMMANDS)
@@ -114,10 +115,11 @@ def condition_on_availability(parameters, columns, sensor, sample, channel, avai
     single value, counts over the spacing of values, to compare with a density. A repeated value of
     a coarse sensor is taken for a reading that a stuck sensor would make more probable.
     """
-    n_lanes = np.uint64(sample.deflection.size)
+    n_lanes = sample.deflection.size
     for lane in range(n_lanes):
         arrived = not (sample.silent[channel, lane] or sample.resting[channel, lane])
-        for c in range(columns[0] + lane, columns[1], n_lanes):
+        first, last = columns_of_lane(lane, columns, n_lanes)
+        for c in range(first, last):
             stuck = parameters[sensor + STUCK, c]
             dropout = parameters[sensor + DROPOUT, c]
             available[c] = 1.0 if arrived else 0.0

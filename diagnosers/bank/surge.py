@@ -7,8 +7,6 @@ sample's end, and the thrust from the shaft speeds of the motor filters.
 from auv_fault_env.compiling import part, scalar
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers.bank.algebra import (
-    Measurement,
-    compute_variance,
     condition,
     covariance_row,
     covary,
@@ -105,7 +103,7 @@ def compute_process_noise(columns, work):
         jump += work.parameters[STARBOARD_BETA, c] * starboard_jump
         std = BETWEEN_STD * jump
         variance = work.thrust[THRUST_VARIANCE, c] + std * std
-        work.variance[0, c] = SAMPLE_TIME * SAMPLE_TIME * variance
+        work.variance[c] = SAMPLE_TIME * SAMPLE_TIME * variance
 
 
 @part
@@ -145,14 +143,13 @@ def predict_covariance(columns, work):
     x = work.filters
     covariance = work.covariance
     n_states = len(work.states)
-    covary(columns, work.gradient, work)
-    compute_variance(columns, work.gradient, work)
+    covary(columns, work)
     for i in range(1, n_states):
         row = covariance_row(U, i, n_states)
         for c in range(first, last):
             x[row, c] = covariance[i, c]
     for c in range(first, last):
-        variance = work.variance[0, c] + work.variance_by_states[c]
+        variance = work.variance[c] + work.variance_by_states[c]
         x[covariance_row(U, U, n_states), c] = variance
 
 
@@ -174,8 +171,8 @@ def expect_speed(columns, work):
         gain_slope = by_severity[SPEED + GAIN, c] * x[U, c]
         gradient[severity, c] = gain_slope + by_severity[SPEED + BIAS, c]
         unbiased = work.readings[SPEED_CHANNEL, c] - gain * x[U, c]
-        work.innovation[0, c] = unbiased - parameters[SPEED + BIAS, c]
-        work.variance[0, c] = parameters[SPEED + NOISE, c] ** 2
+        work.innovation[c] = unbiased - parameters[SPEED + BIAS, c]
+        work.variance[c] = parameters[SPEED + NOISE, c] ** 2
 
 
 @part
@@ -209,14 +206,8 @@ def expect_acceleration(columns, work):
         gain = parameters[ACCELERATION + GAIN, c]
         noise = parameters[ACCELERATION + NOISE, c] ** 2
         unbiased = work.readings[ACCELERATION_CHANNEL, c] - gain * predicted[c]
-        work.innovation[0, c] = unbiased - parameters[ACCELERATION + BIAS, c]
-        work.variance[0, c] = noise + gain * gain * work.thrust[THRUST_VARIANCE, c]
-
-
-@part
-def expected_measurement(work):
-    """The measurement that the last expectation filled."""
-    return Measurement(work.gradient, work.innovation[0], work.variance[0], work.available[0])
+        work.innovation[c] = unbiased - parameters[ACCELERATION + BIAS, c]
+        work.variance[c] = noise + gain * gain * work.thrust[THRUST_VARIANCE, c]
 
 
 @part
@@ -238,7 +229,7 @@ def update(columns, sample, constants, work):
         work.parameters, columns, SPEED, sample, SPEED_CHANNEL, available, evidence
     )
     expect_speed(columns, work)
-    condition(columns, expected_measurement(work), work)
+    condition(columns, available, work)
     condition_on_availability(
         work.parameters,
         columns,
@@ -251,4 +242,4 @@ def update(columns, sample, constants, work):
     set_parameters(columns, work)
     compute_thrust(columns, 0.0, work)
     expect_acceleration(columns, work)
-    condition(columns, expected_measurement(work), work)
+    condition(columns, available, work)

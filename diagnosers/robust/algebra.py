@@ -10,12 +10,12 @@ from auv_fault_env.compiling import part
 from auv_fault_env.noise import logarithm
 from diagnosers.bank.algebra import (
     LOG_TWO_PI,
-    compute_variance,
     covariance_row,
     covary,
     forget_state,
     mixed_covariance,
     moments_of,
+    take_available,
     update_states,
 )
 
@@ -71,33 +71,35 @@ def walk_deviations(columns, healthy_variance, memory, work):
 
 
 @part
-def condition(columns, measurement, tails, work):
-    """Condition every filter on a measurement where available; add its log density to the evidence.
+def condition(columns, available, tails, work):
+    """Condition every filter on the measurement where available, as `bank.algebra.condition`.
 
     The density is Student's t, whose heavy tails bound what one sample decides. The weight of the
     innovation in the update is that of the scale mixture of Gaussians, so that an outlier moves no
     state. Fill ``work.standardised``, the innovation by its scale, NaN where not available.
     """
     first, last = columns
-    gradient, innovation, variance, available = measurement
-    covary(columns, gradient, work)
-    compute_variance(columns, gradient, work)
+    take_available(columns, available, work)
+    covary(columns, work)
     for c in range(first, last):
+        innovation = work.innovation[c]
+        noise = work.variance[c]
+        is_available = work.is_available[c]
         # rounding must not make the states' part of the variance negative
-        total = max(variance[c] + work.variance_by_states[c], variance[c])
+        total = max(noise + work.variance_by_states[c], noise)
         scale = tails.scale * total
-        square = min(innovation[c] * innovation[c] / scale, MAX_SQUARED_INNOVATION)
+        square = min(innovation * innovation / scale, MAX_SQUARED_INNOVATION)
         relative = 1.0 + square / tails.freedom
         misfit = LOG_TWO_PI + logarithm(scale) + (tails.freedom + 1.0) * logarithm(relative)
-        work.evidence[c] -= available[c] * 0.5 * misfit
+        work.evidence[c] -= is_available * 0.5 * misfit
         # of the innovation: 1 in the middle, falling with its square
         weight = min(1.0, (tails.freedom + 1.0) / (tails.freedom * relative))
         work.weight[c] = weight
-        work.standardised[c] = innovation[c] / math.sqrt(scale) if available[c] > 0.0 else math.nan
-        work.gain[c] = available[c] * weight / (variance[c] + weight * (total - variance[c]))
+        work.standardised[c] = innovation / math.sqrt(scale) if is_available > 0.0 else math.nan
+        work.gain[c] = is_available * weight / (noise + weight * (total - noise))
         largest = math.sqrt(MAX_SQUARED_INNOVATION * scale)
-        innovation[c] = min(max(innovation[c], -largest), largest)
-    update_states(columns, innovation, work)
+        work.innovation[c] = min(max(innovation, -largest), largest)
+    update_states(columns, work)
 
 
 @part

@@ -13,6 +13,7 @@ from auv_fault_env.physics import RPM
 from diagnosers.bank.hypotheses import PORT, STARBOARD
 from diagnosers.bank.kernel import MOTOR_CHANNEL
 from diagnosers.bank.motor import OF_RPM, OF_VOLTAGE, predict_shaft_speed, shaft_of
+from diagnosers.bank.pack import columns_of_lane
 from diagnosers.bank.sensors import FIRST_READING
 
 N_CHANNELS = len(CHANNELS)
@@ -85,18 +86,18 @@ def compare_latencies(subsystem, old, new, sample, column, water, work):
 
 
 @part
-def judge_latencies(columns, subsystem, new, table, work):
+def judge_latencies(columns, subsystem, new, work):
     """Replace the evidence of a motor whose shaft speed is later than that of healthy counters.
 
     It is as long as the misfits show it, not as long as its latency is taken for that.
     """
-    n_lanes = np.uint64(new.age.size)
-    first, last = columns
+    n_lanes = new.age.size
     for lane in range(n_lanes):
         side = subsystem - PORT
         misfit = new.misfit[lane, side]
         of_healthy = misfit[: LARGEST_LATENCY + 1].min()
         if misfit[np.uint64(new.latency[lane, side])] < LATE * of_healthy:
-            for c in range(first + lane, last, n_lanes):
-                is_unknown = table.spread[c // n_lanes] > 0.0
+            first, last = columns_of_lane(lane, columns, n_lanes)
+            for c in range(first, last):
+                is_unknown = work.spread[c] > 0.0
                 work.evidence[c] = LATE_EVIDENCE if is_unknown else 0.0

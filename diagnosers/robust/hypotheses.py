@@ -16,6 +16,7 @@ from auv_fault_env.light import light
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.realism import SURROUNDINGS
 from diagnosers.bank.hypotheses import (
+    INDEX,
     N_PARAMETER_ROWS,
     OWN_PARAMETERS,
     PORT,
@@ -118,7 +119,7 @@ def hypothesis_table(
         log_odds=np.log(np.concatenate([[1.0], begin / FORGETTING])),
         forgetting=FORGETTING,
         class_index=np.array([0, *map(names.index, diagnoses)]),
-        grade=np.array([n_grades, *grade, *[n_grades] * len(others)]),
+        grade=np.array([n_grades, *grade, *[n_grades] * len(others)], INDEX),
         **of_filters,
         spread=spread[of_filters["hypothesis"]],
         water=water[of_filters["hypothesis"]],

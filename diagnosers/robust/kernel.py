@@ -17,13 +17,13 @@ from diagnosers.bank.kernel import (
     begin_filters,
     begin_shaft_speeds,
     gather_shaft,
-    log_sum,
     replace_severities,
-    switch_severity,
+    switch_severities,
     update_belief,
     update_severity,
 )
-from diagnosers.bank.pack import columns_of, filters_of, scatter
+from diagnosers.bank.logarithms import exponential, log_sum, share_of_second
+from diagnosers.bank.pack import column_shift, columns_of, columns_of_lane, filters_of, scatter
 from diagnosers.bank.sensors import N_READINGS, NOISE_STD, keep_readings
 from diagnosers.bank.surge import DEVIATIONS
 from diagnosers.kalman import START_SPEED_STD
@@ -75,22 +75,23 @@ def switch_hypotheses(old, new, table, walk, switch_probability, return_probabil
     switch_probability: that a hypothesis, if true now, began at this sample. return_probability:
     that a vehicle, if normal now, had the hypothesis before.
     """
+    n_hypotheses = table.log_hazard.size
     log_normal = old.log_posterior[0]
-    total = log_normal + table.log_hazard[0]
-    for h in range(1, table.log_hazard.size):
-        total = log_sum(total, old.log_posterior[h] + table.log_end[h])
-    new.log_posterior[0] = total
-    return_probability[0] = math.exp(log_normal + table.log_hazard[0] - total)
-    new.severity[:, 0] = 0.0
-    switch_probability[0] = 0.0
-    for h in range(1, table.log_hazard.size):
-        before = old.log_posterior[h]
-        return_probability[h] = math.exp(before + table.log_end[h] - total)
+    return_probability[0] = exponential(log_normal + table.log_hazard[0])
+    for h in range(1, n_hypotheses):
+        return_probability[h] = exponential(old.log_posterior[h] + table.log_end[h])
+    total = 0.0
+    for h in range(n_hypotheses):
+        total += return_probability[h]
+    for h in range(n_hypotheses):
+        return_probability[h] /= total
+    new.log_posterior[0] = math.log(total)
+    for h in range(1, n_hypotheses):
+        log_stayed = old.log_posterior[h] + table.log_stay[h]
         log_switched = log_normal + table.log_hazard[h]
-        new.log_posterior[h] = log_sum(before + table.log_stay[h], log_switched)
-        probability = math.exp(log_switched - new.log_posterior[h])
-        switch_severity(h, probability, old, new, table, walk)
-        switch_probability[h] = probability
+        new.log_posterior[h] = log_sum(log_stayed, log_switched)
+        switch_probability[h] = share_of_second(log_stayed, log_switched)
+    switch_severities(switch_probability, old, new, table, walk)
     forget_evidence(new.log_posterior, table)
 
 
@@ -111,7 +112,7 @@ def forget_evidence(log_posterior, table):
 @part
 def mix_filters(subsystem, old, new, table, constants, work):
     """Fill the columns of a subsystem: filters mixed with the normal one, and it with them."""
-    n_lanes = np.uint64(old.age.size)
+    n_lanes = old.age.size
     columns = columns_of(subsystem, table, n_lanes)
     healthy_variance = constants.healthy_variance[subsystem]
     begin_filters(subsystem, old, table, work)
@@ -135,6 +136,7 @@ def mix_back(subsystem, lane, n_lanes, table, work):
     first, last = filters_of(subsystem, table)
     probability = work.return_probability[lane]
     shared = 1.0
+    shift = column_shift(lane, subsystem, table, n_lanes)
     for f in range(first + np.uint64(1), last):
         if table.spread[f] == 0.0:
             shared -= probability[table.hypothesis[f]]
@@ -143,8 +145,7 @@ def mix_back(subsystem, lane, n_lanes, table, work):
         of_filter = probability[table.hypothesis[f]]
         if of_filter > algebra.MIN_MIXING and table.spread[f] == 0.0:
             total += of_filter
-            normal = first * n_lanes + lane
-            algebra.merge(f * n_lanes + lane, normal, of_filter / total, work)
+            algebra.merge(f + shift, first + shift, of_filter / total, work)
 
 
 @part
@@ -155,15 +156,16 @@ def adapt_walk(subsystem, state, channel, column, old, new, sample, table, const
     both have the same mean. A jump counts as one of `LARGEST_STEP` standard deviations. Nothing is
     seen while the reading `channel` rests or is silent.
     """
-    n_lanes = np.uint64(old.age.size)
+    n_lanes = old.age.size
     share, least, most = constants.walk_limits[column]
     for lane in range(n_lanes):
         variance = old.walk[lane, column]
         if not (sample.resting[channel, lane] or sample.silent[channel, lane]):
             hypothesis = 0 if subsystem == SURGE else old.log_posterior[lane].argmax()
-            best = np.uint64(table.filter[subsystem, hypothesis])
+            best = table.filter[subsystem, hypothesis]
             before = old.filters[lane, state, best]
-            step = work.filters[state, best * n_lanes + lane] - before
+            c = best + column_shift(lane, subsystem, table, n_lanes)
+            step = work.filters[state, c] - before
             square = min(step * step, LARGEST_STEP**2 * variance)
             variance += share * (square - variance)
         new.walk[lane, column] = min(max(variance, least), most)
@@ -176,14 +178,15 @@ def adapt_noise(subsystem, first_channel, n_readings, old, new, table, constants
     That is half of the squared difference of successive innovations: what changes slowly, such as
     an error of the model, is no noise. An outlier counts as by its weight in the update.
     """
-    n_lanes = np.uint64(old.age.size)
+    n_lanes = old.age.size
     freedom = constants.tails.freedom
     for lane in range(n_lanes):
-        best = np.uint64(table.filter[subsystem, old.log_posterior[lane].argmax()])
+        best = table.filter[subsystem, old.log_posterior[lane].argmax()]
+        c = best + column_shift(lane, subsystem, table, n_lanes)
         share = max(constants.noise_adaptation, 1.0 / (FIRST_NOISE_SAMPLES + old.age[lane]))
         for k in range(n_readings):
             channel = first_channel + k
-            innovation = work.innovations[k, best * n_lanes + lane]
+            innovation = work.innovations[k, c]
             difference = innovation - old.innovation[lane, channel]
             square = 0.5 * difference * difference
             change = 0.0
@@ -197,23 +200,24 @@ def adapt_noise(subsystem, first_channel, n_readings, old, new, table, constants
 @part
 def update_motor(subsystem, old, new, sample, table, constants, work):
     """Take all filters of one motor through a sample."""
-    n_lanes = np.uint64(old.age.size)
+    n_lanes = old.age.size
     channel = MOTOR_CHANNEL[subsystem]
     first, last = filters_of(subsystem, table)
     columns = columns_of(subsystem, table, n_lanes)
     mix_filters(subsystem, old, new, table, constants, work)
     begin_shaft_speeds(subsystem, old, sample, table, work)
     for lane in range(n_lanes):
+        shift = column_shift(lane, subsystem, table, n_lanes)
         for f in range(first, last):
-            c = f * n_lanes + lane
+            c = f + shift
             surge_filter = table.filter[SURGE, table.hypothesis[f]]
             work.surge_speed[c] = old.filters[lane, surge.U, surge_filter]
             # the filters do not know the speed yet
             if old.age[lane] == 0.0 and not sample.silent[SPEED_CHANNEL, lane]:
                 work.surge_speed[c] = sample.reading[SPEED_CHANNEL, lane]
     for lane in range(n_lanes):
-        best = np.uint64(table.filter[subsystem, old.log_posterior[lane].argmax()])
-        work.best_column[lane] = best * n_lanes + lane
+        best = table.filter[subsystem, old.log_posterior[lane].argmax()]
+        work.best_column[lane] = best + column_shift(lane, subsystem, table, n_lanes)
     column_of_walk = WALK_OF_VOLTAGE[subsystem]
     motor.update(columns, sample, channel, old.walk[:, column_of_walk], constants, work)
     adapt_walk(
@@ -230,22 +234,21 @@ def update_motor(subsystem, old, new, sample, table, constants, work):
     )
     water = constants.bank.water
     compare_latencies(subsystem, old, new, sample, work.best_column, water, work)
-    judge_latencies(columns, subsystem, new, table, work)
+    judge_latencies(columns, subsystem, new, work)
     adapt_noise(subsystem, channel, N_MOTOR_READINGS, old, new, table, constants, work)
     clip_deviations(columns, MOTOR_DEVIATIONS, work)
     update_severity(subsystem, new, table, work)
 
 
 @part
-def forget_speed(sample, table, work):
+def forget_speed(columns, sample, work):
     """Let the speed of idle lanes be unknown: what comes next may be another part of a log."""
-    first, last = filters_of(SURGE, table)
-    n_lanes = np.uint64(sample.idle.size)
+    n_lanes = sample.idle.size
     row = covariance_row(surge.U, surge.U, algebra.N_STATES)
     for lane in range(n_lanes):
         if sample.idle[lane]:
-            for f in range(first, last):
-                c = f * n_lanes + lane
+            first, last = columns_of_lane(lane, columns, n_lanes)
+            for c in range(first, last):
                 work.filters[row, c] = max(work.filters[row, c], START_SPEED_STD**2)
 
 
@@ -254,7 +257,7 @@ def update_surge(old, new, sample, table, constants, work):
     """Take all surge filters through a sample."""
     columns = columns_of(SURGE, table, old.age.size)
     mix_filters(SURGE, old, new, table, constants, work)
-    forget_speed(sample, table, work)
+    forget_speed(columns, sample, work)
     gather_shaft(work.port, PORT, old, table, work)
     gather_shaft(work.starboard, STARBOARD, old, table, work)
     surge.update(columns, sample, old.walk, constants, work)
@@ -365,6 +368,18 @@ def begin_sample(observation, old, new, sample, table, constants, work):
 
 
 @part
+def settle(subsystem, new, table, work):
+    """Let a subsystem's first samples be no evidence."""
+    n_lanes = new.age.size
+    columns = columns_of(subsystem, table, n_lanes)
+    for lane in range(n_lanes):
+        if new.age[lane] <= SETTLING_SAMPLES:
+            first, last = columns_of_lane(lane, columns, n_lanes)
+            for c in range(first, last):
+                work.evidence[c] = 0.0
+
+
+@part
 def temper(log_probability, temperature, class_temperature):
     """Bring the odds of a fault, and of each fault to the others, closer to 1; 1 changes nothing.
 
@@ -399,10 +414,10 @@ def step_lanes(first, last, old, new, observation, table, constants, belief, wor
         for subsystem in (PORT, STARBOARD):
             update_motor(subsystem, before, after, sample, table, constants, work)
         update_surge(before, after, sample, table, constants, work)
-        scatter(after, work)
+        for subsystem in (SURGE, PORT, STARBOARD):
+            scatter(subsystem, after, table, work)
+            settle(subsystem, after, table, work)
         for lane in range(n_lanes):
-            if after.age[lane] <= SETTLING_SAMPLES:
-                work.evidence[lane::n_lanes] = 0.0
             update_belief(lane, begin + lane, after, table, belief, work)
             temper(
                 belief.log_probability[begin + lane],

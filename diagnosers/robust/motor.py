@@ -7,22 +7,18 @@ third.
 
 import math
 
-import numpy as np
-
 from auv_fault_env import physics
 from auv_fault_env.compiling import part, scalar
 from auv_fault_env.physics import RPM
-from diagnosers.bank.algebra import Measurement, covariance_row
+from diagnosers.bank.algebra import covariance_row
 from diagnosers.bank.motor import (
     CURRENT,
     CURRENT_READING,
-    FIRST,
     OF_CURRENT,
     OF_RPM,
     OF_VOLTAGE,
     RESISTANCE,
     RPM_READING,
-    SECOND,
     SHAFT_SPEED,
     SPEED,
     TORQUE_CONSTANT,
@@ -30,13 +26,13 @@ from diagnosers.bank.motor import (
     estimate_shaft_speed,
     gather_readings,
     linearise,
-    measurements,
     predict_shaft_speed,
     set_parameters,
     shaft_of,
     shift_innovation,
+    take_current,
 )
-from diagnosers.bank.pack import broadcast
+from diagnosers.bank.pack import broadcast, columns_of_lane
 from diagnosers.bank.sensors import BIAS, GAIN, MIN_GAIN, NOISE, reading_of, truth_of
 from diagnosers.robust.algebra import N_STATES, SEVERITY, condition, keep_standardised
 from diagnosers.robust.sensors import begin_zero, end_zero, keep_evidence, replace_evidence
@@ -81,13 +77,10 @@ def condition_on_voltage(columns, sample, channel, tails, work):
         gradient[VOLTS, c] = gain
         of_gain = by_severity[VOLTAGE + GAIN, c] * x[VOLTS, c]
         gradient[SEVERITY, c] = of_gain + by_severity[VOLTAGE + BIAS, c]
-        work.innovation[FIRST, c] = innovation
-        work.variance[FIRST, c] = noise
+        work.innovation[c] = innovation
+        work.variance[c] = noise
     begin_zero(columns, sample, channel, VOLTAGE, work.available[OF_VOLTAGE], work)
-    measurement = Measurement(
-        gradient, work.innovation[FIRST], work.variance[FIRST], work.available[OF_VOLTAGE]
-    )
-    condition(columns, measurement, tails, work)
+    condition(columns, work.available[OF_VOLTAGE], tails, work)
     keep_standardised(columns, OF_VOLTAGE, work)
     end_zero(columns, sample, channel, work)
 
@@ -98,15 +91,15 @@ def imply_voltage(columns, sample, channel, maximum_voltage, work):
 
     It may have jumped by any amount. Both readings then condition it like others.
     """
-    first, last = columns
-    n_lanes = np.uint64(sample.deflection.size)
+    n_lanes = sample.deflection.size
     x = work.filters
     parameters = work.parameters
     for lane in range(n_lanes):
         is_read = not sample.silent[channel + OF_VOLTAGE, lane]
         if is_read or sample.resting[channel, lane]:
             continue
-        for c in range(first + lane, last, n_lanes):
+        first, last = columns_of_lane(lane, columns, n_lanes)
+        for c in range(first, last):
             if work.available[OF_CURRENT, c] * work.available[OF_RPM, c] > 0.0:
                 current = truth_of(parameters, CURRENT, c, work.readings[OF_CURRENT, c])
                 shaft_speed = truth_of(parameters, SPEED, c, work.readings[OF_RPM, c]) / RPM
@@ -139,8 +132,6 @@ def compute_innovations(columns, constants, work):
     first, last = columns
     x = work.filters
     parameters = work.parameters
-    innovation = work.innovation
-    variance = work.variance
     readings = work.readings
     excess = work.excess
     predicted = work.predicted
@@ -152,15 +143,17 @@ def compute_innovations(columns, constants, work):
         current_by_lag = lag * parameters[TORQUE_CONSTANT, c] / parameters[RESISTANCE, c]
         rpm_variance = parameters[SPEED + NOISE, c] ** 2 + excess[OF_RPM, c]
         rpm_variance += (standing * STANDING_STD) ** 2
-        variance[FIRST, c] = rpm_variance + (RPM * lag) ** 2
+        work.variance[c] = rpm_variance + (RPM * lag) ** 2
         current_variance = parameters[CURRENT + NOISE, c] ** 2 + excess[OF_CURRENT, c]
         current_variance += (standing * STANDING_CURRENT_STD) ** 2
-        variance[SECOND, c] = current_variance + current_by_lag**2
-        innovation[FIRST, c] = readings[OF_RPM, c] - predicted[RPM_READING, c]
+        current_variance += current_by_lag**2
+        work.current_variance[c] = current_variance
+        work.innovation[c] = readings[OF_RPM, c] - predicted[RPM_READING, c]
         misfit = readings[OF_CURRENT, c] - predicted[CURRENT_READING, c]
-        innovation[SECOND, c] = misfit - x[ZERO, c]
-        work.expected[c] = readings[OF_CURRENT, c] - innovation[SECOND, c]
-        work.expected_std[c] = 2.0 * math.sqrt(variance[SECOND, c])
+        work.current_innovation[c] = misfit - x[ZERO, c]
+        work.expected[c] = readings[OF_CURRENT, c] - work.current_innovation[c]
+        work.expected_std[c] = 2.0 * math.sqrt(current_variance)
+        work.rpm_by_voltage[c] = work.gradient[VOLTS, c]
 
 
 @part
@@ -173,9 +166,9 @@ def follow_jump(columns, work):
     first, last = columns
     row = covariance_row(VOLTS, VOLTS, N_STATES)
     for c in range(first, last):
-        innovation = work.innovation[FIRST, c]
+        innovation = work.innovation[c]
         by_voltage = work.gradient[VOLTS, c] ** 2
-        expected_square = work.variance[FIRST, c] + by_voltage * work.filters[row, c]
+        expected_square = work.variance[c] + by_voltage * work.filters[row, c]
         jump = max(0.0, innovation * innovation - JUMP * expected_square)
         walk = work.parameters[VOLTAGE + NOISE, c] ** 2 + work.excess[OF_VOLTAGE, c]
         if jump < walk * by_voltage:
@@ -186,11 +179,11 @@ def follow_jump(columns, work):
 @part
 def widen_voltage(columns, sample, channel, maximum_voltage, work):
     """Add to the walk of voltages that are not read, or read with much noise."""
-    first, last = columns
-    n_lanes = np.uint64(sample.deflection.size)
+    n_lanes = sample.deflection.size
     for lane in range(n_lanes):
         is_held = sample.replaced[channel, lane] or sample.resting[channel, lane]
-        for c in range(first + lane, last, n_lanes):
+        first, last = columns_of_lane(lane, columns, n_lanes)
+        for c in range(first, last):
             # a voltage that is not read may change by any amount, unless the controller holds it
             if work.available[OF_VOLTAGE, c] == 0.0 and not is_held:
                 work.added[c] += (UNREAD_WALK * maximum_voltage) ** 2
@@ -202,11 +195,11 @@ def widen_voltage(columns, sample, channel, maximum_voltage, work):
 @part
 def stop_shafts(columns, sample, channel, work):
     """Let the shaft speed of motors at rest be zero."""
-    first, last = columns
-    n_lanes = np.uint64(sample.deflection.size)
+    n_lanes = sample.deflection.size
     for lane in range(n_lanes):
         if sample.resting[channel, lane]:
-            for c in range(first + lane, last, n_lanes):
+            first, last = columns_of_lane(lane, columns, n_lanes)
+            for c in range(first, last):
                 work.shaft_speed[c] = 0.0
                 work.shaft_speed_slope[c] = 0.0
                 work.shaft_speed_noise[c] = work.parameters[SPEED + NOISE, c]
@@ -257,22 +250,22 @@ def update(columns, sample, channel, walk, constants, work):
     work.current_gradient[ZERO, first:last] = 1.0
     compute_innovations(columns, constants, work)
     follow_jump(columns, work)
-    rpm, current = measurements(work)
     shift_innovation(columns, 1.0, work)
     keep_evidence(columns, work)
-    condition(columns, rpm, tails, work)
+    condition(columns, work.available[OF_RPM], tails, work)
     keep_standardised(columns, OF_RPM, work)
     keep_rpm_share(columns, work)
     restore_evidence(columns, sample, channel, math.inf, work)
     shift_innovation(columns, -1.0, work)
     current_channel = channel + OF_CURRENT
     keep_evidence(columns, work)
-    begin_zero(columns, sample, current_channel, CURRENT, current.available, work)
-    condition(columns, current, tails, work)
+    begin_zero(columns, sample, current_channel, CURRENT, work.available[OF_CURRENT], work)
+    take_current(columns, work)
+    condition(columns, work.available[OF_CURRENT], tails, work)
     keep_standardised(columns, OF_CURRENT, work)
     end_zero(columns, sample, current_channel, work)
     restore_evidence(columns, sample, channel, STANDING * water.maximum_rpm / RPM, work)
     for c in range(first, last):
         work.voltage_std[c] = math.sqrt(work.filters[covariance_row(VOLTS, VOLTS, N_STATES), c])
-    estimate_shaft_speed(columns, work.rpm_share, by_voltage[FIRST], work.voltage_std, work)
+    estimate_shaft_speed(columns, work.rpm_share, work.rpm_by_voltage, work.voltage_std, work)
     stop_shafts(columns, sample, channel, work)

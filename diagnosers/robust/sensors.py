@@ -2,9 +2,8 @@
 
 import math
 
-import numpy as np
-
 from auv_fault_env.compiling import part, scalar
+from diagnosers.bank.pack import columns_of_lane
 from diagnosers.bank.sensors import (
     N_READINGS,
     NOISE,
@@ -73,11 +72,11 @@ def keep_evidence(columns, work):
 @part
 def replace_evidence(columns, lanes, evidence, work):
     """Let the evidence be another one on some lanes, (n_lanes,)."""
-    first, last = columns
-    n_lanes = np.uint64(lanes.size)
+    n_lanes = lanes.size
     for lane in range(n_lanes):
         if lanes[lane]:
-            for c in range(first + lane, last, n_lanes):
+            first, last = columns_of_lane(lane, columns, n_lanes)
+            for c in range(first, last):
                 work.evidence[c] = evidence[c]
 
 
@@ -89,11 +88,11 @@ def begin_zero(columns, sample, channel, sensor, available, work):
     a negative reading. ``work.expected`` and ``work.expected_std`` are those of the reading. Where
     about zero is expected, nothing else follows from it. `end_zero` counts the evidence.
     """
-    first, last = columns
-    n_lanes = np.uint64(sample.deflection.size)
+    n_lanes = sample.deflection.size
     for lane in range(n_lanes):
         if sample.zero[channel, lane]:
-            for c in range(first + lane, last, n_lanes):
+            first, last = columns_of_lane(lane, columns, n_lanes)
+            for c in range(first, last):
                 distance = work.expected[c] / work.expected_std[c]
                 probability = 0.5 * math.erfc(distance * math.sqrt(0.5))
                 log_probability = math.log(max(probability, MIN_ZERO))

@@ -5,11 +5,9 @@ zero offset and the vehicle's attitude, and the slow error of the paddle wheel. 
 `diagnosers.bank.surge`.
 """
 
-import numpy as np
-
 from auv_fault_env.compiling import part
 from diagnosers.bank.algebra import forget_state, relax_state
-from diagnosers.bank.pack import broadcast
+from diagnosers.bank.pack import broadcast, columns_of_lane
 from diagnosers.bank.sensors import condition_on_availability
 from diagnosers.bank.surge import (
     ACCELERATION,
@@ -23,7 +21,6 @@ from diagnosers.bank.surge import (
     compute_thrust,
     expect_acceleration,
     expect_speed,
-    expected_measurement,
     predict_covariance,
     predict_speed,
     set_parameters,
@@ -45,7 +42,7 @@ def add_water(columns, work):
     """Add the variance of the speed by a change of the water's current."""
     first, last = columns
     for c in range(first, last):
-        work.variance[0, c] += work.water[c]
+        work.variance[c] += work.water[c]
 
 
 @part
@@ -56,10 +53,10 @@ def add_to_speed(columns, work):
     for c in range(first, last):
         work.gradient[TILT, c] = 0.0
         work.gradient[PADDLE, c] = 1.0
-        work.innovation[0, c] -= x[PADDLE, c]
+        work.innovation[c] -= x[PADDLE, c]
         standing = min(max(1.0 - x[U, c] / STANDING, 0.0), 1.0)
         excess = work.excess[SPEED_CHANNEL, c]
-        work.variance[0, c] += (standing * STANDING_STD) ** 2 + excess
+        work.variance[c] += (standing * STANDING_STD) ** 2 + excess
 
 
 @part
@@ -70,19 +67,19 @@ def add_to_acceleration(columns, work):
     for c in range(first, last):
         work.gradient[TILT, c] = 1.0
         work.gradient[PADDLE, c] = 0.0
-        work.innovation[0, c] -= x[TILT, c]
-        work.variance[0, c] += work.excess[ACCELERATION_CHANNEL, c]
+        work.innovation[c] -= x[TILT, c]
+        work.variance[c] += work.excess[ACCELERATION_CHANNEL, c]
 
 
 @part
 def hold_at_rest(columns, sample, available):
     """Let a paddle wheel that may stand hold the speed low."""
-    first, last = columns
-    n_lanes = np.uint64(sample.idle.size)
+    n_lanes = sample.idle.size
     for lane in range(n_lanes):
         arrived = not (sample.silent[SPEED_CHANNEL, lane] or sample.idle[lane])
         if sample.resting[SPEED_CHANNEL, lane] and arrived:
-            available[first + lane : last : n_lanes] = 1.0
+            first, last = columns_of_lane(lane, columns, n_lanes)
+            available[first:last] = 1.0
 
 
 @part
@@ -113,7 +110,7 @@ def update(columns, sample, walk, constants, work):
     expect_speed(columns, work)
     add_to_speed(columns, work)
     keep_evidence(columns, work)
-    condition(columns, expected_measurement(work), constants.tails, work)
+    condition(columns, available, constants.tails, work)
     keep_standardised(columns, SPEED_CHANNEL, work)
     # that of a paddle wheel that may stand is none
     replace_evidence(columns, sample.resting[SPEED_CHANNEL], work.evidence_before, work)
@@ -130,5 +127,5 @@ def update(columns, sample, walk, constants, work):
     compute_thrust(columns, 0.0, work)
     expect_acceleration(columns, work)
     add_to_acceleration(columns, work)
-    condition(columns, expected_measurement(work), constants.tails, work)
+    condition(columns, available, constants.tails, work)
     keep_standardised(columns, ACCELERATION_CHANNEL, work)

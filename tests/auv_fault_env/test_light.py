@@ -7,7 +7,7 @@ import pytest
 from numba import njit
 from numba.core.errors import TypingError
 
-from auv_fault_env.light import Light, light, lightened
+from auv_fault_env.light import Light, Memory, light, lightened
 
 
 @light
@@ -103,3 +103,53 @@ def test_other_parts_are_passed_as_they_are(table):
         return pair.values[0] + pair.table.values[1]
 
     assert nested(Pair(table.values, table)) == 3.0
+
+
+@light
+class Parts(NamedTuple):
+    values: np.ndarray
+    first: int
+
+
+@njit
+def fill_memory(memory):
+    for c in range(5):
+        memory.one[0, c] = 1.0
+        memory.row[c] = 2.0
+        memory.other[memory.first, c] = memory.values[0] + c
+    memory.values[0] = memory.one.size
+    return memory.one.shape, memory.row.shape
+
+
+@pytest.fixture
+def memory():
+    return Memory({"one": 2, "row": None, "other": 3}, 5, 8, Parts(np.zeros(3), 2))
+
+
+def test_a_memory_has_its_tables_and_parts_in_python_and_in_compiled_functions(memory):
+    assert fill_memory(memory) == ((2, 8), (8,))
+    np.testing.assert_array_equal(memory.one, [[1.0] * 5, [0.0] * 5])
+    np.testing.assert_array_equal(memory.row, [2.0] * 5)
+    np.testing.assert_array_equal(memory.other[2], np.arange(5.0))
+    assert memory.values[0] == 16.0
+    assert not memory.block[:, 5:].any()
+
+
+def test_a_call_keeps_no_reference_to_a_memory(memory):
+    kept = memory.block, memory.parts, memory.parts.values
+    before = [sys.getrefcount(one) for one in kept]
+    for _ in range(10):
+        fill_memory(memory)
+    gc.collect()
+    assert [sys.getrefcount(one) for one in kept] == before
+
+
+def test_what_a_memory_has_not_is_refused(memory):
+    @njit
+    def wrong(memory):
+        return memory.colour
+
+    with pytest.raises(TypingError, match="colour"):
+        wrong(memory)
+    with pytest.raises(AttributeError, match="colour"):
+        memory.colour  # noqa: B018

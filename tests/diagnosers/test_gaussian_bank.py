@@ -80,7 +80,7 @@ def test_nothing_is_read_of_what_an_earlier_step_left_in_the_memory(monkeypatch)
 
     def poisoned(table, n_lanes):
         work = pack.workspace(table, n_lanes)
-        for name, values in work._asdict().items():
+        for name, values in (work.tables | work.parts._asdict()).items():
             if name not in (*pack.EFFECTS, "states"):
                 values.fill(np.nan)
         return work

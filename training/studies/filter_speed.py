@@ -1,11 +1,12 @@
-"""Speed of the surge filter of the bank beside the same filter in filterpy.
+"""Speed of the banks, and of the surge filter of one beside the same filter in filterpy.
 
 Run ``python -m training.studies.filter_speed``; it needs the extra `bench`. Both make the same
 update of an extended Kalman filter with paddle wheel and accelerometer; the states are speed,
 disturbance, deviations of drag and thrust, and severity. filterpy updates one filter at a time, the
-bank all filters of a lane at once.
+bank all filters of a lane at once. Set OMP_NUM_THREADS=1 for the banks on one thread.
 """
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,17 +21,21 @@ from auv_fault_env.missions import MISSIONS
 from auv_fault_env.parameters import SAMPLE_TIME
 from diagnosers.bank import surge
 from diagnosers.bank.algebra import N_STATES, covariance_row
-from diagnosers.bank.base import BankConstants
+from diagnosers.bank.base import Bank, BankConstants
 from diagnosers.bank.hypotheses import OWN_PARAMETERS, SURGE
 from diagnosers.bank.pack import new_workspace
 from diagnosers.bank.sensors import N_READINGS, fill_sample, new_sample
+from diagnosers.filter_bank import FilterBank
 from diagnosers.gaussian_bank import GaussianBank
 from diagnosers.kalman import BETWEEN_STD
 from training.rollouts import roll_out
+from training.stimuli.light_bank import light_bank
 from training.studies.run import command_line
 
 N_LANES = 4096
 N_SAMPLES = 12
+BANK_LANES = (1, 64, 512, 4096)
+N_UPDATES = 6000  # of lanes, at least, of a bank
 # updates of the single filterpy filter, which are far slower
 N_SINGLE_UPDATES = 40
 RUDDER = INDEX["rudder"]
@@ -264,9 +269,34 @@ def median_seconds(update: Callable[[np.ndarray], None], samples: np.ndarray) ->
     return float(np.median(times[1:]))
 
 
+def bank_seconds(bank: Bank, samples: np.ndarray) -> float:
+    """Least time per lane of an update [s] in some passes over the samples."""
+    n_lanes = samples.shape[1]
+    passes = max(2, N_UPDATES // (n_lanes * len(samples)))
+    least = math.inf
+    for _ in range(passes):
+        bank.reset(n_lanes)
+        bank.update(samples[0])
+        for sample in samples[1:]:
+            start = time.process_time()
+            bank.update(sample)
+            least = min(least, time.process_time() - start)
+    return least / n_lanes
+
+
+def print_bank_times(samples: np.ndarray) -> None:
+    """Print the CPU time per lane and sample of whole banks."""
+    banks = {"filter_bank": FilterBank(), "light bank": light_bank()}
+    for name, bank in banks.items():
+        for n_lanes in BANK_LANES:
+            seconds = bank_seconds(bank, samples[:, :n_lanes])
+            print(f"{name}, {n_lanes} lanes: {seconds * 1e6:.1f} us of CPU per lane and sample")
+
+
 def main() -> None:
-    """Print the time of an update of one filter in the bank and in filterpy, and their ratio."""
+    """Print the times of banks, of a filter in one and in filterpy, and the ratio of the last."""
     samples = observations(N_LANES, N_SAMPLES)
+    print_bank_times(samples)
     bank = SurgeBank(N_LANES)
     _, update = bank.filterpy_filter(0, 1)
     bank_time = median_seconds(bank.update, samples) / (N_LANES * bank.n_filters)

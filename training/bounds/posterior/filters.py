@@ -61,22 +61,14 @@ class Part:
         self.share = np.zeros(self.particle.size)
         n_columns = 1 + self.particle.size
         self.columns = np.uint64(0), np.uint64(n_columns)
-        effects = {name: np.zeros((N_PARAMETER_ROWS, n_columns)) for name in pack.EFFECTS}
-        if number == SURGE:
-            self.n_states = N_SURGE_STATES
-            self.work = pack.Work(
-                **pack.new_rows(pack.N_ROWS, pack.OWN_SINGLE_ROWS, n_columns),
-                **effects,
-                switch_probability=np.zeros((1, 1)),
-                states=tuple(range(self.n_states)),
-            )
-        else:
-            self.n_states = motor.N_STATES
-            self.work = motor.MotorWork(
-                **pack.new_rows(motor.N_ROWS, pack.SINGLE_ROWS, n_columns),
-                **effects,
-                states=tuple(range(self.n_states)),
-            )
+        is_surge = number == SURGE
+        self.n_states = N_SURGE_STATES if is_surge else motor.N_STATES
+        rows = {
+            **(pack.N_ROWS if is_surge else motor.N_ROWS),
+            **dict.fromkeys(pack.OWN_SINGLE_ROWS if is_surge else pack.SINGLE_ROWS),
+            **dict.fromkeys(pack.EFFECTS, N_PARAMETER_ROWS),
+        }
+        self.work = pack.new_memory(rows, n_columns, motor.Parts(tuple(range(self.n_states))))
         indices = parameter_indices(OWN_PARAMETERS[number])
         self.work.healthy[: len(indices)] = bank.healthy[indices][:, None]
 

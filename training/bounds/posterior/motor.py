@@ -13,7 +13,6 @@ from auv_fault_env.light import light
 from auv_fault_env.parameters import SAMPLE_TIME
 from auv_fault_env.physics import RPM
 from diagnosers.bank.algebra import (
-    Measurement,
     condition,
     covariance_row,
     moments_of,
@@ -39,7 +38,6 @@ from diagnosers.bank.motor import (
     gather_readings,
     shaft_of,
 )
-from diagnosers.bank.pack import SINGLE_ROWS
 from diagnosers.bank.sensors import BIAS, GAIN, NOISE
 from diagnosers.bank.surge import predict_covariance
 
@@ -66,12 +64,11 @@ N_ROWS = {
     "covariance": N_STATES,
     "readings": 3,
     "available": 3,
-    "innovation": 2,
-    "variance": 2,
     "severity": 2,
     "predicted": 1,
 }
-MotorWork = light(namedtuple("MotorWork", (*N_ROWS, *SINGLE_ROWS, "slope", "offset", "states")))
+# of a `Memory`, what is no table of rows, see `diagnosers.bank.pack.Parts`
+Parts = light(namedtuple("Parts", ("states",)))
 
 
 @part
@@ -79,14 +76,14 @@ def set_parameters(columns, work):
     """Set the parameters to the filters' means, and their derivatives by severity."""
     first, last = columns
     x = work.filters
+    for r in range(N_MOTOR_ROWS):
+        for c in range(first, last):
+            apply_severity(r, work.healthy[r, c], c, work)
     for k in range(len(DEVIATIONS)):
         row = DEVIATIONS[k]
         for c in range(first, last):
             relative = 1.0 + x[FIRST_DEVIATION + k, c]
-            work.parameters[row, c] = work.healthy[row, c] * relative
-    for r in range(N_MOTOR_ROWS):
-        healthy = work.parameters[r] if r in DEVIATIONS else work.healthy[r]
-        apply_severity(r, healthy, columns, work)
+            apply_severity(row, work.healthy[row, c] * relative, c, work)
 
 
 @scalar
@@ -170,7 +167,7 @@ def advance(columns, voltage, by_start, water, work):
     for c in range(first, last):
         gradient[START_VOLTAGE, c] *= by_start
         std = start_std(c, voltage_of(c, voltage, by_start, work), now[c], work)
-        work.variance[0, c] = PROCESS_STD * PROCESS_STD + std * std
+        work.variance[c] = PROCESS_STD * PROCESS_STD + std * std
     predict_covariance(columns, work)
     for c in range(first, last):
         x[W, c] = now[c]
@@ -199,8 +196,8 @@ def expect_rpm(columns, work):
         work.gradient[W, c] = gain * RPM
         work.gradient[severity, c] = by_gain + work.by_severity[SPEED + BIAS, c]
         unbiased = work.readings[OF_RPM, c] - gain * rpm
-        work.innovation[0, c] = unbiased - work.parameters[SPEED + BIAS, c]
-        work.variance[0, c] = work.parameters[SPEED + NOISE, c] ** 2
+        work.innovation[c] = unbiased - work.parameters[SPEED + BIAS, c]
+        work.variance[c] = work.parameters[SPEED + NOISE, c] ** 2
 
 
 @part
@@ -232,8 +229,8 @@ def expect_current(columns, voltage, by_start, work):
         work.gradient[START_VOLTAGE, c] = per_volt * by_start
         work.gradient[severity, c] = slope
         unbiased = work.readings[OF_CURRENT, c] - gain * current
-        work.innovation[0, c] = unbiased - parameters[CURRENT + BIAS, c]
-        work.variance[0, c] = parameters[CURRENT + NOISE, c] ** 2
+        work.innovation[c] = unbiased - parameters[CURRENT + BIAS, c]
+        work.variance[c] = parameters[CURRENT + NOISE, c] ** 2
 
 
 @part
@@ -249,15 +246,8 @@ def expect_voltage(columns, voltage, by_start, work):
         work.gradient[START_VOLTAGE, c] = gain * by_start
         work.gradient[severity, c] = by_gain + work.by_severity[VOLTAGE + BIAS, c]
         unbiased = work.readings[OF_VOLTAGE, c] - gain * true_voltage
-        work.innovation[0, c] = unbiased - work.parameters[VOLTAGE + BIAS, c]
-        work.variance[0, c] = work.parameters[VOLTAGE + NOISE, c] ** 2
-
-
-@scalar
-def measurement(channel, work):
-    """The measurement that the last expectation filled, of a reading of the motor."""
-    available = work.available[channel]
-    return Measurement(work.gradient, work.innovation[0], work.variance[0], available)
+        work.innovation[c] = unbiased - work.parameters[VOLTAGE + BIAS, c]
+        work.variance[c] = work.parameters[VOLTAGE + NOISE, c] ** 2
 
 
 @kernel
@@ -272,10 +262,10 @@ def step_motor(first, last, voltage, by_start, sample, channel, water, work):
     gather_readings(columns, sample, channel, work)
     advance(columns, voltage, by_start, water, work)
     expect_rpm(columns, work)
-    condition(columns, measurement(OF_RPM, work), work)
+    condition(columns, work.available[OF_RPM], work)
     set_parameters(columns, work)
     expect_current(columns, voltage, by_start, work)
-    condition(columns, measurement(OF_CURRENT, work), work)
+    condition(columns, work.available[OF_CURRENT], work)
     set_parameters(columns, work)
     expect_voltage(columns, voltage, by_start, work)
-    condition(columns, measurement(OF_VOLTAGE, work), work)
+    condition(columns, work.available[OF_VOLTAGE], work)
