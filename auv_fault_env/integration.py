@@ -128,10 +128,10 @@ def substep(motion, drag, disturbance, port, starboard, time):
 
 
 @scalar
-def stored_motion(scratch, first, k):
-    """The `Motion` of lane k in the scratch rows from `first` on."""
+def five_numbers(scratch, first, k):
+    """The numbers of lane k in the scratch rows from `first` on, a `Motion` or a `Motor`."""
     at = first * LANES + k
-    return Motion(
+    return (
         scratch[at],
         scratch[at + LANES],
         scratch[at + 2 * LANES],
@@ -141,57 +141,39 @@ def stored_motion(scratch, first, k):
 
 
 @scalar
-def store_motion(scratch, first, k, motion):
-    """Write a `Motion` into the scratch rows from `first` on."""
+def store_five_numbers(scratch, first, k, numbers):
+    """Write a `Motion` or a `Motor` of lane k into the scratch rows from `first` on."""
     at = first * LANES + k
-    scratch[at] = motion.speed
-    scratch[at + LANES] = motion.port_shaft_speed
-    scratch[at + 2 * LANES] = motion.starboard_shaft_speed
-    scratch[at + 3 * LANES] = motion.port_angle
-    scratch[at + 4 * LANES] = motion.starboard_angle
+    scratch[at] = numbers[0]
+    scratch[at + LANES] = numbers[1]
+    scratch[at + 2 * LANES] = numbers[2]
+    scratch[at + 3 * LANES] = numbers[3]
+    scratch[at + 4 * LANES] = numbers[4]
 
 
 @scalar
 def stored_motor(scratch, first, k):
     """The `Motor` of lane k in the scratch rows from `first` on."""
-    at = first * LANES + k
-    return Motor(
-        scratch[at],
-        scratch[at + LANES],
-        scratch[at + 2 * LANES],
-        scratch[at + 3 * LANES],
-        scratch[at + 4 * LANES],
-    )
-
-
-@scalar
-def store_motor(scratch, first, k, motor):
-    """Write a `Motor` into the scratch rows from `first` on."""
-    at = first * LANES + k
-    scratch[at] = motor.drive
-    scratch[at + LANES] = motor.damping
-    scratch[at + 2 * LANES] = motor.coupling
-    scratch[at + 3 * LANES] = motor.load
-    scratch[at + 4 * LANES] = motor.thrust
+    return Motor(*five_numbers(scratch, first, k))
 
 
 @part
 def take_substeps(scratch, width, substeps):
     """Write the motions after the substeps, and the largest misfit as a share of the speed."""
     for k in range(width):
-        store_motion(scratch, row.MOTION, k, stored_motion(scratch, row.START, k))
+        store_five_numbers(scratch, row.MOTION, k, five_numbers(scratch, row.START, k))
         scratch[row.MISFIT * LANES + k] = 0.0
     for time in substeps:
         for k in range(width):
             motion, misfit = substep(
-                stored_motion(scratch, row.MOTION, k),
+                Motion(*five_numbers(scratch, row.MOTION, k)),
                 scratch[row.DRAG * LANES + k],
                 scratch[row.PUSH * LANES + k],
                 stored_motor(scratch, row.PORT_MOTOR, k),
                 stored_motor(scratch, row.STARBOARD_MOTOR, k),
                 time,
             )
-            store_motion(scratch, row.MOTION, k, motion)
+            store_five_numbers(scratch, row.MOTION, k, motion)
             share = misfit / max(motion.speed, LEAST_SPEED)
             largest = scratch[row.MISFIT * LANES + k]
             scratch[row.MISFIT * LANES + k] = max(largest, share)

@@ -7,7 +7,7 @@ import numpy as np
 from auv_fault_env import layout as row
 from auv_fault_env import physics
 from auv_fault_env.compiling import kernel, scalar
-from auv_fault_env.integration import advance_motions, store_motor, stored_motor
+from auv_fault_env.integration import advance_motions, store_five_numbers, stored_motor
 from auv_fault_env.layout import LANES
 from auv_fault_env.noise import normal_pair, random_bits
 from auv_fault_env.parameters import SAMPLE_TIME
@@ -99,9 +99,9 @@ def prepare_step(block, scratch, width, constants):
     memory, std = physics.disturbance_memory(constants)
     for k in range(width):
         port = motor_of_lane(block, row.PORT_SHAFT, row.PORT_STATE, k, constants)
-        store_motor(scratch, row.PORT_MOTOR, k, port)
+        store_five_numbers(scratch, row.PORT_MOTOR, k, port)
         starboard = motor_of_lane(block, row.STARBOARD_SHAFT, row.STARBOARD_STATE, k, constants)
-        store_motor(scratch, row.STARBOARD_MOTOR, k, starboard)
+        store_five_numbers(scratch, row.STARBOARD_MOTOR, k, starboard)
         alpha = block[row.ALPHA * LANES + k]
         gamma = block[row.GAMMA * LANES + k]
         scratch[row.DRAG * LANES + k] = alpha + gamma * delta_squared(block, k)
