@@ -65,9 +65,11 @@ def _parse(arguments: list[str]) -> Any:
     # not for --help, which does not wait for numba
     from training.wrong_words import refusal_of_command
 
-    name = arguments[0] if arguments[0] in COMMANDS else ""
+    # `train_stimulus` is `train-stimulus` to the parser, too
+    name = arguments[0].replace("_", "-")
     error = refusal_of_command("auv-fault", arguments, COMMANDS, message.getvalue())
-    print(f"{f'auv-fault {name}'.rstrip()}: {error}", file=sys.stderr)
+    program = f"auv-fault {name}" if name in COMMANDS else "auv-fault"
+    print(f"{program}: {error}", file=sys.stderr)
     return None
 
 

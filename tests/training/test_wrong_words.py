@@ -111,6 +111,11 @@ def test_an_unknown_command_gets_the_nearest_name(capsys):
     assert error.endswith("; did you mean 'diagnose'?\n") and error.count("\n") == 1
 
 
+def test_an_underscore_in_the_name_of_a_command_is_a_hyphen_in_its_error(capsys):
+    assert cli.main(["esso_osaka"]) == 2
+    assert capsys.readouterr().err.startswith("auv-fault esso-osaka: FOLDER: got nothing; ")
+
+
 def test_control_characters_of_a_word_reach_no_terminal(capsys):
     assert "\x1b" not in line(capsys, "diagnose", "--vehi\x1b[2Jcle", "x")
 

@@ -286,6 +286,15 @@ def test_a_kind_of_note_is_said_again_after_lines_without_it():
     assert errors.getvalue().splitlines() == ["line 1: text", "line 191: text"]
 
 
+def test_the_last_line_of_a_kind_that_was_not_said_is_none_that_was():
+    errors = io.StringIO()
+    notes = Notes(errors)
+    for line_number in (1, 2, 191):
+        notes.add(line_number, "kind", "text")
+    notes.close()
+    assert errors.getvalue().endswith("kind: in one more line, the last of them 2\n")
+
+
 def test_a_line_without_a_reading_is_left_out():
     good = csv_lines(episode()[:3]).splitlines()
     row = [b"" if k > 4 else cell for k, cell in enumerate(good[2].split(b","))]
