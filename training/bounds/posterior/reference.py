@@ -88,4 +88,6 @@ class ReferencePosterior:
         ].T
         cumulated = [norm.cdf((end - mean) / std) for end in (least, severity, largest)]
         inside = (cumulated[1] - cumulated[0]) / np.maximum(cumulated[2] - cumulated[0], 1e-12)
-        return float(weight[alive] @ below), float(weight[alive] @ inside.clip(0.0, 1.0))
+        shares = (weight[alive] @ below, weight[alive] @ inside.clip(0.0, 1.0))
+        # the sum of the weights is 1 but for rounding
+        return min(float(shares[0]), 1.0), min(float(shares[1]), 1.0)
