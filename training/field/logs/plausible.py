@@ -186,11 +186,13 @@ def other_unit(values: Mapping[str, np.ndarray], vehicle: VehicleFile) -> tuple[
     The vehicle is calibrated, and in every part of the log in which a shaft turns that unit, and no
     other, brings the speed within the factor `SURELY` of what the shaft speed gives, and voltages,
     which fall across the resistance too, within that of a remark. A fault begins at some time, and
-    its factor is that of no unit. `values` are by channel, (n_rows,).
+    its factor is that of no unit. A side that agrees with the speed shows that the other's shaft
+    speed is wrong, not the unit of the speed. `values` are by channel, (n_rows,).
     """
     if vehicle.relations is None:
         return None
     found: list[tuple[str, str]] = []
+    speed_agrees = False
     n_rows = len(next(iter(values.values())))
     for side in SIDES:
         of_side = set()
@@ -201,6 +203,7 @@ def other_unit(values: Mapping[str, np.ndarray], vehicle: VehicleFile) -> tuple[
             if ratios:
                 of_side.add(_explained(ratios, f"{side}_rpm", part, vehicle))
         if of_side <= {AGREES}:
+            speed_agrees = speed_agrees or bool(of_side)
             continue
         units = of_side.pop()
         if of_side or len(units) != 1:
@@ -208,7 +211,8 @@ def other_unit(values: Mapping[str, np.ndarray], vehicle: VehicleFile) -> tuple[
         found += units
     # both shaft speeds can be in another unit, or the speed by both
     kinds = {(channel.rpartition("_")[2], unit) for channel, unit in found}
-    return found[0] if len(kinds) == 1 else None
+    is_contradicted = speed_agrees and "speed" in dict(found)
+    return found[0] if len(kinds) == 1 and not is_contradicted else None
 
 
 def _explained(

@@ -7,6 +7,7 @@ import pytest
 from auv_fault_env import CATALOGUE, CHANNELS, PRESETS, FaultEvent, Fleet
 from auv_fault_env.errors import InputError
 from training.field.logs.log import Log, read_log
+from training.field.logs.plausible import other_unit
 from training.field.vehicle_file import Column, VehicleFile
 from training.logged_vehicle import observations_of
 
@@ -355,6 +356,16 @@ def test_a_unit_is_not_named_that_the_voltage_contradicts(tmp_path):
     log = read_of(tmp_path, settings, n=RPM / 60, u=SPEED, V=voltage / 60)
     (remark,) = [one for one in log.remarks if one.startswith("speed is")]
     assert "as if" not in remark
+
+
+def test_the_speed_is_in_no_other_unit_where_it_agrees_with_one_of_the_shafts():
+    settings = replace(vehicle(starboard_rpm=Column("s")), relations=model())
+    log = {"speed": np.resize(SPEED, 150), "port_rpm": np.resize(RPM, 150)}
+    knots = 1852 / 3600
+    slow = log | {"port_rpm": knots * log["port_rpm"], "starboard_rpm": log["port_rpm"]}
+    assert other_unit(slow, settings) is None
+    of_both = slow | {"starboard_rpm": slow["port_rpm"]}
+    assert other_unit(of_both, settings) == ("speed", "kn")
 
 
 def test_a_unit_is_named_in_place_of_that_of_the_file(tmp_path):
