@@ -99,7 +99,7 @@ def toy_stimulus_trainer(arguments):
     return ToyStimulusTrainer(arguments.seed)
 
 
-def calibrated(arguments):
+def calibrated(arguments, vehicle, logs):
     """The result of a calibration that has fitted nothing."""
     calibration = SimpleNamespace(vehicle=VEHICLE, reached=(), is_fitted=lambda name: False)
     quality = SimpleNamespace(diagnoser="filter_bank", line="fit: poor", poor_fit="few logs")
@@ -122,6 +122,7 @@ def commands(monkeypatch):
     monkeypatch.syspath_prepend(TOYS)
     monkeypatch.setitem(trainer.TRAINERS, "integrated", "toy_trainer:ToyTrainer")
     monkeypatch.setattr(train_stimulus, "make_trainer", toy_stimulus_trainer)
+    monkeypatch.setattr(calibrate, "read_inputs", lambda arguments: (VEHICLE, []))
     monkeypatch.setattr(calibrate, "calibrate", calibrated)
     monkeypatch.setattr(benchmark, "_plan", functools.cache(benchmark._plan))
     monkeypatch.setattr(benchmark, "_results", two_trials)
