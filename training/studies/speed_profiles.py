@@ -23,6 +23,7 @@ from training.studies.speed_runs import (
 ENVIRONMENT = "auv_fault_env/Propulsion-v0"
 CALLS = 100
 STAGE_CALLS = 500
+STEPS_BEFORE = 50
 
 
 def batch_profile(
@@ -97,7 +98,11 @@ def _kernel_runs(fleet: Fleet) -> dict[str, Run]:
 
 
 def _stage_runs(fleet: Fleet) -> dict[str, Run]:
-    """The stages of the kernel on one block, which stays in the fast caches."""
+    """The stages of the kernel on one block, which stays in the fast caches.
+
+    Each stage has copies of its own: what it is called for again and again leaves the others as
+    they are within a mission.
+    """
     n_lanes = fleet.n_lanes
     state = fleet.state
     limits = fleet.limits
@@ -105,18 +110,22 @@ def _stage_runs(fleet: Fleet) -> dict[str, Run]:
     actions = np.full((n_lanes, 3), 0.2)
     observations = np.empty((n_lanes, len(CHANNELS)), np.float32)
     outcomes = np.empty((4, n_lanes))
-    block = state.memory[0]
+    for _ in range(STEPS_BEFORE):
+        fleet.step(actions)
     width = min(n_lanes, layout.LANES)
+    block = state.memory[0].copy()
     scratch = np.zeros(layout.N_SCRATCH * layout.LANES)
+    lanes.prepare_step(block, scratch, width, constants)
+    noise = (width, state.key, state.step)
     stages = {
-        lanes.write_commands: (block, width, actions, limits),
-        lanes.run_controllers: (block, width, constants),
-        lanes.sample_normals: (scratch, width, state.key, state.step),
-        lanes.prepare_step: (block, scratch, width, constants),
-        lanes.advance_motion: (block, scratch, width),
-        lanes.write_true_values: (block, scratch, width),
-        sensors.read_sensors: (block, scratch, width, state.key, state.step, limits),
-        lanes.write_outcomes: (block, width, constants),
+        lanes.write_commands: (block.copy(), width, actions, limits),
+        lanes.run_controllers: (block.copy(), width, constants),
+        lanes.sample_normals: (scratch.copy(), *noise),
+        lanes.prepare_step: (block.copy(), scratch.copy(), width, constants),
+        lanes.advance_motion: (block.copy(), scratch, width),
+        lanes.write_true_values: (block.copy(), scratch, width),
+        sensors.read_sensors: (block.copy(), scratch, *noise, limits),
+        lanes.write_outcomes: (block.copy(), width, constants),
         lanes.copy_results: (block, width, 0, observations, outcomes),
     }
     return {
