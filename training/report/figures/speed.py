@@ -35,6 +35,8 @@ def speed_history(machines: Mapping[str, Mapping[str, Any]]) -> Figure:
         axis.text(first, 1.0, machine, transform=axis.get_xaxis_transform(), fontsize=8, va="top")
         first += len(places)
     axis.set(yscale="log", ylabel="rate in units of CartPole-v1", xlabel="run")
+    # room for the name of the last machine
+    axis.set_xlim(-0.25, first)
     axis.set_xticks(np.arange(first), labels, rotation=30, ha="right")
     axis.margins(y=0.25)
     legend_above(figure, [axis])
