@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from auv_fault_env.compiling import fused, scalar
+from auv_fault_env.noise import U52
 
 LEAST_EXPONENT = -708.0  # below, the exponential counts as 0
 LOG2_E = 1.0 / math.log(2.0)
@@ -12,7 +13,7 @@ LOG2_E = 1.0 / math.log(2.0)
 LN2_HIGH = 6.93147180369123816490e-01
 LN2_LOW = 1.90821492927058770002e-10
 ROUNDING = 1.5 * 2.0**52  # added, it leaves an integer in the lowest bits
-U52, BIAS = map(np.uint64, (52, 1023))
+BIAS = np.uint64(1023)  # of the exponent of a float
 TAYLOR = tuple(1.0 / math.factorial(n) for n in range(13, -1, -1))
 ATANH = tuple(1.0 / n for n in range(31, 0, -2))
 
